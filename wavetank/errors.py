@@ -1,0 +1,25 @@
+"""The errors a user can meet, each with the exit code of the command line.
+
+Bad input is an ``InputError`` (exit code 2): its text says what was received, what is allowed and where it stands.
+A run that breaks down is a ``RunError`` (exit code 1): its text says what happened, where and when.
+"""
+
+
+class WavetankError(Exception):
+    """Anything this package reports in one clear sentence instead of a traceback."""
+
+    exit_code = 1
+
+
+class InputError(WavetankError):
+    """What the user gave cannot be used."""
+
+    exit_code = 2
+
+
+class RunError(WavetankError):
+    """A run could not go on; everything up to then is kept."""
+
+
+class ConvergenceError(RunError):
+    """A linear or nonlinear solve did not reach its tolerance."""

@@ -1,0 +1,74 @@
+"""The contract between a Hamiltonian system and an integrator.
+
+A system has coordinates q and momenta p with
+
+    dq/dt = H_p(q, p, t),        dp/dt = -H_q(q, p, t).
+
+An oscillator of the paper and the whole wave tank look the same to an integrator. Vectors are numpy arrays of the
+values this rank owns (shape (1,) for an oscillator), so that an integrator's arithmetic is written as in the paper and
+costs nothing; whatever couples the ranks (norms, ghosts, solves) happens inside the system.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+
+class Stage(NamedTuple):
+    """Which implicit stage is being solved: for start values, preconditioning and messages.
+
+    Attributes
+    ----------
+    name
+        The stage's own name, as in the paper, e.g. ``"p at 1/2"``; one name per implicit stage of a scheme.
+    t
+        The time the stage belongs to [s].
+    dt
+        The step [s].
+    weight
+        The factor a of the implicit derivative: the stage reads z = c + a f(z), in seconds.
+    """
+
+    name: str
+    t: float
+    dt: float
+    weight: float
+
+
+class StageSolver(Protocol):
+    """Solves the implicit stages in which one set of unknowns takes part."""
+
+    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+        """Return z with ``residual(z) = 0``; collective.
+
+        ``start`` is the integrator's own start value; the solver may replace it by a better one extrapolated from
+        earlier steps. The residual is written so that its derivative is close to the identity: z - c - a f(z).
+        Raises ``ConvergenceError`` naming time, stage, residual and likely cause.
+        """
+
+
+class Stages(Protocol):
+    """The solvers for each kind of implicit stage: q alone, p alone, or both stacked as [q, p]."""
+
+    coordinate: StageSolver
+    momentum: StageSolver
+    pair: StageSolver
+
+
+class HamiltonianSystem(Protocol):
+    """What an integrator may ask of a system. All methods are collective."""
+
+    stages: Stages
+
+    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dq, so that dp/dt = -H_q."""
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dp, so that dq/dt = H_p."""
+
+    def energy(self, q: Vector, p: Vector, t: float) -> float:
+        """Return H(q, p, t)."""

@@ -1,0 +1,47 @@
+"""The contract of a time integrator: one step, written as in the paper."""
+
+from typing import ClassVar, Protocol, TypeVar
+
+from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
+
+
+class State(Protocol):
+    """What a scheme carries from step to step; q and p are the values it reports."""
+
+    @property
+    def q(self) -> Vector:
+        """The coordinates at the state's time."""
+
+    @property
+    def p(self) -> Vector:
+        """The momenta at the state's time."""
+
+
+S = TypeVar("S", bound=State)
+
+
+class Integrator(Protocol[S]):
+    """One step of size dt from time t; knows nothing of finite elements.
+
+    Attributes
+    ----------
+    name
+        The name in a case file.
+    order
+        Order of accuracy.
+    stability_limit
+        Largest omega dt on the oscillator for which the scheme is stable.
+    nodes
+        The times (t - t_n) / dt at which H is evaluated, as in the scheme's quadrature rule.
+    """
+
+    name: ClassVar[str]
+    order: ClassVar[int]
+    stability_limit: ClassVar[float]
+    nodes: ClassVar[tuple[float, ...]]
+
+    def start(self, q: Vector, p: Vector) -> S:
+        """Return the state of a smooth start, without jumps."""
+
+    def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
+        """Return the state at t + dt; collective."""
