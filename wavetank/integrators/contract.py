@@ -31,6 +31,8 @@ class Integrator(Protocol[S]):
         Order of accuracy.
     stability_limit
         Largest omega dt on the oscillator for which the scheme is stable.
+    frequency_error
+        (c, m) with relative frequency error c (omega dt)^m to leading order.
     nodes
         The times (t - t_n) / dt at which H is evaluated, as in the scheme's quadrature rule.
     """
@@ -38,6 +40,7 @@ class Integrator(Protocol[S]):
     name: ClassVar[str]
     order: ClassVar[int]
     stability_limit: ClassVar[float]
+    frequency_error: ClassVar[tuple[float, int]]
     nodes: ClassVar[tuple[float, ...]]
 
     def start(self, q: Vector, p: Vector) -> S:

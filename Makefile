@@ -1,0 +1,23 @@
+# make run, make test: nothing else is needed beforehand; ./env sets up what is missing.
+.PHONY: run test test-slow lint format bench
+
+run:
+	./env wavetank run cases/focusing.toml --out runs/focusing
+
+test:
+	./env pytest -q
+
+test-slow:
+	./env pytest -q -m slow
+
+lint:
+	./env ruff check .
+	./env ruff format --check .
+	./env mypy
+
+format:
+	./env ruff check --fix .
+	./env ruff format .
+
+bench:
+	./env python -m benchmarks

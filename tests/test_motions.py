@@ -1,0 +1,271 @@
+"""Paddle motions and linear theory against limits, exact derivatives and an independent spectral wavemaker."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from wavetank.errors import InputError
+from wavetank.motions import AtRest, Gaussian, Jonswap, Motion, Ramped, Recorded, Sinusoid, WaveGroup
+from wavetank.motions.record_file import read_record
+from wavetank.reference import airy, wavemaker
+
+GRAVITY = 9.81
+
+
+def group(**changes):
+    values = {
+        "amplitude": 0.1,
+        "spectrum": Jonswap(0.65),
+        "lowest_frequency": 0.4,
+        "highest_frequency": 1.3,
+        "components": 128,
+        "focus_x": 10.0,
+        "focus_time": 20.0,
+        "depth": 1.0,
+        "gravity": GRAVITY,
+    }
+    return WaveGroup(**{**values, **changes})
+
+
+def record():
+    t = np.sort(np.concatenate([np.linspace(1.0, 9.0, 60), [3.333, 7.123]]))
+    return t, 0.05 * np.sin(1.3 * t) + 0.01 * np.cos(3.1 * t)
+
+
+MOTIONS = {
+    "at rest": AtRest(),
+    "sinusoid": Sinusoid(0.1, 1.7),
+    "wave group": group(),
+    "recorded positions": Recorded.of_positions(*record()),
+    "recorded velocities": Recorded.of_velocities(*record()),
+    "ramped sinusoid": Ramped(Sinusoid(0.1, 1.7), 3.0),
+    "ramped record": Ramped(Recorded.of_positions(*record()), 2.5, start=1.0),
+}
+
+
+# ---------------------------------------------------------------- Airy
+@given(st.floats(1e-4, 1e3), st.one_of(st.floats(1e-2, 1e3), st.just(np.inf)))
+def test_wave_number_inverts_the_dispersion_relation_to_round_off(k, depth):
+    omega = airy.angular_frequency(k, depth, GRAVITY)
+    assert airy.wave_number(omega, depth, GRAVITY) == pytest.approx(k, rel=1e-14)
+
+
+def test_airy_limits_shallow_and_deep():
+    assert airy.angular_frequency(1e-5, 1.0, GRAVITY) == pytest.approx(1e-5 * np.sqrt(GRAVITY), rel=1e-9)
+    assert airy.group_velocity(1e-5, 1.0, GRAVITY) == pytest.approx(np.sqrt(GRAVITY), rel=1e-9)
+    assert airy.angular_frequency(2.0, 100.0, GRAVITY) == airy.angular_frequency(2.0, np.inf, GRAVITY)
+    assert airy.group_velocity(2.0, np.inf, GRAVITY) == pytest.approx(0.5 * np.sqrt(GRAVITY / 2.0), rel=1e-15)
+    assert airy.wave_number(3.0, np.inf, GRAVITY) == pytest.approx(9.0 / GRAVITY, rel=1e-15)
+
+
+def test_group_velocity_is_the_slope_of_the_dispersion_relation():
+    k, step = np.geomspace(0.1, 10.0, 7), 1e-5
+    slope = (airy.angular_frequency(k + step, 1.0, GRAVITY) - airy.angular_frequency(k - step, 1.0, GRAVITY)) / (
+        2 * step
+    )
+    # central difference: step^2 omega''' / 6 and round-off / step are both below 1e-9 here
+    np.testing.assert_allclose(airy.group_velocity(k, 1.0, GRAVITY), slope, rtol=1e-8)
+
+
+# ---------------------------------------------------------------- Biesel
+def test_piston_transfer_against_the_formula_and_its_limits():
+    kd = np.geomspace(0.1, 50.0, 20)
+    formula = 2 * (np.cosh(2 * kd) - 1) / (np.sinh(2 * kd) + 2 * kd)
+    np.testing.assert_allclose(wavemaker.piston_transfer(kd, 1.0), formula, rtol=1e-12)
+    assert wavemaker.piston_transfer(1e-6, 1.0) == pytest.approx(1e-6, rel=1e-9)  # shallow: kd (Galvin)
+    assert wavemaker.piston_transfer(1e6, 1.0) == 2.0  # deep, without overflow
+    assert wavemaker.piston_transfer(1.0, np.inf) == 2.0
+
+
+# ---------------------------------------------------------------- derivatives
+@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize("order", [0, 1])
+def test_each_derivative_is_the_slope_of_the_one_below(name, order):
+    """Central differences of step s err by s^2 f''' / 6: half the step, a quarter of the error, or round-off."""
+    motion = MOTIONS[name]
+    t = np.array([1.4567, 2.111, 4.4321, 7.7654])  # between the record's knots, where the spline is smooth
+
+    def error(step):
+        slope = (motion.derivative(t + step, order) - motion.derivative(t - step, order)) / (2 * step)
+        return np.abs(slope - motion.derivative(t, order + 1)).max()
+
+    coarse, fine = error(2e-3), error(1e-3)
+    assert fine < 1e-10 or coarse / fine == pytest.approx(4.0, rel=0.02)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_named_derivatives_and_shapes(name):
+    motion = MOTIONS[name]
+    t = np.linspace(0.0, 8.0, 6).reshape(2, 3)
+    for order, method in enumerate((motion.position, motion.velocity, motion.acceleration)):
+        assert isinstance(method(0.5), float)
+        assert method(t).shape == t.shape
+        np.testing.assert_array_equal(method(t), motion.derivative(t, order))
+        # one time and many are summed in different orders
+        np.testing.assert_allclose(method(t)[1, 2], method(float(t[1, 2])), rtol=1e-12, atol=1e-15)
+
+
+@given(st.floats(0.1, 10.0), st.floats(0.2, 5.0), st.floats(-1.0, 1.0))
+def test_a_ramp_starts_from_rest_and_ends_in_the_motion_itself(ramp, period, amplitude):
+    motion = Sinusoid(amplitude, period)
+    ramped = Ramped(motion, ramp)
+    assert [ramped.position(0.0), ramped.velocity(0.0), ramped.acceleration(0.0)] == [0.0, 0.0, 0.0]
+    for after in (ramp, ramp + 0.3):
+        assert ramped.position(after) == motion.position(after)
+        assert ramped.acceleration(after) == motion.acceleration(after)
+
+
+def test_sinusoid_amplitude_is_half_the_stroke():
+    X = Sinusoid(0.1, 2.0).position(np.linspace(0.0, 2.0, 401))
+    assert X.max() - X.min() == pytest.approx(0.2, rel=1e-12)
+    assert Sinusoid(0.1, 2.0).velocity(0.0) == pytest.approx(0.1 * np.pi)  # into the water first
+
+
+# ---------------------------------------------------------------- the record
+@given(st.lists(st.floats(-1.0, 1.0), min_size=4, max_size=4), st.lists(st.floats(0.05, 0.5), min_size=5, max_size=20))
+def test_a_spline_is_exact_on_cubics(coefficients, steps):
+    t = np.cumsum(steps)
+    cubic = np.polynomial.Polynomial(coefficients)
+    motion, integral = Recorded.of_positions(t, cubic(t)), Recorded.of_velocities(t, cubic(t))
+    between = np.linspace(t[0], t[-1], 50)
+    # absolute: values are O(1) times t^3 and steps of 0.05 magnify round-off by 1/step in each derivative
+    scale = 1.0 + t[-1] ** 3
+    np.testing.assert_allclose(motion.position(between), cubic(between), atol=1e-11 * scale)
+    np.testing.assert_allclose(motion.velocity(between), cubic.deriv()(between), atol=1e-9 * scale)
+    np.testing.assert_allclose(integral.velocity(between), cubic(between), atol=1e-11 * scale)
+    exact = cubic.integ()(between) - cubic.integ()(t[0])
+    np.testing.assert_allclose(integral.position(between), exact, atol=1e-11 * scale * t[-1])
+
+
+def test_before_the_record_the_paddle_stands_where_the_record_starts():
+    t, X = record()
+    motion = Recorded.of_positions(t, X)
+    assert motion.position(0.2) == X[0]
+    assert motion.velocity(0.2) == motion.acceleration(0.2) == 0.0
+    assert Recorded.of_velocities(t, X).position(0.2) == 0.0
+    assert motion.start == 1.0
+
+
+def test_beyond_the_record_is_an_error_but_not_for_a_rounding_error():
+    motion = Recorded.of_positions(*record())
+    assert motion.duration == 9.0
+    assert motion.position(9.0 + 1e-12) == pytest.approx(motion.position(9.0))
+    with pytest.raises(InputError, match=r"t = 9.1 s asked for; the record ends at 9 s"):
+        motion.position(9.1)
+
+
+def test_read_record_accepts_blanks_commas_and_comments(tmp_path):
+    path = tmp_path / "record.dat"
+    path.write_text("# t X\n0.0 1.0\n0.5,\t2e-1 # here\n\n1.0, 3\n  2.5   -4  \n")
+    t, X = read_record(path)
+    np.testing.assert_array_equal(t, [0.0, 0.5, 1.0, 2.5])
+    np.testing.assert_array_equal(X, [1.0, 0.2, 3.0, -4.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("0 1\n1 1\n2 1\n", r"bad.dat: 3 rows received; at least 4"),
+        ("0 1\n1 1\n# c\n1 1\n2 2\n", r"bad.dat, line 4: time 1 received after 1; times must ascend"),
+        ("0 1\n1 1\nx 1\n2 2\n", r"bad.dat, line 3: 'x 1' received; allowed are two finite numbers"),
+        ("0 1\n1 1 1\n2 1\n3 2\n", r"bad.dat, line 2: '1 1 1' received; allowed are two finite numbers"),
+        ("0 1\n1 nan\n2 1\n3 2\n", r"bad.dat, line 2: '1 nan' received; allowed are two finite numbers"),
+        ("0 1\n1 1\n2 1\ninf 2\n", r"bad.dat, line 4: 'inf 2' received; allowed are two finite numbers"),
+    ],
+)
+def test_a_bad_record_is_one_sentence_with_file_and_line(tmp_path, text, message):
+    (tmp_path / "bad.dat").write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_record(tmp_path / "bad.dat")
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe\x00"])
+def test_an_unreadable_record_says_so(tmp_path, content):
+    if content is not None:
+        (tmp_path / "bad.dat").write_bytes(content)
+    with pytest.raises(InputError, match=r"bad.dat: cannot be read"):
+        read_record(tmp_path / "bad.dat")
+
+
+# ---------------------------------------------------------------- the wave group
+def test_the_linear_superposition_focuses_to_the_amplitude():
+    waves = group()
+    assert waves.elevation(10.0, 20.0) == pytest.approx(0.1, rel=1e-14)
+    t = np.linspace(15.0, 25.0, 501)
+    for x in (8.0, 10.0, 12.0):
+        assert np.abs(waves.elevation(x, t)).max() <= 0.1 * (1 + 1e-14)
+
+
+def test_paddle_phase_against_shallow_water_theory():
+    """In shallow water eta(x, t) = (d / c) dX/dt (t - x / c); with kd < 0.002 the corrections are of order 1e-6."""
+    depth, c = 1.0, np.sqrt(GRAVITY)
+    waves = group(spectrum=Gaussian(4e-4, 1e-4), lowest_frequency=1e-4, highest_frequency=8e-4, focus_x=10.0)
+    t, x = np.linspace(0.0, 1000.0, 7), 3.0
+    expected = depth / c * waves.velocity(t - x / c)
+    np.testing.assert_allclose(waves.elevation(x, t), expected, atol=1e-5 * np.abs(expected).max())
+
+
+def test_a_spectral_wavemaker_driven_by_the_ramped_motion_focuses_there_and_then():
+    """Oracle: Fourier transform of X(t), times i c exp(-i k x), with c from the eigenfunction projection at the paddle.
+
+    The projection, (1 / omega) int u cosh k(z+d) dz over int cosh^2, is done by quadrature here, with the
+    wave number found by bisection: nothing is shared with the motion but X(t). The ramp may take 2 % of the crest.
+    """
+    dt, samples = 0.05, 4096
+    waves = group(focus_time=group().earliest_focus(3.0))
+    t = np.arange(samples) * dt
+    X = Ramped(waves, 3.0).position(t) * (t < waves.focus_time + 20.0)
+    transform = np.fft.rfft(X)
+    response = np.zeros_like(transform)
+    for n in range(1, 600):  # up to 2.9 Hz; the group ends at 1.3 Hz
+        omega = 2 * np.pi * n / (samples * dt)
+        k, c = _independent_wavemaker(omega)
+        response[n] = 1j * c * np.exp(-1j * k * waves.focus_x) * transform[n]
+    eta = np.fft.irfft(response, samples)
+    at_focus = np.interp(waves.focus_time, t, eta)
+    assert at_focus == pytest.approx(0.1, rel=0.02)
+    assert t[eta.argmax()] == pytest.approx(waves.focus_time, abs=dt)
+    late = (t > waves.focus_time - 3.0) & (t < waves.focus_time + 3.0)
+    np.testing.assert_allclose(eta[late], waves.elevation(waves.focus_x, t[late]), atol=0.02 * 0.1)
+
+
+def _independent_wavemaker(omega, depth=1.0):
+    low, high = omega / np.sqrt(GRAVITY * depth), omega**2 / GRAVITY + omega / np.sqrt(GRAVITY * depth)
+    for _ in range(60):
+        k = 0.5 * (low + high)
+        low, high = (low, k) if GRAVITY * k * np.tanh(k * depth) > omega**2 else (k, high)
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+    profile = np.cosh(k * 0.5 * depth * (nodes + 1)) / np.cosh(k * depth)
+    # u = A (g k / omega) profile has the piston's velocity omega X as its projection on the profile; c = A / X
+    return k, omega**2 / (GRAVITY * k) * (weights @ profile) / (weights @ profile**2)
+
+
+def test_a_motion_before_the_earliest_focus_loses_its_crest():
+    waves = group(focus_time=group().earliest_focus(3.0) - 6.0)
+    assert waves.earliest_focus(3.0) == group().earliest_focus(3.0) > waves.focus_time
+    shares = waves.crest_amplitudes / waves.amplitude
+    travel = waves.focus_x / airy.group_velocity(waves.k, 1.0, GRAVITY)
+    assert shares[travel > waves.focus_time - 3.0].sum() > 0.02
+
+
+def test_the_group_repeats_after_its_repetition_and_not_before():
+    waves = group(lowest_frequency=0.5, highest_frequency=1.0, components=51)
+    assert waves.repetition == pytest.approx(100.0)
+    phase_shifts = np.exp(2j * np.pi * (waves.frequencies - 0.5) * waves.repetition)
+    np.testing.assert_allclose(phase_shifts, 1.0, atol=1e-12)
+
+
+def test_spectra_peak_where_they_say():
+    f = np.linspace(0.2, 2.0, 1801)
+    for spectrum in (Jonswap(0.7), Jonswap(0.7, gamma=1.0), Gaussian(0.7, 0.1)):
+        assert f[spectrum.density(f).argmax()] == pytest.approx(0.7, abs=1e-3)
+    peak = np.array([0.7])
+    assert Jonswap(0.7, gamma=3.3).density(peak) == pytest.approx(3.3 * Jonswap(0.7, gamma=1.0).density(peak))
+
+
+def test_motions_are_frozen():
+    for motion in MOTIONS.values():
+        assert isinstance(motion, Motion)
+        with pytest.raises(AttributeError):
+            motion.amplitude = 1.0

@@ -1,0 +1,166 @@
+"""Nonlinear waves: the discrete gradient, invariants, reversal, and the energy balance with a moving paddle."""
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+
+from wavetank.errors import RunError
+from wavetank.integrators import INTEGRATORS, ThirdOrder
+from wavetank.integrators.third_order import Traces
+from wavetank.motions import Ramped, Sinusoid
+from wavetank.observers.contract import Moment
+from wavetank.observers.energy import EnergyBudget
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+
+SCHEMES = sorted(INTEGRATORS)
+
+
+def steep_state(tank, amplitude=0.12):
+    length = tank.plane.comm.allreduce(tank.plane.coordinates()[:, 0].max(initial=0))
+    x = tank.plane.coordinates()[:, 0] * np.pi / length
+    return tank.state(amplitude * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x))
+
+
+def piston():
+    return Ramped(Sinusoid(0.04, 2.0), 4.0)
+
+
+@pytest.mark.parametrize("motion", [None, piston()], ids=["fixed wall", "piston"])
+def test_derivatives_are_those_of_the_energy(make_tank, motion):
+    """H_q and H_p against central differences of H, whose error falls with the square of the step."""
+    tank = make_tank(length=2.0, cells=8, n=5, motion=motion)
+    t = 3.3
+    q, p = steep_state(tank)
+    generator = np.random.default_rng(1)
+    smooth = np.cos(np.outer(tank.plane.coordinates()[:, 0], [1, 2, 3])) @ generator.standard_normal((3, 2))
+    dq, dp = tank.mass.apply(smooth[:, 0]), smooth[:, 1]
+    exact = np.array([tank.H_q(q, p, t) @ dq, tank.H_p(q, p, t) @ dp])
+    steps, errors = np.array([4e-2, 2e-2, 1e-2]), []
+    for e in steps:
+        by_q = (tank.energy(q + e * dq, p, t) - tank.energy(q - e * dq, p, t)) / (2 * e)
+        by_p = (tank.energy(q, p + e * dp, t) - tank.energy(q, p - e * dp, t)) / (2 * e)
+        errors.append(np.abs(exact - [by_q, by_p]))
+    errors = np.array(errors)
+    assert fitted_slope(steps, errors[:, 0]) == pytest.approx(2, abs=0.1)
+    assert np.all(errors[:, 1] < 1e-9)  # H is quadratic in psi: central differences are exact
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_stepping_back_returns_to_the_start(make_tank, name):
+    """Reversibility: forward and back with -dt; the traces of (23) change places."""
+    tank = make_tank(length=2.0, cells=8, n=4)
+    scheme, dt = INTEGRATORS[name](), 0.02
+    start = scheme.start(*steep_state(tank))
+    state = start
+    for step in range(20):
+        state = scheme.step(tank, state, step * dt, dt)
+    if isinstance(state, Traces):
+        state = Traces(state.q_plus, state.q_minus, state.p_plus, state.p_minus)
+    for step in range(20, 0, -1):
+        state = scheme.step(tank, state, step * dt, -dt)
+    assert np.abs(state.p - start.p).max() < 1e-9
+    assert np.abs(tank.mass.solve(state.q - start.q)).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_energy_of_a_steep_standing_wave_does_not_drift(make_tank, name):
+    """Symplecticity: the error oscillates, its mean over the last periods is that of the first ones."""
+    drift, spread = energy_drift(make_tank, name, periods=40)
+    assert abs(drift) < 0.05 * spread + 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCHEMES)
+def test_energy_of_a_steep_standing_wave_does_not_drift_in_1000_periods(make_tank, name):
+    drift, spread = energy_drift(make_tank, name, periods=1000)
+    assert abs(drift) < 0.05 * spread + 1e-9
+
+
+def energy_drift(make_tank, name, *, periods):
+    """Return the change of the mean relative energy error from the first to the last eighth, and its spread."""
+    tank = make_tank(length=2.0, cells=6, n=4, tolerance=1e-11)
+    x = tank.plane.coordinates()[:, 0]
+    scheme, per_period = INTEGRATORS[name](), 24
+    dt = 2 * np.pi / 3.8 / per_period
+    state = scheme.start(*tank.state(0.1 * np.cos(np.pi * x / 2.0), 0 * x))  # k a = 0.157
+    start, errors = tank.energy(state.q, state.p, 0.0), []
+    for step in range(periods * per_period):
+        state = scheme.step(tank, state, step * dt, dt)
+        errors.append((tank.energy(state.q, state.p, (step + 1) * dt) - start) / start)
+    parts = np.array_split(np.array(errors), 8)
+    return parts[-1].mean() - parts[0].mean(), np.ptp(errors)
+
+
+def driven(make_tank, name, dt, *, duration=8.0):
+    tank = make_tank(length=6.0, cells=18, n=4, motion=piston(), reach=4.0)
+    scheme, record = INTEGRATORS[name](), Memory()
+    budget = EnergyBudget(tank, record=record, schedule=EverySteps())
+    rest = np.zeros(tank.plane.owned)
+    state = scheme.start(*tank.state(rest, rest))
+    budget.observe(Moment(0, 0.0, state.q, state.p))
+    for step in range(round(duration / dt)):
+        state = scheme.step(tank, state, step * dt, dt)
+        budget.observe(Moment(step + 1, (step + 1) * dt, state.q, state.p))
+    return record.array()
+
+
+@pytest.mark.parametrize(("name", "order"), [("stormer-verlet", 2), ("stormer-verlet-adjoint", 2), ("third-order", 3)])
+def test_paddle_work_balances_the_energy_to_the_order_of_the_scheme(make_tank, name, order):
+    steps = (0.04, 0.02, 0.01)
+    budgets = [driven(make_tank, name, dt) for dt in steps]
+    balances = [np.abs(budget[:, 5]).max() for budget in budgets]
+    assert fitted_slope(steps, balances) == pytest.approx(order, abs=0.35)
+    assert balances[-1] < 1e-3 * budgets[-1][-1, 3]
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_mass_is_conserved_to_round_off_with_the_paddle_moving(make_tank, name):
+    mass = driven(make_tank, name, 0.04)[:, 6]
+    assert np.abs(mass / mass[0] - 1).max() < 1e-13
+
+
+def test_mass_does_not_depend_on_how_well_the_stages_are_solved(make_tank):
+    tank = make_tank(length=6.0, cells=18, n=4, motion=piston(), reach=4.0, tolerance=1e-4)
+    rest = np.zeros(tank.plane.owned)
+    scheme = ThirdOrder()
+    state = scheme.start(*tank.state(rest, rest))
+    for step in range(100):
+        state = scheme.step(tank, state, step * 0.04, 0.04)
+    assert tank.total_mass(state.q) == pytest.approx(6.0, rel=1e-13)
+
+
+def test_a_paddle_at_rest_is_a_fixed_wall(make_tank):
+    from wavetank.motions import AtRest
+
+    results = []
+    for motion in (None, AtRest()):
+        tank = make_tank(length=2.0, cells=8, n=4, motion=motion)
+        state = ThirdOrder().start(*steep_state(tank))
+        for step in range(10):
+            state = ThirdOrder().step(tank, state, step * 0.02, 0.02)
+        results.append(tank.elevation(state.q, state.p, 0.2))
+    assert np.abs(results[0] - results[1]).max() < 1e-11
+
+
+def test_half_the_amplitude_is_twice_as_linear(make_tank):
+    """Nonlinear waves at amplitude a are the linear ones + O(a^2): the difference quarters when a halves."""
+    shapes = []
+    amplitudes = (0.04, 0.02, 0.01, 0.0001)
+    for amplitude in amplitudes:
+        tank = make_tank(length=2.0, cells=8, n=4)
+        x = tank.plane.coordinates()[:, 0]
+        state = ThirdOrder().start(*tank.state(amplitude * np.cos(np.pi * x / 2), 0 * x))
+        for step in range(20):
+            state = ThirdOrder().step(tank, state, step * 0.02, 0.02)
+        shapes.append(tank.elevation(state.q, state.p, 0.4) / amplitude)
+    errors = [np.abs(shape - shapes[-1]).max() for shape in shapes[:-1]]
+    assert fitted_slope(amplitudes[:-1], errors) == pytest.approx(1, abs=0.1)
+
+
+def test_a_surface_that_reaches_the_bed_is_said(make_tank):
+    tank = make_tank(length=2.0, cells=8, n=4)
+    x = tank.plane.coordinates()[:, 0]
+    q, p = tank.state(-1.2 * np.cos(np.pi * x / 2), 0 * x)
+    with pytest.raises(RunError, match=r"t = 1\.5 s: the surface reaches the bed"):
+        tank.H_p(q, p, 1.5)

@@ -1,0 +1,344 @@
+"""The scene: what a case file may say, its defaults, and the sentence for everything it may not say."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from wavetank import motions
+from wavetank.errors import InputError
+from wavetank.scene import Gauge, Numerics, PistonWall, Run, Scene, SinusoidMotion, SliceTank
+
+CASES = Path(__file__).resolve().parents[1] / "cases"
+
+GROUP = """\
+title = "a group"
+gauges = [
+    {x = 4.0},
+    {name = "focus", x = 10.0},
+]
+
+[tank]
+length = 24.0
+depth = 1.0
+
+[wall]
+type = "piston"
+
+[wall.motion]
+type = "wave-group"
+amplitude = 0.1
+focus_x = 10.0
+focus_time = 20.0
+spectrum = {type = "jonswap", peak_frequency = 0.65}
+highest_frequency = 1.2
+
+[run]
+duration = 24.0
+"""
+
+
+@pytest.fixture
+def case(tmp_path):
+    """Write a case and return its path."""
+
+    def write(text=GROUP):
+        path = tmp_path / "case.toml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def refused(path, *overrides):
+    """Return what the refusal of a case says."""
+    with pytest.raises(InputError) as error:
+        Scene.from_toml(path, overrides)
+    return str(error.value)
+
+
+# ---------------------------------------------------------------- what is allowed
+def test_a_case_file_is_the_same_scene_as_python(case):
+    text = """
+        gauges = [1.0, {x = 2.0}, {name = "end", x = 5.0}]
+        tank = {length = 5.0, depth = 0.5}
+        wall = {type = "piston", motion = {type = "sinusoid", amplitude = 0.01, period = 1.5}}
+        run = {duration = 3}
+        numerics = {cell_size = 0.25, integrator = "stormer-verlet"}
+    """
+    built = Scene(
+        gauges=(Gauge(name="1", x=1.0), Gauge(name="2", x=2.0), Gauge(name="end", x=5.0)),
+        tank=SliceTank(length=5.0, depth=0.5),
+        wall=PistonWall(motion=SinusoidMotion(amplitude=0.01, period=1.5)),
+        run=Run(duration=3.0),
+        numerics=Numerics(cell_size=0.25, integrator="stormer-verlet"),
+    )
+    assert Scene.from_toml(case(text)) == built
+
+
+@pytest.mark.parametrize("path", sorted(CASES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_case_is_read_and_its_dump_is_the_same_scene(path):
+    try:
+        scene = Scene.from_toml(path)
+    except InputError as missing:
+        if "wavetank data fetch" not in str(missing):
+            raise
+        pytest.skip(str(missing))
+    assert Scene.model_validate(scene.model_dump(mode="json")) == scene
+    assert Scene.model_validate_json(scene.model_dump_json()) == scene
+    assert scene.title
+    assert f"[`{path.name}`]({path.name})" in (CASES / "README.md").read_text(encoding="utf-8")
+
+
+def test_defaults_are_resolved_in_properties():
+    scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=Run(duration=40.0))
+    assert (scene.cells, scene.reach, scene.surface_every) == (100, np.inf, 0.2)
+    assert (scene.wall.type, scene.initial.type, scene.tank.type, scene.tank.gravity) == (
+        "fixed",
+        "still-water",
+        "slice",
+        9.81,
+    )
+    assert isinstance(scene.motion(), motions.AtRest)
+    piston = PistonWall(motion=SinusoidMotion(amplitude=0.01, period=1.0))
+    assert Scene(tank=scene.tank, run=scene.run, wall=piston).reach == 10.0
+    assert Scene(tank=SliceTank(length=3.0, depth=1.0), run=scene.run, wall=piston).reach == 3.0
+
+
+@given(st.floats(0.1, 100.0), st.floats(0.1, 10.0), st.floats(0.01, 10.0))
+def test_cells_divide_the_length(length, depth, size):
+    tank = SliceTank(length=length, depth=depth)
+    assert Numerics(cells=7).cells_in(tank) == 7
+    for numerics, wanted in ((Numerics(), depth / 5), (Numerics(cell_size=size), size)):
+        cells = numerics.cells_in(tank)
+        assert cells >= 1
+        # the nearest whole number of cells
+        assert cells == 1 or abs(length / wanted - cells) <= 0.5 * (1 + 1e-12)
+
+
+def test_the_motion_of_the_group_is_the_case_file_s(case):
+    motion = Scene.from_toml(case()).motion()
+    assert isinstance(motion, motions.Ramped)
+    assert motion.ramp == pytest.approx(2 / 0.65)
+    group = motion.motion
+    assert (group.lowest_frequency, group.highest_frequency, group.spectrum.gamma) == (0.325, 1.2, 3.3)
+    assert group.elevation(10.0, 20.0) == pytest.approx(0.1)
+    assert (group.depth, group.gravity) == (1.0, 9.81)
+
+
+@pytest.mark.parametrize("key", ["position", "velocity"])
+def test_a_recorded_motion_is_read_relative_to_the_case(case, tmp_path, key):
+    t = np.linspace(0.0, 30.0, 301)
+    np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, 0.01 * np.sin(t)]), fmt="%.17g")
+    path = case(GROUP.replace("[wall.motion]", f'[wall.motion]\ntype = "recorded"\n{key} = "paddle.dat"\n[group]'))
+    text = path.read_text()
+    path.write_text(text[: text.index("[group]")] + text[text.index("[run]") :])
+    scene = Scene.from_toml(path)
+    # the integral of 0.01 sin t is 0.01 (1 - cos t); the spline's error is of the order of (0.1)^4 / 384
+    expected = {"position": 0.01 * np.sin(7.77), "velocity": 0.01 * (1 - np.cos(7.77))}[key]
+    assert scene.motion().position(7.77) == pytest.approx(expected, abs=1e-8)
+    assert Scene.model_validate(scene.model_dump(mode="json")).motion().position(7.77) == scene.motion().position(7.77)
+    said = refused(path, "run.duration=31")
+    assert said == f"{path}, overridden: run.duration = 31.0: must be at most 30 s, where the recorded motion ends."
+
+
+def test_data_references_are_kept_in_the_dump(case, tmp_path, monkeypatch):
+    monkeypatch.setenv("WAVETANK_DATA", str(tmp_path))
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "x.dat").write_text("".join(f"{t} 0.0\n" for t in range(40)))
+    scene = Scene.from_toml(case(), ['wall.motion={type="recorded", position="data:mine/x.dat"}'])
+    assert scene.model_dump(mode="json")["wall"]["motion"]["position"] == "data:mine/x.dat"
+    assert scene.motion().position(3.0) == 0.0
+
+
+def test_overrides_are_toml_values_or_bare_text_at_any_depth(case):
+    overrides = [
+        "numerics.dt=0.01",
+        "numerics.integrator=stormer-verlet",
+        "gauges.1.x=12",
+        "title=two words",
+        "tank.length=30.0",
+    ]
+    scene = Scene.from_toml(
+        case(), [*overrides, 'wall.motion.spectrum={type="gaussian", peak_frequency=0.6, bandwidth=0.1}']
+    )
+    assert (scene.numerics.dt, scene.numerics.integrator, scene.title) == (0.01, "stormer-verlet", "two words")
+    assert scene.gauges == (Gauge(name="1", x=4.0), Gauge(name="focus", x=12.0))
+    assert scene.tank.length == 30.0
+    assert scene.wall.motion.spectrum.bandwidth == 0.1
+
+
+def test_a_scene_is_frozen():
+    scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=Run(duration=40.0))
+    with pytest.raises(ValidationError, match="frozen"):
+        scene.tank.length = 3.0
+
+
+# ---------------------------------------------------------------- what is not
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("tank.depth=-1", "tank.depth = -1: must be greater than 0 (still-water depth d [m])"),
+        ("tank.depth=inf", "tank.depth = Infinity: must be a finite number (still-water depth d [m])"),
+        ("tank.depth=nan", "tank.depth = NaN: must be a finite number (still-water depth d [m])"),
+        ("tank.depth=deep", 'tank.depth = "deep": must be a valid number (still-water depth d [m])'),
+        ('tank.depth="1.0"', 'tank.depth = "1.0": must be a valid number (still-water depth d [m])'),
+        ("run.duration=true", "run.duration = true: must be a valid number (simulated time [s])"),
+        (
+            "tank.lenght=3",
+            "tank.lenght = 3: is an unknown key; did you mean 'length'? allowed are: depth, gravity, length, type",
+        ),
+        ("tank=3", "tank = 3: must be a table; allowed are: depth, gravity, length, type"),
+        ("tank.type=basin", "tank.type = \"basin\": must be 'slice'"),
+        ("beach.length=3", 'beach = {"length": 3}: is an unknown key; allowed are: gauges, initial, numerics, output'),
+        ("wall.type=flap", 'wall.type = "flap": is an unknown type; allowed are: fixed, piston'),
+        ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
+        ("wall.piston=3", "wall.piston = 3: is an unknown key; allowed are: motion, reach, type"),
+        ("wall.type=fixed", "wall.motion = {"),
+        ("wall.reach=0.01", "wall.reach = 0.01: must be more than 0.04"),
+        ("wall.reach=30", "wall.reach = 30.0: must be at most the tank's length, 24 m"),
+        ("wall.motion.type=sinusiod", "wall.motion.type = \"sinusiod\": is an unknown type; did you mean 'sinusoid'?"),
+        ("wall.motion.focus_time=9", "wall.motion.focus_time = 9.0: must be at least"),
+        ("wall.motion.components=9", "wall.motion.components = 9: must be more: so few repeat the group every 9.143 s"),
+        ("wall.motion.spectrum.gamma=0.5", "wall.motion.spectrum.gamma = 0.5: must be greater than or equal to 1"),
+        (
+            "wall.motion.lowest_frequency=0.7",
+            "wall.motion.spectrum.peak_frequency = 0.65: must be between the components' 0.7",
+        ),
+        ('wall.motion={type="recorded"}', "must have exactly one of the keys 'position' and 'velocity'"),
+        ('wall.motion={type="recorded", position="no.dat"}', "no.dat: cannot be read (No such file or directory)"),
+        ('wall.motion={type="recorded", velocity="data:no"}', "path 'data:no' received; allowed is data:NAME/FILE"),
+        ('wall.motion={type="sinusoid", amplitude=0.1}', "wall.motion.period: is missing; needed is period T [s]"),
+        (
+            'initial={type="standing-wave", amplitude=1}',
+            "initial.amplitude = 1.0: must be below the still-water depth, 1 m",
+        ),
+        (
+            'initial={type="standing-wave", amplitude=0.1, mode=0}',
+            "initial.mode = 0: must be greater than or equal to 1",
+        ),
+        ("gauges=3", "gauges = 3: must be a list (the gauges)"),
+        ("gauges.1.x=25", "gauges.1.x = 25.0: must be inside the tank, 0 to 24 m"),
+        ("gauges.1.name=1", "gauges.1.name = 1: must be a valid string (name of the gauge)"),
+        ('gauges.1.name="1"', 'gauges.1.name = "1": must be a name that no other gauge has'),
+        ("gauges.1.y=2", "gauges.1.y = 2: is an unknown key; allowed are: name, x"),
+        ("numerics={cells=3, cell_size=0.1}", "must have at most one of the keys 'cells' and 'cell_size'"),
+        ("numerics.order=9", "numerics.order = 9: must be less than or equal to 8 (horizontal polynomial order p)"),
+        ("numerics.vertical_order=0", "numerics.vertical_order = 0: must be greater than or equal to 1"),
+        ("numerics.cells=2.5", "numerics.cells = 2.5: must be a valid integer"),
+        ("numerics.integrator=rk4", "numerics.integrator = \"rk4\": must be 'third-order', 'stormer-verlet' or"),
+        ("output.gauges_every=0", "output.gauges_every = 0: must be greater than or equal to 1"),
+    ],
+)
+def test_a_refusal_says_file_key_value_and_what_is_allowed(case, override, said):
+    path = case()
+    message = refused(path, override)
+    assert said in message
+    assert all(line.startswith(f"{path}, ") and line.endswith(".") for line in message.splitlines())
+
+
+def test_a_refusal_says_the_line_of_the_file(case):
+    said = refused(case(GROUP.replace("focus_x = 10.0", "focus_x = 30.0").replace("{x = 4.0}", "{x = -4.0}")))
+    path = case()
+    assert said.splitlines()[:2] == [
+        f"{path}, line 2: gauges.0.x = -4.0: must be inside the tank, 0 to 24 m.",
+        f"{path}, line 17: wall.motion.focus_x = 30.0: must be inside the tank, below 24 m.",
+    ]
+    assert f"{path}, line 7: tank.depth: is missing; needed is still-water depth" in refused(
+        case(GROUP.replace("depth", "#"))
+    )
+    assert f"{path}, line 10: gauges.1.x = " in refused(
+        case('[tank]\nlength = 3\ndepth = 1\n[run]\nduration = 1\n[[gauges]]\nx = 2\n[[gauges]]\nname = "b"\nx = 9\n')
+    )
+
+
+def test_all_that_is_wrong_is_listed_one_line_each(case):
+    said = refused(case(), "tank.depth=0", "run.duration=0", "numerics.dt=-1", "colour=blue")
+    assert len(said.splitlines()) == 4
+
+
+def test_toml_errors_say_line_and_column(case):
+    path = case("title = 3\n[tank\n")
+    said = refused(path)
+    assert said.startswith(f"{path}: not valid TOML: ")
+    assert "line 2, column 6" in said
+
+
+@pytest.mark.parametrize("content", [None, b"\xff\xfe"])
+def test_a_case_that_cannot_be_read_says_so(tmp_path, content):
+    path = tmp_path / "case.toml"
+    if content is not None:
+        path.write_bytes(content)
+    assert refused(path).startswith(f"{path}: cannot be read (")
+
+
+@pytest.mark.parametrize(
+    ("override", "said"),
+    [
+        ("numerics.dt", "override 'numerics.dt' received; allowed is KEY=VALUE, such as numerics.dt=0.01."),
+        ("=3", "override '=3' received; allowed is KEY=VALUE, such as numerics.dt=0.01."),
+        ("gauges.2.x=3", "override 'gauges.2.x=3' received; 2 must be an index from 0 to 1."),
+        ("gauges.x=3", "override 'gauges.x=3' received; 'x' must be an index from 0 to 1."),
+        ("title.x=3", "override 'title.x=3' received; 'x' is asked of 'a group', which has no keys."),
+    ],
+)
+def test_an_override_that_has_no_place_says_so(case, override, said):
+    assert refused(case(), override) == said
+
+
+KEYS = st.sampled_from(
+    [
+        "tank",
+        "wall",
+        "motion",
+        "type",
+        "gauges",
+        "0",
+        "7",
+        "x",
+        "depth",
+        "run",
+        "duration",
+        "numerics",
+        "initial",
+        "",
+        "a b",
+    ]
+)
+VALUES = st.one_of(
+    st.sampled_from(
+        [
+            "1",
+            "-1",
+            "nan",
+            "true",
+            '"a"',
+            "[]",
+            "[1, 2]",
+            "{}",
+            "{type=1}",
+            "",
+            "a = b",
+            "1\n2",
+            "piston",
+            "[[",
+            "1e400",
+        ]
+    ),
+    st.text(max_size=8),
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(KEYS, min_size=1, max_size=4).map(".".join), VALUES)
+def test_whatever_is_overridden_gives_a_scene_or_an_input_error(tmp_path_factory, key, value):
+    path = tmp_path_factory.getbasetemp() / "case.toml"
+    path.write_text(GROUP)
+    try:
+        scene = Scene.from_toml(path, [f"{key}={value}"])
+    except InputError:
+        return
+    assert isinstance(scene, Scene)

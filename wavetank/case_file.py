@@ -1,0 +1,203 @@
+"""Reads a case file into a ``Scene``, and says in one line each what is wrong with it."""
+
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from wavetank.errors import InputError
+from wavetank.scene import Problem, Scene, SceneError
+
+Key = tuple[str | int, ...]
+
+
+def read_case(path: Path, overrides: Sequence[str] = ()) -> Scene:
+    """Return the scene of a case file with ``KEY=VALUE`` overrides; raise ``InputError`` listing all that is wrong."""
+    text = _read(path)
+    content = _parse(path, text)
+    overridden = [_override(content, override) for override in overrides]
+    try:
+        scene = Scene.model_validate(content, context={"folder": path.resolve().parent})
+        scene.motion()
+        return scene
+    except ValidationError as error:
+        problems = [problem for details in error.errors() for problem in _problems(details)]
+    except SceneError as error:
+        problems = list(error.problems)
+    lines = (f"{path}{_where(text, problem.key, overridden)}: {problem}." for problem in problems)
+    raise InputError("\n".join(lines))
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise InputError(f"{path}: cannot be read ({reason}); a case file in TOML is needed.") from None
+
+
+def _parse(path: Path, text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{path}: not valid TOML: {error}.") from None
+
+
+# ---------------------------------------------------------------- overrides
+def _override(content: dict[str, Any], override: str) -> Key:
+    """Set one ``KEY=VALUE`` in the content and return its key; tables on the way are made where missing."""
+    dotted, equals, value = override.partition("=")
+    if not (dotted.strip() and equals):
+        raise InputError(f"override {override!r} received; allowed is KEY=VALUE, such as numerics.dt=0.01.")
+    key = _split(dotted)
+    place: Any = content
+    for part in key[:-1]:
+        if isinstance(place, dict):
+            place.setdefault(part, {})
+        _check_item(place, part, override)
+        place = place[part]
+    _check_item(place, key[-1], override)
+    place[key[-1]] = _value(value.strip())
+    return key
+
+
+def _check_item(place: Any, part: str | int, override: str) -> None:
+    """Raise ``InputError`` unless ``place[part]`` can be set."""
+    if isinstance(place, dict):
+        return
+    if not isinstance(place, list):
+        raise InputError(f"override {override!r} received; {part!r} is asked of {place!r}, which has no keys.")
+    if not (isinstance(part, int) and part < len(place)):
+        raise InputError(f"override {override!r} received; {part!r} must be an index from 0 to {len(place) - 1}.")
+
+
+def _value(text: str) -> Any:
+    """Return a TOML value, or the bare text where it is none."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _split(dotted: str) -> Key:
+    parts = (part.strip().strip("\"'") for part in dotted.strip().split("."))
+    return tuple(int(part) if part.isdecimal() else part for part in parts)
+
+
+# ---------------------------------------------------------------- where it stands
+def _where(text: str, key: Key, overridden: Iterable[Key]) -> str:
+    """Return where a key comes from: the command line if that set it or all there is of it, else its line."""
+    line = _line(text, key)
+    if any(key[: len(other)] == other or (not line and other[: len(key)] == key) for other in overridden):
+        return ", overridden"
+    return f", line {line}" if line else ""
+
+
+def _line(text: str, key: Key) -> int:
+    """Return the line that sets a key, or the nearest one that holds it, or 0."""
+    nearest: tuple[int, int] = (0, 0)
+    for number, found in _entries(text):
+        if found == key[: len(found)]:
+            nearest = max(nearest, (len(found), -number))
+    return -nearest[1]
+
+
+def _entries(text: str) -> Iterator[tuple[int, Key]]:
+    """Yield line and key of every table and entry that begins a line, which is how case files are written."""
+    table: Key = ()
+    count: Counter[Key] = Counter()
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := re.match(r"\s*(\[\[?)([\w\s.\"'-]+)\]", line):
+            table = _split(header[2])
+            if header[1] == "[[":
+                count[table] += 1
+                table = (*table, count[table] - 1)
+            yield number, table
+        elif entry := re.match(r"\s*([\w\s.\"'-]+?)\s*=", line):
+            yield number, (*table, *_split(entry[1]))
+
+
+# ---------------------------------------------------------------- what is wrong
+class _Place(NamedTuple):
+    """A place in the scene: its key, the nouns that can stand there, and what it means."""
+
+    key: Key
+    nouns: list[type[BaseModel]]
+    meaning: str
+
+    @property
+    def tags(self) -> list[str]:
+        return [str(noun.model_fields["type"].default) for noun in self.nouns]
+
+    @property
+    def fields(self) -> list[str]:
+        return sorted({field for noun in self.nouns for field in noun.model_fields})
+
+
+def _place(location: Key) -> _Place:
+    """Return the place of pydantic's location, which names the type of each union it passes as well."""
+    place = _Place((), [Scene], "")
+    for part in location:
+        fields = [noun.model_fields[part] for noun in place.nouns if part in noun.model_fields]
+        if fields:
+            nouns = list(_nouns(fields[0].annotation))
+            place = _Place((*place.key, part), nouns, fields[0].description or "")
+        elif len(place.nouns) > 1 and part in place.tags:
+            place = place._replace(nouns=[place.nouns[place.tags.index(str(part))]])
+        else:
+            place = place._replace(key=(*place.key, part))
+    return place
+
+
+def _nouns(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _nouns(argument)
+
+
+def _problems(details: ErrorDetails) -> Iterator[Problem]:
+    """Yield what one of pydantic's errors means: where, what was received, what is allowed."""
+    context = details.get("ctx", {})
+    place, holder = _place(details["loc"]), _place(details["loc"][:-1])
+    received = details["input"]
+    match details["type"]:
+        case "scene":
+            yield from context["problems"]
+        case "missing":
+            yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
+        case "extra_forbidden":
+            yield Problem(place.key, received, f"is an unknown key{_choice(str(place.key[-1]), holder.fields)}")
+        case "union_tag_not_found":
+            yield Problem((*place.key, "type"), None, f"is missing{_choice('', place.tags)}")
+        case "union_tag_invalid":
+            tag = str(context["tag"])
+            yield Problem((*place.key, "type"), tag, f"is an unknown type{_choice(tag, place.tags)}")
+        case "model_type" | "model_attributes_type":
+            yield Problem(place.key, received, f"must be a table{_choice('', place.fields)}")
+        case "value_error":
+            yield Problem(place.key, received, str(context["error"]))
+        case _:
+            yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
+
+
+def _choice(received: str, allowed: list[str]) -> str:
+    close = get_close_matches(received, allowed, n=1)
+    guess = f"; did you mean {close[0]!r}?" if close else ";"
+    return f"{guess} allowed are: {', '.join(allowed)}"
+
+
+def _in_words(message: str, meaning: str) -> str:
+    """Return pydantic's message as the end of a sentence."""
+    words = (
+        re.sub(r"^(Input|String|Value) should", "must", message)
+        .replace("valid tuple", "list")
+        .replace("dictionary", "table")
+    )
+    return f"{words} ({meaning})" if meaning else words

@@ -1,0 +1,141 @@
+"""The command line. Exit codes: 0 done; 1 the run failed; 2 the input is wrong."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from mpi4py import MPI
+from rich.console import Console
+
+from wavetank import data
+from wavetank.errors import InputError, WavetankError
+from wavetank.rundir import RunDirectory
+from wavetank.scene import Scene
+from wavetank.series import GaugeSeries
+
+app = typer.Typer(
+    help="A numerical wave tank: fully nonlinear potential-flow water waves.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+data_app = typer.Typer(help="Benchmark data: download with checksum, or use a local folder.", no_args_is_help=True)
+app.add_typer(data_app, name="data")
+
+CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
+RunPath = Annotated[Path, typer.Argument(help="run directory", metavar="RUN")]
+
+
+def console() -> Console:
+    """Return where messages go: standard output, of rank 0 alone."""
+    return Console(quiet=MPI.COMM_WORLD.rank != 0, soft_wrap=True)
+
+
+@app.command()
+def run(
+    case: CasePath,
+    out: Annotated[Path | None, typer.Option(help="run directory; default runs/ and the case's name")] = None,
+    overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
+    plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
+) -> None:
+    """Run a case; also under mpirun."""
+    from wavetank.recorded_run import record_run  # dolfinx takes a second to load
+
+    scene = Scene.from_toml(case, overrides or [])
+    directory = Path("runs") / case.stem if out is None else out
+    terminal = console()
+    record_run(scene, directory, comm=MPI.COMM_WORLD, console=terminal)
+    if MPI.COMM_WORLD.rank == 0 and plots:
+        _draw(directory, terminal)
+
+
+def _draw(directory: Path, terminal: Console) -> None:
+    from postprocess.figures import draw_run
+
+    for picture in draw_run(RunDirectory(directory)):
+        terminal.print(f"wrote {picture}", highlight=False)
+
+
+@app.command()
+def compare(
+    run: RunPath,
+    reference: Annotated[str, typer.Option("--with", metavar="DATA|RUN", help="data set or other run directory")],
+    out: Annotated[Path | None, typer.Option(help="where to write; default: the run directory")] = None,
+) -> None:
+    """Compare a run's gauges with measurements, or with another run: a table and a figure."""
+    from postprocess.compare import compare as compare_series
+    from postprocess.compare import comparison_table, write_comparison
+    from postprocess.figures import gauges_figure
+
+    computed = RunDirectory(run).gauges()
+    measured, published = _reference(reference)
+    folder = run if out is None else out
+    folder.mkdir(parents=True, exist_ok=True)
+    comparisons = compare_series(computed, measured)
+    write_comparison(folder / "compare.csv", comparisons)
+    gauges_figure(measured, computed, published, folder / "compare.png")
+    terminal = console()
+    terminal.print(comparison_table(comparisons))
+    terminal.print(f"wrote {folder / 'compare.csv'} and {folder / 'compare.png'}", highlight=False)
+
+
+def _reference(name: str) -> tuple[list[GaugeSeries], list[GaugeSeries]]:
+    """Return the series to compare with, and a published computation's if there is one."""
+    if name not in data.DATASETS and Path(name).is_dir():
+        return RunDirectory(Path(name)).gauges(), []
+    series = data.gauge_series(name)
+    published = [one for kind, records in series.items() if kind != "measured" for one in records]
+    return list(series["measured"]), published
+
+
+@data_app.command("list")
+def list_data() -> None:
+    """List the benchmark data this project knows."""
+    terminal = console()
+    for name, dataset in data.DATASETS.items():
+        terminal.print(f"{name}: {dataset.title}", highlight=False)
+
+
+@data_app.command()
+def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metavar="NAME")]) -> None:
+    """Download a data set from its public source into the user's cache."""
+    folder = data.fetch(name)
+    console().print(f"{name} is in {folder}", highlight=False)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; return its exit code."""
+    given = sys.argv[1:] if arguments is None else arguments
+    debug = "--debug" in given
+    try:
+        app([word for word in given if word != "--debug"], standalone_mode=False)
+    except WavetankError as error:
+        if debug:
+            raise
+        return _report(str(error), error.exit_code)
+    except (typer.Exit, SystemExit) as stop:
+        return int(getattr(stop, "exit_code", getattr(stop, "code", 0)) or 0)
+    except Exception as error:
+        from click import ClickException
+
+        if isinstance(error, ClickException):
+            return _report(error.format_message(), InputError.exit_code)
+        _abort(error)
+        raise
+    return 0
+
+
+def _report(message: str, code: int) -> int:
+    if MPI.COMM_WORLD.rank == 0:
+        print(f"wavetank: {message}", file=sys.stderr)
+    return code
+
+
+def _abort(error: Exception) -> None:
+    """End all ranks at once: the others would wait for one that has failed."""
+    if MPI.COMM_WORLD.size > 1:
+        import traceback
+
+        traceback.print_exception(error)
+        MPI.COMM_WORLD.Abort(1)

@@ -1,0 +1,145 @@
+"""The interior operator as a sum of Kronecker products, from one energy of a horizontal layer.
+
+A layer at height zeta, with potential u and vertical derivative w, has an energy e(u, w; zeta) that is quadratic in
+(u, w) and a polynomial in zeta. With phi = sum_j phi_j(X) P_j(zeta) its second derivative is
+
+    A = sum_k  G_k (x) S_k,      G_k = int zeta^m  P^(a) P^(b)' dzeta,      S_k = the zeta^m part of e_ab,
+
+P^(u) = P, P^(w) = P'. The S_k are scalar horizontal matrices that depend on the water column; those that vanish
+symbolically are never assembled, the others come from one packed form: one compilation and one pass over the cells,
+whatever n is.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from math import ceil, factorial, sqrt
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+import ufl
+from dolfinx import fem
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
+from ufl.algorithms.transformer import strip_variables
+
+from wavetank.fe.forms import compile_form, owned_rows
+from wavetank.fe.plane import Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.hamiltonian.contract import Vector
+
+LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
+
+
+@dataclass(frozen=True)
+class Term:
+    """One Kronecker product: the part of the layer's second derivative that goes with zeta^power."""
+
+    power: int
+    left: str
+    right: str
+    density: Any  # of the energy, before the two derivatives
+
+
+def _density(energy: LayerEnergy, u: Any, w: Any, power: int) -> Any:
+    """Return the coefficient of zeta^power in the energy density."""
+    height = ufl.variable(ufl.Constant(ufl.domain.extract_unique_domain(u)))
+    density = energy(u, w, height)
+    for _ in range(power):
+        density = ufl.diff(density, height)
+    lowered = strip_variables(apply_derivatives(apply_algebra_lowering(density)))
+    return ufl.algorithms.replace(lowered, {height.ufl_operands[0]: ufl.as_ufl(0)}) / factorial(power)
+
+
+def _vanishes(form: ufl.Form) -> bool:
+    return bool(ufl.algorithms.expand_derivatives(form).empty())
+
+
+class KroneckerOperator:
+    """y = A x for vectors of shape (dofs, n+1), matrix-free beyond the scalar matrices S_k.
+
+    Parameters
+    ----------
+    energy
+        e(u, w, zeta), in UFL.
+    plane, vertical
+        The horizontal space and the vertical basis.
+    """
+
+    def __init__(self, energy: LayerEnergy, plane: Plane, vertical: VerticalBasis):
+        u, w = fem.Function(plane.V), fem.Function(plane.V)
+        unknowns = {"u": u, "w": w}
+        tables = {"u": vertical.values, "w": vertical.slopes}
+        v, x = ufl.TestFunction(plane.V), ufl.TrialFunction(plane.V)
+        densities = [_density(energy, u, w, power) for power in range(3)]
+        self.terms = [
+            Term(power, left, right, densities[power])
+            for power, left, right in product(range(3), "uw", "uw")
+            if not _vanishes(self._hessian(densities[power] * plane.dx, unknowns[left], v, unknowns[right], x))
+        ]
+        self._compile(plane, unknowns)
+        self._vertical = [
+            vertical.moment(term.power, tables[term.left], tables[term.right]) for term in self.terms
+        ]
+        n = vertical.n
+        self._full = np.hstack([G.T for G in self._vertical])
+        self._interior = np.hstack([G[:n, :n].T for G in self._vertical])
+
+    @staticmethod
+    def _hessian(energy: Any, a: Any, test: Any, b: Any, trial: Any) -> Any:
+        return ufl.derivative(ufl.derivative(energy, a, test), b, trial)
+
+    def _compile(self, plane: Plane, unknowns: dict[str, Any]) -> None:
+        width = ceil(sqrt(len(self.terms)))
+        packed = fem.functionspace(plane.mesh, ("Lagrange", plane.order, (width,)))
+        test, trial = ufl.TestFunction(packed), ufl.TrialFunction(packed)
+        self._slots = list(range(len(self.terms)))
+        form = sum(
+            self._hessian(
+                term.density * plane.dx,
+                unknowns[term.left],
+                test[slot // width],
+                unknowns[term.right],
+                trial[slot % width],
+            )
+            for slot, term in zip(self._slots, self.terms, strict=True)
+        )
+        self._form = compile_form(form)
+        self._matrix = fem.create_matrix(self._form)
+        values, self.columns, self.row_pointers = owned_rows(self._matrix)
+        count = len(self.terms)
+        ghosts = plane.V.dofmap.index_map.num_ghosts
+        self._csr = sparse.csr_matrix(
+            (
+                np.zeros(values.shape[0] * count),
+                (self.columns[:, None] * count + np.arange(count)).ravel(),
+                self.row_pointers * count,
+            ),
+            shape=(plane.owned, (plane.owned + ghosts) * count),
+        )
+
+    def assemble(self) -> None:
+        """Assemble the S_k for the present water column; collective."""
+        self._matrix.data[:] = 0.0
+        fem.assemble_matrix(self._matrix, self._form)
+        self._matrix.scatter_reverse()
+        self.values = owned_rows(self._matrix)[0][:, : len(self.terms)]
+        self._csr.data[:] = self.values.ravel()
+
+    def still(self, kind: str) -> Vector:
+        """Return the entries of the zeta^0 matrix S_uu or S_ww of the owned rows, ``kind`` being "u" or "w"."""
+        slot = next(i for i, term in enumerate(self.terms) if (term.power, term.left, term.right) == (0, kind, kind))
+        return np.ascontiguousarray(self.values[:, slot])
+
+    def _apply(self, vertical: Vector, rows: Vector) -> Vector:
+        components = vertical.shape[0]
+        return np.asarray(self._csr @ (rows @ vertical).reshape(-1, components))
+
+    def apply(self, rows: Vector) -> Vector:
+        """Return A x on the owned degrees of freedom, shape (owned, n+1), x given with its ghosts, (all, n+1)."""
+        return self._apply(self._full, rows)
+
+    def apply_interior(self, rows: Vector) -> Vector:
+        """Return A_II x on the owned degrees of freedom, shape (owned, n), x given with its ghosts, (all, n)."""
+        return self._apply(self._interior, rows)

@@ -1,0 +1,81 @@
+"""The horizontal mass matrix M_J, weighted with the Jacobian of the wall mapping, and its inverse."""
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sparse
+import ufl
+from dolfinx import fem
+from petsc4py import PETSc
+
+from wavetank.errors import ConvergenceError
+from wavetank.fe.forms import compile_form, owned_rows
+from wavetank.fe.plane import Plane
+from wavetank.fe.sparse_rows import SparseRows
+from wavetank.hamiltonian.contract import Vector
+
+
+class MassMatrix:
+    """M_J = int J u v dX; assembled anew only when told that J has changed.
+
+    Parameters
+    ----------
+    J
+        Jacobian of the wall mapping, in UFL.
+    """
+
+    def __init__(self, plane: Plane, J: Any):
+        u, v = ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)
+        self._plane = plane
+        self._form = compile_form(J * u * v * plane.dx)
+        self._matrix = fem.create_matrix(self._form)
+        _, columns, pointers = owned_rows(self._matrix)
+        index_map = plane.V.dofmap.index_map
+        self._csr = sparse.csr_matrix(
+            (np.zeros(columns.size), columns, pointers), shape=(plane.owned, plane.owned + index_map.num_ghosts)
+        )
+        self._rows = SparseRows(plane, columns, pointers)
+        self._ksp = self._solver()
+        self._in, self._out = self._rows.matrix.createVecs()
+        self._field = plane.function("mass matrix argument")
+        self.update()
+
+    def _solver(self) -> PETSc.KSP:
+        ksp = PETSc.KSP().create(self._plane.comm)
+        ksp.setOperators(self._rows.matrix)
+        if self._plane.comm.size == 1 and self._plane.mesh.topology.dim == 1:
+            ksp.setType("preonly")
+            ksp.getPC().setType("lu")
+            ksp.getPC().setFactorOrdering("natural")
+        else:
+            ksp.setType("cg")
+            ksp.getPC().setType("jacobi")
+            ksp.setTolerances(rtol=1e-15, atol=1e-50, max_it=500)
+        return ksp
+
+    def update(self) -> None:
+        """Assemble M_J for the present J; collective."""
+        self._matrix.data[:] = 0.0
+        fem.assemble_matrix(self._matrix, self._form)
+        self._matrix.scatter_reverse()
+        self._csr.data[:] = owned_rows(self._matrix)[0].ravel()
+        self._rows.set(self._csr.data)
+
+    def apply(self, values: Vector) -> Vector:
+        """Return M_J x for owned values x, shape (owned,); collective."""
+        self._field.set(values)
+        return np.asarray(self._csr @ self._field.rows[:, 0])
+
+    def solve(self, right: Vector) -> Vector:
+        """Return M_J^-1 r for owned values r, shape (owned,); collective."""
+        self._in.array = right
+        self._ksp.solve(self._in, self._out)
+        if self._ksp.getConvergedReason() < 0:
+            raise ConvergenceError(f"the mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})")
+        return np.array(self._out.array_r)
+
+    def diagonal(self) -> Vector:
+        """Return the owned diagonal entries, shape (owned,)."""
+        return np.asarray(self._csr.diagonal())
+
+

@@ -1,0 +1,87 @@
+"""The horizontal finite-element space: Lagrange elements of order p on the plan mesh of the reference tank."""
+
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+
+from wavetank.hamiltonian.contract import Vector
+
+
+class Plane:
+    """A plan mesh with its scalar Lagrange space V.
+
+    Attributes
+    ----------
+    mesh, V
+        The dolfinx mesh and function space.
+    dx
+        The measure over the plan, of a degree that integrates the polynomial part of the energy exactly.
+    owned
+        Number of degrees of freedom this rank owns.
+    """
+
+    def __init__(self, plan_mesh: mesh.Mesh, order: int):
+        self.mesh, self.order = plan_mesh, order
+        self.V = fem.functionspace(plan_mesh, ("Lagrange", order))
+        self.dx = ufl.dx(domain=plan_mesh, metadata={"quadrature_degree": 3 * order})
+        self.owned: int = self.V.dofmap.index_map.size_local
+        self.size: int = self.V.dofmap.index_map.size_global
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """The communicator of the mesh."""
+        return self.mesh.comm
+
+    def function(self, name: str) -> "Field":
+        """Return a new scalar field, zero everywhere."""
+        return Field(fem.Function(self.V, name=name))
+
+    def layered_function(self, components: int, name: str) -> "Field":
+        """Return a field of ``components`` values per degree of freedom, numbered as V is."""
+        space = fem.functionspace(self.mesh, ("Lagrange", self.order, (components,)))
+        if not np.array_equal(space.dofmap.list, self.V.dofmap.list):
+            raise RuntimeError("dolfinx numbers blocked and scalar Lagrange spaces differently on this mesh")
+        return Field(fem.Function(space, name=name))
+
+    def coordinates(self) -> Vector:
+        """Return the owned degrees of freedom's coordinates [m], shape (owned, 3)."""
+        x: Vector = self.V.tabulate_dof_coordinates()[: self.owned]
+        return x
+
+    def sum(self, values: Vector) -> float:
+        """Return the sum of owned values over all ranks; collective."""
+        return float(self.comm.allreduce(float(np.sum(values))))
+
+
+class Field:
+    """A dolfinx function seen as an array of rows, one per degree of freedom (owned ones first, then ghosts)."""
+
+    def __init__(self, function: fem.Function):
+        self.function = function
+        self._bs: int = function.function_space.dofmap.index_map_bs
+        self._owned: int = function.function_space.dofmap.index_map.size_local
+
+    @property
+    def rows(self) -> Vector:
+        """All values this rank sees, shape (owned + ghosts, components); a view."""
+        array: Vector = self.function.x.array
+        return array.reshape(-1, self._bs)
+
+    @property
+    def owned(self) -> Vector:
+        """The values this rank owns, shape (owned,) or (owned, components); a view."""
+        rows = self.rows[: self._owned]
+        return rows[:, 0] if self._bs == 1 else rows
+
+    def set(self, owned: Vector) -> None:
+        """Take over the owned values and fetch the ghosts; collective."""
+        self.owned[...] = owned
+        self.function.x.scatter_forward()
+
+
+def as_ufl(field: Field) -> Any:
+    """Return the field for use in a form."""
+    return field.function

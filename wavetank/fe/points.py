@@ -1,0 +1,78 @@
+"""Values of fields at points: cells and basis functions are found once and kept until the points move."""
+
+import numpy as np
+import scipy.sparse as sparse
+from dolfinx import geometry
+from mpi4py import MPI
+
+from wavetank.errors import InputError
+from wavetank.fe.plane import Field, Plane
+from wavetank.hamiltonian.contract import Vector
+
+
+class Points:
+    """A set of points at which scalar fields are evaluated.
+
+    Parameters
+    ----------
+    points
+        Positions in the reference tank [m], shape (N, 3).
+    """
+
+    def __init__(self, plane: Plane, points: Vector):
+        self._plane = plane
+        self._tree = geometry.bb_tree(plane.mesh, plane.mesh.topology.dim, padding=1e-9)
+        self._points = np.full_like(points, np.nan)
+        self.move(points)
+
+    def move(self, points: Vector) -> None:
+        """Take new positions, shape (N, 3); raises ``InputError`` for one outside the mesh; collective."""
+        if np.array_equal(points, self._points):
+            return
+        self._points = points.copy()
+        cells = self._owned_cells(points)
+        mine = np.flatnonzero(cells >= 0)
+        weights, dofs = self._basis(points[mine], cells[mine])
+        entries = np.repeat(mine, dofs.shape[1]), dofs.ravel()
+        self._weights = sparse.csr_matrix(
+            (weights.ravel(), entries), shape=(len(points), self._plane.V.tabulate_dof_coordinates().shape[0])
+        )
+
+    def _owned_cells(self, points: Vector) -> Vector:
+        """Return the cell of each point on the lowest rank that has it, -1 on the others; collective."""
+        comm, mesh = self._plane.comm, self._plane.mesh
+        near = geometry.compute_collisions_points(self._tree, points)
+        owned = mesh.topology.index_map(mesh.topology.dim).size_local
+        links = [[cell for cell in near.links(i) if cell < owned] for i in range(len(points))]
+        cells = np.array([self._closest(points[i], found) for i, found in enumerate(links)], dtype=np.int32)
+        holder = comm.allreduce(np.where(cells >= 0, comm.rank, comm.size), op=MPI.MIN)
+        if np.any(holder == comm.size):
+            outside = points[int(np.flatnonzero(holder == comm.size)[0])]
+            raise InputError(f"the point x = {outside[0]:.6g} m, y = {outside[1]:.6g} m is outside the tank")
+        return np.where(holder == comm.rank, cells, -1)
+
+    def _closest(self, point: Vector, cells: list[int]) -> int:
+        if not cells:
+            return -1
+        distances = geometry.squared_distance(
+            self._plane.mesh, self._plane.mesh.topology.dim, np.array(cells, dtype=np.int32), np.tile(point, (len(cells), 1))
+        )
+        return int(cells[int(np.argmin(distances))])
+
+    def _basis(self, points: Vector, cells: Vector) -> tuple[Vector, Vector]:
+        mesh, V = self._plane.mesh, self._plane.V
+        dofs = np.array([V.dofmap.cell_dofs(cell) for cell in cells], dtype=np.int32)
+        if not len(cells):
+            return np.zeros((0, 1)), np.zeros((0, 1), dtype=np.int32)
+        corners = mesh.geometry.x[mesh.geometry.dofmap[cells]][:, :, : mesh.geometry.dim]
+        local = np.array(
+            [
+                mesh.geometry.cmap.pull_back(point[None, : mesh.geometry.dim], corner)[0]
+                for point, corner in zip(points, corners, strict=True)
+            ]
+        )
+        return V.element.basix_element.tabulate(0, local)[0, :, :, 0], dofs
+
+    def evaluate(self, field: Field) -> Vector:
+        """Return the field's values, shape (N,), on every rank; collective."""
+        return np.asarray(self._plane.comm.allreduce(self._weights @ field.rows[:, 0]))

@@ -1,0 +1,173 @@
+"""Implicit stages by PETSc SNES: accelerated fixed-point iteration first, Newton-Krylov where it does not contract.
+
+A stage z = c + a f(z) is handed over as its residual r(z) = z - c - a f(z). With the system's own preconditioner P
+(the identity, or the still-water wave operator for the coupled stage of (23)) the equation solved is P^-1 r(z) = 0, in
+unknowns scaled to metres, so that the norm that is judged is close to the error of the surface itself. Anderson mixing
+needs one evaluation of f an iteration; each is an elliptic solve on the tank.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from mpi4py import MPI
+from petsc4py import PETSc
+
+from wavetank.errors import ConvergenceError, WavetankError
+from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.start_values import Extrapolation
+
+Preconditioner = Callable[[Stage, Vector], Vector]
+
+
+def identity(stage: Stage, residual: Vector) -> Vector:
+    """Return the residual itself: no preconditioning."""
+    return residual
+
+
+def no_diagnosis(stage: Stage) -> str:
+    """Return the cause to name where a system knows no better."""
+    return "the step is too large"
+
+
+@dataclass
+class StageCounters:
+    """What the implicit stages cost: solves, residual evaluations, and solves that needed Newton-Krylov."""
+
+    solves: int = 0
+    evaluations: int = 0
+    newton_solves: int = 0
+
+
+class SnesStageSolver:
+    """Solves stages with one kind of unknowns (coordinates, momenta, or both).
+
+    Parameters
+    ----------
+    comm
+        Communicator over which the unknowns are distributed.
+    scale
+        What one unit of the scaled unknowns is, per owned unknown, shape (n,).
+    tolerance
+        Largest root mean square of the preconditioned, scaled residual, relative to that of the solution.
+    floor
+        Root mean square below which the solution counts as zero [scaled units].
+    precondition
+        Approximate inverse of the stage's derivative.
+    diagnose
+        Names the likely cause of a failure at a stage.
+    """
+
+    max_iterations = 25
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        scale: Vector,
+        *,
+        tolerance: float,
+        floor: float = 1e-10,
+        precondition: Preconditioner = identity,
+        diagnose: Callable[[Stage], str] = no_diagnosis,
+    ):
+        self.counters = StageCounters()
+        self._comm, self._scale = comm, scale
+        self._tolerance, self._floor = tolerance, floor
+        self._precondition, self._diagnose = precondition, diagnose
+        self._extrapolations: dict[str, Extrapolation] = {}
+        self._x = PETSc.Vec().createMPI((scale.size, None), comm=comm)
+        self._size = self._x.getSize()
+        self._anderson = self._snes("anderson")
+        self._anderson.setOptionsPrefix("stage_")
+        options = PETSc.Options()
+        options["stage_snes_anderson_m"] = 5
+        self._anderson.setFromOptions()
+        self._newton = self._snes("newtonls")
+        self._newton.setUseMF(True)
+        krylov = self._newton.getKSP()
+        krylov.setType("gmres")
+        krylov.setTolerances(rtol=1e-3, max_it=60)
+        krylov.getPC().setType("none")
+
+    def _snes(self, kind: str) -> PETSc.SNES:
+        snes = PETSc.SNES().create(self._comm)
+        snes.setType(kind)
+        snes.setFunction(self._evaluate, self._x.duplicate())
+        return snes
+
+    def _evaluate(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
+        self.counters.evaluations += 1
+        try:
+            residual = self._precondition(self._stage, self._residual(x.array_r * self._scale))
+        except WavetankError as error:  # PETSc forgets what was raised below it
+            self._error = error
+            raise
+        out.array = residual / self._scale
+
+    def _rms(self, z: Vector) -> float:
+        total = self._comm.allreduce(float(np.sum((z / self._scale) ** 2)))
+        return float(np.sqrt(total / self._size))
+
+    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+        """Return z with residual(z) = 0, shape (n,); collective.
+
+        Raises ``ConvergenceError`` naming time, stage, residual and likely cause.
+        """
+        earlier = self._extrapolations.setdefault(stage.name, Extrapolation(self._rms))
+        predicted = earlier.predict(stage.t, stage.dt)
+        guess = start if predicted is None else predicted
+        self._stage, self._residual = stage, residual
+        target = self._tolerance * max(self._rms(guess), self._floor) * np.sqrt(self._size)
+        self.counters.solves += 1
+        if not self._run(self._anderson, guess, target):
+            self.counters.newton_solves += 1
+            if not self._run(self._newton, guess, target):
+                self._fail(stage, target)
+        solution = self._x.array_r * self._scale
+        earlier.record(stage.t, solution)
+        return solution
+
+    def _run(self, snes: PETSc.SNES, guess: Vector, target: float) -> bool:
+        snes.setTolerances(rtol=0.0, atol=target, stol=0.0, max_it=self.max_iterations)
+        self._x.array = guess / self._scale
+        self._error: WavetankError | None = None
+        try:
+            snes.solve(None, self._x)
+        except PETSc.Error:
+            raise self._error or ConvergenceError("a stage could not be evaluated") from None
+        return bool(snes.getConvergedReason() > 0)
+
+    def _fail(self, stage: Stage, target: float) -> None:
+        unit = np.sqrt(self._size)
+        raise ConvergenceError(
+            f"t = {stage.t:.6g} s: the stage '{stage.name}' did not converge: residual "
+            f"{self._newton.getFunctionNorm() / unit:.3g}, wanted {target / unit:.3g}; {self._diagnose(stage)}."
+        )
+
+
+@dataclass(frozen=True)
+class SnesStages:
+    """The stage solvers of a system; see ``wavetank.hamiltonian.contract.Stages``."""
+
+    coordinate: SnesStageSolver
+    momentum: SnesStageSolver
+    pair: SnesStageSolver
+
+    @classmethod
+    def serial(cls, size: int, *, tolerance: float = 1e-14) -> "SnesStages":
+        """Return solvers for a system of ``size`` coordinates on this process alone, e.g. an oscillator."""
+        one, two = np.ones(size), np.ones(2 * size)
+        coordinate, momentum, pair = (
+            SnesStageSolver(MPI.COMM_SELF, scale, tolerance=tolerance) for scale in (one, one, two)
+        )
+        return cls(coordinate, momentum, pair)
+
+    @property
+    def counters(self) -> StageCounters:
+        """What all of them have cost so far."""
+        kinds = [stage.counters for stage in (self.coordinate, self.momentum, self.pair)]
+        return StageCounters(
+            sum(kind.solves for kind in kinds),
+            sum(kind.evaluations for kind in kinds),
+            sum(kind.newton_solves for kind in kinds),
+        )

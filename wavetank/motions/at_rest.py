@@ -1,0 +1,17 @@
+"""A paddle that stands still: X = 0."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wavetank.motions.motion import Motion
+
+
+@dataclass(frozen=True)
+class AtRest(Motion):
+    """X = 0."""
+
+    def derivative(self, t: Any, order: int) -> Any:
+        """Return zero."""
+        return np.zeros(np.shape(t))[()]

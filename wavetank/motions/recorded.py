@@ -1,0 +1,57 @@
+"""A measured motion: one cubic spline through a record of positions or of velocities."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline, PPoly
+
+from wavetank.errors import InputError
+from wavetank.motions.motion import Array, Motion
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded(Motion):
+    """X(t) from one spline; before the record starts the paddle stands still where the record starts.
+
+    Build it with ``of_positions`` or ``of_velocities``. Asking for times beyond the record raises ``InputError``.
+
+    Attributes
+    ----------
+    spline
+        X(t) [m] as piecewise polynomials; its breakpoints are the record's times.
+    """
+
+    spline: PPoly
+
+    @classmethod
+    def of_positions(cls, t: Array, X: Array) -> "Recorded":
+        """Return the cubic spline through positions X [m] at times t [s], ascending, shapes (N,), N >= 4."""
+        return cls(CubicSpline(t, X))
+
+    @classmethod
+    def of_velocities(cls, t: Array, velocity: Array) -> "Recorded":
+        """Return the integral, zero at t[0], of the cubic spline through velocities [m/s] at t [s], shapes (N,)."""
+        return cls(CubicSpline(t, velocity).antiderivative())
+
+    @property
+    def start(self) -> float:
+        """When the record starts [s]."""
+        return float(self.spline.x[0])
+
+    @property
+    def duration(self) -> float:
+        """When the record ends [s]."""
+        return float(self.spline.x[-1])
+
+    def derivative(self, t: Any, order: int) -> Any:
+        """Return the spline's derivative; raise ``InputError`` beyond the record."""
+        self._check(t)
+        value = self.spline(np.maximum(t, self.start), nu=order)
+        standing = (order > 0) & np.less(t, self.start)
+        return np.where(standing, 0.0, value)[()]
+
+    def _check(self, t: Any) -> None:
+        # The last of many steps may end a rounding error late; the spline is smooth enough to go on that far.
+        if np.max(t) > self.duration + 1e-9 * max(1.0, abs(self.duration)):
+            raise InputError(f"paddle motion: t = {np.max(t):g} s asked for; the record ends at {self.duration:g} s.")

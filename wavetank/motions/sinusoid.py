@@ -1,0 +1,29 @@
+"""A regular motion: X = a sin(2 pi t / T)."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wavetank.motions.motion import Motion
+
+
+@dataclass(frozen=True)
+class Sinusoid(Motion):
+    """X = a sin(2 pi t / T).
+
+    Attributes
+    ----------
+    amplitude
+        a [m], the largest distance from rest: half the stroke.
+    period
+        T [s].
+    """
+
+    amplitude: float
+    period: float
+
+    def derivative(self, t: Any, order: int) -> Any:
+        """Return a omega^order sin(omega t + order pi / 2)."""
+        omega = 2.0 * np.pi / self.period
+        return self.amplitude * omega**order * np.sin(np.multiply(omega, t) + order * np.pi / 2.0)

@@ -1,0 +1,57 @@
+"""Progress of a run: a bar in a terminal, plain lines elsewhere."""
+
+import time
+from collections.abc import Callable
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from wavetank.observers.contract import Moment
+from wavetank.observers.schedule import EverySteps
+
+
+class ProgressBar:
+    """Simulated time, wall time left and what a step costs; on rank 0 only.
+
+    Parameters
+    ----------
+    duration
+        Simulated time of the whole run [s].
+    cost
+        Returns (interior solves, iterations of them) so far.
+    """
+
+    plain_lines = 20  # at most, in a run without a terminal
+
+    def __init__(self, duration: float, cost: Callable[[], tuple[int, int]], *, console: Console):
+        self.schedule = EverySteps()
+        self._duration, self._cost, self._console = duration, cost, console
+        self._began, self._reported = time.monotonic(), 0.0
+        self._bar = Progress(
+            TextColumn("t = {task.completed:.2f} / {task.total:g} s"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeRemainingColumn(),
+            TextColumn("{task.description}"),
+            console=console,
+            disable=not console.is_terminal,
+        )
+        self._task = self._bar.add_task("", total=duration)
+
+    def __enter__(self) -> "ProgressBar":
+        self._bar.start()
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._bar.stop()
+
+    def observe(self, moment: Moment) -> None:
+        """Show the moment."""
+        solves, iterations = self._cost()
+        per_step = f"{solves / max(1, moment.step):.1f} solves, {iterations / max(1, moment.step):.1f} iterations a step"
+        self._bar.update(self._task, completed=min(moment.t, self._duration), description=per_step)
+        if not self._console.is_terminal and moment.t >= self._reported + self._duration / self.plain_lines:
+            self._reported = moment.t
+            elapsed = time.monotonic() - self._began
+            left = elapsed * (self._duration / moment.t - 1.0)
+            self._console.print(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {per_step}", highlight=False)

@@ -1,0 +1,1 @@
+"""Exact and independent solutions, in numpy alone."""

@@ -1,0 +1,108 @@
+"""The interior potential: phi minimises the kinetic energy (and the wall's term) for a given surface potential.
+
+    A_II(h) phi_I = -A_In psi - w_I
+
+by conjugate gradients on the Kronecker operator, preconditioned by the vertical modes: only terms with the slope of the
+surface are left out of the preconditioner, so a few iterations suffice (mathematics, section 4).
+"""
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+from wavetank.errors import ConvergenceError
+from wavetank.fe.kronecker import KroneckerOperator
+from wavetank.fe.modes import DecoupledModes, choose_factorisation
+from wavetank.fe.plane import Field, Plane
+from wavetank.fe.recall import Recall
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.hamiltonian.contract import Vector
+
+
+@dataclass
+class SolveCounters:
+    """What the interior solves cost."""
+
+    solves: int = 0
+    iterations: int = 0
+    factorisations: int = 0
+
+
+class InteriorPotential:
+    """Solves for the interior potential phi_I in the modal basis.
+
+    Parameters
+    ----------
+    operator
+        A(h).
+    phi
+        The layered field that holds the solution, the surface potential in its last column.
+    tolerance
+        Relative tolerance of the residual in the preconditioner's energy norm.
+    """
+
+    patience = 2  # iterations above those of a fresh preconditioner before it is renewed
+
+    def __init__(
+        self, operator: KroneckerOperator, phi: Field, *, plane: Plane, vertical: VerticalBasis, tolerance: float
+    ):
+        self.counters = SolveCounters()
+        self._operator, self._phi, self._n = operator, phi, vertical.n
+        self._modes = DecoupledModes(operator, vertical.eigenvalues, plane)
+        self._argument = plane.layered_function(vertical.n, "interior argument")
+        self._recall = Recall(plane.comm)
+        self._fresh_iterations: int | None = None
+        self._ksp = self._solver(plane, tolerance)
+        self._right, self._solution = self._modes.matrix.createVecs()
+
+    def _solver(self, plane: Plane, tolerance: float) -> PETSc.KSP:
+        shell = PETSc.Mat().createPython(self._modes.matrix.getSizes(), context=self, comm=plane.comm)
+        shell.setUp()
+        ksp = PETSc.KSP().create(plane.comm)
+        ksp.setOperators(shell, self._modes.matrix)
+        ksp.setType("cg")
+        ksp.setNormType(PETSc.KSP.NormType.NATURAL)
+        ksp.setTolerances(rtol=tolerance, atol=1e-50, divtol=1e30, max_it=500)
+        ksp.setInitialGuessNonzero(True)
+        choose_factorisation(ksp.getPC(), plane)
+        return ksp
+
+    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Apply A_II: what PETSc calls for the shell matrix."""
+        self._argument.set(x.array_r.reshape(-1, self._n))
+        y.array = self._operator.apply_interior(self._argument.rows).ravel()
+
+    def solve(self, wall: Vector, inputs: Vector) -> None:
+        """Set phi_I for the surface potential in phi, the operator as assembled and the wall's vector; collective.
+
+        ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is the vector of everything the solution depends on, scaled alike,
+        from which a start value is found among earlier solves. Raises ``ConvergenceError``.
+        """
+        phi, n = self._phi, self._n
+        start = self._recall.guess(inputs)
+        phi.rows[:, :n] = 0.0
+        right = -self._operator.apply(phi.rows)[:, :n] - wall[:, :n]
+        self._right.array = right.ravel()
+        self._solution.array = 0.0 if start is None else start.ravel()
+        self._iterate()
+        phi.owned[:, :n] = self._solution.array_r.reshape(-1, n)
+        phi.function.x.scatter_forward()
+        self._recall.record(inputs, phi.owned[:, :n])
+
+    def _iterate(self) -> None:
+        if self._fresh_iterations is None:
+            self._modes.assemble(self._operator.still("u"), self._operator.still("w"))
+            self.counters.factorisations += 1
+        self._ksp.solve(self._right, self._solution)
+        iterations = self._ksp.getIterationNumber()
+        self.counters.solves += 1
+        self.counters.iterations += iterations
+        if self._ksp.getConvergedReason() < 0:
+            raise ConvergenceError(
+                f"the interior potential did not converge in {iterations} iterations (residual "
+                f"{self._ksp.getResidualNorm():.3g}); the surface is too steep for the mesh, or breaking"
+            )
+        if self._fresh_iterations is None:
+            self._fresh_iterations = iterations
+        elif iterations > self._fresh_iterations + self.patience:
+            self._fresh_iterations = None

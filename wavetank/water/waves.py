@@ -1,0 +1,281 @@
+"""Nonlinear water waves in a tank as a Hamiltonian system (mathematics, section 2).
+
+    L = int psi d_t Q dX - H(Q, psi, t),     Q = M_J h the column mass (coordinate), psi the surface potential (momentum)
+
+so that dQ/dt = H_psi and dpsi/dt = -M_J^-1 H_h. At the interior potential of a state every derivative is a partial
+derivative of the one discrete functional K(phi, h) + V(h) + W(phi, h; t), because phi makes it stationary.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from wavetank.errors import ConvergenceError, RunError
+from wavetank.fe.forms import ScalarForm, VectorForm
+from wavetank.fe.kronecker import KroneckerOperator
+from wavetank.fe.mass import MassMatrix
+from wavetank.fe.modes import DecoupledModes, ModeSolver
+from wavetank.fe.plane import Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
+from wavetank.water.energy import WaterEnergy
+from wavetank.water.potential import InteriorPotential
+from wavetank.water.wall_forms import wall_forms
+from wavetank.water.walls import Wall
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Relative tolerances of the solves within a step.
+
+    Attributes
+    ----------
+    stage
+        Of an implicit stage: root mean square error relative to that of the solution.
+    interior
+        Of an interior potential: residual in the energy norm, relative to the right-hand side.
+    """
+
+    stage: float = 1e-9
+    interior: float = 1e-10
+
+
+@dataclass(frozen=True)
+class Energies:
+    """The parts of the Hamiltonian at one state, per unit of density and width [m^4/s²]; the wall's is not energy."""
+
+    kinetic: float
+    potential: float
+    wall: float
+
+    @property
+    def total(self) -> float:
+        """Kinetic and potential energy together."""
+        return self.kinetic + self.potential
+
+
+class NonlinearWaves:
+    """The tank with its water: a ``HamiltonianSystem`` with q = Q and p = psi.
+
+    Parameters
+    ----------
+    plane
+        The horizontal space.
+    depth
+        Still-water depth d [m].
+    gravity
+        [m/s²].
+    wall
+        The wall at x = 0.
+    vertical_order
+        n.
+    tolerances
+        Of the solves.
+    """
+
+    def __init__(
+        self,
+        plane: Plane,
+        *,
+        depth: float,
+        wall: Wall,
+        vertical_order: int,
+        gravity: float = 9.81,
+        tolerances: Tolerances | None = None,
+    ):
+        tolerances = tolerances or Tolerances()
+        self.plane, self.wall, self.depth, self.gravity = plane, wall, depth, gravity
+        self.vertical = VerticalBasis(vertical_order)
+        self.h = plane.function("water column")
+        self.phi = plane.layered_function(vertical_order + 1, "potential")
+        self.h.function.x.array[:] = depth
+        constant = [fem.Constant(plane.mesh, value) for value in (depth, gravity)]
+        energy = WaterEnergy(self.h.function, *constant, wall=wall)
+        self.mass = MassMatrix(plane, wall.J)
+        self.operator = KroneckerOperator(energy.layer, plane, self.vertical)
+        self.operator.assemble()
+        self.still_matrices = self.operator.still("u"), self.operator.still("w")
+        self.potential = InteriorPotential(
+            self.operator, self.phi, plane=plane, vertical=self.vertical, tolerance=tolerances.interior
+        )
+        self._compile(energy)
+        self._q = self._p = np.full(plane.owned, np.nan)
+        self._t = np.nan
+        self._set_up_stages(tolerances)
+
+    # ------------------------------------------------------------------------------------------ forms
+    def _compile(self, energy: WaterEnergy) -> None:
+        dx, phi, h = self.plane.dx, self.phi.function, self.h.function
+        self._gravity_energy = ScalarForm(energy.potential() * dx, self.plane.comm)
+        total = (energy.kinetic(phi, self.vertical) + energy.potential()) * dx
+        self._wall_forms = wall_forms(self.wall, energy, self.phi, plane=self.plane, vertical=self.vertical)
+        for form in self._wall_forms.hamiltonian:
+            total += form
+        self._h_derivative = VectorForm(ufl.derivative(total, h))
+
+    # ------------------------------------------------------------------------------------------ the state's flow
+    def evaluate(self, q: Vector, p: Vector, t: float) -> None:
+        """Find water column and potential of a state, unless it is the one last evaluated; collective."""
+        known = t == self._t and np.array_equal(q, self._q) and np.array_equal(p, self._p)
+        if self.plane.comm.allreduce(int(not known)) == 0:
+            return
+        if self.wall.set_time(t):
+            self.mass.update()
+        self.h.set(self.mass.solve(q))
+        self._check_column(t)
+        self.phi.owned[:, -1] = p
+        self.phi.function.x.scatter_forward()
+        self.operator.assemble()
+        wall = self._wall_forms.vector()
+        try:
+            self.potential.solve(wall, self._inputs(p))
+        except ConvergenceError as error:
+            raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
+        self._flux = self.operator.apply(self.phi.rows)
+        self._H_p = self._flux[:, -1] + wall[:, -1]
+        self._q, self._p, self._t = q.copy(), p.copy(), t
+
+    def _inputs(self, p: Vector) -> Vector:
+        speed = np.sqrt(self.gravity * self.depth)
+        wall = self.wall.velocity / speed * np.sqrt(self.plane.owned) * self.depth
+        return np.concatenate([self.h.owned - self.depth, p / speed, [wall]])
+
+    def _check_column(self, t: float) -> None:
+        lowest = self.plane.comm.allreduce(float(np.min(self.h.owned, initial=np.inf)), op=MPI.MIN)
+        if not lowest > 0.0:
+            what = "the surface reaches the bed" if lowest <= 0.0 else "the surface is no longer a number"
+            raise RunError(f"t = {t:.6g} s: {what} (lowest water column {lowest:.3g} m); the waves are too steep, or break")
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
+        self.evaluate(q, p, t)
+        return self._H_p
+
+    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,); collective."""
+        self.evaluate(q, p, t)
+        return self.mass.solve(self._h_derivative.assemble())
+
+    def energies(self, q: Vector, p: Vector, t: float) -> Energies:
+        """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
+        self.evaluate(q, p, t)
+        kinetic = 0.5 * self.plane.sum(self.phi.owned * self._flux)
+        return Energies(kinetic, self._gravity_energy.assemble(), self._wall_forms.energy())
+
+    def energy(self, q: Vector, p: Vector, t: float) -> float:
+        """Return H(Q, psi, t), the wall's terms included; collective."""
+        parts = self.energies(q, p, t)
+        return parts.total + parts.wall
+
+    def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
+        """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
+        self.evaluate(q, p, t)
+        return self._wall_forms.explicit_rate(lambda: self.H_q(q, p, t), t)
+
+    # ------------------------------------------------------------------------------------------ states
+    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
+        """Return (Q, psi) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
+        if self.wall.set_time(t):
+            self.mass.update()
+        return self.mass.apply(self.depth + eta), np.array(psi, dtype=float)
+
+    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+        self.evaluate(q, p, t)
+        return self.h.owned - self.depth
+
+    def total_mass(self, q: Vector) -> float:
+        """Return the water's volume per width [m²]; collective."""
+        return self.plane.sum(q)
+
+    # ------------------------------------------------------------------------------------------ stages and frequencies
+    def _set_up_stages(self, tolerances: Tolerances) -> None:
+        diagonal = self.mass.diagonal()
+        column = diagonal * self.plane.sum(self.mass.apply(np.ones(self.plane.owned))) / self.plane.sum(diagonal)
+        speed = np.full(self.plane.owned, np.sqrt(self.gravity * self.depth))
+        coordinate, momentum = (
+            SnesStageSolver(self.plane.comm, scale, tolerance=tolerances.stage, diagnose=self._diagnose)
+            for scale in (column, speed)
+        )
+        pair = SnesStageSolver(
+            self.plane.comm,
+            np.concatenate([column, speed]),
+            tolerance=tolerances.stage,
+            precondition=StillWaterWaves(self),
+            diagnose=self._diagnose,
+        )
+        self.stages = SnesStages(coordinate, momentum, pair)
+
+    def _diagnose(self, stage: Stage) -> str:
+        product = abs(stage.dt) * self.largest_frequency
+        cause = "the step is too large for this mesh" if product > 2.0 else "the waves are too steep, or breaking"
+        return f"dt omega_max = {product:.3g}: {cause}"
+
+    @cached_property
+    def largest_frequency(self) -> float:
+        """The largest angular frequency the mesh carries on still water [rad/s], by Lanczos iteration; collective."""
+        still = self.mass.apply(np.full(self.plane.owned, self.depth))
+        rest = self.H_p(still, np.zeros(self.plane.owned), 0.0)
+
+        def surface_operator(psi: Vector) -> Vector:
+            return self.mass.solve(self.H_p(still, psi, 0.0) - rest)
+
+        start = np.sin(1e5 * self.plane.coordinates().sum(axis=1))
+        largest = largest_eigenvalue(surface_operator, start, inner=lambda a, b: self.plane.sum(a * self.mass.apply(b)))
+        return float(np.sqrt(self.gravity * largest))
+
+
+class StillWaterWaves:
+    """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): the linear waves on still water.
+
+    Eliminating Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G; with the
+    interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
+    """
+
+    def __init__(self, waves: NonlinearWaves):
+        self._waves, self._still = waves, waves.still_matrices
+        self._solvers: dict[float, tuple[ModeSolver, Vector]] = {}
+
+    def _solver(self, weight: float) -> tuple[ModeSolver, Vector]:
+        key = round(abs(weight), 12)
+        if key not in self._solvers:
+            waves = self._waves
+            eigenvalues, modes = waves.vertical.robin_modes(waves.depth / (weight**2 * waves.gravity))
+            solver = ModeSolver(DecoupledModes(waves.operator, eigenvalues, waves.plane), *self._still, waves.plane)
+            self._solvers[key] = solver, modes[-1]
+        return self._solvers[key]
+
+    def __call__(self, stage: Stage, residual: Vector) -> Vector:
+        """Return the preconditioned residual, shape (2 owned,); collective."""
+        a, g, mass = stage.weight, self._waves.gravity, self._waves.mass
+        r_q, r_psi = np.split(residual, 2)
+        solver, surface = self._solver(a)
+        right = mass.apply(r_psi) / (a**2 * g) - r_q / a
+        psi = solver.solve(np.outer(right, surface)) @ surface
+        return np.concatenate([mass.apply(r_psi - psi) / (a * g), psi])
+
+
+def largest_eigenvalue(
+    operator: Callable[[Vector], Vector], start: Vector, *, inner: Callable[[Vector, Vector], float], steps: int = 40
+) -> float:
+    """Return the largest eigenvalue of an operator self-adjoint in ``inner``, by Lanczos iteration; collective."""
+    basis = [start / np.sqrt(inner(start, start))]
+    projected = np.zeros((steps, steps))
+    for k in range(steps):
+        image = operator(basis[k])
+        for j, vector in enumerate(basis):
+            projected[j, k] = inner(vector, image)
+            image = image - projected[j, k] * vector
+        length = np.sqrt(inner(image, image))
+        if k + 1 == steps or length < 1e-10 * abs(projected[k, k]):
+            break
+        basis.append(image / length)
+    size = len(basis)
+    symmetric = 0.5 * (projected + projected.T)[:size, :size]
+    return float(np.linalg.eigvalsh(symmetric)[-1])
