@@ -66,7 +66,7 @@ def test_stepping_back_returns_to_the_start(make_tank, name):
 @pytest.mark.parametrize("name", SCHEMES)
 def test_energy_of_a_steep_standing_wave_does_not_drift(make_tank, name):
     """Symplecticity: the error oscillates, its mean over the last periods is that of the first ones."""
-    drift, spread = energy_drift(make_tank, name, periods=40)
+    drift, spread = energy_drift(make_tank, name, periods=25)
     assert abs(drift) < 0.05 * spread + 1e-9
 
 
@@ -79,9 +79,9 @@ def test_energy_of_a_steep_standing_wave_does_not_drift_in_1000_periods(make_tan
 
 def energy_drift(make_tank, name, *, periods):
     """Return the change of the mean relative energy error from the first to the last eighth, and its spread."""
-    tank = make_tank(length=2.0, cells=6, n=4, tolerance=1e-11)
+    tank = make_tank(length=2.0, cells=4, n=4, tolerance=1e-11)
     x = tank.plane.coordinates()[:, 0]
-    scheme, per_period = INTEGRATORS[name](), 24
+    scheme, per_period = INTEGRATORS[name](), 48
     dt = 2 * np.pi / 3.8 / per_period
     state = scheme.start(*tank.state(0.1 * np.cos(np.pi * x / 2.0), 0 * x))  # k a = 0.157
     start, errors = tank.energy(state.q, state.p, 0.0), []

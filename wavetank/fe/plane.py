@@ -39,12 +39,12 @@ class Plane:
         """Return a new scalar field, zero everywhere."""
         return Field(fem.Function(self.V, name=name))
 
-    def layered_function(self, components: int, name: str) -> "Field":
+    def layered_function(self, components: int, name: str) -> "LayeredField":
         """Return a field of ``components`` values per degree of freedom, numbered as V is."""
         space = fem.functionspace(self.mesh, ("Lagrange", self.order, (components,)))
         if not np.array_equal(space.dofmap.list, self.V.dofmap.list):
             raise RuntimeError("dolfinx numbers blocked and scalar Lagrange spaces differently on this mesh")
-        return Field(fem.Function(space, name=name))
+        return LayeredField(fem.Function(space, name=name))
 
     def coordinates(self) -> Vector:
         """Return the owned degrees of freedom's coordinates [m], shape (owned, 3)."""
@@ -72,9 +72,8 @@ class Field:
 
     @property
     def owned(self) -> Vector:
-        """The values this rank owns, shape (owned,) or (owned, components); a view."""
-        rows = self.rows[: self._owned]
-        return rows[:, 0] if self._bs == 1 else rows
+        """The values this rank owns, shape (owned,); a view."""
+        return self.rows[: self._owned, 0]
 
     def set(self, owned: Vector) -> None:
         """Take over the owned values and fetch the ghosts; collective."""
@@ -82,6 +81,11 @@ class Field:
         self.function.x.scatter_forward()
 
 
-def as_ufl(field: Field) -> Any:
-    """Return the field for use in a form."""
-    return field.function
+
+class LayeredField(Field):
+    """A field of several values per degree of freedom."""
+
+    @property
+    def owned(self) -> Vector:
+        """The values this rank owns, shape (owned, components); a view."""
+        return self.rows[: self._owned]

@@ -49,9 +49,9 @@ class SnesStageSolver:
     scale
         What one unit of the scaled unknowns is, per owned unknown, shape (n,).
     tolerance
-        Largest root mean square of the preconditioned, scaled residual, relative to that of the solution.
+        Largest root mean square of the preconditioned, scaled residual, relative to the largest solution so far.
     floor
-        Root mean square below which the solution counts as zero [scaled units].
+        Root mean square below which a solution counts as zero [scaled units].
     precondition
         Approximate inverse of the stage's derivative.
     diagnose
@@ -66,7 +66,7 @@ class SnesStageSolver:
         scale: Vector,
         *,
         tolerance: float,
-        floor: float = 1e-10,
+        floor: float = 1e-6,
         precondition: Preconditioner = identity,
         diagnose: Callable[[Stage], str] = no_diagnosis,
     ):
@@ -75,6 +75,7 @@ class SnesStageSolver:
         self._tolerance, self._floor = tolerance, floor
         self._precondition, self._diagnose = precondition, diagnose
         self._extrapolations: dict[str, Extrapolation] = {}
+        self._largest: dict[str, float] = {}
         self._x = PETSc.Vec().createMPI((scale.size, None), comm=comm)
         self._size = self._x.getSize()
         self._anderson = self._snes("anderson")
@@ -117,7 +118,8 @@ class SnesStageSolver:
         predicted = earlier.predict(stage.t, stage.dt)
         guess = start if predicted is None else predicted
         self._stage, self._residual = stage, residual
-        target = self._tolerance * max(self._rms(guess), self._floor) * np.sqrt(self._size)
+        self._largest[stage.name] = max(self._rms(guess), self._largest.get(stage.name, self._floor))
+        target = self._tolerance * self._largest[stage.name] * np.sqrt(self._size)
         self.counters.solves += 1
         if not self._run(self._anderson, guess, target):
             self.counters.newton_solves += 1

@@ -34,14 +34,15 @@ class Extrapolation:
         self._norm = norm
         self._times: deque[float] = deque(maxlen=most)
         self._values: deque[Vector] = deque(maxlen=most)
+        self._dt = np.nan
         self._count = 0  # values that take part in the next prediction
 
     def predict(self, t: float, dt: float) -> Vector | None:
         """Return the value expected at t [s], or None if the earlier values do not lead there in steps of dt."""
-        if not self._times or abs(t - self._times[-1] - dt) > 1e-6 * abs(dt):
+        if not self._times or dt != self._dt or abs(t - self._times[-1] - dt) > 1e-6 * abs(dt):
             self._times.clear()
             self._values.clear()
-            self._count = 0
+            self._count, self._dt = 0, dt
             return None
         return self._combine(self._count, t)
 

@@ -13,7 +13,7 @@ from petsc4py import PETSc
 from wavetank.errors import ConvergenceError
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.modes import DecoupledModes, choose_factorisation
-from wavetank.fe.plane import Field, Plane
+from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.recall import Recall
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Vector
@@ -44,7 +44,7 @@ class InteriorPotential:
     patience = 2  # iterations above those of a fresh preconditioner before it is renewed
 
     def __init__(
-        self, operator: KroneckerOperator, phi: Field, *, plane: Plane, vertical: VerticalBasis, tolerance: float
+        self, operator: KroneckerOperator, phi: LayeredField, *, plane: Plane, vertical: VerticalBasis, tolerance: float
     ):
         self.counters = SolveCounters()
         self._operator, self._phi, self._n = operator, phi, vertical.n

@@ -16,7 +16,7 @@ import numpy as np
 import ufl
 
 from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.plane import Field, Plane
+from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.energy import WaterEnergy
@@ -67,7 +67,7 @@ class StandingWallForms:
 class PistonForms:
     """The terms of a moving piston; see the module's formulae."""
 
-    def __init__(self, wall: Piston, energy: WaterEnergy, phi: Field, *, plane: Plane, vertical: VerticalBasis):
+    def __init__(self, wall: Piston, energy: WaterEnergy, phi: LayeredField, *, plane: Plane, vertical: VerticalBasis):
         self._wall, self._components = wall, vertical.n + 1
         flux = wall.flux(phi.function[vertical.n], energy.h, energy.wall_flux(phi.function, vertical))
         density = energy.kinetic(phi.function, vertical) + energy.potential()
@@ -92,7 +92,7 @@ class PistonForms:
         return self._wall.velocity * self._force.assemble() + self._wall.motion.acceleration(t) * self._flux.assemble()
 
 
-def wall_forms(wall: Wall, energy: WaterEnergy, phi: Field, *, plane: Plane, vertical: VerticalBasis) -> WallForms:
+def wall_forms(wall: Wall, energy: WaterEnergy, phi: LayeredField, *, plane: Plane, vertical: VerticalBasis) -> WallForms:
     """Return the forms that belong to a wall."""
     if isinstance(wall, Piston):
         return PistonForms(wall, energy, phi, plane=plane, vertical=vertical)

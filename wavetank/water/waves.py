@@ -277,5 +277,4 @@ def largest_eigenvalue(
             break
         basis.append(image / length)
     size = len(basis)
-    symmetric = 0.5 * (projected + projected.T)[:size, :size]
-    return float(np.linalg.eigvalsh(symmetric)[-1])
+    return float(np.linalg.eigvalsh(projected[:size, :size], UPLO="U")[-1])
