@@ -1,15 +1,18 @@
 """Gauges against measurements, or against another computation.
 
-Per gauge, over the times both have, with the reference's times as the base:
+Per gauge, over the times both have, with the reference's times as the base and a cubic spline through the computed:
 
     nrms        rms(computed - reference) / rms(reference)
-    nrms_fitted the same after one gain and one time shift, computed(t - shift) * gain, fitted by least squares
+    nrms_fitted the same for gain * computed(t - shift), the gain and the shift fitted by least squares
+    correlation of computed and reference, without shift
+    crests      the largest elevation of either: of the spline, and among the reference's samples
 """
 
 import csv
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +23,7 @@ from scipy.optimize import minimize_scalar
 from wavetank.errors import InputError
 from wavetank.series import GaugeSeries
 
-LARGEST_SHIFT = 1.0  # s
+LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
 
 COLUMNS = (
     "gauge",
@@ -35,6 +38,9 @@ COLUMNS = (
     "crest_reference [m]",
     "t_crest_reference [s]",
 )
+
+
+MATCH = 1e-3  # m; two gauges nearer than that are one
 
 
 @dataclass(frozen=True)
@@ -54,17 +60,31 @@ class GaugeComparison:
     t_crest_reference: float
 
 
-def compare(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[GaugeComparison]:
-    """Return a comparison for each gauge that both have, within 1 mm of x; raises ``InputError`` if there is none."""
-    pairs = [(one, other) for other in reference for one in computed if abs(one.x - other.x) < 1e-3]
+def matched(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[tuple[GaugeSeries, GaugeSeries]]:
+    """Return (computed, reference) for each gauge that both have, within 1 mm of x, in the reference's order.
+
+    Raises ``InputError`` if there is none.
+    """
+    pairs = [(one, other) for other in reference for one in computed if abs(one.x - other.x) < MATCH]
     if not pairs:
-        have, want = (", ".join(f"{series.x:g}" for series in group) for group in (computed, reference))
-        raise InputError(f"no gauge in common: the run has x = {have or 'none'} m, the reference x = {want or 'none'} m.")
-    return [compare_gauge(one, other) for one, other in pairs]
+        have, want = (", ".join(f"{series.x:g}" for series in group) or "none" for group in (computed, reference))
+        raise InputError(f"no gauge in common: the run has x = {have} m, the reference x = {want} m.")
+    return pairs
+
+
+def compare(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[GaugeComparison]:
+    """Return a comparison for each gauge that both have, in the reference's order.
+
+    Raises ``InputError`` if they have no gauge in common, or as ``compare_gauge`` does.
+    """
+    return [compare_gauge(one, other) for one, other in matched(computed, reference)]
 
 
 def compare_gauge(computed: GaugeSeries, reference: GaugeSeries) -> GaugeComparison:
-    """Return the comparison at one gauge; raises ``InputError`` if the records do not overlap in time."""
+    """Return the comparison at one gauge.
+
+    Raises ``InputError`` if the records share fewer than 4 of the reference's times, or if the reference is zero there.
+    """
     if computed.t.size < 4:
         raise InputError(f"gauge {computed.name}: {computed.t.size} rows computed; at least 4 are needed to compare.")
     common = (reference.t >= computed.t[0]) & (reference.t <= computed.t[-1])
@@ -72,46 +92,61 @@ def compare_gauge(computed: GaugeSeries, reference: GaugeSeries) -> GaugeCompari
     if t.size < 4 or not np.any(eta):
         raise InputError(f"gauge {computed.name}: the records do not overlap in time, or the reference is zero there.")
     spline = CubicSpline(computed.t, computed.eta)
-    size = np.sqrt(np.mean(eta**2))
-    shift, gain, misfit = _fit(spline, computed, t, eta)
+    shift, fit = _fit(spline, t, eta)
     fine = np.linspace(t[0], t[-1], 8 * t.size)
-    crest = int(np.argmax(spline(fine)))
-    peak = int(np.argmax(eta))
+    crest, peak = int(np.argmax(spline(fine))), int(np.argmax(eta))
     return GaugeComparison(
-        reference.name,
-        reference.x,
-        float(np.sqrt(np.mean((spline(t) - eta) ** 2)) / size),
-        misfit / float(size),
-        gain,
-        shift,
-        float(np.corrcoef(spline(t), eta)[0, 1]),
-        float(spline(fine[crest])),
-        float(fine[crest]),
-        float(eta[peak]),
-        float(t[peak]),
+        gauge=reference.name,
+        x=reference.x,
+        nrms=_rms(spline(t) - eta) / _rms(eta),
+        nrms_fitted=fit.nrms,
+        gain=fit.gain,
+        shift=shift,
+        correlation=_correlation(spline(t), eta),
+        crest_computed=float(spline(fine[crest])),
+        t_crest_computed=float(fine[crest]),
+        crest_reference=float(eta[peak]),
+        t_crest_reference=float(t[peak]),
     )
 
 
-def _fit(
-    spline: CubicSpline, computed: GaugeSeries, t: NDArray[np.float64], eta: NDArray[np.float64]
-) -> tuple[float, float, float]:
-    """Return shift [s], gain and rms misfit [m] of the best gain * computed(t - shift)."""
+class _Fit(NamedTuple):
+    """The best gain at one shift, and what misfit it leaves."""
 
-    def misfit(shift: float) -> tuple[float, float]:
-        moved = spline(np.clip(t - shift, computed.t[0], computed.t[-1]))
-        gain = float(moved @ eta / max(moved @ moved, np.finfo(float).tiny))
-        return float(np.sqrt(np.mean((gain * moved - eta) ** 2))), gain
+    nrms: float
+    gain: float
 
-    scan = np.linspace(-LARGEST_SHIFT, LARGEST_SHIFT, 201)
-    best = scan[int(np.argmin([misfit(shift)[0] for shift in scan]))]
-    step = scan[1] - scan[0]
-    shift = float(
-        minimize_scalar(
-            lambda s: misfit(s)[0], bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-6}
-        ).x
-    )
-    value, gain = misfit(shift)
-    return shift, gain, value
+
+def _fit(spline: CubicSpline, t: NDArray[np.float64], eta: NDArray[np.float64]) -> tuple[float, _Fit]:
+    """Return the shift [s] of the best gain * computed(t - shift), and that fit.
+
+    A scan finds the right one of the many minima, one a wave period; each shift is judged on the times at which the
+    shifted record is there.
+    """
+
+    def at(shift: float) -> _Fit:
+        there = (t - shift >= spline.x[0]) & (t - shift <= spline.x[-1])
+        moved, kept = spline(t[there] - shift), eta[there]
+        gain = float(moved @ kept / max(moved @ moved, np.finfo(float).tiny))
+        return _Fit(_rms(gain * moved - kept) / max(_rms(kept), np.finfo(float).tiny), gain)
+
+    reach = min(LARGEST_SHIFT, 0.25 * (t[-1] - t[0]))  # of a short record, most must remain
+    scan, step = np.linspace(-reach, reach, 201, retstep=True)
+    start = float(min(scan, key=lambda shift: at(shift).nrms))
+    bounds = (max(-reach, start - step), min(reach, start + step))
+    refined = minimize_scalar(lambda s: at(s).nrms, bounds=bounds, method="bounded", options={"xatol": 1e-6})
+    shift = float(min((start, refined.x), key=lambda shift: at(shift).nrms))
+    return shift, at(shift)
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return the correlation coefficient; 0 where one does not vary."""
+    one, other = one - one.mean(), other - other.mean()
+    return float(one @ other / max(np.linalg.norm(one) * np.linalg.norm(other), np.finfo(float).tiny))
 
 
 def write_comparison(path: Path, comparisons: Sequence[GaugeComparison]) -> None:

@@ -1,20 +1,21 @@
 """Pictures of a run: the surface, the gauges, the energy budget, and the comparison with measurements."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-import matplotlib
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
-from postprocess.compare import compare_gauge
+from postprocess.compare import MATCH, compare_gauge, matched
+from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory, Surface
 from wavetank.series import GaugeSeries
-
-matplotlib.use("Agg")
-
-from matplotlib import pyplot as plt  # noqa: E402  the backend first: there may be no display
 
 STYLE = {
     "font.size": 10,
@@ -22,154 +23,279 @@ STYLE = {
     "grid.alpha": 0.25,
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "figure.constrained_layout.use": True,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
     "savefig.dpi": 130,
 }
-MEASURED, COMPUTED, PUBLISHED = "#222222", "#0072b2", "#e69f00"  # distinct also to colour-blind eyes
-WATER, BED = "#9ecae1", "#8c6d46"
-SKY = "#f7fbff"
+# colours that colour-blind eyes tell apart (Okabe and Ito), on grey for the measurement
+MEASURED, COMPUTED, PUBLISHED = "#9a9a9a", "#0072b2", "#d55e00"
+KINETIC, POTENTIAL, TOTAL, WORK = "#d55e00", "#009e73", "#8cc5e8", "#222222"
+BEFORE, CREST, AFTER, PADDLE = "#e69f00", "#0b2d5c", "#a0417f", "#222222"
+WATER = LinearSegmentedColormap.from_list("water", ["#0b2d5c", "#2f7ab9", "#a8d3ee"])
+SKY = "#f4f9fd"
 FOCUS = 4.0  # s shown on either side of the largest crest
+CM = 100.0  # elevations are drawn in centimetres
+FLAT = 1e-3  # cm; smaller waves are drawn as still water
 
 
-def _save(figure: Any, path: Path) -> Path:
-    figure.savefig(path)
-    plt.close(figure)
-    return path
+@contextmanager
+def _picture(path: Path, width: float, height: float) -> Iterator[Figure]:
+    """Give an empty figure of that size [inch], saved to ``path`` at the end; needs no display."""
+    with rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        figure.savefig(path)
 
 
 # ---------------------------------------------------------------- the surface
-def surface_figure(surface: Surface, path: Path, *, title: str = "", depth: float = 1.0) -> Path:
-    """Draw the highest crest, the surface before and after it, and all snapshots in the (x, t) plane."""
-    with plt.rc_context(STYLE):
-        figure, (profile, diagram) = plt.subplots(2, 1, figsize=(10, 8), height_ratios=(1, 1.35), sharex=True)
-        _draw_profile(profile, surface, depth)
+def surface_figure(surface: Surface, path: Path, *, title: str = "") -> Path:
+    """Draw the highest crest, with the wave just before and after it, above all snapshots in the (x, t) plane.
+
+    Where a paddle moves, its position stands beside the (x, t) plane. Returns ``path``; raises ``InputError`` if there
+    are fewer than two snapshots.
+    """
+    if surface.t.size < 2:
+        raise InputError(f"{path}: {surface.t.size} snapshots of the surface received; at least 2 are needed to draw.")
+    moving = bool(np.ptp(surface.x[:, 0]))
+    with _picture(path, 11, 8.6) as figure:
+        grid = figure.add_gridspec(2, 2 if moving else 1, height_ratios=(1, 1.5), width_ratios=(1, 11)[-1 - moving :])
+        diagram = figure.add_subplot(grid[1, -1])
+        profile = figure.add_subplot(grid[0, -1], sharex=diagram)
         _draw_diagram(figure, diagram, surface)
-        figure.suptitle(title or "Surface elevation", fontsize=13)
-        return _save(figure, path)
+        _draw_profile(profile, surface)
+        if moving:
+            _draw_paddle(figure.add_subplot(grid[1, 0], sharey=diagram), diagram, surface)
+        else:
+            diagram.set_ylabel("time [s]")
+        figure.suptitle(title or "Surface elevation", fontsize=14)
+        figure.draw_without_rendering()  # the panel's size, hence its exaggeration, is known only now
+        profile.set_title(f"vertical exaggeration {_exaggeration(profile):g}", loc="right", fontsize=9, color="#555555")
+    return path
 
 
-def _draw_profile(axes: Any, surface: Surface, depth: float) -> None:
-    crest = int(np.argmax(surface.eta.max(axis=1)))
-    x, eta = surface.x[crest], 100 * surface.eta[crest]
-    largest = max(float(np.abs(eta).max()), 1e-6)
+def _highest_crest(surface: Surface) -> tuple[int, int]:
+    """Return (snapshot, point) of the largest elevation."""
+    snapshot, point = np.unravel_index(np.argmax(surface.eta), surface.eta.shape)
+    return int(snapshot), int(point)
+
+
+def _half_period(surface: Surface) -> int:
+    """Return half a wave period in snapshots, at least one: twice the time the highest crest takes to sink to 0."""
+    snapshot, point = _highest_crest(surface)
+    sunk = np.flatnonzero(surface.eta[snapshot:, point] < 0)
+    return max(1, 2 * int(sunk[0]) - 1) if sunk.size else 1
+
+
+def _draw_profile(axes: Axes, surface: Surface) -> None:
+    crest, top = _highest_crest(surface)
+    x, eta = surface.x[crest], CM * surface.eta[crest]
+    largest = max(float(np.abs(eta).max()), FLAT)
+    limits = (-1.9 * largest, 1.55 * largest)
     axes.set_facecolor(SKY)
-    axes.fill_between(x, eta, -2.2 * largest, color=WATER, lw=0)
-    for shift, alpha in ((-2, 0.35), (-1, 0.6), (1, 0.6), (2, 0.35)):
-        other = crest + shift * max(1, len(surface.t) // 100)
-        if 0 <= other < len(surface.t):
-            style = "--" if shift < 0 else ":"
-            label = f"t = {surface.t[other]:.2f} s"
-            axes.plot(surface.x[other], 100 * surface.eta[other], style, color="#08519c", lw=1, alpha=alpha, label=label)
-    axes.plot(x, eta, color="#08306b", lw=2, label=f"t = {surface.t[crest]:.2f} s, the highest crest")
-    top = int(np.argmax(eta))
+    axes.grid(False)
+    _fill_water(axes, x, eta, limits)
+    step = _half_period(surface)
+    for snapshot, colour, note in (
+        (crest - step, BEFORE, ""),
+        (crest, CREST, ", the highest crest"),
+        (crest + step, AFTER, ""),
+    ):
+        if 0 <= snapshot < surface.t.size:
+            label, width = f"t = {surface.t[snapshot]:.2f} s{note}", 2.2 if note else 1.3
+            axes.plot(
+                surface.x[snapshot], CM * surface.eta[snapshot], color=colour, lw=width, zorder=width, label=label
+            )
+    _name_crest(axes, float(x[top]), float(eta[top]), left=bool(x[top] > x.mean()))
+    axes.set(ylim=limits, ylabel="elevation [cm]")
+    axes.yaxis.label.set_in_layout(False)  # it hangs over the empty corner, and must not part paddle and diagram
+    axes.tick_params(labelbottom=False)
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, borderaxespad=0.2)
+
+
+def _fill_water(axes: Axes, x: NDArray[np.float64], eta: NDArray[np.float64], limits: tuple[float, float]) -> None:
+    """Fill the water below eta [cm] with a colour that deepens downwards."""
+    outline = axes.fill_between(x, eta, limits[0], color="none")
+    extent = (float(x[0]), float(x[-1]), limits[0], float(eta.max()))
+    shade = np.linspace(0.0, 1.0, 256)[:, None]
+    water = axes.imshow(shade, extent=extent, cmap=WATER, origin="lower", aspect="auto", interpolation="bilinear")
+    water.set_clip_path(outline.get_paths()[0], axes.transData)
+
+
+def _name_crest(axes: Axes, x: float, eta: float, *, left: bool) -> None:
+    """Write the crest's height [cm] and place [m] above it, on the side where there is room."""
     axes.annotate(
-        f"{eta[top]:.1f} cm at x = {x[top]:.2f} m",
-        (x[top], eta[top]),
-        xytext=(12, 6),
+        f"{eta:.3g} cm at x = {x:.2f} m",
+        (x, eta),
+        xytext=(-14 if left else 14, 10),
         textcoords="offset points",
-        va="bottom",
+        ha="right" if left else "left",
+        color=CREST,
+        arrowprops={"arrowstyle": "-", "color": CREST, "lw": 0.8, "shrinkB": 3},
     )
-    axes.set(ylim=(-2.2 * largest, 2.1 * largest), ylabel="elevation [cm]", xlim=(float(surface.x.min()), float(x.max())))
-    box = axes.get_position()
-    scale = (x[-1] - x[0]) / (0.043 * largest) * (box.height * 8 / (box.width * 10))
-    axes.legend(loc="upper right", ncols=3, frameon=False, fontsize=8.5, title=f"vertical scale {scale:.0f} : 1")
 
 
-def _draw_diagram(figure: Any, axes: Any, surface: Surface) -> None:
-    largest = 100 * max(float(np.abs(surface.eta).max()), 1e-9)
-    t = np.broadcast_to(surface.t[:, None], surface.x.shape)
-    mesh = axes.pcolormesh(
-        surface.x, t, 100 * surface.eta, cmap="RdBu_r", vmin=-largest, vmax=largest, shading="gouraud", rasterized=True
+def _exaggeration(axes: Axes) -> float:
+    """Return how many times steeper than in the tank a slope is drawn, to two digits; x in m, y in cm."""
+    box, (left, right), (low, high) = axes.get_window_extent(), axes.get_xlim(), axes.get_ylim()
+    return float(f"{CM * (box.height / (high - low)) / (box.width / (right - left)):.2g}")
+
+
+def _draw_diagram(figure: Figure, axes: Axes, surface: Surface) -> None:
+    largest = max(CM * float(np.abs(surface.eta).max()), FLAT)
+    extent = (float(surface.x.min()), float(surface.x.max()), float(surface.t[0]), float(surface.t[-1]))
+    colours = axes.imshow(
+        CM * _resampled(surface),
+        extent=extent,
+        cmap="RdBu_r",
+        vmin=-largest,
+        vmax=largest,
+        origin="lower",
+        aspect="auto",
     )
     axes.grid(False)
-    if np.ptp(surface.x[:, 0]) > 0:
-        axes.plot(surface.x[:, 0], surface.t, color="black", lw=1.2, label="paddle")
-        axes.legend(loc="upper left", frameon=False)
-    axes.set(xlabel="distance from the paddle's rest position, x [m]", ylabel="time, t [s]")
-    figure.colorbar(mesh, ax=axes, label="elevation [cm]", orientation="horizontal", fraction=0.05, aspect=60, pad=0.03)
+    crest, top = _highest_crest(surface)
+    axes.axhline(surface.t[crest], color=CREST, lw=0.8, ls=(0, (6, 4)))
+    axes.plot(surface.x[crest, top], surface.t[crest], "o", ms=9, mfc="none", mec=CREST, mew=1.3)
+    axes.set(xlabel="distance from the paddle's rest position, x [m]")
+    axes.set(xlim=extent[:2], ylim=extent[2:])
+    figure.colorbar(colours, ax=axes, label="elevation [cm]", orientation="horizontal", aspect=70, pad=0.02)
+
+
+def _resampled(surface: Surface) -> NDArray[np.float64]:
+    """Return eta [m] on a regular grid of about the picture's pixels, shape (times, places).
+
+    The elevation is interpolated, not the colour: halfway between red and blue there is white, not purple.
+    """
+    x = np.linspace(surface.x.min(), surface.x.max(), 1200)
+    t = np.linspace(surface.t[0], surface.t[-1], 800)
+    rows = np.array([np.interp(x, *snapshot) for snapshot in zip(surface.x, surface.eta, strict=True)])
+    return np.asarray(CubicSpline(surface.t, rows)(t))
+
+
+def _draw_paddle(axes: Axes, diagram: Axes, surface: Surface) -> None:
+    """Draw the paddle's position where it is in the diagram, and enlarged beside it."""
+    position = surface.x[:, 0]
+    diagram.plot(position, surface.t, color=PADDLE, lw=1.5)
+    diagram.fill_betweenx(surface.t, position.min(), position, color="#dddddd", lw=0)
+    diagram.tick_params(labelleft=False)
+    axes.plot(CM * position, surface.t, color=PADDLE)
+    reach = 1.2 * CM * float(np.abs(position).max())
+    axes.set(xlim=(-reach, reach), xlabel="paddle\n[cm]", ylabel="time [s]")
+    axes.locator_params(axis="x", nbins=3)
 
 
 # ---------------------------------------------------------------- gauges
-def _grid(rows: int, columns: int, width: float) -> tuple[Any, NDArray[Any]]:
-    ratios = (3, 1) if columns == 2 else (1,)
-    figure, axes = plt.subplots(rows, columns, figsize=(width, 1.2 + 1.55 * rows), width_ratios=ratios, squeeze=False)
-    return figure, axes
-
-
 def gauges_overview(gauges: Sequence[GaugeSeries], path: Path, *, title: str = "") -> Path:
-    """Draw every gauge's record."""
-    with plt.rc_context(STYLE):
-        figure, axes = _grid(len(gauges), 1, 9)
-        for gauge, panel in zip(gauges, axes[:, 0], strict=True):
-            panel.plot(gauge.t, 100 * gauge.eta, color=COMPUTED, lw=1)
-            panel.set(ylabel="elevation [cm]", xlim=(gauge.t[0], gauge.t[-1]))
-            panel.set_title(f"gauge {gauge.name}, x = {gauge.x:g} m", loc="left", fontsize=10)
-        axes[-1, 0].set_xlabel("time [s]")
+    """Draw every gauge's record, all on one scale, from the paddle outwards; return ``path``.
+
+    Raises ``InputError`` if there is no gauge.
+    """
+    if not gauges:
+        raise InputError(f"{path}: there is no gauge to draw.")
+    with _picture(path, 10, 1.2 + 1.25 * len(gauges)) as figure:
+        panels = figure.subplots(len(gauges), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+        for gauge, panel in zip(sorted(gauges, key=lambda gauge: gauge.x), panels, strict=True):
+            panel.plot(gauge.t, CM * gauge.eta, color=COMPUTED)
+            panel.axhline(0.0, color="#888888", lw=0.6, zorder=0)
+            panel.set_title(f"gauge {gauge.name}, x = {gauge.x:g} m", pad=2)
+            panel.margins(x=0)
+        panels[-1].set_xlabel("time [s]")
+        figure.supylabel("elevation [cm]", fontsize=10)
         figure.suptitle(title or "Wave gauges", fontsize=13)
-        return _save(figure, path)
+    return path
 
 
 def gauges_figure(
     measured: Sequence[GaugeSeries], computed: Sequence[GaugeSeries], published: Sequence[GaugeSeries], path: Path
 ) -> Path:
-    """Draw measured, computed and published records of the same gauges, whole and zoomed at the largest crest."""
-    with plt.rc_context(STYLE):
-        pairs = [(one, other) for one in measured for other in computed if abs(one.x - other.x) < 1e-3]
-        figure, axes = _grid(len(pairs), 2, 13)
-        for (one, other), (whole, zoom) in zip(pairs, axes, strict=True):
-            records = [(one, MEASURED, 1.3), *((p, PUBLISHED, 1.0) for p in published if abs(p.x - one.x) < 1e-3)]
-            _draw_gauge(whole, zoom, [*records, (other, COMPUTED, 1.0)])
-            nrms = compare_gauge(other, one).nrms
-            whole.set_title(f"gauge {one.name}, x = {one.x:g} m, nrms {nrms:.3f}", loc="left", fontsize=10)
-        axes[0, 1].set_title("at the largest crest", loc="left", fontsize=10)
+    """Draw measured, computed and published records of the same gauges, whole and around each largest crest.
+
+    Every panel names gauge, place and the normalised rms misfit of each computation. Returns ``path``; raises
+    ``InputError`` as ``compare`` does.
+    """
+    pairs = matched(computed, measured)
+    with _picture(path, 14, 1.1 + 1.6 * len(pairs)) as figure:
+        axes = figure.subplots(len(pairs), 2, width_ratios=(2, 1), sharey="row", squeeze=False)
+        for (one, reference), (whole, zoom) in zip(pairs, axes, strict=True):
+            near = [other for other in published if abs(other.x - reference.x) < MATCH]
+            _draw_gauge(whole, zoom, reference, [*near, one])
         for panel in axes[-1]:
             panel.set_xlabel("time [s]")
-        handles, labels = axes[0, 0].get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside upper right", ncols=3, frameon=False)
-        return _save(figure, path)
+        figure.supylabel("elevation [cm]", fontsize=10)
+        handles, labels = axes[0, 1].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), fontsize=11)
+    return path
 
 
-def _draw_gauge(whole: Any, zoom: Any, records: Sequence[tuple[GaugeSeries, str, float]]) -> None:
-    reference = records[0][0]
-    common = reference.t <= min(record.t[-1] for record, _, _ in records)
-    focus = reference.t[common][int(np.argmax(reference.eta[common]))]
-    for record, colour, width in records:
-        for panel in (whole, zoom):
-            panel.plot(record.t, 100 * record.eta, color=colour, lw=width, label=record.source)
-    whole.set(ylabel="elevation [cm]", xlim=(reference.t[0], reference.t[common][-1]))
+def _draw_gauge(whole: Axes, zoom: Axes, reference: GaugeSeries, computations: Sequence[GaugeSeries]) -> None:
+    """Draw one gauge's records; the last computation is this run's."""
+    common = reference.t <= computations[-1].t[-1]
+    focus = float(reference.t[common][int(np.argmax(reference.eta[common]))])
+    styles = [(MEASURED, "-", 2.0), *[(PUBLISHED, "--", 1.1)] * (len(computations) - 1), (COMPUTED, "-", 1.2)]
+    for record, (colour, line, width) in zip([reference, *computations], styles, strict=True):
+        for panel, scale in ((whole, 0.6), (zoom, 1.0)):
+            panel.plot(record.t, CM * record.eta, line, color=colour, lw=scale * width, label=record.source)
+    misfits = ", ".join(f"{one.source} {compare_gauge(one, reference).nrms:.3f}" for one in reversed(computations))
+    whole.set_title(f"gauge {reference.name}, x = {reference.x:g} m;  nrms: {misfits}", pad=3)
+    whole.set_xlim(reference.t[0], reference.t[common][-1])
+    zoom.set_title(f"around its largest crest, t = {focus:.2f} s", pad=3)
     zoom.set_xlim(focus - FOCUS, focus + FOCUS)
-    near = [100 * r.eta[np.abs(r.t - focus) < FOCUS] for r, _, _ in records]
-    reach = 1.15 * max(float(np.abs(part).max(initial=0.0)) for part in near)
-    zoom.set_ylim(-reach, reach)
 
 
 # ---------------------------------------------------------------- energy
 def energy_figure(energy: dict[str, NDArray[np.float64]], path: Path, *, title: str = "") -> Path:
-    """Draw the energy budget and, on an axis of its own, what does not balance."""
-    columns = {name.split(" [")[0]: values for name, values in energy.items()}
-    t, unit = columns["t"], "[m⁴/s²]"
-    with plt.rc_context(STYLE):
-        figure, (budget, rest) = plt.subplots(2, 1, figsize=(9, 6), height_ratios=(2, 1), sharex=True)
-        start = columns["total"][0]
-        rest_energy = columns["potential"].min() if start == 0 else 0.0
-        for name, colour in (("kinetic", "#d55e00"), ("potential", "#009e73"), ("total", "#0072b2")):
-            budget.plot(t, columns[name] - rest_energy, color=colour, lw=1.2, label=name)
-        work = start + columns["paddle_work"]
-        budget.plot(t, work - rest_energy, "--", color="black", lw=1, label="start + paddle work")
-        budget.set(ylabel=f"energy {unit}")
-        budget.legend(frameon=False, ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-        rest.plot(t, columns["balance"], color="#0072b2", lw=1)
-        rest.set(xlabel="time [s]", ylabel=f"total - start - work\n{unit}", xlim=(t[0], t[-1]))
-        figure.suptitle(title or "Energy budget, per density and width", fontsize=13)
-        return _save(figure, path)
+    """Draw the energy budget and, on an axis of its own, what does not balance; return ``path``.
+
+    ``energy`` has the columns of ``energy.csv`` by their names with units; raises ``InputError`` if one is missing or
+    has no row.
+    """
+    columns = {name.partition(" [")[0]: values for name, values in energy.items()}
+    needed = ("t", "kinetic", "potential", "total", "paddle_work", "balance")
+    if missing := [name for name in needed if not columns.get(name, np.zeros(0)).size]:
+        raise InputError(f"{path}: the energy budget has no values of {', '.join(missing)}.")
+    with _picture(path, 10, 6.5) as figure:
+        budget, rest = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
+        _draw_budget(budget, columns)
+        _draw_balance(rest, columns)
+        figure.suptitle(title or "Energy budget", fontsize=13)
+        figure.align_ylabels()
+    return path
+
+
+def _draw_budget(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
+    t, total = columns["t"], columns["total"]
+    axes.plot(t, total, color=TOTAL, lw=4, label="total")
+    axes.plot(t, total[0] + columns["paddle_work"], "--", color=WORK, label="start + paddle's work")
+    axes.plot(t, columns["kinetic"], color=KINETIC, label="kinetic")
+    axes.plot(t, columns["potential"], color=POTENTIAL, label="potential")
+    axes.set_ylabel("energy per density\nand width [m⁴/s²]")
+    axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+
+
+def _draw_balance(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
+    t, balance = columns["t"], columns["balance"]
+    largest = max(float(np.abs(columns["total"]).max()), np.finfo(float).tiny)
+    axes.plot(t, balance / largest, color=COMPUTED)
+    axes.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
+    axes.set(xlabel="time [s]", ylabel="total - start - work,\nper largest total", xlim=(t[0], t[-1]))
 
 
 # ---------------------------------------------------------------- all of a run
 def draw_run(run: RunDirectory) -> list[Path]:
-    """Draw the standard pictures of a run into its directory; return their paths."""
-    depth = float(run.manifest["scene"]["tank"]["depth"])
-    pictures = [surface_figure(run.surface(), run.path / "surface.png", title=run.title, depth=depth)]
-    if gauges := run.gauges():
+    """Draw the standard pictures of a run into its directory; return the paths of those drawn.
+
+    What a run that was killed early did not come to record is left out. Raises ``InputError`` for missing files.
+    """
+    surface, gauges, energy = run.surface(), run.gauges(), run.energy()
+    pictures = []
+    if surface.t.size > 1:
+        pictures.append(surface_figure(surface, run.path / "surface.png", title=run.title))
+    if any(gauge.t.size > 1 for gauge in gauges):
         pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
-    pictures.append(energy_figure(run.energy(), run.path / "energy.png"))
+    if all(column.size > 1 for column in energy.values()) and energy:
+        pictures.append(
+            energy_figure(energy, run.path / "energy.png", title=f"{run.title}: energy budget".lstrip(": "))
+        )
     return pictures

@@ -1,6 +1,7 @@
 """The command line. Exit codes: 0 done; 1 the run failed; 2 the input is wrong."""
 
 import sys
+import traceback
 from pathlib import Path
 from typing import Annotated
 
@@ -9,7 +10,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank import data
-from wavetank.errors import InputError, WavetankError
+from wavetank.errors import WavetankError
 from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
 from wavetank.series import GaugeSeries
@@ -109,18 +110,14 @@ def main(arguments: list[str] | None = None) -> int:
     given = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in given
     try:
-        app([word for word in given if word != "--debug"], standalone_mode=False)
+        app([word for word in given if word != "--debug"])
     except WavetankError as error:
         if debug:
             raise
         return _report(str(error), error.exit_code)
-    except (typer.Exit, SystemExit) as stop:
-        return int(getattr(stop, "exit_code", getattr(stop, "code", 0)) or 0)
+    except SystemExit as stop:
+        return int(stop.code or 0)
     except Exception as error:
-        from click import ClickException
-
-        if isinstance(error, ClickException):
-            return _report(error.format_message(), InputError.exit_code)
         _abort(error)
         raise
     return 0
@@ -135,7 +132,5 @@ def _report(message: str, code: int) -> int:
 def _abort(error: Exception) -> None:
     """End all ranks at once: the others would wait for one that has failed."""
     if MPI.COMM_WORLD.size > 1:
-        import traceback
-
         traceback.print_exception(error)
         MPI.COMM_WORLD.Abort(1)

@@ -329,7 +329,7 @@ class Numerics(Noun):
     vertical_order: int = Field(default=8, ge=1, le=16, description="vertical polynomial order n")
     dt: float | None = Field(default=None, gt=0, description="time step [s]; default: from accuracy and stability")
     integrator: IntegratorName = Field(default="third-order", description="time integrator")
-    tolerance: float = Field(default=1e-9, gt=0, lt=1, description="relative tolerance of implicit stages")
+    tolerance: float = Field(default=1e-7, gt=0, lt=1, description="relative tolerance of implicit stages")
 
     @model_validator(mode="after")
     def _one_size(self) -> Self:

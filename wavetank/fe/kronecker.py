@@ -79,12 +79,12 @@ class KroneckerOperator:
             if not _vanishes(self._hessian(densities[power] * plane.dx, unknowns[left], v, unknowns[right], x))
         ]
         self._compile(plane, unknowns)
-        self._vertical = [
+        self.vertical = [
             vertical.moment(term.power, tables[term.left], tables[term.right]) for term in self.terms
         ]
         n = vertical.n
-        self._full = np.hstack([G.T for G in self._vertical])
-        self._interior = np.hstack([G[:n, :n].T for G in self._vertical])
+        self._full = np.hstack([G.T for G in self.vertical])
+        self._interior = np.hstack([G[:n, :n].T for G in self.vertical])
 
     @staticmethod
     def _hessian(energy: Any, a: Any, test: Any, b: Any, trial: Any) -> Any:

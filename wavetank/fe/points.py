@@ -45,7 +45,8 @@ class Points:
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
         links = [[cell for cell in near.links(i) if cell < owned] for i in range(len(points))]
         cells = np.array([self._closest(points[i], found) for i, found in enumerate(links)], dtype=np.int32)
-        holder = comm.allreduce(np.where(cells >= 0, comm.rank, comm.size), op=MPI.MIN)
+        holder = np.where(cells >= 0, comm.rank, comm.size)
+        comm.Allreduce(MPI.IN_PLACE, holder, op=MPI.MIN)
         if np.any(holder == comm.size):
             outside = points[int(np.flatnonzero(holder == comm.size)[0])]
             raise InputError(f"the point x = {outside[0]:.6g} m, y = {outside[1]:.6g} m is outside the tank")

@@ -1,0 +1,45 @@
+"""Point evaluation and the wall mapping against closed formulae."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mpi4py import MPI
+
+from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
+from wavetank.fe.points import Points
+from wavetank.motions import Ramped, Sinusoid
+from wavetank.water.plan_view import Slice
+from wavetank.water.walls import Piston
+
+PLAN = Slice(7.0, 10, comm=MPI.COMM_WORLD)
+PLANE = Plane(PLAN.mesh, 3)
+
+
+def at(x):
+    return np.column_stack([x, np.zeros_like(x), np.zeros_like(x)])
+
+
+def test_cubics_are_evaluated_exactly_anywhere_walls_and_vertices_included():
+    field = PLANE.function("f")
+    x = PLANE.coordinates()[:, 0]
+    field.set(1 + x - 0.3 * x**2 + 0.05 * x**3)
+    where = np.array([0.0, 0.7, 1.4, 3.14159, 7.0])
+    values = Points(PLANE, at(where)).evaluate(field)
+    assert np.allclose(values, 1 + where - 0.3 * where**2 + 0.05 * where**3, rtol=1e-12)
+
+
+def test_a_point_outside_is_refused_with_its_place():
+    with pytest.raises(InputError, match=r"x = 7\.5 m"):
+        Points(PLANE, at(np.array([1.0, 7.5])))
+
+
+@given(x=st.floats(0.5, 7.0), t=st.floats(0.0, 20.0))
+def test_the_mapping_and_its_inverse_agree(x, t):
+    motion = Ramped(Sinusoid(0.3, 3.0), 2.0)
+    wall = Piston(motion, plane=PLANE, reach=4.0, cell_size=PLAN.cell_size, facets=PLAN.paddle_facets())
+    wall.set_time(t)
+    X = wall.to_reference(np.array([x]))
+    assert wall.to_physical(X)[0] == pytest.approx(x, abs=1e-12)
+    assert wall.to_physical(np.array([0.0]))[0] == pytest.approx(motion.position(t), abs=1e-12)

@@ -1,0 +1,65 @@
+"""The interior potential against a dense direct solve, and what it costs."""
+
+import numpy as np
+import pytest
+
+
+def dense_operator(tank):
+    """Return the full matrix A(h) of the present water column, ordered (component, degree of freedom)."""
+    import scipy.sparse as sparse
+
+    operator, size = tank.operator, tank.plane.owned
+    matrices = [
+        sparse.csr_matrix((np.ascontiguousarray(column), operator.columns, operator.row_pointers), shape=(size, size))
+        for column in operator.values.T
+    ]
+    return sum(np.kron(G, S.toarray()) for G, S in zip(operator.vertical, matrices, strict=True))
+
+
+@pytest.fixture
+def steep_tank(make_tank):
+    tank = make_tank(length=2.0, cells=8, n=5, tolerance=1e-13)
+    x = tank.plane.coordinates()[:, 0]
+    q, p = tank.state(0.2 * np.cos(np.pi * x / 2) + 0.05 * np.cos(2 * np.pi * x), np.cos(np.pi * x / 2))
+    flux = tank.H_p(q, p, 0.0)
+    return tank, q, p, flux
+
+
+def test_interior_potential_is_the_direct_solution(steep_tank):
+    tank, _, p, flux = steep_tank
+    size, n = tank.plane.owned, tank.vertical.n
+    A = dense_operator(tank)
+    interior = slice(0, n * size)
+    surface = slice(n * size, None)
+    phi = np.linalg.solve(A[interior, interior], -A[interior, surface] @ p)
+    assert np.abs(tank.phi.owned[:, :n].T.ravel() - phi).max() < 1e-10 * np.abs(phi).max()
+    assert np.abs(A[surface, interior] @ phi + A[surface, surface] @ p - flux).max() < 1e-11 * np.abs(flux).max()
+
+
+def test_operator_is_symmetric_and_positive(steep_tank):
+    tank, *_ = steep_tank
+    A = dense_operator(tank)
+    assert np.abs(A - A.T).max() < 1e-13 * np.abs(A).max()
+    eigenvalues = np.linalg.eigvalsh(A)
+    assert eigenvalues[0] > -1e-12 * eigenvalues[-1]  # the constant is in the kernel
+    assert eigenvalues[1] > 0
+
+
+def test_a_flat_bed_leaves_five_kronecker_products(steep_tank):
+    tank, *_ = steep_tank
+    assert [(term.power, term.left, term.right) for term in tank.operator.terms] == [
+        (0, "u", "u"),
+        (0, "w", "w"),
+        (1, "u", "w"),
+        (1, "w", "u"),
+        (2, "w", "w"),
+    ]
+
+
+@pytest.mark.parametrize("cells", [32, 128, 512])
+def test_iterations_do_not_grow_with_the_mesh(make_tank, cells):
+    """A steep wave (k a = 0.3) from a cold start to 1e-10: at most a dozen iterations on any mesh."""
+    tank = make_tank(length=2 * np.pi, cells=cells, n=6, tolerance=1e-9)
+    x = tank.plane.coordinates()[:, 0]
+    tank.H_p(*tank.state(0.3 * np.cos(x), np.sin(x)), 0.0)
+    assert tank.potential.counters.iterations <= 12

@@ -1,0 +1,56 @@
+"""Implicit stages: against closed solutions, where the fixed-point iteration diverges, and where there is none."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from wavetank.errors import ConvergenceError, RunError
+from wavetank.hamiltonian.contract import Stage
+from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
+from wavetank.hamiltonian.start_values import Extrapolation
+
+
+def stage(t=0.0, dt=0.1):
+    return Stage("z", t, dt, dt)
+
+
+def test_a_linear_stage_is_solved_exactly():
+    matrix = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    known = np.array([1.0, 2.0])
+    z = SnesStages.serial(1).pair.solve(stage(), lambda z: z - known - 0.4 * matrix @ z, known)
+    assert np.allclose(z, np.linalg.solve(np.eye(2) - 0.4 * matrix, known), rtol=1e-13)
+
+
+def test_newton_takes_over_where_the_accelerated_iteration_does_not_converge():
+    size = 40
+    stiff = np.diag(np.linspace(-3.0, 60.0, size)) + 0.3
+    known = np.ones(size)
+    solver = SnesStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-12)
+    z = solver.solve(stage(), lambda z: z - known + stiff @ z + 0.1 * z**3, known)
+    assert np.abs(z - known + stiff @ z + 0.1 * z**3).max() < 1e-9
+    assert solver.counters.newton_solves == 1
+
+
+def test_failure_names_time_stage_residual_and_cause():
+    solver = SnesStageSolver(MPI.COMM_SELF, np.ones(1), tolerance=1e-12, diagnose=lambda stage: "too steep")
+    with pytest.raises(ConvergenceError, match=r"t = 2\.5 s: the stage 'z' did not converge: residual .* wanted .*; too"):
+        solver.solve(stage(t=2.5), lambda z: z**2 + 1.0, np.ones(1))
+
+
+def test_an_error_within_the_residual_reaches_the_caller():
+    def breaks(z):
+        raise RunError("the surface reaches the bed")
+
+    with pytest.raises(RunError, match="reaches the bed"):
+        SnesStages.serial(1).coordinate.solve(stage(), breaks, np.ones(1))
+
+
+def test_extrapolation_is_exact_for_polynomials_and_starts_anew_after_a_gap():
+    earlier = Extrapolation(lambda v: float(np.abs(v).max()))
+    for step in range(8):
+        predicted = earlier.predict(0.1 * step, 0.1)
+        earlier.record(0.1 * step, np.array([1.0, step**3]))
+    assert predicted is not None and abs(predicted[1] - 7**3) < 1e-9
+    assert earlier.predict(5.0, 0.1) is None
+    earlier.record(5.0, np.zeros(2))
+    assert earlier.predict(4.9, -0.1) is None
