@@ -16,6 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from rich.box import SIMPLE
+from rich.markup import escape
 from rich.table import Table
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
@@ -160,7 +162,8 @@ def write_comparison(path: Path, comparisons: Sequence[GaugeComparison]) -> None
 
 def comparison_table(comparisons: Sequence[GaugeComparison]) -> Table:
     """Return the comparison as a table for the terminal."""
-    table = Table("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "crest [m]", "reference [m]")
+    names = ("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "crest [m]", "reference")
+    table = Table(*map(escape, names), box=SIMPLE, padding=0)  # a unit's brackets are no markup
     for one in comparisons:
         numbers = (one.nrms, one.nrms_fitted, one.gain, one.shift, one.correlation)
         crests = (f"{one.crest_computed:.4f}", f"{one.crest_reference:.4f}")

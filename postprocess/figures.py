@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -181,9 +182,10 @@ def _draw_paddle(axes: Axes, diagram: Axes, surface: Surface) -> None:
     diagram.fill_betweenx(surface.t, position.min(), position, color="#dddddd", lw=0)
     diagram.tick_params(labelleft=False)
     axes.plot(CM * position, surface.t, color=PADDLE)
-    reach = 1.2 * CM * float(np.abs(position).max())
-    axes.set(xlim=(-reach, reach), xlabel="paddle\n[cm]", ylabel="time [s]")
-    axes.locator_params(axis="x", nbins=3)
+    reach = CM * float(np.abs(position).max())
+    tick = float(f"{reach:.0e}")  # one digit: there is no room for more
+    axes.set_xticks([-tick, 0.0, tick], [f"{-tick:g}", "0", f"{tick:g}"])
+    axes.set(xlim=(-1.4 * reach, 1.4 * reach), xlabel="paddle\n[cm]", ylabel="time [s]")
 
 
 # ---------------------------------------------------------------- gauges
@@ -230,16 +232,18 @@ def gauges_figure(
 
 
 def _draw_gauge(whole: Axes, zoom: Axes, reference: GaugeSeries, computations: Sequence[GaugeSeries]) -> None:
-    """Draw one gauge's records; the last computation is this run's."""
-    common = reference.t <= computations[-1].t[-1]
-    focus = float(reference.t[common][int(np.argmax(reference.eta[common]))])
+    """Draw one gauge's records over the time of the last computation, which is this run's."""
+    run = computations[-1]
+    common = (reference.t >= run.t[0]) & (reference.t <= run.t[-1])
+    shared = replace(reference, t=reference.t[common], eta=reference.eta[common])
+    misfits = ", ".join(f"{one.source} {compare_gauge(one, shared).nrms:.3f}" for one in reversed(computations))
+    focus = float(shared.t[int(np.argmax(shared.eta))])
     styles = [(MEASURED, "-", 2.0), *[(PUBLISHED, "--", 1.1)] * (len(computations) - 1), (COMPUTED, "-", 1.2)]
     for record, (colour, line, width) in zip([reference, *computations], styles, strict=True):
         for panel, scale in ((whole, 0.6), (zoom, 1.0)):
             panel.plot(record.t, CM * record.eta, line, color=colour, lw=scale * width, label=record.source)
-    misfits = ", ".join(f"{one.source} {compare_gauge(one, reference).nrms:.3f}" for one in reversed(computations))
     whole.set_title(f"gauge {reference.name}, x = {reference.x:g} m;  nrms: {misfits}", pad=3)
-    whole.set_xlim(reference.t[0], reference.t[common][-1])
+    whole.set_xlim(shared.t[0], shared.t[-1])
     zoom.set_title(f"around its largest crest, t = {focus:.2f} s", pad=3)
     zoom.set_xlim(focus - FOCUS, focus + FOCUS)
 

@@ -1,10 +1,15 @@
 """Comparison of gauges: a known gain and shift is found again; the published computation's misfit is the stated one."""
 
 import csv
+from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console
 
 from postprocess.compare import COLUMNS, compare, comparison_table, write_comparison
 from postprocess.figures import draw_run, gauges_figure
@@ -88,3 +93,93 @@ def test_pictures_of_a_run_are_drawn(tmp_path: Path):
     record = RunDirectory(tmp_path / "run").gauges()
     gauges_figure(record, record, record, tmp_path / "compare.png")
     assert (tmp_path / "compare.png").stat().st_size > 10_000
+
+
+T = np.arange(0.0, 40.0, 0.02)
+
+
+def waves(t):
+    """Return a smooth group of waves of several frequencies, crest at t = 20 s."""
+    tau = t - 20.0
+    return 0.05 * np.exp(-((tau / 6.0) ** 2)) * (np.cos(4.0 * tau) + 0.6 * np.cos(5.3 * tau) + 0.2 * np.cos(7.9 * tau))
+
+
+def against(computed, measured, t=T):
+    """Return the comparison of two records at one gauge, the computed one at times t."""
+    return compare([series("5", 50.0, t, computed)], [series("5", 50.0, T, measured, "measured")])[0]
+
+
+@settings(max_examples=15, deadline=None)
+@given(gain=st.floats(0.5, 2.0), shift=st.floats(-0.95, 0.95))
+def test_any_gain_and_shift_is_recovered(gain, shift):
+    found = against(waves(T), gain * waves(T - shift))
+    # the spline of 0.02 s samples is good to 1e-6 of the amplitude; the search stops at 1e-6 s
+    assert found.shift == pytest.approx(shift, abs=1e-5)
+    assert found.gain == pytest.approx(gain, rel=1e-5)
+    assert found.nrms_fitted < 1e-4
+
+
+def test_a_pure_gain_gives_its_misfit_exactly():
+    found = against(0.9 * waves(T), waves(T))
+    assert found.nrms == pytest.approx(0.1, rel=1e-12)
+    assert found.correlation == pytest.approx(1.0, abs=1e-12)
+    assert found.gain == pytest.approx(1 / 0.9, rel=1e-9)
+
+
+def test_noise_of_known_size_is_the_misfit_that_remains():
+    noise = 0.1 * np.std(waves(T)) * np.random.default_rng(1).standard_normal(T.size)
+    measured = 1.2 * waves(T - 0.137) + noise
+    found = against(waves(T), measured)
+    # two fitted numbers take O(1/2000) of the noise of 2000 samples away
+    assert found.nrms_fitted == pytest.approx(np.std(noise) / np.sqrt(np.mean(measured**2)), rel=0.05)
+    assert found.shift == pytest.approx(0.137, abs=2e-3)  # about noise / slope / sqrt(2000)
+
+
+def test_crests_and_their_times_are_those_of_the_group():
+    crest = float(waves(20.0))
+    found = against(waves(T), 0.8 * waves(T - 0.3))
+    assert found.crest_computed == pytest.approx(crest, rel=1e-4)
+    assert found.t_crest_computed == pytest.approx(20.0, abs=3e-3)  # of 8 points a sample
+    assert (found.crest_reference, found.t_crest_reference) == (pytest.approx(0.8 * crest), pytest.approx(20.3))
+
+
+def test_only_the_overlap_counts():
+    early = T <= 25.0
+    assert against(waves(T)[early], np.where(T > 30.0, 1.0, waves(T)), T[early]).nrms < 1e-12
+
+
+def test_the_fit_never_does_worse_than_none():
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        found = against(rng.standard_normal(T.size), rng.standard_normal(T.size))
+        assert found.nrms_fitted <= found.nrms
+
+
+def test_still_water_compares_without_a_number_that_is_not_finite():
+    found = against(np.zeros(T.size), waves(T))
+    assert (found.nrms, found.nrms_fitted, found.gain, found.correlation) == (1.0, 1.0, 0.0, 0.0)
+
+
+def test_gauges_are_matched_by_x_within_a_millimetre_in_the_reference_order():
+    computed = [series(name, x, T, waves(T)) for name, x in (("a", 10.0), ("b", 20.0009), ("c", 30.002))]
+    measured = [series(name, x, T, waves(T)) for name, x in (("3", 30.0), ("2", 20.0), ("1", 10.0), ("4", 40.0))]
+    assert [found.gauge for found in compare(computed, measured)] == ["2", "1"]
+
+
+def test_records_that_cannot_be_compared_are_bad_input():
+    one = series("5", 50.0, T, waves(T))
+    with pytest.raises(InputError, match="x = none m"):
+        compare([], [one])
+    with pytest.raises(InputError, match="do not overlap"):
+        compare([one], [replace(one, t=T + 100.0)])
+    with pytest.raises(InputError, match="reference is zero"):
+        compare([one], [replace(one, eta=np.zeros(T.size))])
+    with pytest.raises(InputError, match="3 rows computed"):
+        compare([replace(one, t=T[:3], eta=one.eta[:3])], [one])
+
+
+def test_the_table_shows_units_gain_and_shift_in_a_narrow_terminal():
+    console = Console(width=80, file=StringIO())
+    console.print(comparison_table([against(waves(T), 1.1 * waves(T - 0.2))]))
+    shown = console.file.getvalue()
+    assert all(word in shown for word in ("x [m]", "shift [s]", "correlation", "1.100", "0.200"))

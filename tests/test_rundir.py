@@ -1,6 +1,10 @@
 """The run directory: what is written is read back, also after a kill; nothing that is not a number gets in."""
 
 import json
+import os
+import signal
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -13,7 +17,11 @@ from wavetank.rundir import RunDirectory, RunWriter, environment
 
 def written(path, rows=5, points=4):
     writer = RunWriter(path, {"scene": {"title": "case"}})
-    gauges, energy, surface = writer.gauges([("1", 10.0), ("b", 49.5)]), writer.table("energy.csv", ["t [s]", "E"]), None
+    gauges, energy, surface = (
+        writer.gauges([("1", 10.0), ("b", 49.5)]),
+        writer.table("energy.csv", ["t [s]", "E"]),
+        None,
+    )
     surface = writer.surface()
     for row in range(rows):
         gauges.append([0.1 * row, row / 3, -row / 7])
@@ -72,3 +80,147 @@ def test_the_environment_is_recorded():
     facts = json.loads(json.dumps(environment()))
     assert {"versions", "host", "command", "git", "started"} <= set(facts)
     assert facts["versions"]["dolfinx"] >= "0.9"
+
+
+NAMED = [("1", 10.0), ("at, the focus", 49.5), ("a@x=b", 0.1)]
+COLUMNS = ("t [s]", "total [m^4/s^2]")
+
+
+def snapshot(number, points=5):
+    x = np.linspace(0.01 * number, 8.0, points)
+    return 0.1 * number, x, np.sin(x + number) / 3, np.cos(x - number) / 7
+
+
+@pytest.fixture
+def complete_run(tmp_path):
+    """Return the path of a complete run directory of three rows and three snapshots."""
+    path = tmp_path / "run"
+    with RunWriter(path, {"scene": {"title": "A test"}}) as writer:
+        gauges, energy, surface = writer.gauges(NAMED), writer.table("energy.csv", COLUMNS), writer.surface()
+        for n in range(3):
+            gauges.append([n * 0.1, 1 / 3, np.pi * 1e-9, -n / 7])
+            energy.append([n * 0.1, np.e * n])
+            surface.append(*snapshot(n))
+        writer.finish("finished", {"counters": {"steps": 3}})
+    return path
+
+
+def test_tables_are_read_back_to_the_last_bit_whatever_the_gauges_are_called(complete_run):
+    run = RunDirectory(complete_run)
+    series = run.gauges()
+    assert [(one.name, one.x) for one in series] == NAMED
+    for one, eta in zip(series, ([1 / 3] * 3, [np.pi * 1e-9] * 3, [-n / 7 for n in range(3)]), strict=True):
+        np.testing.assert_array_equal(one.t, [0.0, 0.1, 2 * 0.1])
+        np.testing.assert_array_equal(one.eta, eta)
+    np.testing.assert_array_equal(run.energy()["total [m^4/s^2]"], [0.0, np.e, 2 * np.e])
+    assert (complete_run / "gauges.csv").read_text().startswith("t,1@x=10,")
+
+
+def test_snapshots_are_read_back_to_the_last_bit(complete_run):
+    surface = RunDirectory(complete_run).surface()
+    for n in range(3):
+        t, *arrays = snapshot(n)
+        assert surface.t[n] == t
+        np.testing.assert_array_equal([surface.x[n], surface.eta[n], surface.psi[n]], arrays)
+
+
+@pytest.mark.parametrize("file", ["gauges.csv", "energy.csv", "surface.bin"])
+def test_a_file_cut_anywhere_gives_its_complete_records(complete_run, file):
+    def rows(run):
+        if file == "surface.bin":
+            return run.surface().t.size
+        if file == "energy.csv":
+            return max((column.size for column in run.energy().values()), default=0)
+        return max((one.t.size for one in run.gauges()), default=0)
+
+    whole, found = (complete_run / file).read_bytes(), []
+    for size in range(len(whole) + 1):
+        (complete_run / file).write_bytes(whole[:size])
+        found.append(rows(RunDirectory(complete_run)))
+    assert (found[0], found[-1]) == (0, 3)
+    assert set(np.diff(found)) == {0, 1}
+
+
+def test_a_run_that_is_really_killed_keeps_every_row(tmp_path):
+    path = tmp_path / "run"
+    code = f"""
+import os, signal, numpy as np
+from pathlib import Path
+from wavetank.rundir import RunWriter
+writer = RunWriter(Path({str(path)!r}), {{}})
+gauges, surface = writer.gauges([("1", 1.0)]), writer.surface()
+for n in range(100):
+    gauges.append([n * 0.1, 0.5])
+    surface.append(n * 0.1, np.arange(4.0), np.ones(4), np.ones(4))
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -signal.SIGKILL
+    run = RunDirectory(path)
+    assert run.manifest["status"] == "running"
+    assert run.gauges()[0].t.size == run.surface().t.size == 100
+
+
+def test_an_error_in_the_block_makes_it_a_failed_run_with_its_cause(tmp_path):
+    with pytest.raises(RunError), RunWriter(tmp_path / "run", {}) as writer:
+        writer.table("energy.csv", COLUMNS).append([0.0, 1.0])
+        raise RunError("t = 3 s: the wave broke.")
+    run = RunDirectory(tmp_path / "run")
+    assert (run.manifest["status"], run.manifest["cause"]) == ("failed", "t = 3 s: the wave broke.")
+    assert run.energy()["t [s]"].size == 1
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+def test_a_snapshot_that_is_not_finite_is_refused_before_writing(tmp_path, bad):
+    with RunWriter(tmp_path / "run", {}) as writer:
+        surface = writer.surface()
+        surface.append(*snapshot(0))
+        _, x, eta, psi = snapshot(1)
+        with pytest.raises(RunError, match=r"t = 0\.5 s.*surface\.bin"):
+            surface.append(0.5, x, np.where(x > 7, bad, eta), psi)
+    assert RunDirectory(tmp_path / "run").surface().t.size == 1
+
+
+def test_rows_and_snapshots_of_another_length_are_refused(tmp_path):
+    with RunWriter(tmp_path / "run", {}) as writer:
+        table, surface = writer.table("energy.csv", COLUMNS), writer.surface()
+        with pytest.raises(ValueError, match="2 columns"):
+            table.append([0.0, 1.0, 2.0])
+        surface.append(*snapshot(0, points=5))
+        with pytest.raises(ValueError, match="5 points"):
+            surface.append(*snapshot(1, points=6))
+
+
+def test_a_file_in_the_way_is_bad_input(tmp_path):
+    (tmp_path / "run").write_text("x")
+    with pytest.raises(InputError, match="cannot be written"):
+        RunWriter(tmp_path / "run", {})
+
+
+def test_an_earlier_run_is_replaced_in_its_own_files_only(complete_run):
+    (complete_run / "notes.txt").write_text("mine")
+    with RunWriter(complete_run, {"scene": {"title": "Again"}}):
+        assert sorted(os.listdir(complete_run)) == ["manifest.json", "notes.txt"]
+        assert RunDirectory(complete_run).manifest["status"] == "running"
+
+
+@pytest.mark.parametrize("content", [b"", b"[1, 2]", b'{"status": ', b"\xff"])
+def test_an_unreadable_manifest_is_bad_input(tmp_path, content):
+    (tmp_path / "manifest.json").write_bytes(content)
+    with pytest.raises(InputError, match="is no run directory"):
+        RunDirectory(tmp_path)
+
+
+def test_missing_and_damaged_files_are_bad_input(complete_run):
+    run = RunDirectory(complete_run)
+    (complete_run / "gauges.csv").unlink()
+    (complete_run / "energy.csv").write_text("t [s],total\n0.0,1.0\n0.1,one\n0.2,3.0\n")
+    (complete_run / "surface.bin").write_bytes(np.array([np.nan, 1.0]).tobytes())
+    with pytest.raises(InputError, match=r"no readable gauges\.csv"):
+        run.gauges()
+    with pytest.raises(InputError, match=r"energy\.csv.*rows of 2 numbers"):
+        run.energy()
+    with pytest.raises(InputError, match=r"surface\.bin.*begins with nan"):
+        run.surface()
+    (complete_run / "gauges.csv").write_text("t,probe\n0.0,1.0\n")
+    with pytest.raises(InputError, match="NAME@x=METRES"):
+        run.gauges()

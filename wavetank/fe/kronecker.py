@@ -85,6 +85,12 @@ class KroneckerOperator:
         n = vertical.n
         self._full = np.hstack([G.T for G in self.vertical])
         self._interior = np.hstack([G[:n, :n].T for G in self.vertical])
+        # what couples interior and surface is one vertical column: few terms, one component each
+        self._coupled = [slot for slot, G in enumerate(self.vertical) if np.any(G[:n, n])]
+        self._at_surface = [slot for slot, G in enumerate(self.vertical) if np.any(G[n])]
+        self._scalar = sparse.csr_matrix(
+            (np.zeros(self.columns.size), self.columns, self.row_pointers), shape=(plane.owned, self._all)
+        )
 
     @staticmethod
     def _hessian(energy: Any, a: Any, test: Any, b: Any, trial: Any) -> Any:
@@ -109,14 +115,14 @@ class KroneckerOperator:
         self._matrix = fem.create_matrix(self._form)
         values, self.columns, self.row_pointers = owned_rows(self._matrix)
         count = len(self.terms)
-        ghosts = plane.V.dofmap.index_map.num_ghosts
+        self._all = plane.owned + plane.V.dofmap.index_map.num_ghosts
         self._csr = sparse.csr_matrix(
             (
                 np.zeros(values.shape[0] * count),
                 (self.columns[:, None] * count + np.arange(count)).ravel(),
                 self.row_pointers * count,
             ),
-            shape=(plane.owned, (plane.owned + ghosts) * count),
+            shape=(plane.owned, self._all * count),
         )
 
     def assemble(self) -> None:
@@ -143,3 +149,17 @@ class KroneckerOperator:
     def apply_interior(self, rows: Vector) -> Vector:
         """Return A_II x on the owned degrees of freedom, shape (owned, n), x given with its ghosts, (all, n)."""
         return self._apply(self._interior, rows)
+
+    def _scalar_product(self, slot: int, column: Vector) -> Vector:
+        self._scalar.data[:] = self.values[:, slot]
+        return np.asarray(self._scalar @ column)
+
+    def apply_coupling(self, surface: Vector) -> Vector:
+        """Return A_In psi on the owned degrees of freedom, shape (owned, n), psi given with its ghosts, (all,)."""
+        products = np.column_stack([self._scalar_product(slot, surface) for slot in self._coupled])
+        return products @ np.array([self.vertical[slot][:-1, -1] for slot in self._coupled])
+
+    def apply_surface(self, rows: Vector) -> Vector:
+        """Return (A x)_n on the owned degrees of freedom, shape (owned,), x given with its ghosts, (all, n+1)."""
+        products = (self._scalar_product(slot, rows @ self.vertical[slot][-1]) for slot in self._at_surface)
+        return np.asarray(sum(products))

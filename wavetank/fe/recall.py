@@ -4,8 +4,6 @@ Find weights c, sum c_j = 1, that minimise |x - sum c_j x_j|; start from sum c_j
 second order in the distance otherwise, and independent of how the solves follow each other in time.
 """
 
-from collections import deque
-
 import numpy as np
 from mpi4py import MPI
 
@@ -13,39 +11,46 @@ from wavetank.hamiltonian.contract import Vector
 
 
 class Recall:
-    """The last few (input, answer) pairs.
+    """The last few (input, answer) pairs, in two arrays that are written round and round.
 
     Parameters
     ----------
+    inputs, answers
+        Sizes of an input and of an answer on this rank.
     most
         How many pairs are kept.
     """
 
-    def __init__(self, comm: MPI.Comm, most: int = 10):
+    def __init__(self, inputs: int, answers: int, *, comm: MPI.Comm, most: int = 8):
         self._comm = comm
-        self._inputs: deque[Vector] = deque(maxlen=most)
-        self._answers: deque[Vector] = deque(maxlen=most)
+        self._inputs, self._answers = np.zeros((most, inputs)), np.zeros((most, answers))
+        self._recorded = 0
 
     def guess(self, x: Vector) -> Vector | None:
         """Return a start value for the answer to x, or None if nothing near is remembered; collective."""
-        if not self._inputs:
+        kept = min(self._recorded, len(self._inputs))
+        if kept == 0:
             return None
-        newest = self._inputs[-1]
-        differences = np.array(self._inputs)[:-1] - newest
-        weights = self._weights(differences, x - newest) if len(differences) else np.zeros(0)
-        misfit = x - newest - weights @ differences
-        near = self._comm.allreduce(np.array([misfit @ misfit, x @ x]))
-        if near[0] > near[1]:
+        newest = (self._recorded - 1) % len(self._inputs)
+        differences = self._inputs[:kept] - self._inputs[newest]
+        target = x - self._inputs[newest]
+        weights, misfit = self._weights(differences, target)
+        if misfit > self._comm.allreduce(float(x @ x)):
             return None  # zero is closer than anything remembered
-        return np.asarray(np.tensordot(np.append(weights, 1.0 - weights.sum()), np.array(self._answers), axes=1))
+        weights[newest] += 1.0 - weights.sum()
+        return weights @ self._answers[:kept]
 
-    def _weights(self, differences: Vector, target: Vector) -> Vector:
-        local = differences @ np.vstack([differences, target]).T
-        gram = self._comm.allreduce(local)
+    def _weights(self, differences: Vector, target: Vector) -> tuple[Vector, float]:
+        """Return the weights of the differences that come closest to the target, and the squared misfit."""
+        stacked = np.vstack([differences, target])
+        gram = self._comm.allreduce(stacked @ stacked.T)
         # directions too short against the longest carry more of the answers' errors than of their trend
-        return np.asarray(np.linalg.lstsq(gram[:, :-1], gram[:, -1], rcond=1e-13)[0])
+        weights = np.linalg.lstsq(gram[:-1, :-1], gram[:-1, -1], rcond=1e-13)[0]
+        combined = np.append(-weights, 1.0)
+        return weights, float(combined @ gram @ combined)
 
     def record(self, x: Vector, y: Vector) -> None:
         """Remember that y answers x."""
-        self._inputs.append(x.copy())
-        self._answers.append(y.copy())
+        place = self._recorded % len(self._inputs)
+        self._inputs[place], self._answers[place] = x, y
+        self._recorded += 1

@@ -50,7 +50,7 @@ class InteriorPotential:
         self._operator, self._phi, self._n = operator, phi, vertical.n
         self._modes = DecoupledModes(operator, vertical.eigenvalues, plane)
         self._argument = plane.layered_function(vertical.n, "interior argument")
-        self._recall = Recall(plane.comm)
+        self._recall = Recall(2 * plane.owned + 1, plane.owned * vertical.n, comm=plane.comm)
         self._fresh_iterations: int | None = None
         self._ksp = self._solver(plane, tolerance)
         self._right, self._solution = self._modes.matrix.createVecs()
@@ -80,14 +80,13 @@ class InteriorPotential:
         """
         phi, n = self._phi, self._n
         start = self._recall.guess(inputs)
-        phi.rows[:, :n] = 0.0
-        right = -self._operator.apply(phi.rows)[:, :n] - wall[:, :n]
+        right = -self._operator.apply_coupling(phi.rows[:, n]) - wall[:, :n]
         self._right.array = right.ravel()
-        self._solution.array = 0.0 if start is None else start.ravel()
+        self._solution.array = 0.0 if start is None else start
         self._iterate()
         phi.owned[:, :n] = self._solution.array_r.reshape(-1, n)
         phi.function.x.scatter_forward()
-        self._recall.record(inputs, phi.owned[:, :n])
+        self._recall.record(inputs, self._solution.array_r)
 
     def _iterate(self) -> None:
         if self._fresh_iterations is None:

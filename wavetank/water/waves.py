@@ -137,8 +137,7 @@ class NonlinearWaves:
             self.potential.solve(wall, self._inputs(p))
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
-        self._flux = self.operator.apply(self.phi.rows)
-        self._H_p = self._flux[:, -1] + wall[:, -1]
+        self._H_p = self.operator.apply_surface(self.phi.rows) + wall[:, -1]
         self._q, self._p, self._t = q.copy(), p.copy(), t
 
     def _inputs(self, p: Vector) -> Vector:
@@ -165,7 +164,7 @@ class NonlinearWaves:
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
         self.evaluate(q, p, t)
-        kinetic = 0.5 * self.plane.sum(self.phi.owned * self._flux)
+        kinetic = 0.5 * self.plane.sum(self.phi.owned * self.operator.apply(self.phi.rows))
         return Energies(kinetic, self._gravity_energy.assemble(), self._wall_forms.energy())
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:

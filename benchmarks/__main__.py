@@ -1,0 +1,133 @@
+"""``make bench``: what a step costs, against the baseline, the mesh and real time, and where the time goes."""
+
+import argparse
+import cProfile
+import pstats
+import time
+from collections.abc import Callable
+
+import numpy as np
+from benchmarks.direct import DirectPotential
+from mpi4py import MPI
+from rich.console import Console
+from rich.table import Table
+
+from wavetank.fe.plane import Plane
+from wavetank.integrators import INTEGRATORS
+from wavetank.motions import Ramped, Sinusoid
+from wavetank.water.plan_view import Slice
+from wavetank.water.walls import Piston
+from wavetank.water.waves import NonlinearWaves, Tolerances
+
+CONSOLE = Console()
+DT, CELL, VERTICAL_ORDER = 0.04, 0.2, 8  # those of cases/marin-202002.toml
+
+
+def make_waves(cells: int) -> NonlinearWaves:
+    """Return a MARIN-like slice of cells of 0.2 m with its piston moving."""
+    plan = Slice(CELL * cells, cells, comm=MPI.COMM_SELF)
+    plane = Plane(plan.mesh, 3)
+    motion = Ramped(Sinusoid(0.008, 1.2), 2.0)
+    wall = Piston(motion, plane=plane, reach=10.0, cell_size=plan.cell_size, facets=plan.paddle_facets())
+    tolerances = Tolerances(stage=1e-7, interior=1e-8)
+    return NonlinearWaves(plane, depth=1.0, wall=wall, vertical_order=VERTICAL_ORDER, tolerances=tolerances)
+
+
+class Stepper:
+    """Steps a tank full of waves of k d = 3, k a = 0.1, and counts what a step costs."""
+
+    def __init__(self, waves: NonlinearWaves, scheme: str = "third-order"):
+        x = waves.plane.coordinates()[:, 0]
+        packet = 0.033 * np.exp(-(((x - x.max() / 2) / (x.max() / 5)) ** 2))
+        omega = np.sqrt(9.81 * 3.0 * np.tanh(3.0))
+        self.waves, self.scheme, self.step = waves, INTEGRATORS[scheme](), 0
+        self.state = self.scheme.start(*waves.state(packet * np.cos(3 * x), 9.81 / omega * packet * np.sin(3 * x), 5.0))
+
+    def advance(self, steps: int) -> float:
+        """Return the CPU seconds a step takes."""
+        began = time.process_time()
+        for _ in range(steps):
+            self.state = self.scheme.step(self.waves, self.state, 5.0 + DT * self.step, DT)
+            self.step += 1
+        return (time.process_time() - began) / steps
+
+
+def against_the_baseline(steps: int) -> None:
+    """Time the same steps with the interior solved iteratively and by assembling and factoring it."""
+    iterative, direct = (Stepper(make_waves(500)) for _ in range(2))
+    direct.waves.potential = DirectPotential(direct.waves)
+    times: dict[str, list[float]] = {"iterative": [], "direct": []}
+    for _ in range(3):  # alternating: a busy machine slows both
+        times["iterative"].append(iterative.advance(steps))
+        times["direct"].append(direct.advance(max(2, steps // 5)))
+    ours, base = min(times["iterative"]), min(times["direct"])
+    same = np.abs(iterative.state.p).max()
+    table = Table("interior solve", "ms a step", "times faster", title="500 cells of order 3, n = 8, third order")
+    table.add_row("assembled and factored (baseline)", f"{1e3 * base:.1f}", "1")
+    table.add_row("Kronecker operator, vertical modes", f"{1e3 * ours:.1f}", f"{base / ours:.1f}")
+    CONSOLE.print(table, f"one core carries {DT / ours:.1f} times real time; largest psi {same:.3f} m²/s")
+
+
+def against_the_mesh(steps: int) -> None:
+    """Time a step per unknown from 250 to 4000 cells."""
+    table = Table("cells", "unknowns", "ms a step", "ns a step and unknown", "ratio", "iterations a solve")
+    first = None
+    for cells in (250, 500, 1000, 2000, 4000):
+        stepper = Stepper(make_waves(cells))
+        stepper.advance(10)
+        counters = stepper.waves.potential.counters
+        solves, iterations = counters.solves, counters.iterations
+        spent = min(stepper.advance(steps) for _ in range(3))
+        unknowns = stepper.waves.plane.size * (VERTICAL_ORDER + 2)
+        first = first or spent / unknowns
+        per_solve = (counters.iterations - iterations) / (counters.solves - solves)
+        cost = spent / unknowns
+        row = (f"{1e3 * spent:.1f}", f"{1e9 * cost:.0f}", f"{cost / first:.2f}", f"{per_solve:.2f}")
+        table.add_row(str(cells), str(unknowns), *row)
+    CONSOLE.print(table)
+
+
+def where_the_time_goes(steps: int) -> None:
+    """Profile the steps and group the time by what is done."""
+    stepper = Stepper(make_waves(500))
+    stepper.advance(10)
+    profile = cProfile.Profile()
+    profile.runcall(stepper.advance, steps)
+    stats = pstats.Stats(profile)
+    total = stats.total_tt
+    table = Table("what", "share", "calls a step", title="where the time of a step goes (profiled)")
+    for name, keys in GROUPS.items():
+        found = [entry for (file, _, function), entry in stats.stats.items() if any(k in f"{file}:{function}" for k in keys)]
+        share = sum(entry[2] for entry in found) / total
+        table.add_row(name, f"{100 * share:.0f} %", f"{sum(entry[0] for entry in found) / steps:.1f}")
+    CONSOLE.print(table)
+
+
+GROUPS = {
+    "horizontal sparse products": ("csr_matvec",),
+    "vertical products and copies around them": ("kronecker.py",),
+    "KSP's own: preconditioner, mass matrix, vectors": ("'solve' of 'petsc4py.PETSc.KSP'",),
+    "assembling the horizontal matrices": ("_assemble_matrix_csr",),
+    "assembling derivatives": ("_assemble_vector_array",),
+    "start values": ("recall.py", "start_values.py", "lstsq"),
+    "still-water wave operator": ("'apply' of 'petsc4py.PETSc.PC'",),
+}
+
+
+def main() -> None:
+    """Run the benchmarks asked for."""
+    benchmarks: dict[str, Callable[[int], None]] = {
+        "baseline": against_the_baseline,
+        "mesh": against_the_mesh,
+        "profile": where_the_time_goes,
+    }
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", choices=list(benchmarks), action="append", help="may be given several times")
+    parser.add_argument("--steps", type=int, default=40)
+    arguments = parser.parse_args()
+    for name in arguments.only or benchmarks:
+        benchmarks[name](arguments.steps)
+
+
+if __name__ == "__main__":
+    main()

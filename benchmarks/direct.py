@@ -1,0 +1,55 @@
+"""The baseline: the full interior operator, assembled and factored directly at every evaluation.
+
+All (n+1)^2 blocks come from one form, the second derivative of the same kinetic energy, and PETSc's LU factors it.
+"""
+
+import numpy as np
+import ufl
+import dolfinx.fem.petsc
+from dolfinx import fem
+from petsc4py import PETSc
+
+from wavetank.fe.forms import compile_form
+from wavetank.hamiltonian.contract import Vector
+from wavetank.water.energy import WaterEnergy
+from wavetank.water.potential import SolveCounters
+from wavetank.water.waves import NonlinearWaves
+
+
+class DirectPotential:
+    """Takes the place of ``InteriorPotential`` in a tank on one rank."""
+
+    def __init__(self, waves: NonlinearWaves):
+        self.counters = SolveCounters()
+        self._phi, self._n = waves.phi, waves.vertical.n
+        phi, plane = waves.phi.function, waves.plane
+        constants = [fem.Constant(plane.mesh, value) for value in (waves.depth, waves.gravity)]
+        energy = WaterEnergy(waves.h.function, *constants, wall=waves.wall)
+        kinetic = energy.kinetic(phi, waves.vertical) * plane.dx
+        self._form = compile_form(ufl.derivative(ufl.derivative(kinetic, phi), phi))
+        self._matrix = fem.petsc.create_matrix(self._form)
+        rows = np.arange(plane.owned * (self._n + 1), dtype=np.int32).reshape(-1, self._n + 1)
+        self._interior = PETSc.IS().createGeneral(rows[:, : self._n].ravel())
+        self._surface = PETSc.IS().createGeneral(rows[:, self._n].copy())
+        self._ksp = PETSc.KSP().create()
+        self._ksp.setType("preonly")
+        self._ksp.getPC().setType("lu")
+        self._ksp.getPC().setFactorOrdering("nd")
+        self._A = self._coupling = None
+
+    def solve(self, wall: Vector, inputs: Vector) -> None:
+        """Set phi_I as ``InteriorPotential.solve`` does."""
+        self._matrix.zeroEntries()
+        fem.petsc.assemble_matrix(self._matrix, self._form)
+        self._matrix.assemble()
+        self._A = self._matrix.createSubMatrix(self._interior, self._interior, self._A)
+        self._coupling = self._matrix.createSubMatrix(self._interior, self._surface, self._coupling)
+        self._ksp.setOperators(self._A)
+        solution, right = self._A.createVecs()
+        surface = self._coupling.createVecRight()
+        surface.array = self._phi.owned[:, self._n]
+        self._coupling.mult(surface, right)
+        right.array = -right.array - np.broadcast_to(wall[:, : self._n], (self._phi.owned.shape[0], self._n)).ravel()
+        self._ksp.solve(right, solution)
+        self._phi.owned[:, : self._n] = solution.array.reshape(-1, self._n)
+        self.counters.solves += 1

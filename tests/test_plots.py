@@ -1,0 +1,185 @@
+"""Pictures of a run: they exist, say what they show with units, and interpolate a known group to known accuracy."""
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from scipy.optimize import brentq
+
+from postprocess import figures
+from postprocess.figures import draw_run, energy_figure, gauges_figure, gauges_overview, surface_figure
+from wavetank.errors import InputError
+from wavetank.rundir import RunDirectory, RunWriter, Surface
+from wavetank.series import GaugeSeries
+
+ENERGY = (
+    "t [s]",
+    *(f"{name} [m^4/s^2]" for name in ("kinetic", "potential", "total", "paddle_work", "balance")),
+    "mass [m^2]",
+)
+FOCUS_X, FOCUS_TIME, AMPLITUDE = 10.0, 20.0, 0.1
+T = np.linspace(0.0, 24.0, 241)
+FREQUENCIES = 2 * np.pi * np.linspace(0.4, 1.3, 40)
+WAVE_NUMBERS = np.array([brentq(lambda k, w=w: 9.81 * k * np.tanh(k) - w**2, 1e-6, 100) for w in FREQUENCIES])
+WEIGHTS = np.exp(-(((FREQUENCIES - 4.1) / 1.5) ** 2))
+
+
+def elevation(x, t):
+    """Return a group that focuses by linear theory in 1 m of water, of crest 0.1 m."""
+    phase = WAVE_NUMBERS * (np.asarray(x)[..., None] - FOCUS_X) - FREQUENCIES * (np.asarray(t)[..., None] - FOCUS_TIME)
+    return AMPLITUDE * np.cos(phase) @ WEIGHTS / WEIGHTS.sum()
+
+
+def group():
+    """Return snapshots of that group, on a mesh that a paddle moves."""
+    mesh = np.linspace(0.0, 24.0, 361)
+    paddle = 0.05 * np.sin(4.0 * T) * np.exp(-(((T - 12.0) / 4.0) ** 2))
+    x = mesh + paddle[:, None] * np.clip(1.0 - mesh / 10.0, 0.0, 1.0)
+    eta = elevation(x, T[:, None])
+    return Surface(T, x, eta, np.zeros_like(eta))
+
+
+def gauge(x, eta=None, source="computed"):
+    return GaugeSeries(f"{x:g}", x, T, elevation(x, T) if eta is None else eta, source)
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Return a run directory with the group in it."""
+    surface = group()
+    with RunWriter(tmp_path / "run", {"scene": {"title": "A focusing group"}}) as writer:
+        gauges, energy, record = (
+            writer.gauges([("1", 4.0), ("2", 10.0)]),
+            writer.table("energy.csv", ENERGY),
+            writer.surface(),
+        )
+        for t, x, eta in zip(T, surface.x, surface.eta, strict=True):
+            gauges.append([t, elevation(4.0, t), elevation(10.0, t)])
+            energy.append([t, 0.1 * t, 0.2 * t, 0.3 * t, 0.3 * t, 1e-6 * np.sin(t), 24.0])
+            record.append(t, x, eta, 0 * eta)
+        writer.finish("finished", {})
+    return RunDirectory(tmp_path / "run")
+
+
+def words(draw, tmp_path):
+    """Return the text in a picture that ``draw`` makes, as SVG keeps it."""
+    with rc_context({"svg.fonttype": "none"}):
+        return draw(tmp_path / "picture.svg").read_text()
+
+
+def test_the_standard_pictures_of_a_run_are_drawn(run):
+    pictures = draw_run(run)
+    assert [picture.name for picture in pictures] == ["surface.png", "gauges.png", "energy.png"]
+    for picture in pictures:
+        pixels = imread(picture)
+        assert min(pixels.shape[:2]) > 400
+        assert pixels[..., :3].std() > 0.05
+
+
+def test_a_run_killed_at_its_start_gives_the_pictures_it_has_records_for(tmp_path):
+    with RunWriter(tmp_path / "run", {}) as writer:
+        writer.gauges([]), writer.surface()
+        energy = writer.table("energy.csv", ENERGY)
+        energy.append([0.0] * 7)
+        energy.append([0.1] * 7)
+    assert [picture.name for picture in draw_run(RunDirectory(tmp_path / "run"))] == ["energy.png"]
+
+
+def test_the_surface_picture_names_crest_place_time_and_exaggeration(tmp_path):
+    text = words(lambda path: surface_figure(group(), path, title="A focusing group"), tmp_path)
+    for word in ("A focusing group", "t = 20.00 s, the highest crest", "10 cm at x = 10.00 m", "vertical exaggeration"):
+        assert word in text
+    for axis in ("elevation [cm]", "time [s]", "x [m]", ">paddle<"):
+        assert axis in text
+
+
+def test_before_and_after_are_half_a_period_away():
+    t, x = np.linspace(0.0, 10.0, 401), np.broadcast_to(np.linspace(0.0, 2.0, 21), (401, 21))
+    omega = 5.0
+    standing = Surface(t, x, np.cos(np.pi * x) * np.cos(omega * (t - 4.0))[:, None], 0 * x)
+    assert figures._half_period(standing) * 0.025 == pytest.approx(np.pi / omega, abs=0.05)  # two snapshots
+
+
+def test_a_tank_of_fixed_walls_and_still_water_are_drawn_too(tmp_path):
+    x = np.broadcast_to(np.linspace(0.0, 2.0, 21), (5, 21))
+    text = words(lambda path: surface_figure(Surface(np.arange(5.0), x, 0 * x, 0 * x), path), tmp_path)
+    assert "0 cm at x = 0.00 m" in text
+    assert ">paddle<" not in text
+
+
+def test_the_space_time_diagram_interpolates_the_group():
+    surface = group()
+    drawn = figures._resampled(surface)
+    x, t = (np.linspace(0.0, 24.0, size) for size in (drawn.shape[1], drawn.shape[0]))
+    x = surface.x.min() + (surface.x.max() - surface.x.min()) * x / 24.0
+    exact = elevation(x[None, :], t[:, None])
+    wet = x[None, :] > 0.06  # the paddle's largest excursion
+    # linear in x: (dx k)^2 / 8 = 0.011 at dx = 1/15 m and k = 4.4 rad/m
+    assert np.abs(np.where(wet, drawn - exact, 0.0)).max() < 0.011 * AMPLITUDE
+
+
+def test_exaggeration_is_one_where_the_scales_are_equal():
+    figure = Figure(figsize=(8, 4))
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(0.0, 2.0), ylim=(0.0, 100.0))  # 2 m by 100 cm in 8 by 4 inch
+    assert figures._exaggeration(axes) == 1.0
+    axes.set_ylim(0.0, 10.0)
+    assert figures._exaggeration(axes) == 10.0
+
+
+def test_the_comparison_names_gauges_sources_and_misfits(tmp_path):
+    measured = [gauge(x, source="measured") for x in (4.0, 10.0, 13.0)]
+    computed = [gauge(one.x, 0.9 * one.eta) for one in measured[1:]]
+    published = [replace(measured[1], eta=0.8 * measured[1].eta, source="Published 2014")]
+    text = words(lambda path: gauges_figure(measured, computed, published, path), tmp_path)
+    assert "gauge 10, x = 10 m;  nrms: computed 0.100, Published 2014 0.200" in text
+    assert "gauge 13, x = 13 m;  nrms: computed 0.100<" in text
+    assert "gauge 4" not in text
+    assert "largest crest, t = 20.00 s" in text
+    for word in (">measured<", ">computed<", ">Published 2014<", "elevation [cm]", "time [s]"):
+        assert word in text
+
+
+def test_all_misfits_are_of_the_time_that_the_run_has(tmp_path):
+    early = T <= 20.0
+    measured, run = gauge(10.0, source="measured"), gauge(10.0)
+    wrong_later = replace(run, eta=np.where(early, 0.8 * run.eta, 5.0), source="Published 2014")
+    short = replace(run, t=T[early], eta=0.9 * run.eta[early])
+    text = words(lambda path: gauges_figure([measured], [short], [wrong_later], path), tmp_path)
+    assert "nrms: computed 0.100, Published 2014 0.200" in text
+
+
+def test_the_overview_orders_gauges_from_the_paddle_outwards(tmp_path):
+    text = words(lambda path: gauges_overview([gauge(10.0), gauge(4.0)], path), tmp_path)
+    assert 0 < text.index("x = 4 m") < text.index("x = 10 m")
+
+
+def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
+    text = words(lambda path: energy_figure(run.energy(), path), tmp_path)
+    for word in ("kinetic", "potential", "total", "start + paddle", "[m⁴/s²]", "time [s]", "total - start - work"):
+        assert word in text
+
+
+def test_nothing_to_draw_is_bad_input(tmp_path):
+    empty, none = np.zeros(0), np.zeros((0, 0))
+    with pytest.raises(InputError, match="0 snapshots"):
+        surface_figure(Surface(empty, none, none, none), tmp_path / "a.png")
+    with pytest.raises(InputError, match="no gauge"):
+        gauges_overview([], tmp_path / "a.png")
+    with pytest.raises(InputError, match="no gauge in common"):
+        gauges_figure([gauge(1.0)], [gauge(2.0)], [], tmp_path / "a.png")
+    with pytest.raises(InputError, match="no values of potential, total"):
+        energy_figure({"t [s]": np.ones(2), "kinetic [J]": np.ones(2)}, tmp_path / "a.png")
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_pictures_need_neither_the_solver_nor_a_display():
+    code = (
+        "import sys, postprocess.figures; "
+        "sys.exit(any(name in sys.modules for name in ('dolfinx', 'petsc4py', 'mpi4py', 'matplotlib.pyplot')))"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
