@@ -1,8 +1,10 @@
 # make run, make test: nothing else is needed beforehand; ./env sets up what is missing.
+RUN ?= runs/focusing
+
 .PHONY: run test test-slow lint format bench
 
 run:
-	./env wavetank run cases/focusing.toml --out runs/focusing
+	./env wavetank run cases/focusing.toml --out $(RUN)
 
 test:
 	./env pytest -q

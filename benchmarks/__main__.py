@@ -7,11 +7,11 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from benchmarks.direct import DirectPotential
 from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
+from benchmarks.direct import DirectPotential
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS
 from wavetank.motions import Ramped, Sinusoid
@@ -97,7 +97,9 @@ def where_the_time_goes(steps: int) -> None:
     total = stats.total_tt
     table = Table("what", "share", "calls a step", title="where the time of a step goes (profiled)")
     for name, keys in GROUPS.items():
-        found = [entry for (file, _, function), entry in stats.stats.items() if any(k in f"{file}:{function}" for k in keys)]
+        found = [
+            entry for (file, _, function), entry in stats.stats.items() if any(k in f"{file}:{function}" for k in keys)
+        ]
         share = sum(entry[2] for entry in found) / total
         table.add_row(name, f"{100 * share:.0f} %", f"{sum(entry[0] for entry in found) / steps:.1f}")
     CONSOLE.print(table)

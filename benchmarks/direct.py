@@ -5,7 +5,6 @@ All (n+1)^2 blocks come from one form, the second derivative of the same kinetic
 
 import numpy as np
 import ufl
-import dolfinx.fem.petsc
 from dolfinx import fem
 from petsc4py import PETSc
 
@@ -23,8 +22,8 @@ class DirectPotential:
         self.counters = SolveCounters()
         self._phi, self._n = waves.phi, waves.vertical.n
         phi, plane = waves.phi.function, waves.plane
-        constants = [fem.Constant(plane.mesh, value) for value in (waves.depth, waves.gravity)]
-        energy = WaterEnergy(waves.h.function, *constants, wall=waves.wall)
+        d, g = (fem.Constant(plane.mesh, value) for value in (waves.depth, waves.gravity))
+        energy = WaterEnergy(h=waves.h.function, d=d, gravity=g, wall=waves.wall)
         kinetic = energy.kinetic(phi, waves.vertical) * plane.dx
         self._form = compile_form(ufl.derivative(ufl.derivative(kinetic, phi), phi))
         self._matrix = fem.petsc.create_matrix(self._form)

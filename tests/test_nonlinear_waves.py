@@ -162,5 +162,5 @@ def test_a_surface_that_reaches_the_bed_is_said(make_tank):
     tank = make_tank(length=2.0, cells=8, n=4)
     x = tank.plane.coordinates()[:, 0]
     q, p = tank.state(-1.2 * np.cos(np.pi * x / 2), 0 * x)
-    with pytest.raises(RunError, match=r"t = 1\.5 s: the surface reaches the bed"):
+    with pytest.raises(RunError, match=r"t = 1\.5 s, x = 0 m: the surface reaches the bed"):
         tank.H_p(q, p, 1.5)

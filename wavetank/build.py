@@ -51,9 +51,7 @@ def build_waves(scene: Scene, comm: MPI.Comm) -> NonlinearWaves:
 def _wall(scene: Scene, plan: Slice, plane: Plane) -> Wall:
     if isinstance(scene.wall, nouns.FixedWall):
         return FixedWall()
-    return Piston(
-        scene.motion(), plane=plane, reach=scene.reach, cell_size=plan.cell_size, facets=plan.paddle_facets()
-    )
+    return Piston(scene.motion(), plane=plane, reach=scene.reach, cell_size=plan.cell_size, facets=plan.paddle_facets())
 
 
 def initial_state(scene: Scene, waves: NonlinearWaves) -> tuple[Vector, Vector]:
@@ -69,7 +67,7 @@ def time_step(scene: Scene, waves: NonlinearWaves, integrator: Integrator[Any]) 
     """Return the scene's step [s], or one from accuracy and stability; collective.
 
     The default keeps 0.6 of the stability limit on still water and a relative frequency error below 1e-4 for waves of a
-    quarter of the largest frequency, rounded down to two digits. Raises ``InputError`` for a step that cannot be stable.
+    quarter of the largest frequency, rounded down to two digits. Raises ``InputError`` for an unstable step.
     """
     limit = integrator.stability_limit / waves.largest_frequency
     if scene.numerics.dt is None:
@@ -77,10 +75,10 @@ def time_step(scene: Scene, waves: NonlinearWaves, integrator: Integrator[Any]) 
         accurate = 4.0 / waves.largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
         step = min(0.6 * limit, accurate, scene.run.duration)
         digit = 10.0 ** (floor(log10(step)) - 1)
-        return floor(step / digit * (1 + 1e-12)) * digit
+        return float(floor(step / digit * (1 + 1e-12)) * digit)
     if scene.numerics.dt > limit:
         raise InputError(
-            f"numerics.dt = {scene.numerics.dt:g}: must be below {limit:.4g} s, where {integrator.name} becomes unstable "
+            f"numerics.dt = {scene.numerics.dt:g}: must be below {limit:.4g} s, where {integrator.name} gets unstable "
             f"on this mesh (largest frequency {waves.largest_frequency:.4g} rad/s)."
         )
     return scene.numerics.dt

@@ -2,6 +2,7 @@
 
 import sys
 import traceback
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ from rich.console import Console
 
 from wavetank import data
 from wavetank.errors import WavetankError
-from wavetank.rundir import RunDirectory
+from wavetank.rundir import SURFACE, RunDirectory
 from wavetank.scene import Scene
 from wavetank.series import GaugeSeries
 
@@ -46,9 +47,11 @@ def run(
     scene = Scene.from_toml(case, overrides or [])
     directory = Path("runs") / case.stem if out is None else out
     terminal = console()
-    record_run(scene, directory, comm=MPI.COMM_WORLD, console=terminal)
-    if MPI.COMM_WORLD.rank == 0 and plots:
-        _draw(directory, terminal)
+    try:
+        record_run(scene, directory, comm=MPI.COMM_WORLD, console=terminal)
+    finally:  # what a broken-down run has left is worth seeing, too
+        if plots and MPI.COMM_WORLD.rank == 0 and (directory / SURFACE).exists():
+            _draw(directory, terminal)
 
 
 def _draw(directory: Path, terminal: Console) -> None:
@@ -84,7 +87,7 @@ def compare(
 def _reference(name: str) -> tuple[list[GaugeSeries], list[GaugeSeries]]:
     """Return the series to compare with, and a published computation's if there is one."""
     if name not in data.DATASETS and Path(name).is_dir():
-        return RunDirectory(Path(name)).gauges(), []
+        return [replace(gauge, source=Path(name).name) for gauge in RunDirectory(Path(name)).gauges()], []
     series = data.gauge_series(name)
     published = [one for kind, records in series.items() if kind != "measured" for one in records]
     return list(series["measured"]), published

@@ -27,7 +27,7 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
     root = comm.rank == 0
     began = time.monotonic()
     writer = _open(scene, out, comm)
-    try:
+    with writer or nullcontext():
         run, waves = build_run(scene, _records(scene, writer), comm)
         built = time.monotonic()
         if root:
@@ -36,12 +36,8 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
             if bar is not None:
                 run.observers.append(bar)
             run.execute()
-    except WavetankError as error:
         if writer is not None:
-            writer.finish("failed", {"cause": str(error)})
-        raise
-    if writer is not None:
-        writer.finish("finished", _figures(run, waves, began=began, built=built))
+            writer.finish("finished", _figures(run, waves, began=began, built=built))
 
 
 def _open(scene: Scene, out: Path, comm: MPI.Comm) -> RunWriter | None:

@@ -349,7 +349,7 @@ class Output(Noun):
     energy_every: int = Field(default=1, ge=1, description="steps between rows of the energy budget")
     gauges_every: int = Field(default=1, ge=1, description="steps between rows of the gauges' record")
     surface_every: float | None = Field(
-        default=None, gt=0, description="time between snapshots of the surface [s]; default: 200 snapshots"
+        default=None, gt=0, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
     )
 
 
@@ -392,8 +392,11 @@ class Scene(Noun):
 
     @property
     def surface_every(self) -> float:
-        """Time between snapshots of the surface [s], default resolved."""
-        return self.run.duration / 200 if self.output.surface_every is None else self.output.surface_every
+        """Time between snapshots of the surface [s]; by default short against a wave period, 200 to 1000 of them."""
+        if self.output.surface_every is not None:
+            return self.output.surface_every
+        short = 0.5 * (self.tank.depth / self.tank.gravity) ** 0.5
+        return float(np.clip(short, self.run.duration / 1000, self.run.duration / 200))
 
     def motion(self) -> motions.Motion:
         """Return the paddle's motion, checked against the run and the tank.

@@ -1,1 +1,1 @@
-"""Finite-element building blocks without physics; the only package that touches what changes between dolfinx releases."""
+"""Finite-element blocks without physics; the only package that touches what changes between dolfinx releases."""

@@ -1,7 +1,7 @@
 """Compiled forms: each is compiled once, with the flags measured to be fastest, and assembled into its own storage.
 
-GCC's -O2 takes a minute where -O3 takes seconds on forms with many vertical components; reassociation halves the time of
-the kernels and changes results by round-off only.
+GCC's -O2 takes a minute where -O3 takes seconds on forms with many vertical components; reassociation halves the time
+of the kernels and changes results by round-off only.
 """
 
 from typing import Any
@@ -40,7 +40,7 @@ class VectorForm:
 
     def __init__(self, form: ufl.Form):
         self._form = compile_form(form)
-        space = self._form.function_spaces[0].dofmaps(0) if _is_raw(self._form) else self._form.function_spaces[0].dofmap
+        space = self._form.function_spaces[0].dofmap
         self._vector = la.vector(space.index_map, space.index_map_bs)
         self._owned = space.index_map.size_local * space.index_map_bs
 
@@ -51,10 +51,6 @@ class VectorForm:
         self._vector.scatter_reverse(la.InsertMode.add)
         owned: Vector = self._vector.array[: self._owned]
         return owned
-
-
-def _is_raw(form: Any) -> bool:
-    return not hasattr(form.function_spaces[0], "dofmap")
 
 
 def owned_rows(matrix: Any) -> tuple[Vector, Any, Any]:

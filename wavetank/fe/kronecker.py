@@ -79,9 +79,7 @@ class KroneckerOperator:
             if not _vanishes(self._hessian(densities[power] * plane.dx, unknowns[left], v, unknowns[right], x))
         ]
         self._compile(plane, unknowns)
-        self.vertical = [
-            vertical.moment(term.power, tables[term.left], tables[term.right]) for term in self.terms
-        ]
+        self.vertical = [vertical.moment(term.power, tables[term.left], tables[term.right]) for term in self.terms]
         n = vertical.n
         self._full = np.hstack([G.T for G in self.vertical])
         self._interior = np.hstack([G[:n, :n].T for G in self.vertical])
@@ -157,7 +155,7 @@ class KroneckerOperator:
     def apply_coupling(self, surface: Vector) -> Vector:
         """Return A_In psi on the owned degrees of freedom, shape (owned, n), psi given with its ghosts, (all,)."""
         products = np.column_stack([self._scalar_product(slot, surface) for slot in self._coupled])
-        return products @ np.array([self.vertical[slot][:-1, -1] for slot in self._coupled])
+        return np.asarray(products @ np.array([self.vertical[slot][:-1, -1] for slot in self._coupled]))
 
     def apply_surface(self, rows: Vector) -> Vector:
         """Return (A x)_n on the owned degrees of freedom, shape (owned,), x given with its ghosts, (all, n+1)."""

@@ -71,11 +71,11 @@ class MassMatrix:
         self._in.array = right
         self._ksp.solve(self._in, self._out)
         if self._ksp.getConvergedReason() < 0:
-            raise ConvergenceError(f"the mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})")
+            raise ConvergenceError(
+                f"the mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})"
+            )
         return np.array(self._out.array_r)
 
     def diagonal(self) -> Vector:
         """Return the owned diagonal entries, shape (owned,)."""
         return np.asarray(self._csr.diagonal())
-
-

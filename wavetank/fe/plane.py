@@ -1,7 +1,5 @@
 """The horizontal finite-element space: Lagrange elements of order p on the plan mesh of the reference tank."""
 
-from typing import Any
-
 import numpy as np
 import ufl
 from dolfinx import fem, mesh
@@ -33,7 +31,8 @@ class Plane:
     @property
     def comm(self) -> MPI.Comm:
         """The communicator of the mesh."""
-        return self.mesh.comm
+        comm: MPI.Comm = self.mesh.comm
+        return comm
 
     def function(self, name: str) -> "Field":
         """Return a new scalar field, zero everywhere."""
@@ -79,7 +78,6 @@ class Field:
         """Take over the owned values and fetch the ghosts; collective."""
         self.owned[...] = owned
         self.function.x.scatter_forward()
-
 
 
 class LayeredField(Field):

@@ -4,10 +4,13 @@ import numpy as np
 import scipy.sparse as sparse
 from dolfinx import geometry
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from wavetank.errors import InputError
 from wavetank.fe.plane import Field, Plane
 from wavetank.hamiltonian.contract import Vector
+
+Cells = NDArray[np.int32]
 
 
 class Points:
@@ -38,7 +41,7 @@ class Points:
             (weights.ravel(), entries), shape=(len(points), self._plane.V.tabulate_dof_coordinates().shape[0])
         )
 
-    def _owned_cells(self, points: Vector) -> Vector:
+    def _owned_cells(self, points: Vector) -> Cells:
         """Return the cell of each point on the lowest rank that has it, -1 on the others; collective."""
         comm, mesh = self._plane.comm, self._plane.mesh
         near = geometry.compute_collisions_points(self._tree, points)
@@ -50,17 +53,20 @@ class Points:
         if np.any(holder == comm.size):
             outside = points[int(np.flatnonzero(holder == comm.size)[0])]
             raise InputError(f"the point x = {outside[0]:.6g} m, y = {outside[1]:.6g} m is outside the tank")
-        return np.where(holder == comm.rank, cells, -1)
+        return np.where(holder == comm.rank, cells, np.int32(-1))
 
     def _closest(self, point: Vector, cells: list[int]) -> int:
         if not cells:
             return -1
         distances = geometry.squared_distance(
-            self._plane.mesh, self._plane.mesh.topology.dim, np.array(cells, dtype=np.int32), np.tile(point, (len(cells), 1))
+            self._plane.mesh,
+            self._plane.mesh.topology.dim,
+            np.array(cells, dtype=np.int32),
+            np.tile(point, (len(cells), 1)),
         )
         return int(cells[int(np.argmin(distances))])
 
-    def _basis(self, points: Vector, cells: Vector) -> tuple[Vector, Vector]:
+    def _basis(self, points: Vector, cells: Cells) -> tuple[Vector, Cells]:
         mesh, V = self._plane.mesh, self._plane.V
         dofs = np.array([V.dofmap.cell_dofs(cell) for cell in cells], dtype=np.int32)
         if not len(cells):

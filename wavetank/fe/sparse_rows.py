@@ -19,9 +19,7 @@ class SparseRows:
         m: each entry stands m times, coupling unknown j of one degree of freedom to unknown j of another.
     """
 
-    def __init__(
-        self, plane: Plane, columns: NDArray[np.int32], row_pointers: NDArray[np.int32], *, copies: int = 1
-    ):
+    def __init__(self, plane: Plane, columns: NDArray[np.int32], row_pointers: NDArray[np.int32], *, copies: int = 1):
         index_map = plane.V.dofmap.index_map
         entries = np.diff(row_pointers)
         # entry (row, k, copy) moves to row * m + copy, keeping k in order

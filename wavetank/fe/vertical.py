@@ -6,7 +6,7 @@ water: P_n = 1 carries the surface potential and P_0 ... P_{n-1} vanish at the s
     int P_i P_j dzeta = delta_ij,    int P_i' P_j' dzeta = Lambda_i delta_ij,    int P_i' P_n' dzeta = 0.
 
 The interior unknowns are then amplitudes of vertical modes, and the still-water operator decouples into n scalar
-problems S1 + Lambda_i S4 (mathematics, section 4).
+problems S1 + Lambda_i S4 (docs/method.md, section 4).
 """
 
 import numpy as np
@@ -66,7 +66,7 @@ class VerticalBasis:
     def _legendre(self, zeta: Vector) -> tuple[Vector, Vector]:
         x = 2.0 * np.asarray(zeta) - 1.0
         derivative = 2.0 * legendre.legder(np.eye(self.n + 1))
-        return legendre.legvander(x, self.n), legendre.legvander(x, max(self.n - 1, 0)) @ derivative
+        return np.asarray(legendre.legvander(x, self.n)), legendre.legvander(x, max(self.n - 1, 0)) @ derivative
 
     def _inner(self, a: Vector, b: Vector) -> Vector:
         return np.asarray((a.T * self.weights) @ b)
@@ -84,4 +84,4 @@ class VerticalBasis:
         stiffness = self._inner(self.slopes, self.slopes)
         stiffness[-1, -1] += sigma
         eigenvalues, modes = eigh(stiffness, self._inner(self.values, self.values))
-        return eigenvalues, modes
+        return np.asarray(eigenvalues), np.asarray(modes)

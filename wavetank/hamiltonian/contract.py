@@ -54,15 +54,25 @@ class StageSolver(Protocol):
 class Stages(Protocol):
     """The solvers for each kind of implicit stage: q alone, p alone, or both stacked as [q, p]."""
 
-    coordinate: StageSolver
-    momentum: StageSolver
-    pair: StageSolver
+    @property
+    def coordinate(self) -> StageSolver:
+        """For q alone."""
+
+    @property
+    def momentum(self) -> StageSolver:
+        """For p alone."""
+
+    @property
+    def pair(self) -> StageSolver:
+        """For both, stacked as [q, p]."""
 
 
 class HamiltonianSystem(Protocol):
     """What an integrator may ask of a system. All methods are collective."""
 
-    stages: Stages
+    @property
+    def stages(self) -> Stages:
+        """The solvers of implicit stages."""
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dq, so that dp/dt = -H_q."""

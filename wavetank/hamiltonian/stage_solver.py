@@ -71,6 +71,7 @@ class SnesStageSolver:
         diagnose: Callable[[Stage], str] = no_diagnosis,
     ):
         self.counters = StageCounters()
+        self._error: WavetankError | None = None
         self._comm, self._scale = comm, scale
         self._tolerance, self._floor = tolerance, floor
         self._precondition, self._diagnose = precondition, diagnose
@@ -125,14 +126,14 @@ class SnesStageSolver:
             self.counters.newton_solves += 1
             if not self._run(self._newton, guess, target):
                 self._fail(stage, target)
-        solution = self._x.array_r * self._scale
+        solution: Vector = self._x.array_r * self._scale
         earlier.record(stage.t, solution)
         return solution
 
     def _run(self, snes: PETSc.SNES, guess: Vector, target: float) -> bool:
         snes.setTolerances(rtol=0.0, atol=target, stol=0.0, max_it=self.max_iterations)
         self._x.array = guess / self._scale
-        self._error: WavetankError | None = None
+        self._error = None
         try:
             snes.solve(None, self._x)
         except PETSc.Error:

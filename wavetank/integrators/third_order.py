@@ -69,7 +69,8 @@ class ThirdOrder:
 
         start = np.concatenate([q_plus + dt / 2 * dq, p_plus + dt / 2 * dp])
         half = system.stages.pair.solve(Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4), residual, start)
-        dq, dp = flow(system, *np.split(half, 2), t + dt / 2)
+        q_half, p_half = np.split(half, 2)
+        dq, dp = flow(system, q_half, p_half, t + dt / 2)
         q_half, p_half = q_known + dt / 4 * dq, p_known + dt / 4 * dp  # keeps what the flow keeps, e.g. mass, exactly
         q_minus_new, p_minus_new = q_plus + dt * dq, p_plus + dt * dp
         dq, dp = flow(system, q_minus_new, p_minus_new, t + dt)

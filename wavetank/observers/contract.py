@@ -18,7 +18,9 @@ class Moment(NamedTuple):
 class Observer(Protocol):
     """Something that is recorded when its schedule says so."""
 
-    schedule: Schedule
+    @property
+    def schedule(self) -> Schedule:
+        """When it acts."""
 
     def observe(self, moment: Moment) -> None:
         """Record the moment; collective."""

@@ -44,7 +44,7 @@ class EnergyBudget:
     def __init__(self, waves: NonlinearWaves, *, record: Record, schedule: EverySteps):
         self._waves, self._record, self.schedule = waves, record, schedule
         self._rates: list[float] = []
-        self._supplied = 0.0
+        self._supplied = self._t = 0.0
 
     def observe(self, moment: Moment) -> None:
         """Append one row; collective."""

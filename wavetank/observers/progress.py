@@ -48,10 +48,14 @@ class ProgressBar:
     def observe(self, moment: Moment) -> None:
         """Show the moment."""
         solves, iterations = self._cost()
-        per_step = f"{solves / max(1, moment.step):.1f} solves, {iterations / max(1, moment.step):.1f} iterations a step"
+        per_step = (
+            f"{solves / max(1, moment.step):.1f} solves, {iterations / max(1, moment.step):.1f} iterations a step"
+        )
         self._bar.update(self._task, completed=min(moment.t, self._duration), description=per_step)
         if not self._console.is_terminal and moment.t >= self._reported + self._duration / self.plain_lines:
             self._reported = moment.t
             elapsed = time.monotonic() - self._began
             left = elapsed * (self._duration / moment.t - 1.0)
-            self._console.print(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {per_step}", highlight=False)
+            self._console.print(
+                f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {per_step}", highlight=False
+            )

@@ -5,6 +5,9 @@ from typing import Protocol
 
 import numpy as np
 
+from wavetank.errors import RunError
+from wavetank.hamiltonian.contract import Vector
+
 
 class Record(Protocol):
     """A table that grows by rows of numbers; only rank 0's rows are kept."""
@@ -14,10 +17,12 @@ class Record(Protocol):
 
 
 class Discard:
-    """The record of every rank but the first."""
+    """The record of every rank but the first, which has the same row: it fails where the first one's fails."""
 
     def append(self, row: Sequence[float]) -> None:
-        """Drop the row."""
+        """Drop the row; raises ``RunError`` for a number that is not finite."""
+        if not np.all(np.isfinite(row)):
+            raise RunError(f"t = {row[0]:.6g} s: a recorded value is not a finite number; the run has broken down.")
 
 
 class Memory:
@@ -30,6 +35,6 @@ class Memory:
         """Append one row."""
         self.rows.append([float(value) for value in row])
 
-    def array(self) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
+    def array(self) -> Vector:
         """Return all rows, shape (rows, columns)."""
         return np.array(self.rows)

@@ -1,7 +1,7 @@
 """The energy of the water, written once; everything else is a derivative of it.
 
 In the reference tank z = zeta h - d with zeta in [0, 1], so a horizontal layer with potential u = phi and vertical
-derivative w = d phi / d zeta has, per unit of zeta (mathematics, section 2)
+derivative w = d phi / d zeta has, per unit of zeta (docs/method.md, section 2)
 
     e(u, w; zeta) = 1/2 { J h |grad u - (zeta grad h - grad d) w / h|^2 + J w^2 / h }
 
@@ -45,9 +45,10 @@ class WaterEnergy:
 
     def kinetic(self, phi: Any, vertical: VerticalBasis) -> Any:
         """Return int e dzeta by Gauss quadrature, exact for polynomials of the basis."""
-        rule = zip(vertical.weights.tolist(), vertical.zeta.tolist(), vertical.values, vertical.slopes, strict=True)
+        rule = zip(vertical.weights, vertical.zeta, vertical.values, vertical.slopes, strict=True)
         return sum(
-            weight * self.layer(combine(value, phi), combine(slope, phi), zeta) for weight, zeta, value, slope in rule
+            float(weight) * self.layer(combine(value, phi), combine(slope, phi), float(zeta))
+            for weight, zeta, value, slope in rule
         )
 
     def potential(self) -> Any:

@@ -3,7 +3,7 @@
     A_II(h) phi_I = -A_In psi - w_I
 
 by conjugate gradients on the Kronecker operator, preconditioned by the vertical modes: only terms with the slope of the
-surface are left out of the preconditioner, so a few iterations suffice (mathematics, section 4).
+surface are left out of the preconditioner, so a few iterations suffice (docs/method.md, section 4).
 """
 
 from dataclasses import dataclass
@@ -75,8 +75,8 @@ class InteriorPotential:
     def solve(self, wall: Vector, inputs: Vector) -> None:
         """Set phi_I for the surface potential in phi, the operator as assembled and the wall's vector; collective.
 
-        ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is the vector of everything the solution depends on, scaled alike,
-        from which a start value is found among earlier solves. Raises ``ConvergenceError``.
+        ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is all that the solution depends on, scaled
+        alike, by which a start value is found among earlier solves. Raises ``ConvergenceError``.
         """
         phi, n = self._phi, self._n
         start = self._recall.guess(inputs)

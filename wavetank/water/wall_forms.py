@@ -10,7 +10,7 @@ the last term because h = M_J^-1 Q moves with J.
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import ufl
@@ -92,7 +92,9 @@ class PistonForms:
         return self._wall.velocity * self._force.assemble() + self._wall.motion.acceleration(t) * self._flux.assemble()
 
 
-def wall_forms(wall: Wall, energy: WaterEnergy, phi: LayeredField, *, plane: Plane, vertical: VerticalBasis) -> WallForms:
+def wall_forms(
+    wall: Wall, energy: WaterEnergy, phi: LayeredField, *, plane: Plane, vertical: VerticalBasis
+) -> WallForms:
     """Return the forms that belong to a wall."""
     if isinstance(wall, Piston):
         return PistonForms(wall, energy, phi, plane=plane, vertical=vertical)

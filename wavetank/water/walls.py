@@ -27,9 +27,10 @@ class Wall(Protocol):
     """
 
     J: Any
-    moving: bool
-    position: float
-    velocity: float
+
+    @property
+    def velocity(self) -> float:
+        """The wall's velocity [m/s]."""
 
     def set_time(self, t: float) -> bool:
         """Move to where the wall stands at t [s]; return whether the mapping has changed."""
@@ -47,8 +48,6 @@ class Wall(Protocol):
 class FixedWall:
     """A wall that stands still: the identity."""
 
-    moving = False
-    position = 0.0
     velocity = 0.0
 
     def __init__(self) -> None:
@@ -85,8 +84,6 @@ class Piston:
     facets
         Facet tags with 1 at the paddle.
     """
-
-    moving = True
 
     def __init__(self, motion: Motion, *, plane: Plane, reach: float, cell_size: float, facets: mesh.MeshTags):
         self.motion = motion

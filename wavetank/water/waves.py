@@ -1,6 +1,8 @@
-"""Nonlinear water waves in a tank as a Hamiltonian system (mathematics, section 2).
+"""Nonlinear water waves in a tank as a Hamiltonian system (docs/method.md, section 1).
 
-    L = int psi d_t Q dX - H(Q, psi, t),     Q = M_J h the column mass (coordinate), psi the surface potential (momentum)
+    L = int psi d_t Q dX - H(Q, psi, t)
+
+with the column mass Q = M_J h as coordinate and the surface potential psi as momentum,
 
 so that dQ/dt = H_psi and dpsi/dt = -M_J^-1 H_h. At the interior potential of a state every derivative is a partial
 derivative of the one discrete functional K(phi, h) + V(h) + W(phi, h; t), because phi makes it stationary.
@@ -95,8 +97,8 @@ class NonlinearWaves:
         self.h = plane.function("water column")
         self.phi = plane.layered_function(vertical_order + 1, "potential")
         self.h.function.x.array[:] = depth
-        constant = [fem.Constant(plane.mesh, value) for value in (depth, gravity)]
-        energy = WaterEnergy(self.h.function, *constant, wall=wall)
+        d, g = (fem.Constant(plane.mesh, value) for value in (depth, gravity))
+        energy = WaterEnergy(h=self.h.function, d=d, gravity=g, wall=wall)
         self.mass = MassMatrix(plane, wall.J)
         self.operator = KroneckerOperator(energy.layer, plane, self.vertical)
         self.operator.assemble()
@@ -105,7 +107,9 @@ class NonlinearWaves:
             self.operator, self.phi, plane=plane, vertical=self.vertical, tolerance=tolerances.interior
         )
         self._compile(energy)
-        self._q = self._p = np.full(plane.owned, np.nan)
+        self._x = plane.coordinates()[:, 0]
+        self._q: Vector = np.full(plane.owned, np.nan)
+        self._p: Vector = self._q
         self._t = np.nan
         self._set_up_stages(tolerances)
 
@@ -146,10 +150,14 @@ class NonlinearWaves:
         return np.concatenate([self.h.owned - self.depth, p / speed, [wall]])
 
     def _check_column(self, t: float) -> None:
-        lowest = self.plane.comm.allreduce(float(np.min(self.h.owned, initial=np.inf)), op=MPI.MIN)
+        place = int(np.argmin(self.h.owned))
+        lowest, x = self.plane.comm.allreduce((float(self.h.owned[place]), float(self._x[place])), op=MPI.MIN)
         if not lowest > 0.0:
             what = "the surface reaches the bed" if lowest <= 0.0 else "the surface is no longer a number"
-            raise RunError(f"t = {t:.6g} s: {what} (lowest water column {lowest:.3g} m); the waves are too steep, or break")
+            raise RunError(
+                f"t = {t:.6g} s, x = {x:.4g} m: {what} (lowest water column {lowest:.3g} m); "
+                "the waves are too steep, or break"
+            )
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
@@ -196,8 +204,9 @@ class NonlinearWaves:
     # ------------------------------------------------------------------------------------------ stages and frequencies
     def _set_up_stages(self, tolerances: Tolerances) -> None:
         diagonal = self.mass.diagonal()
-        column = diagonal * self.plane.sum(self.mass.apply(np.ones(self.plane.owned))) / self.plane.sum(diagonal)
-        speed = np.full(self.plane.owned, np.sqrt(self.gravity * self.depth))
+        area = self.plane.sum(self.mass.apply(np.ones(self.plane.owned)))
+        column = np.asarray(diagonal * (area / self.plane.sum(diagonal)), dtype=np.float64)
+        speed: Vector = np.full(self.plane.owned, float(np.sqrt(self.gravity * self.depth)))
         coordinate, momentum = (
             SnesStageSolver(self.plane.comm, scale, tolerance=tolerances.stage, diagnose=self._diagnose)
             for scale in (column, speed)
@@ -231,10 +240,10 @@ class NonlinearWaves:
 
 
 class StillWaterWaves:
-    """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): the linear waves on still water.
+    """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): linear waves on still water.
 
-    Eliminating Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G; with the
-    interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
+    Eliminating Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G; with
+    the interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
     """
 
     def __init__(self, waves: NonlinearWaves):
@@ -256,7 +265,7 @@ class StillWaterWaves:
         r_q, r_psi = np.split(residual, 2)
         solver, surface = self._solver(a)
         right = mass.apply(r_psi) / (a**2 * g) - r_q / a
-        psi = solver.solve(np.outer(right, surface)) @ surface
+        psi = solver.solve(np.asarray(np.outer(right, surface))) @ surface
         return np.concatenate([mass.apply(r_psi - psi) / (a * g), psi])
 
 

@@ -1,0 +1,134 @@
+"""The command line as a user meets it: exit codes, one clear sentence for bad input, the README's commands, ranks."""
+
+import json
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from wavetank.rundir import RunDirectory
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+SHORT = ("--set", "run.duration=3.0", "--set", "numerics.tolerance=1e-11")
+
+
+def shell(command: str, cwd: Path = CHECKOUT) -> subprocess.CompletedProcess:
+    return subprocess.run(command, shell=True, capture_output=True, text=True, cwd=cwd, check=False)
+
+
+def readme_commands() -> list[str]:
+    text = (CHECKOUT / "README.md").read_text()
+    blocks = re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL)
+    lines = [line.split("#")[0].strip() for block in blocks for line in block.splitlines()]
+    return [line for line in lines if line]
+
+
+READY = {  # how each command of the README is run here
+    "make run": "elsewhere",  # the next test
+    "make test": "make -n test",  # this very suite
+    "make test-slow": "make -n test-slow",
+    "make bench": "./env python -m benchmarks --only profile --steps 1",
+    "./env wavetank run cases/standing-wave.toml --set numerics.dt=0.02 --out runs/standing": None,
+    "./env mpirun -n 2 wavetank run cases/wavemaker.toml --out runs/wavemaker": (
+        "./env mpirun -n 2 wavetank run cases/wavemaker.toml --out runs/wavemaker --set run.duration=2"
+    ),
+    "./env wavetank run cases/marin-202002.toml --out runs/marin": "elsewhere",  # tests/test_marin.py
+    "./env wavetank compare runs/marin --with marin-202002": "elsewhere",
+    "./env wavetank data list": None,
+    "./env wavetank data fetch marin-202002": "elsewhere",  # tests/test_data.py, against a local server
+}
+
+
+@pytest.mark.parametrize("command", readme_commands())
+def test_commands_of_the_readme_work(command, tmp_path):
+    assert command in READY, f"the README's command {command!r} has no test"
+    ready = READY[command] or command
+    if ready == "elsewhere":
+        return
+    ready = ready.replace("runs/", f"{tmp_path}/")
+    result = shell(ready)
+    assert result.returncode == 0, result.stderr
+
+
+def test_the_main_job_leaves_its_pictures_and_a_focused_wave(tmp_path):
+    """The default case: linear theory puts the crest at 10 m, 20 s; nonlinearity raises and delays it a little."""
+    assert shell(f"make run RUN={tmp_path / 'run'}").returncode == 0
+    run = RunDirectory(tmp_path / "run")
+    assert run.manifest["status"] == "finished"
+    assert all((run.path / picture).exists() for picture in ("surface.png", "gauges.png", "energy.png"))
+    surface = run.surface()
+    highest = np.unravel_index(np.argmax(surface.eta), surface.eta.shape)
+    assert 0.10 < surface.eta[highest] < 0.13
+    assert surface.x[highest] == pytest.approx(10.0, abs=1.0)
+    assert surface.t[highest[0]] == pytest.approx(20.0, abs=0.6)
+
+
+def test_gauges_are_the_same_on_any_number_of_ranks(wavetank, tmp_path):
+    records = []
+    for ranks in (1, 2, 3):
+        out = tmp_path / str(ranks)
+        result = wavetank("run", "cases/focusing.toml", *SHORT, "--no-plots", "--out", str(out), ranks=ranks)
+        assert result.returncode == 0, result.stderr
+        records.append(np.array([gauge.eta for gauge in RunDirectory(out).gauges()]))
+        assert RunDirectory(out).manifest["ranks"] == ranks
+    for other in records[1:]:
+        assert np.abs(other - records[0]).max() < 1e-9 * np.abs(records[0]).max()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["run", "nothing.toml"], "nothing.toml: cannot be read"),
+        (["run", "cases/focusing.toml", "--set", "numerics.dt=3"], r"numerics\.dt = 3: must be below 0\.0\d+ s"),
+        (["run", "cases/focusing.toml", "--set", "tank.depth=-1"], r"tank\.depth = -1.*greater than 0"),
+        (["run", "cases/focusing.toml", "--set", "tank.dept=1"], "'?tank.dept'?.*depth"),
+        (["run", "cases/focusing.toml", "--out", "tests"], "no run directory"),
+        (["compare", "nowhere", "--with", "marin-202002"], "nowhere: is no run directory"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_exit_code_2(wavetank, arguments, sentence, ranks):
+    if ranks > 1 and arguments[0] == "compare":
+        pytest.skip("compare runs on one rank")
+    result = wavetank(*arguments, ranks=ranks)
+    assert result.returncode == 2
+    assert re.search(sentence, result.stderr), result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stderr.count("wavetank:") == 1
+
+
+def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, tmp_path):
+    """A standing wave of k a = 0.47 released from rest jets up at the walls and breaks."""
+    out = tmp_path / "run"
+    result = wavetank("run", "cases/standing-wave.toml", "--set", "initial.amplitude=0.3", "--out", str(out))
+    assert result.returncode == 1
+    assert re.search(r"wavetank: t = [\d.]+ s.*(steep|break)", result.stderr)
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["status"] == "failed" and manifest["cause"] in result.stderr
+    gauges = RunDirectory(out).gauges()
+    assert gauges[0].t.size > 20 and np.all(np.isfinite(gauges[0].eta))
+    assert (out / "surface.png").exists()
+
+
+def test_a_case_built_in_python_runs_without_a_directory():
+    from mpi4py import MPI
+
+    from wavetank.build import Records, build_run
+    from wavetank.observers.record import Memory
+    from wavetank.scene import Scene
+
+    scene = Scene.model_validate(
+        {
+            "tank": {"length": 2.0, "depth": 1.0},
+            "initial": {"type": "standing-wave", "amplitude": 0.01},
+            "gauges": [0.0],
+            "run": {"duration": 0.5},
+            "numerics": {"cells": 8},
+        }
+    )
+    gauges, energy = Memory(), Memory()
+    run, _ = build_run(scene, Records(gauges, energy, None), MPI.COMM_SELF)
+    run.execute()
+    assert gauges.array()[0, 1] == pytest.approx(0.01) and run.t >= 0.5
