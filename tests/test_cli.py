@@ -11,7 +11,7 @@ import pytest
 from wavetank.rundir import RunDirectory
 
 CHECKOUT = Path(__file__).resolve().parents[1]
-SHORT = ("--set", "run.duration=3.0", "--set", "numerics.tolerance=1e-11")
+SHORT = ("--set", "run.duration=1.5", "--set", "numerics.tolerance=1e-11")
 
 
 def shell(command: str, cwd: Path = CHECKOUT) -> subprocess.CompletedProcess:

@@ -22,11 +22,9 @@ class Point(NamedTuple):
     p: Vector
 
 
-@dataclass(frozen=True)
-class StormerVerlet:
-    """Scheme (14): momentum, coordinate, momentum. Second order, symplectic, reversible, stable for omega dt <= 2."""
+class _Verlet:
+    """What both variants have in common: second order, symplectic, reversible, stable for omega dt <= 2."""
 
-    name: ClassVar[str] = "stormer-verlet"
     order: ClassVar[int] = 2
     stability_limit: ClassVar[float] = 2.0
     frequency_error: ClassVar[tuple[float, int]] = (1 / 24, 2)
@@ -35,6 +33,13 @@ class StormerVerlet:
     def start(self, q: Vector, p: Vector) -> Point:
         """Return the state of a smooth start."""
         return Point(q, p)
+
+
+@dataclass(frozen=True)
+class StormerVerlet(_Verlet):
+    """Scheme (14): momentum, coordinate, momentum. Cost of a step: two implicit stages."""
+
+    name: ClassVar[str] = "stormer-verlet"
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
@@ -57,18 +62,10 @@ class StormerVerlet:
 
 
 @dataclass(frozen=True)
-class StormerVerletAdjoint:
-    """Scheme (15)-(16): coordinate, momentum, coordinate. Second order, symplectic, stable for omega dt <= 2."""
+class StormerVerletAdjoint(_Verlet):
+    """Scheme (15)-(16): coordinate, momentum, coordinate. Cost of a step: two implicit stages."""
 
     name: ClassVar[str] = "stormer-verlet-adjoint"
-    order: ClassVar[int] = 2
-    stability_limit: ClassVar[float] = 2.0
-    frequency_error: ClassVar[tuple[float, int]] = (1 / 24, 2)
-    nodes: ClassVar[tuple[float, ...]] = (0.0, 1.0)
-
-    def start(self, q: Vector, p: Vector) -> Point:
-        """Return the state of a smooth start."""
-        return Point(q, p)
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
