@@ -95,7 +95,9 @@ def test_every_case_is_read_and_its_dump_is_the_same_scene(path):
 
 def test_defaults_are_resolved_in_properties():
     scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=Run(duration=40.0))
-    assert (scene.cells, scene.reach, scene.surface_every) == (100, np.inf, 0.2)
+    assert (scene.cells, scene.reach) == (100, np.inf)
+    assert scene.surface_every == pytest.approx(0.5 * 9.81**-0.5)  # short against any wave period
+    assert scene.model_copy(update={"run": Run(duration=10.0)}).surface_every == 0.05  # 200 of them at least
     assert (scene.wall.type, scene.initial.type, scene.tank.type, scene.tank.gravity) == (
         "fixed",
         "still-water",
