@@ -2,7 +2,10 @@
 
 import json
 import re
+import signal
 import subprocess
+import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -114,6 +117,21 @@ def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, t
     gauges = RunDirectory(out).gauges()
     assert gauges[0].t.size > 20 and np.all(np.isfinite(gauges[0].eta))
     assert (out / "surface.png").exists()
+
+
+def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
+    out = tmp_path / "run"
+    command = [sys.executable, "-m", "wavetank", "run", "cases/focusing.toml", "--no-plots", "--out", str(out)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=CHECKOUT)
+    while not ((out / "gauges.csv").exists() and (out / "gauges.csv").stat().st_size > 1000):
+        assert process.poll() is None
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert re.search(r"wavetank: t = [\d.]+ s: interrupted by SIGINT", errors), errors
+    assert RunDirectory(out).manifest["status"] == "failed"
+    assert RunDirectory(out).gauges()[0].t.size > 5
 
 
 def test_a_case_built_in_python_runs_without_a_directory():

@@ -1,5 +1,6 @@
 """The command line. Exit codes: 0 done; 1 the run failed; 2 the input is wrong."""
 
+import os
 import sys
 import traceback
 from dataclasses import replace
@@ -110,6 +111,7 @@ def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metav
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return its exit code."""
+    os.environ.setdefault("PETSC_OPTIONS", "-no_signal_handler")  # a closed pipe or Ctrl-C is Python's to report
     given = sys.argv[1:] if arguments is None else arguments
     debug = "--debug" in given
     try:

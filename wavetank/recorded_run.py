@@ -11,6 +11,7 @@ from rich.console import Console
 from wavetank.build import Records, build_run
 from wavetank.errors import WavetankError
 from wavetank.observers.energy import COLUMNS
+from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar
 from wavetank.observers.record import Discard
 from wavetank.run import Run
@@ -32,9 +33,9 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
         built = time.monotonic()
         if root:
             console.print(_summary(scene, run, waves), highlight=False)
-        with ProgressBar(scene.run.duration, lambda: _cost(waves), console=console) if root else nullcontext() as bar:
-            if bar is not None:
-                run.observers.append(bar)
+        progress = ProgressBar(scene.run.duration, lambda: _cost(waves), console=console) if root else nullcontext()
+        with Interruption(comm) as interruption, progress as bar:
+            run.observers += [interruption] if bar is None else [interruption, bar]
             run.execute()
         if writer is not None:
             writer.finish("finished", _figures(run, waves, began=began, built=built))

@@ -98,7 +98,6 @@ class KroneckerOperator:
         width = ceil(sqrt(len(self.terms)))
         packed = fem.functionspace(plane.mesh, ("Lagrange", plane.order, (width,)))
         test, trial = ufl.TestFunction(packed), ufl.TrialFunction(packed)
-        self._slots = list(range(len(self.terms)))
         form = sum(
             self._hessian(
                 term.density * plane.dx,
@@ -107,7 +106,7 @@ class KroneckerOperator:
                 unknowns[term.right],
                 trial[slot % width],
             )
-            for slot, term in zip(self._slots, self.terms, strict=True)
+            for slot, term in enumerate(self.terms)
         )
         self._form = compile_form(form)
         self._matrix = fem.create_matrix(self._form)

@@ -1,0 +1,36 @@
+"""Ctrl-C and a batch system's SIGTERM end a run between two steps, with everything kept."""
+
+import signal
+from types import FrameType
+
+from mpi4py import MPI
+
+from wavetank.errors import RunError
+from wavetank.observers.contract import Moment
+from wavetank.observers.schedule import EverySteps
+
+
+class Interruption:
+    """Ends the run on all ranks after a signal on any of them; a context manager, in the main thread."""
+
+    signals = (signal.SIGINT, signal.SIGTERM)
+
+    def __init__(self, comm: MPI.Comm):
+        self.schedule = EverySteps()
+        self._comm, self._received = comm, 0
+
+    def __enter__(self) -> "Interruption":
+        self._former = [signal.signal(number, self._receive) for number in self.signals]
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        for number, handler in zip(self.signals, self._former, strict=True):
+            signal.signal(number, handler)
+
+    def _receive(self, number: int, frame: FrameType | None) -> None:
+        self._received = number
+
+    def observe(self, moment: Moment) -> None:
+        """Raise ``RunError`` if a signal has come; collective."""
+        if number := self._comm.allreduce(self._received, op=MPI.MAX):
+            raise RunError(f"t = {moment.t:.6g} s: interrupted by {signal.Signals(number).name}")
