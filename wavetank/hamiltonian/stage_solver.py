@@ -131,7 +131,7 @@ class SnesStageSolver:
         return solution
 
     def _run(self, snes: PETSc.SNES, guess: Vector, target: float) -> bool:
-        snes.setTolerances(rtol=0.0, atol=target, stol=0.0, max_it=self.max_iterations)
+        snes.setTolerances(rtol=self._tolerance, atol=target, stol=0.0, max_it=self.max_iterations)
         self._x.array = guess / self._scale
         self._error = None
         try:
