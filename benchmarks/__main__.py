@@ -96,12 +96,15 @@ def where_the_time_goes(steps: int) -> None:
     stats = pstats.Stats(profile)
     total = stats.total_tt
     table = Table("what", "share", "calls a step", title="where the time of a step goes (profiled)")
+    rest = 1.0
     for name, keys in GROUPS.items():
         found = [
             entry for (file, _, function), entry in stats.stats.items() if any(k in f"{file}:{function}" for k in keys)
         ]
         share = sum(entry[2] for entry in found) / total
+        rest -= share
         table.add_row(name, f"{100 * share:.0f} %", f"{sum(entry[0] for entry in found) / steps:.1f}")
+    table.add_row("everything else: Python and numpy around it", f"{100 * rest:.0f} %", "")
     CONSOLE.print(table)
 
 

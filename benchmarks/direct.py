@@ -6,6 +6,7 @@ All (n+1)^2 blocks come from one form, the second derivative of the same kinetic
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.fem.petsc import assemble_matrix, create_matrix
 from petsc4py import PETSc
 
 from wavetank.fe.forms import compile_form
@@ -26,7 +27,7 @@ class DirectPotential:
         energy = WaterEnergy(h=waves.h.function, d=d, gravity=g, wall=waves.wall)
         kinetic = energy.kinetic(phi, waves.vertical) * plane.dx
         self._form = compile_form(ufl.derivative(ufl.derivative(kinetic, phi), phi))
-        self._matrix = fem.petsc.create_matrix(self._form)
+        self._matrix = create_matrix(self._form)
         rows = np.arange(plane.owned * (self._n + 1), dtype=np.int32).reshape(-1, self._n + 1)
         self._interior = PETSc.IS().createGeneral(rows[:, : self._n].ravel())
         self._surface = PETSc.IS().createGeneral(rows[:, self._n].copy())
@@ -39,7 +40,7 @@ class DirectPotential:
     def solve(self, wall: Vector, inputs: Vector) -> None:
         """Set phi_I as ``InteriorPotential.solve`` does."""
         self._matrix.zeroEntries()
-        fem.petsc.assemble_matrix(self._matrix, self._form)
+        assemble_matrix(self._matrix, self._form)
         self._matrix.assemble()
         self._A = self._matrix.createSubMatrix(self._interior, self._interior, self._A)
         self._coupling = self._matrix.createSubMatrix(self._interior, self._surface, self._coupling)

@@ -33,7 +33,7 @@ READY = {  # how each command of the README is run here
     "make run": "elsewhere",  # the next test
     "make test": "make -n test",  # this very suite
     "make test-slow": "make -n test-slow",
-    "make bench": "./env python -m benchmarks --only profile --steps 1",
+    "make bench": "./env python -m benchmarks --only baseline --only profile --steps 1",
     "./env wavetank run cases/standing-wave.toml --set numerics.dt=0.02 --out runs/standing": None,
     "./env mpirun -n 2 wavetank run cases/wavemaker.toml --out runs/wavemaker": (
         "./env mpirun -n 2 wavetank run cases/wavemaker.toml --out runs/wavemaker --set run.duration=2"
