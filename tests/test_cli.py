@@ -119,6 +119,15 @@ def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, t
     assert (out / "surface.png").exists()
 
 
+def test_refused_input_leaves_an_earlier_run_as_it_was(wavetank, tmp_path):
+    out = tmp_path / "run"
+    case = ["run", "cases/standing-wave.toml", "--no-plots", "--out", str(out), "--set"]
+    assert wavetank(*case, "run.duration=0.5").returncode == 0
+    before = {path.name: path.read_bytes() for path in out.iterdir()}
+    assert wavetank(*case, "numerics.dt=3").returncode == 2
+    assert {path.name: path.read_bytes() for path in out.iterdir()} == before
+
+
 def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
     out = tmp_path / "run"
     command = [sys.executable, "-m", "wavetank", "run", "cases/focusing.toml", "--no-plots", "--out", str(out)]
@@ -137,7 +146,7 @@ def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
 def test_a_case_built_in_python_runs_without_a_directory():
     from mpi4py import MPI
 
-    from wavetank.build import Records, build_run
+    from wavetank.build import Records, build_observers, build_run
     from wavetank.observers.record import Memory
     from wavetank.scene import Scene
 
@@ -151,6 +160,7 @@ def test_a_case_built_in_python_runs_without_a_directory():
         }
     )
     gauges, energy = Memory(), Memory()
-    run, _ = build_run(scene, Records(gauges, energy, None), MPI.COMM_SELF)
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    run.observers += build_observers(scene, waves, Records(gauges, energy, None))
     run.execute()
     assert gauges.array()[0, 1] == pytest.approx(0.01) and run.t >= 0.5

@@ -8,7 +8,7 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 
-from wavetank.build import Records, build_run
+from wavetank.build import Records, build_observers, build_run
 from wavetank.observers.record import Memory
 from wavetank.scene import Scene
 
@@ -37,7 +37,8 @@ def largest_error(case: str, *, cells: int, order: int, n: int, steps: int, peri
         }
     )
     gauges = Memory()
-    run, _ = build_run(scene, Records(gauges, Memory(), None), MPI.COMM_SELF)
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    run.observers += build_observers(scene, waves, Records(gauges, Memory(), None))
     run.execute()
     return float(np.abs(gauges.array()[:, 1:] - reference[:, 1:]).max())
 

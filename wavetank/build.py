@@ -84,11 +84,20 @@ def time_step(scene: Scene, waves: NonlinearWaves, integrator: Integrator[Any]) 
     return scene.numerics.dt
 
 
-def build_run(scene: Scene, records: Records, comm: MPI.Comm) -> tuple[Run, NonlinearWaves]:
-    """Return the run of a scene, with its gauges, energy budget and snapshots, and the waves in it; collective."""
+def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, NonlinearWaves]:
+    """Return the run of a scene, nothing observed yet, and the waves in it; collective.
+
+    Raises ``InputError`` for numerics that cannot work.
+    """
     waves = build_waves(scene, comm)
     integrator = INTEGRATORS[scene.numerics.integrator]()
     dt = time_step(scene, waves, integrator)
+    steps = ceil(scene.run.duration / dt * (1 - 1e-9))
+    return Run(waves, integrator, [], start=initial_state(scene, waves), steps=steps, dt=dt), waves
+
+
+def build_observers(scene: Scene, waves: NonlinearWaves, records: Records) -> list[Observer]:
+    """Return a scene's gauges, energy budget and snapshots; collective."""
     output = scene.output
     observers: list[Observer] = [
         EnergyBudget(waves, record=records.energy, schedule=EverySteps(output.energy_every)),
@@ -97,5 +106,4 @@ def build_run(scene: Scene, records: Records, comm: MPI.Comm) -> tuple[Run, Nonl
     if scene.gauges:
         x = np.array([gauge.x for gauge in scene.gauges])
         observers.append(Gauges(waves, x, record=records.gauges, schedule=EverySteps(output.gauges_every)))
-    steps = ceil(scene.run.duration / dt * (1 - 1e-9))
-    return Run(waves, integrator, observers, start=initial_state(scene, waves), steps=steps, dt=dt), waves
+    return observers

@@ -8,7 +8,7 @@ from typing import Any
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.build import Records, build_run
+from wavetank.build import Records, build_observers, build_run
 from wavetank.errors import WavetankError
 from wavetank.observers.energy import COLUMNS
 from wavetank.observers.interruption import Interruption
@@ -27,10 +27,11 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
     """
     root = comm.rank == 0
     began = time.monotonic()
+    run, waves = build_run(scene, comm)  # before the directory is touched: refused input leaves an earlier run alone
+    built = time.monotonic()
     writer = _open(scene, out, comm)
     with writer or nullcontext():
-        run, waves = build_run(scene, _records(scene, writer), comm)
-        built = time.monotonic()
+        run.observers += build_observers(scene, waves, _records(scene, writer))
         if root:
             console.print(_summary(scene, run, waves), highlight=False)
         progress = ProgressBar(scene.run.duration, lambda: _cost(waves), console=console) if root else nullcontext()
