@@ -26,6 +26,7 @@ from wavetank.errors import InputError
 from wavetank.series import GaugeSeries
 
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
+MATCH = 1e-3  # m; two gauges nearer than that stand at one place
 
 COLUMNS = (
     "gauge",
@@ -40,9 +41,6 @@ COLUMNS = (
     "crest_reference [m]",
     "t_crest_reference [s]",
 )
-
-
-MATCH = 1e-3  # m; two gauges nearer than that are one
 
 
 @dataclass(frozen=True)
@@ -63,15 +61,21 @@ class GaugeComparison:
 
 
 def matched(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[tuple[GaugeSeries, GaugeSeries]]:
-    """Return (computed, reference) for each gauge that both have, within 1 mm of x, in the reference's order.
+    """Return (computed, reference) for each gauge that both have, in the reference's order.
 
-    Raises ``InputError`` if there is none.
+    Partners stand within 1 mm of each other; of several there, it is the one of the same name, else the nearest: names
+    alone do not say that two gauges are one. Raises ``InputError`` if there is none.
     """
-    pairs = [(one, other) for other in reference for one in computed if abs(one.x - other.x) < MATCH]
+    pairs = [(one, other) for other in reference if (one := _partner(other, computed)) is not None]
     if not pairs:
         have, want = (", ".join(f"{series.x:g}" for series in group) or "none" for group in (computed, reference))
         raise InputError(f"no gauge in common: the run has x = {have} m, the reference x = {want} m.")
     return pairs
+
+
+def _partner(gauge: GaugeSeries, candidates: Sequence[GaugeSeries]) -> GaugeSeries | None:
+    near = [one for one in candidates if abs(one.x - gauge.x) < MATCH]
+    return min(near, key=lambda one: (one.name != gauge.name, abs(one.x - gauge.x)), default=None)
 
 
 def compare(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[GaugeComparison]:

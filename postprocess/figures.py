@@ -39,6 +39,7 @@ SKY = "#f4f9fd"
 FOCUS = 4.0  # s shown on either side of the largest crest
 CM = 100.0  # elevations are drawn in centimetres
 FLAT = 1e-3  # cm; smaller waves are drawn as still water
+SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
 
 
 @contextmanager
@@ -144,7 +145,7 @@ def _exaggeration(axes: Axes) -> float:
 
 
 def _draw_diagram(figure: Figure, axes: Axes, surface: Surface) -> None:
-    largest = max(CM * float(np.abs(surface.eta).max()), FLAT)
+    largest = max(CM * float(np.quantile(np.abs(surface.eta), SATURATED)), FLAT)
     extent = (float(surface.x.min()), float(surface.x.max()), float(surface.t[0]), float(surface.t[-1]))
     colours = axes.imshow(
         CM * _resampled(surface),
@@ -161,7 +162,10 @@ def _draw_diagram(figure: Figure, axes: Axes, surface: Surface) -> None:
     axes.plot(surface.x[crest, top], surface.t[crest], "o", ms=9, mfc="none", mec=CREST, mew=1.3)
     axes.set(xlabel="distance from the paddle's rest position, x [m]")
     axes.set(xlim=extent[:2], ylim=extent[2:])
-    figure.colorbar(colours, ax=axes, label="elevation [cm]", orientation="horizontal", aspect=70, pad=0.02)
+    bar = figure.colorbar(
+        colours, ax=axes, orientation="horizontal", aspect=70, pad=0.02, extend="both", extendfrac=0.015
+    )
+    bar.set_label("elevation [cm]")
 
 
 def _resampled(surface: Surface) -> NDArray[np.float64]:

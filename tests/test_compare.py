@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from postprocess.compare import COLUMNS, compare, comparison_table, write_comparison
+from postprocess.compare import COLUMNS, compare, comparison_table, matched, write_comparison
 from postprocess.figures import draw_run, gauges_figure
 from wavetank import data
 from wavetank.errors import InputError
@@ -164,6 +164,19 @@ def test_gauges_are_matched_by_x_within_a_millimetre_in_the_reference_order():
     computed = [series(name, x, T, waves(T)) for name, x in (("a", 10.0), ("b", 20.0009), ("c", 30.002))]
     measured = [series(name, x, T, waves(T)) for name, x in (("3", 30.0), ("2", 20.0), ("1", 10.0), ("4", 40.0))]
     assert [found.gauge for found in compare(computed, measured)] == ["2", "1"]
+
+
+def test_of_gauges_at_one_place_the_namesake_is_the_partner_else_the_nearest():
+    def place(*names):
+        return [series(name, x, T, waves(T)) for name, x in names]
+
+    def partners(computed, reference):
+        return [(one.name, other.name) for one, other in matched(computed, reference)]
+
+    both = place(("left", 5.0), ("right", 5.0))
+    assert partners(both, both[::-1]) == [("right", "right"), ("left", "left")]
+    assert partners(place(("a", 5.0), ("b", 5.0004)), place(("m", 5.0005))) == [("b", "m")]
+    assert partners(place(("5", 49.5), ("4", 50.0)), place(("5", 50.0))) == [("4", "5")]
 
 
 def test_records_that_cannot_be_compared_are_bad_input():

@@ -123,6 +123,17 @@ def test_the_space_time_diagram_interpolates_the_group():
     assert np.abs(np.where(wet, drawn - exact, 0.0)).max() < 0.011 * AMPLITUDE
 
 
+def test_one_sharp_crest_does_not_bleach_the_other_waves():
+    x = np.broadcast_to(np.linspace(0.0, 20.0, 401), (50, 401))
+    eta = 0.01 * np.sin(2.0 * x)
+    eta[25, 200] = 1.0
+    figure = Figure()
+    axes = figure.add_subplot()
+    figures._draw_diagram(figure, axes, Surface(np.arange(50.0), x, eta, 0 * x))
+    # 1 cm is the waves' height, 100 cm the crest's; 401 points meet a wave's top to (k dx / 2)^2 / 2 = 1e-3
+    assert axes.images[0].get_clim() == pytest.approx((-1.0, 1.0), rel=1e-3)
+
+
 def test_exaggeration_is_one_where_the_scales_are_equal():
     figure = Figure(figsize=(8, 4))
     axes = figure.add_axes((0, 0, 1, 1), xlim=(0.0, 2.0), ylim=(0.0, 100.0))  # 2 m by 100 cm in 8 by 4 inch

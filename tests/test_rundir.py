@@ -180,6 +180,21 @@ def test_a_snapshot_that_is_not_finite_is_refused_before_writing(tmp_path, bad):
     assert RunDirectory(tmp_path / "run").surface().t.size == 1
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_figure_that_is_not_finite_makes_a_failed_run_whose_manifest_is_json(tmp_path, bad):
+    def refuse(word):
+        pytest.fail(f"{word} is no JSON")
+
+    with (
+        pytest.raises(RunError, match=r"manifest\.json: .*not a finite number"),
+        RunWriter(tmp_path, {"n": 8}) as writer,
+    ):
+        writer.finish("finished", {"timings": {"wall": bad}})
+    manifest = json.loads((tmp_path / "manifest.json").read_text(), parse_constant=refuse)
+    assert (manifest["status"], manifest["n"]) == ("failed", 8)
+    assert "not a finite number" in manifest["cause"] and "timings" not in manifest
+
+
 def test_rows_and_snapshots_of_another_length_are_refused(tmp_path):
     with RunWriter(tmp_path / "run", {}) as writer:
         table, surface = writer.table("energy.csv", COLUMNS), writer.surface()

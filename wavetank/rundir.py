@@ -161,7 +161,7 @@ class RunWriter:
         The directory; made if missing, its records replaced if it is a run directory already. Raises ``InputError`` if
         it holds something else or cannot be written.
     manifest
-        What is known at the start; ``status`` is added.
+        What is known at the start; ``status`` is added. Raises ``RunError`` for a number in it that is not finite.
     """
 
     def __init__(self, path: Path, manifest: dict[str, Any]):
@@ -174,7 +174,7 @@ class RunWriter:
                 raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
             for old in (GAUGES, ENERGY, SURFACE):
                 (path / old).unlink(missing_ok=True)
-            self._write_manifest()
+            self._write_manifest(self._manifest)
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
 
@@ -208,12 +208,11 @@ class RunWriter:
     def finish(self, status: str, figures: dict[str, Any]) -> None:
         """Close all files and write the manifest's last word: ``"finished"``, or ``"failed"`` with its cause.
 
-        Raises ``RunError`` if the manifest cannot be written.
+        Raises ``RunError`` if the manifest cannot be written, or for a figure that is not finite: the manifest stays.
         """
         self._close()
-        self._manifest |= {"status": status, "finished": _now(), **figures}
         try:
-            self._write_manifest()
+            self._write_manifest(self._manifest | {"status": status, "finished": _now(), **figures})
         except OSError as error:
             raise RunError(f"{self.path / MANIFEST}: cannot be written ({error.strerror}).") from None
 
@@ -221,11 +220,16 @@ class RunWriter:
         for record in self._records:
             record.close()
 
-    def _write_manifest(self) -> None:
+    def _write_manifest(self, manifest: dict[str, Any]) -> None:
         """Replace the manifest in one step: a reader, or a kill, meets the old or the new one, never half of it."""
+        try:
+            text = json.dumps(manifest, indent=2, allow_nan=False)
+        except ValueError:  # JSON has no word for it
+            raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
         temporary = self.path / f".{MANIFEST}"
-        temporary.write_text(json.dumps(self._manifest, indent=2) + "\n", encoding="utf-8")
+        temporary.write_text(text + "\n", encoding="utf-8")
         os.replace(temporary, self.path / MANIFEST)
+        self._manifest = manifest
 
 
 @dataclass(frozen=True)
