@@ -1,12 +1,10 @@
 """Pictures of a run: the surface, the gauges, the energy budget, and the comparison with measurements."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
@@ -14,22 +12,11 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from postprocess.compare import MATCH, compare_gauge, matched
+from postprocess.style import picture
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory, Surface
 from wavetank.series import GaugeSeries
 
-STYLE = {
-    "font.size": 10,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "savefig.dpi": 130,
-}
 # colours that colour-blind eyes tell apart (Okabe and Ito), on grey for the measurement
 MEASURED, COMPUTED, PUBLISHED = "#9a9a9a", "#0072b2", "#d55e00"
 KINETIC, POTENTIAL, TOTAL, WORK = "#d55e00", "#009e73", "#8cc5e8", "#222222"
@@ -42,31 +29,26 @@ FLAT = 1e-3  # cm; smaller waves are drawn as still water
 SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
 
 
-@contextmanager
-def _picture(path: Path, width: float, height: float) -> Iterator[Figure]:
-    """Give an empty figure of that size [inch], saved to ``path`` at the end; needs no display."""
-    with rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        yield figure
-        figure.savefig(path)
-
-
 # ---------------------------------------------------------------- the surface
-def surface_figure(surface: Surface, path: Path, *, title: str = "") -> Path:
+def surface_figure(
+    surface: Surface, path: Path, *, title: str = "", depth: float = np.inf, origin: str = "along the tank"
+) -> Path:
     """Draw the highest crest, with the wave just before and after it, above all snapshots in the (x, t) plane.
 
-    Where a paddle moves, its position stands beside the (x, t) plane. Returns ``path``; raises ``InputError`` if there
-    are fewer than two snapshots.
+    Where a paddle moves, its position stands beside the (x, t) plane. No water is drawn below the depth [m]; ``origin``
+    says what x is the distance from, or along. Returns ``path``; raises ``InputError`` if there are fewer than two
+    snapshots.
     """
     if surface.t.size < 2:
         raise InputError(f"{path}: {surface.t.size} snapshots of the surface received; at least 2 are needed to draw.")
     moving = bool(np.ptp(surface.x[:, 0]))
-    with _picture(path, 11, 8.6) as figure:
+    with picture(path, 11, 8.6) as figure:
         grid = figure.add_gridspec(2, 2 if moving else 1, height_ratios=(1, 1.5), width_ratios=(1, 11)[-1 - moving :])
         diagram = figure.add_subplot(grid[1, -1])
         profile = figure.add_subplot(grid[0, -1], sharex=diagram)
         _draw_diagram(figure, diagram, surface)
-        _draw_profile(profile, surface)
+        diagram.set_xlabel(f"distance {origin}, x [m]")
+        _draw_profile(profile, surface, depth)
         if moving:
             _draw_paddle(figure.add_subplot(grid[1, 0], sharey=diagram), diagram, surface)
         else:
@@ -90,11 +72,11 @@ def _half_period(surface: Surface) -> int:
     return max(1, 2 * int(sunk[0]) - 1) if sunk.size else 1
 
 
-def _draw_profile(axes: Axes, surface: Surface) -> None:
+def _draw_profile(axes: Axes, surface: Surface, depth: float) -> None:
     crest, top = _highest_crest(surface)
     x, eta = surface.x[crest], CM * surface.eta[crest]
     largest = max(float(np.abs(eta).max()), FLAT)
-    limits = (-1.9 * largest, 1.55 * largest)
+    limits = (max(-1.9 * largest, -CM * depth), 1.55 * largest)
     axes.set_facecolor(SKY)
     axes.grid(False)
     _fill_water(axes, x, eta, limits)
@@ -160,7 +142,6 @@ def _draw_diagram(figure: Figure, axes: Axes, surface: Surface) -> None:
     crest, top = _highest_crest(surface)
     axes.axhline(surface.t[crest], color=CREST, lw=0.8, ls=(0, (6, 4)))
     axes.plot(surface.x[crest, top], surface.t[crest], "o", ms=9, mfc="none", mec=CREST, mew=1.3)
-    axes.set(xlabel="distance from the paddle's rest position, x [m]")
     axes.set(xlim=extent[:2], ylim=extent[2:])
     bar = figure.colorbar(
         colours, ax=axes, orientation="horizontal", aspect=70, pad=0.02, extend="both", extendfrac=0.015
@@ -200,7 +181,7 @@ def gauges_overview(gauges: Sequence[GaugeSeries], path: Path, *, title: str = "
     """
     if not gauges:
         raise InputError(f"{path}: there is no gauge to draw.")
-    with _picture(path, 10, 1.2 + 1.25 * len(gauges)) as figure:
+    with picture(path, 10, 1.2 + 1.25 * len(gauges)) as figure:
         panels = figure.subplots(len(gauges), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for gauge, panel in zip(sorted(gauges, key=lambda gauge: gauge.x), panels, strict=True):
             panel.plot(gauge.t, CM * gauge.eta, color=COMPUTED)
@@ -222,7 +203,7 @@ def gauges_figure(
     ``InputError`` as ``compare`` does.
     """
     pairs = matched(computed, measured)
-    with _picture(path, 14, 1.1 + 1.6 * len(pairs)) as figure:
+    with picture(path, 14, 1.1 + 1.6 * len(pairs)) as figure:
         axes = figure.subplots(len(pairs), 2, width_ratios=(2, 1), sharey="row", squeeze=False)
         for (one, reference), (whole, zoom) in zip(pairs, axes, strict=True):
             near = [other for other in published if abs(other.x - reference.x) < MATCH]
@@ -263,7 +244,7 @@ def energy_figure(energy: dict[str, NDArray[np.float64]], path: Path, *, title: 
     needed = ("t", "kinetic", "potential", "total", "paddle_work", "balance")
     if missing := [name for name in needed if not columns.get(name, np.zeros(0)).size]:
         raise InputError(f"{path}: the energy budget has no values of {', '.join(missing)}.")
-    with _picture(path, 10, 6.5) as figure:
+    with picture(path, 10, 6.5) as figure:
         budget, rest = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
         _draw_budget(budget, columns)
         _draw_balance(rest, columns)
@@ -299,7 +280,7 @@ def draw_run(run: RunDirectory) -> list[Path]:
     surface, gauges, energy = run.surface(), run.gauges(), run.energy()
     pictures = []
     if surface.t.size > 1:
-        pictures.append(surface_figure(surface, run.path / "surface.png", title=run.title))
+        pictures.append(_draw_surface(run, surface))
     if any(gauge.t.size > 1 for gauge in gauges):
         pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
     if all(column.size > 1 for column in energy.values()) and energy:
@@ -307,3 +288,24 @@ def draw_run(run: RunDirectory) -> list[Path]:
             energy_figure(energy, run.path / "energy.png", title=f"{run.title}: energy budget".lstrip(": "))
         )
     return pictures
+
+
+ORIGINS = {"ring": "along the ring", "piston": "from the paddle's rest position", "fixed": "from the wall"}
+
+
+def _draw_surface(run: RunDirectory, surface: Surface) -> Path:
+    """Draw the surface as the run's scene asks for; return the picture's path."""
+    scene = run.manifest.get("scene", {})
+    tank, wall = scene.get("tank", {}), scene.get("wall", {})
+    ring = tank.get("type") == "ring"
+    origin = ORIGINS.get("ring" if ring else wall.get("type"), "along the tank")
+    shown = _closed(surface, tank["length"]) if ring else surface
+    path, depth = run.path / "surface.png", tank.get("depth", np.inf)
+    return surface_figure(shown, path, title=run.title, depth=depth, origin=origin)
+
+
+def _closed(surface: Surface, length: float) -> Surface:
+    """Return the surface of a ring [m] with its first point once more at the end."""
+    x, eta, psi = (np.column_stack([field, field[:, 0]]) for field in (surface.x, surface.eta, surface.psi))
+    x[:, -1] += length
+    return Surface(surface.t, x, eta, psi)

@@ -40,6 +40,7 @@ READY = {  # how each command of the README is run here
     ),
     "./env wavetank run cases/marin-202002.toml --out runs/marin": "elsewhere",  # tests/test_marin.py
     "./env wavetank compare runs/marin --with marin-202002": "elsewhere",
+    "./env wavetank verify integrators --out runs/integrators": "elsewhere",  # part by part, tests/test_verify.py
     "./env wavetank data list": None,
     "./env wavetank data fetch marin-202002": "elsewhere",  # tests/test_data.py, against a local server
 }

@@ -25,6 +25,8 @@ app = typer.Typer(
 )
 data_app = typer.Typer(help="Benchmark data: download with checksum, or use a local folder.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
+verify_app = typer.Typer(help="Recompute what the literature says of the method.", no_args_is_help=True)
+app.add_typer(verify_app, name="verify")
 
 CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
 RunPath = Annotated[Path, typer.Argument(help="run directory", metavar="RUN")]
@@ -107,6 +109,17 @@ def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metav
     """Download a data set from its public source into the user's cache."""
     folder = data.fetch(name)
     console().print(f"{name} is in {folder}", highlight=False)
+
+
+@verify_app.command("integrators")
+def verify_integrators(
+    out: Annotated[Path, typer.Option(help="folder for the tables and pictures")] = Path("runs/integrators"),
+) -> None:
+    """Recompute every table and figure on the integrators: orders, stability, dispersion, damping, forcing, work."""
+    from wavetank.verify.integrators import verify_integrators as write_all
+
+    if MPI.COMM_WORLD.rank == 0:
+        write_all(out, console())
 
 
 def main(arguments: list[str] | None = None) -> int:

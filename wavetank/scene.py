@@ -317,7 +317,7 @@ class Run(Noun):
     duration: float = Field(gt=0, description="simulated time [s]")
 
 
-IntegratorName = Literal["third-order", "stormer-verlet", "stormer-verlet-adjoint"]
+IntegratorName = Literal["third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
 
 
 class Numerics(Noun):

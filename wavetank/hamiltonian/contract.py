@@ -5,8 +5,8 @@ A system has coordinates q and momenta p with
     dq/dt = H_p(q, p, t),        dp/dt = -H_q(q, p, t).
 
 An oscillator of the paper and the whole wave tank look the same to an integrator. Vectors are numpy arrays of the
-values this rank owns (shape (1,) for an oscillator), so that an integrator's arithmetic is written as in the paper and
-costs nothing; whatever couples the ranks (norms, ghosts, solves) happens inside the system.
+values this rank owns (shape (1,) for an oscillator), so that an integrator's arithmetic is written as in the paper
+and costs nothing; whatever couples the ranks (norms, ghosts, solves) happens inside the system.
 """
 
 from collections.abc import Callable
@@ -52,7 +52,7 @@ class StageSolver(Protocol):
 
 
 class Stages(Protocol):
-    """The solvers for each kind of implicit stage: q alone, p alone, or both stacked as [q, p]."""
+    """The solvers for each kind of implicit stage: q alone, p alone, both stacked as [q, p], or several such pairs."""
 
     @property
     def coordinate(self) -> StageSolver:
@@ -65,6 +65,9 @@ class Stages(Protocol):
     @property
     def pair(self) -> StageSolver:
         """For both, stacked as [q, p]."""
+
+    def coupled(self, pairs: int) -> StageSolver:
+        """For that many of both at once, stacked as [q_1, p_1, q_2, p_2, ...]."""
 
 
 class HamiltonianSystem(Protocol):

@@ -3,11 +3,13 @@
 All are Hamiltonian systems of ``contract.py`` with vectors of shape (1,); [G16] is Gagarina et al. 2016.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import ellipj, ellipk, ellipkinc
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Stages, StageSolver, Vector
 from wavetank.hamiltonian.stage_solver import SnesStages
 
 
@@ -15,12 +17,43 @@ def _stages() -> SnesStages:
     return SnesStages.serial(1)
 
 
+class ExplicitStage:
+    """Solves a stage z = c + a f in which f does not depend on z: one evaluation."""
+
+    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+        """Return z with residual(z) = z - c - a f = 0, shape (n,)."""
+        return start - residual(start)
+
+
+class AffineStage:
+    """Solves a stage of a linear system, z = c + A z, directly: its residual at the origin and on unit vectors."""
+
+    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+        """Return z with residual(z) = 0, shape (n,)."""
+        constant = residual(np.zeros_like(start))
+        columns = [residual(unit) - constant for unit in np.eye(start.size)]
+        return np.asarray(np.linalg.solve(np.array(columns).T, -constant))
+
+
+@dataclass(frozen=True)
+class LinearStages:
+    """The stage solvers of a quadratic H = T(p) + V(q): exact, and explicit for q alone and for p alone."""
+
+    coordinate: StageSolver = field(default_factory=ExplicitStage)
+    momentum: StageSolver = field(default_factory=ExplicitStage)
+    pair: StageSolver = field(default_factory=AffineStage)
+
+    def coupled(self, pairs: int) -> StageSolver:
+        """Return the solver for that many pairs at once."""
+        return self.pair
+
+
 @dataclass(frozen=True)
 class Harmonic:
     """H = (p² + omega² q²) / 2, the linear oscillator of [G16], section 4."""
 
     omega: float = 1.0
-    stages: SnesStages = field(default_factory=_stages, compare=False)
+    stages: Stages = field(default_factory=LinearStages, compare=False)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return omega² q."""
@@ -35,17 +68,21 @@ class Harmonic:
         return float(0.5 * (p[0] ** 2 + self.omega**2 * q[0] ** 2))
 
     def exact(self, q: float, p: float, t: float) -> tuple[float, float]:
-        """Return (q, p) at t from their values at 0."""
+        """Return (q, p) at t from their values at 0, [G16] (A.8)."""
         c, s = np.cos(self.omega * t), np.sin(self.omega * t)
         return float(q * c + p / self.omega * s), float(p * c - q * self.omega * s)
+
+    def period(self, q: float, p: float) -> float:
+        """Return the period, whatever the start."""
+        return 2 * np.pi / self.omega
 
 
 @dataclass(frozen=True)
 class Forced:
-    """dp/dt = -q + slope t, dq/dt = p: the forced oscillator (50) of [G16], H = (p² + q²) / 2 - slope t q."""
+    """dp/dt = -q + slope t, dq/dt = p: the forced oscillator (50)-(51) of [G16], H = (p² + q²) / 2 - slope t q."""
 
     slope: float = 1.0
-    stages: SnesStages = field(default_factory=_stages, compare=False)
+    stages: Stages = field(default_factory=LinearStages, compare=False)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return q - slope t."""
@@ -59,8 +96,13 @@ class Forced:
         """Return H."""
         return float(0.5 * (p[0] ** 2 + q[0] ** 2) - self.slope * t * q[0])
 
+    def invariant(self, q: float, p: float, t: float) -> float:
+        """Return (54), the energy in the coordinates (52) in which the system is autonomous."""
+        Q = q - self.slope * t
+        return 0.5 * p**2 + 0.5 * Q**2 - self.slope * p
+
     def exact(self, q: float, p: float, t: float) -> tuple[float, float]:
-        """Return (q, p) at t from their values at 0: slope t and an oscillation about it."""
+        """Return (q, p) at t from their values at 0, (55): slope t and an oscillation about it."""
         c, s = np.cos(t), np.sin(t)
         return float(self.slope * t + q * c + (p - self.slope) * s), float(self.slope - q * s + (p - self.slope) * c)
 
@@ -69,7 +111,7 @@ class Forced:
 class NonSeparable:
     """H = (q² + 1)(p² + 1) / 2: nonlinear, and q and p do not separate, as in the water."""
 
-    stages: SnesStages = field(default_factory=_stages, compare=False)
+    stages: Stages = field(default_factory=_stages, compare=False)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return q (p² + 1)."""
@@ -82,3 +124,64 @@ class NonSeparable:
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H."""
         return float(0.5 * (q[0] ** 2 + 1.0) * (p[0] ** 2 + 1.0))
+
+    def exact(self, q: float, p: float, t: float) -> tuple[float, float]:
+        """Return (q, p) at t from their values at 0, in Jacobi's elliptic functions.
+
+        With k² = 2 H - 1, m = k² / (1 + k²) and s = (1 + k²)^(1/2) t + constant: q = k sn(s) / dn(s) (1 - m)^(1/2)
+        and p = k cn(s), because q' = p (q² + 1) and (q² + 1)(p² + 1) = 1 + k².
+        """
+        rate, m, amplitude = self._elliptic(q, p)
+        phase = ellipkinc(np.arctan2(q * rate / np.sqrt(1 + q**2), p), m)
+        sn, cn, dn, _ = ellipj(rate * t + phase, m)
+        return float(amplitude * np.sqrt(1 - m) * sn / dn), float(amplitude * cn)
+
+    def period(self, q: float, p: float) -> float:
+        """Return the period of the orbit through (q, p)."""
+        rate, m, _ = self._elliptic(q, p)
+        return float(4 * ellipk(m) / rate)
+
+    def _elliptic(self, q: float, p: float) -> tuple[float, float, float]:
+        square = (q**2 + 1) * (p**2 + 1) - 1
+        return float(np.sqrt(1 + square)), square / (1 + square), float(np.sqrt(square))
+
+
+@dataclass
+class Counted:
+    """A system that counts its evaluations as the tank pays for them: H_q and H_p at one (q, p, t) in a row are one.
+
+    Attributes
+    ----------
+    system
+        What is evaluated.
+    evaluations
+        Points evaluated so far.
+    """
+
+    system: HamiltonianSystem
+    evaluations: int = 0
+    _last: tuple[bytes, bytes, float] | None = None
+
+    @property
+    def stages(self) -> Stages:
+        """The system's own."""
+        return self.system.stages
+
+    def _count(self, q: Vector, p: Vector, t: float) -> None:
+        point = (q.tobytes(), p.tobytes(), t)
+        self.evaluations += point != self._last
+        self._last = point
+
+    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return the system's."""
+        self._count(q, p, t)
+        return self.system.H_q(q, p, t)
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return the system's."""
+        self._count(q, p, t)
+        return self.system.H_p(q, p, t)
+
+    def energy(self, q: Vector, p: Vector, t: float) -> float:
+        """Return the system's; not counted."""
+        return self.system.energy(q, p, t)

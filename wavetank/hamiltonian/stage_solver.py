@@ -1,13 +1,13 @@
 """Implicit stages by PETSc SNES: accelerated fixed-point iteration first, Newton-Krylov where it does not contract.
 
 A stage z = c + a f(z) is handed over as its residual r(z) = z - c - a f(z). With the system's own preconditioner P
-(the identity, or the still-water wave operator for the coupled stage of (23)) the equation solved is P^-1 r(z) = 0, in
-unknowns scaled to metres, so that the norm that is judged is close to the error of the surface itself. Anderson mixing
-needs one evaluation of f an iteration; each is an elliptic solve on the tank.
+(the identity, or the still-water wave operator for the coupled stage of (23)) the equation solved is P^-1 r(z) = 0,
+in unknowns scaled to metres, so that the norm that is judged is close to the error of the surface itself. Anderson
+mixing needs one evaluation of f an iteration; each is an elliptic solve on the tank.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from mpi4py import MPI
@@ -91,6 +91,21 @@ class SnesStageSolver:
         krylov.setTolerances(rtol=1e-3, max_it=60)
         krylov.getPC().setType("none")
 
+    def coupled(self, copies: int) -> "SnesStageSolver":
+        """Return a solver of this kind for that many stages which depend on each other, each preconditioned alone."""
+
+        def precondition(stage: Stage, residual: Vector) -> Vector:
+            return np.concatenate([self._precondition(stage, part) for part in np.split(residual, copies)])
+
+        return SnesStageSolver(
+            self._comm,
+            np.tile(self._scale, copies),
+            tolerance=self._tolerance,
+            floor=self._floor,
+            precondition=precondition,
+            diagnose=self._diagnose,
+        )
+
     def _snes(self, kind: str) -> PETSc.SNES:
         snes = PETSc.SNES().create(self._comm)
         snes.setType(kind)
@@ -155,6 +170,13 @@ class SnesStages:
     coordinate: SnesStageSolver
     momentum: SnesStageSolver
     pair: SnesStageSolver
+    _coupled: dict[int, SnesStageSolver] = field(default_factory=dict)
+
+    def coupled(self, pairs: int) -> SnesStageSolver:
+        """Return the solver for that many pairs at once, made when first asked for."""
+        if pairs not in self._coupled:
+            self._coupled[pairs] = self.pair.coupled(pairs)
+        return self._coupled[pairs]
 
     @classmethod
     def serial(cls, size: int, *, tolerance: float = 1e-14) -> "SnesStages":
@@ -168,7 +190,8 @@ class SnesStages:
     @property
     def counters(self) -> StageCounters:
         """What all of them have cost so far."""
-        kinds = [stage.counters for stage in (self.coordinate, self.momentum, self.pair)]
+        solvers = (self.coordinate, self.momentum, self.pair, *self._coupled.values())
+        kinds = [stage.counters for stage in solvers]
         return StageCounters(
             sum(kind.solves for kind in kinds),
             sum(kind.evaluations for kind in kinds),

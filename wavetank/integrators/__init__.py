@@ -1,8 +1,36 @@
-"""Time integrators from a discontinuous-in-time variational principle, one method a file."""
+"""Time integrators from a discontinuous-in-time variational principle, one method a file.
 
+``INTEGRATORS`` are those a case file can name; the others are for comparison (``wavetank verify integrators``).
+"""
+
+from wavetank.integrators.composition import SuzukiVerlet
+from wavetank.integrators.damped import Damped, SplitDamped
+from wavetank.integrators.discontinuous_verlet import DiscontinuousVerlet, DiscontinuousVerletAdjoint
+from wavetank.integrators.gauss_legendre import GaussLegendre4
+from wavetank.integrators.lobatto import P2N3Q4Lob
+from wavetank.integrators.midpoint import ModifiedMidpoint
+from wavetank.integrators.states import Point, Traces
 from wavetank.integrators.stormer_verlet import StormerVerlet, StormerVerletAdjoint
+from wavetank.integrators.symplectic_euler import SymplecticEuler, SymplecticEulerAdjoint
 from wavetank.integrators.third_order import ThirdOrder
 
-INTEGRATORS = {scheme.name: scheme for scheme in (ThirdOrder, StormerVerlet, StormerVerletAdjoint)}
+INTEGRATORS = {scheme.name: scheme for scheme in (ThirdOrder, StormerVerlet, StormerVerletAdjoint, GaussLegendre4)}
 
-__all__ = ["INTEGRATORS", "StormerVerlet", "StormerVerletAdjoint", "ThirdOrder"]
+__all__ = [
+    "INTEGRATORS",
+    "Damped",
+    "DiscontinuousVerlet",
+    "DiscontinuousVerletAdjoint",
+    "GaussLegendre4",
+    "ModifiedMidpoint",
+    "P2N3Q4Lob",
+    "Point",
+    "SplitDamped",
+    "StormerVerlet",
+    "StormerVerletAdjoint",
+    "SuzukiVerlet",
+    "SymplecticEuler",
+    "SymplecticEulerAdjoint",
+    "ThirdOrder",
+    "Traces",
+]

@@ -1,6 +1,6 @@
 """The contract of a time integrator: one step, written as in the paper."""
 
-from typing import ClassVar, Protocol, TypeVar
+from typing import ClassVar, Protocol, Self, TypeVar
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
 
@@ -15,6 +15,9 @@ class State(Protocol):
     @property
     def p(self) -> Vector:
         """The momenta at the state's time."""
+
+    def damped(self, factor: Vector) -> Self:
+        """Return the state with its momenta multiplied by ``factor``."""
 
 
 S = TypeVar("S", bound=State)
@@ -32,7 +35,7 @@ class Integrator(Protocol[S]):
     stability_limit
         Largest omega dt on the oscillator for which the scheme is stable.
     frequency_error
-        (c, m) with relative frequency error c (omega dt)^m to leading order.
+        (c, m) with relative frequency error of size c (omega dt)^m to leading order.
     nodes
         The times (t - t_n) / dt at which H is evaluated, as in the scheme's quadrature rule.
     """

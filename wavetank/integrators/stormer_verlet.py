@@ -2,28 +2,24 @@
 
 (14) is the discontinuous Galerkin scheme with linear p and q, the trapezoidal rule in p and the midpoint rule in q:
 
-    p½ = p  - dt/2 H_q(q, p½; t)                              implicit
-    q' = q  + dt/2 [ H_p(q, p½; t) + H_p(q', p½; t + dt) ]     implicit
-    p' = p½ - dt/2 H_q(q', p½; t + dt)
+    q½ = q  + dt/2 H_p(p, q½; t)                              implicit
+    p' = p  - dt/2 [ H_q(p, q½; t) + H_q(p', q½; t + dt) ]     implicit
+    q' = q½ + dt/2 H_p(p', q½; t + dt)
 
-The adjoint variant swaps the roles of p and q.
+The adjoint swaps the roles of p and q; with forcing it is (57). The jumps that the discontinuous schemes have in q
+and in p do not enter: see ``discontinuous_verlet.py``. H is taken at t and t + dt, the times t* and t** of (56)
+that belong to the values of the trapezoidal rule.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
-
-
-class Point(NamedTuple):
-    """Coordinates and momenta, continuous in time."""
-
-    q: Vector
-    p: Vector
+from wavetank.integrators.states import Point
 
 
 class _Verlet:
-    """What both variants have in common: second order, symplectic, reversible, stable for omega dt <= 2."""
+    """What both variants have in common: second order, symplectic, reversible, stable for omega dt < 2."""
 
     order: ClassVar[int] = 2
     stability_limit: ClassVar[float] = 2.0
@@ -37,9 +33,33 @@ class _Verlet:
 
 @dataclass(frozen=True)
 class StormerVerlet(_Verlet):
-    """Scheme (14): momentum, coordinate, momentum. Cost of a step: two implicit stages."""
+    """Scheme (14): coordinate, momentum, coordinate. Cost of a step: two implicit stages."""
 
     name: ClassVar[str] = "stormer-verlet"
+
+    def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
+        """Return the state at t + dt; collective."""
+        q, p = state
+        q_half = system.stages.coordinate.solve(
+            Stage("q at 1/2", t, dt, dt / 2),
+            lambda z: z - q - dt / 2 * system.H_p(z, p, t),
+            q,
+        )
+        half_way = p - dt / 2 * system.H_q(q_half, p, t)
+        q_half = q + dt / 2 * system.H_p(q_half, p, t)  # keeps what the flow keeps, e.g. mass, exactly
+        p_new = system.stages.momentum.solve(
+            Stage("p at 1", t + dt, dt, dt / 2),
+            lambda z: z - half_way + dt / 2 * system.H_q(q_half, z, t + dt),
+            2 * half_way - p,
+        )
+        return Point(q_half + dt / 2 * system.H_p(q_half, p_new, t + dt), p_new)
+
+
+@dataclass(frozen=True)
+class StormerVerletAdjoint(_Verlet):
+    """Scheme (15)-(16), with forcing (57): momentum, coordinate, momentum. Cost of a step: two implicit stages."""
+
+    name: ClassVar[str] = "stormer-verlet-adjoint"
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
@@ -59,27 +79,3 @@ class StormerVerlet(_Verlet):
             half_way + dt / 2 * system.H_p(q_new, p_half, t + dt),
             p_half - dt / 2 * system.H_q(q_new, p_half, t + dt),
         )
-
-
-@dataclass(frozen=True)
-class StormerVerletAdjoint(_Verlet):
-    """Scheme (15)-(16): coordinate, momentum, coordinate. Cost of a step: two implicit stages."""
-
-    name: ClassVar[str] = "stormer-verlet-adjoint"
-
-    def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
-        """Return the state at t + dt; collective."""
-        q, p = state
-        q_half = system.stages.coordinate.solve(
-            Stage("q at 1/2", t, dt, dt / 2),
-            lambda z: z - q - dt / 2 * system.H_p(z, p, t),
-            q,
-        )
-        half_way = p - dt / 2 * system.H_q(q_half, p, t)
-        q_half = q + dt / 2 * system.H_p(q_half, p, t)  # keeps what the flow keeps, e.g. mass, exactly
-        p_new = system.stages.momentum.solve(
-            Stage("p at 1", t + dt, dt, dt / 2),
-            lambda z: z - half_way + dt / 2 * system.H_q(q_half, z, t + dt),
-            2 * half_way - p,
-        )
-        return Point(q_half + dt / 2 * system.H_p(q_half, p_new, t + dt), p_new)

@@ -1,0 +1,67 @@
+"""What ``wavetank verify integrators`` writes: every table with its picture, readable, and bad folders refused."""
+
+import csv
+
+import pytest
+from rich.console import Console
+
+from wavetank.verify import integrators
+from wavetank.verify.report import Report
+
+SLOW = ("overview", "work_precision")
+EXPECTED = {
+    "overview": {"schemes.csv", "jumps.csv", "jumps.png"},
+    "table_1": {"table-1.csv", "table-1.png"},
+    "stability": {"stability-limits.csv", "figure-4.csv", "figure-4.png", "figure-5.csv", "figure-5.png"},
+    "dispersion": {"frequency-errors.csv", "figure-6.csv", "figure-6.png", "starts.csv", "starts.png"},
+    "symplecticity": {"symplecticity.csv", "symplecticity.png"},
+    "phase_space": {"figures-7-8.csv", "figure-7.png", "figure-8.png"},
+    "damping": {"damping.csv", "figure-9.csv", "figure-9.png"},
+    "forcing": {"forcing.csv", "forcing.png"},
+    "work_precision": {"work-precision.csv", "work-precision.png"},
+    "parasitic": {"parasitic.csv", "parasitic.png"},
+}
+
+
+def name(part) -> str:
+    return part.__name__.rpartition(".")[2]
+
+
+def write(part, folder):
+    part.write(Report(folder, Console(quiet=True)))
+    assert {path.name for path in folder.iterdir()} == EXPECTED[name(part)]
+    for path in folder.glob("*.csv"):
+        rows = list(csv.reader(path.open(encoding="utf-8")))
+        assert len(rows) > 2 and {len(row) for row in rows} == {len(rows[0])}
+    return {path.stem: list(csv.DictReader(path.open(encoding="utf-8"))) for path in folder.glob("*.csv")}
+
+
+def test_every_part_is_expected():
+    assert {name(part) for part in integrators.PARTS} == set(EXPECTED)
+
+
+@pytest.mark.parametrize("part", [part for part in integrators.PARTS if name(part) not in SLOW], ids=name)
+def test_a_part_writes_its_tables_and_pictures(part, tmp_path):
+    write(part, tmp_path)
+
+
+@pytest.mark.slow
+def test_the_overview(tmp_path):
+    for row in write(integrators.overview, tmp_path)["schemes"]:
+        for kind in ("order_linear", "order_nonseparable"):
+            assert float(row[kind]) == pytest.approx(int(row["stated_order"]), abs=0.15)
+
+
+@pytest.mark.slow
+def test_the_third_order_scheme_needs_least_work_for_a_small_error(tmp_path):
+    """Work to reach an error of 1 % of the radius on the oscillators, 0.1 % of the amplitude in the tank."""
+    rows = write(integrators.work_precision, tmp_path)["work-precision"]
+    for system, wanted in (("linear", 1e-2), ("non-separable", 1e-2), ("tank", 1e-3)):
+        good = [row for row in rows if row["system"] == system and float(row["error"]) < wanted]
+        assert min(good, key=lambda row: int(row["evaluations"]))["scheme"] == "third order (23)"
+
+
+def test_a_folder_that_cannot_be_written_is_refused(wavetank, tmp_path):
+    (tmp_path / "file").write_text("")
+    result = wavetank("verify", "integrators", "--out", str(tmp_path / "file"))
+    assert result.returncode == 2 and result.stderr.count("\n") == 1

@@ -1,0 +1,120 @@
+"""Störmer-Verlet as the discontinuous schemes it comes from: (14) and (15)-(16) of [G16], with weight and jump.
+
+[G16] is Gagarina et al. 2016; beta = 1 - alpha. In (14) p has no jump: (14a) multiplies one by alpha / beta a step,
+and there is none at the start. q has one. With the traces q⁻ = 2 q½ - q of the slab before and q⁺, (14) is
+
+    q½  = alpha q⁺ + beta q⁻ + dt/2 H_p(p, q½; t)                            (14b), implicit
+    p'  = p - dt/2 [ H_q(p, q½; t) + H_q(p', q½; t + dt) ]                    (14c), implicit
+    q⁻' = 2 q½ - q⁺
+    alpha q⁺' = q½ + dt/2 H_p(p', q½; t + dt) - beta q⁻'                      (14d)
+
+The mean alpha q⁺ + beta q⁻ goes the way of the classical scheme for every alpha, and nothing depends on the jump,
+which is multiplied by beta / alpha a step: hence alpha in [1/2, 1]. In (15)-(16) p and q, alpha and beta change
+places.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple, Self
+
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
+
+
+class JumpInQ(NamedTuple):
+    """A jump in q, none in p."""
+
+    q_minus: Vector
+    q_plus: Vector
+    p: Vector
+    alpha: float
+
+    @property
+    def q(self) -> Vector:
+        """The weighted mean of the traces, which is the coordinate of the classical scheme."""
+        return self.alpha * self.q_plus + (1 - self.alpha) * self.q_minus
+
+    def damped(self, factor: Vector) -> Self:
+        """Return the state with its momenta multiplied by ``factor``."""
+        return self._replace(p=factor * self.p)
+
+
+class JumpInP(NamedTuple):
+    """A jump in p, none in q."""
+
+    q: Vector
+    p_minus: Vector
+    p_plus: Vector
+    alpha: float
+
+    @property
+    def p(self) -> Vector:
+        """The weighted mean of the traces, which is the momentum of the classical scheme."""
+        return self.alpha * self.p_minus + (1 - self.alpha) * self.p_plus
+
+    def damped(self, factor: Vector) -> Self:
+        """Return the state with its momenta multiplied by ``factor``."""
+        return self._replace(p_minus=factor * self.p_minus, p_plus=factor * self.p_plus)
+
+
+class _Discontinuous:
+    """What both variants have in common: they are Störmer-Verlet."""
+
+    order: ClassVar[int] = 2
+    stability_limit: ClassVar[float] = 2.0
+    frequency_error: ClassVar[tuple[float, int]] = (1 / 24, 2)
+    nodes: ClassVar[tuple[float, ...]] = (0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class DiscontinuousVerlet(_Discontinuous):
+    """Scheme (14), its jump in q bounded for alpha in [1/2, 1]. Cost of a step: two implicit stages."""
+
+    name: ClassVar[str] = "discontinuous-verlet"
+    alpha: float = 1.0
+
+    def start(self, q: Vector, p: Vector) -> JumpInQ:
+        """Return the state of a start without jumps."""
+        return JumpInQ(q, q, p, self.alpha)
+
+    def step(self, system: HamiltonianSystem, state: JumpInQ, t: float, dt: float) -> JumpInQ:
+        """Return the state at t + dt; collective."""
+        mean, p, beta = state.q, state.p, 1 - self.alpha
+        q_half = system.stages.coordinate.solve(
+            Stage("q at 1/2", t, dt, dt / 2), lambda z: z - mean - dt / 2 * system.H_p(z, p, t), mean
+        )
+        half_way = p - dt / 2 * system.H_q(q_half, p, t)
+        p_new = system.stages.momentum.solve(
+            Stage("p at 1", t + dt, dt, dt / 2),
+            lambda z: z - half_way + dt / 2 * system.H_q(q_half, z, t + dt),
+            2 * half_way - p,
+        )
+        q_minus = 2 * q_half - state.q_plus
+        q_plus = 1 / self.alpha * (q_half + dt / 2 * system.H_p(q_half, p_new, t + dt) - beta * q_minus)
+        return JumpInQ(q_minus, q_plus, p_new, self.alpha)
+
+
+@dataclass(frozen=True)
+class DiscontinuousVerletAdjoint(_Discontinuous):
+    """Scheme (15)-(16), its jump in p bounded for alpha in [0, 1/2]. Cost of a step: two implicit stages."""
+
+    name: ClassVar[str] = "discontinuous-verlet-adjoint"
+    alpha: float = 0.0
+
+    def start(self, q: Vector, p: Vector) -> JumpInP:
+        """Return the state of a start without jumps."""
+        return JumpInP(q, p, p, self.alpha)
+
+    def step(self, system: HamiltonianSystem, state: JumpInP, t: float, dt: float) -> JumpInP:
+        """Return the state at t + dt; collective."""
+        q, mean, beta = state.q, state.p, 1 - self.alpha
+        p_half = system.stages.momentum.solve(
+            Stage("p at 1/2", t, dt, dt / 2), lambda z: z - mean + dt / 2 * system.H_q(q, z, t), mean
+        )
+        half_way = q + dt / 2 * system.H_p(q, p_half, t)
+        q_new = system.stages.coordinate.solve(
+            Stage("q at 1", t + dt, dt, dt / 2),
+            lambda z: z - half_way - dt / 2 * system.H_p(z, p_half, t + dt),
+            2 * half_way - q,
+        )
+        p_minus = 2 * p_half - state.p_plus
+        p_plus = 1 / beta * (p_half - dt / 2 * system.H_q(q_new, p_half, t + dt) - self.alpha * p_minus)
+        return JumpInP(q_new, p_minus, p_plus, self.alpha)

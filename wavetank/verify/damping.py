@@ -1,0 +1,157 @@
+"""Part 7: the damped oscillator (38)-(49), Fig. 9 of [G16], and the exact damping factor in schemes of higher order.
+
+dq/dt = p, dp/dt = -q - gamma p. In Q = q e^(gamma t / 2), P = p e^(gamma t / 2) the modified energy (49),
+H~ = (P² + Q² + gamma P Q) / 2, is constant: a treatment of damping is judged by how far it lets H~ go.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.hamiltonian.oscillators import Harmonic
+from wavetank.integrators import Damped, SplitDamped, StormerVerlet, SymplecticEuler
+from wavetank.verify.report import Report
+from wavetank.verify.schemes import Scheme, amplification, continuous, third_order
+
+Array = NDArray[Any]
+GAMMA, DT = 0.02, 0.2
+PERIODS = 10_000
+START = (1.0, 0.0)
+
+Map = Callable[[float, float], Array]  # (gamma, dt) -> M with z' = M z
+
+
+def damped(scheme: Scheme, wrapper: type[Damped[Any]] | type[SplitDamped[Any]]) -> Map:
+    """Return the map of a scheme with the exact damping factor, the scheme run on unit vectors."""
+
+    def matrix(gamma: float, dt: float) -> Array:
+        integrator: Any = wrapper(scheme.integrator, np.array([gamma]))
+        return amplification(replace(scheme, integrator=integrator), Harmonic(), dt)
+
+    return matrix
+
+
+def euler_forward(gamma: float, dt: float) -> Array:
+    """Return (47): p' = p - dt q - dt gamma p; q' = q + dt p'."""
+    row = np.array([-dt, 1 - dt * gamma])
+    return np.array([[1.0, 0.0] + dt * row, row])
+
+
+def euler_backward(gamma: float, dt: float) -> Array:
+    """Return (48): p' = p - dt q - dt gamma p'; q' = q + dt p'."""
+    row = np.array([-dt, 1.0]) / (1 + dt * gamma)
+    return np.array([[1.0, 0.0] + dt * row, row])
+
+
+class Treatment(NamedTuple):
+    """A treatment of damping.
+
+    Attributes
+    ----------
+    label
+        What tables and pictures call it.
+    matrix
+        (gamma, dt) -> M, shape (width, width).
+    q, p
+        Where the reported q and p stand in z.
+    """
+
+    label: str
+    matrix: Map
+    q: int
+    p: int
+
+
+def treatments() -> list[Treatment]:
+    """Return the paper's three, then the exact factor in Störmer-Verlet and in (23), as (38) has it and split."""
+    euler, verlet, third = continuous("", SymplecticEuler()), continuous("", StormerVerlet()), third_order()
+    return [
+        Treatment("symplectic Euler (44): exact factor", damped(euler, Damped), 0, 1),
+        Treatment("symplectic Euler (47): forward", euler_forward, 0, 1),
+        Treatment("symplectic Euler (48): backward", euler_backward, 0, 1),
+        Treatment("Störmer-Verlet: exact factor", damped(verlet, Damped), 0, 1),
+        Treatment("Störmer-Verlet: factor split", damped(verlet, SplitDamped), 0, 1),
+        Treatment("third order (23): exact factor", damped(third, Damped), 1, 3),
+        Treatment("third order (23): factor split", damped(third, SplitDamped), 1, 3),
+    ]
+
+
+def path(treatment: Treatment, *, gamma: float, dt: float, steps: int) -> Array:
+    """Return Q and P after each step, the start included, shape (steps + 1, 2)."""
+    matrix = np.exp(gamma * dt / 2) * treatment.matrix(gamma, dt)
+    z = np.where(np.arange(len(matrix)) < len(matrix) / 2, *START)
+    rows = np.empty((steps + 1, len(matrix)))
+    for step in range(steps + 1):
+        rows[step] = z
+        z = matrix @ z
+    return rows[:, [treatment.q, treatment.p]]
+
+
+def modified_energy(QP: Array, gamma: float) -> Array:
+    """Return (49)."""
+    Q, P = QP.T
+    return np.asarray((P**2 + Q**2 + gamma * P * Q) / 2)
+
+
+class DriftRow(NamedTuple):
+    """A treatment: its growth of the modified energy over 10⁴ periods, the mean of the last fifty against the first.
+
+    ``order`` is the slope of the error of q over dt = 0.2, 0.1, 0.05 at t = 20; ``area`` is det M e^(width/2 gamma
+    dt) - 1, the defect of the exact rate at which areas shrink.
+    """
+
+    treatment: str
+    order: float
+    drift: float
+    fluctuation: float
+    area: float
+
+
+def drift_rows() -> list[DriftRow]:
+    """Return all treatments with gamma = 0.02, dt = 0.2."""
+    rows, period = [], round(2 * np.pi / DT)
+    for treatment in treatments():
+        energy = modified_energy(path(treatment, gamma=GAMMA, dt=DT, steps=PERIODS * period), GAMMA)
+        first, last = energy[: 50 * period], energy[-50 * period :]
+        matrix = treatment.matrix(GAMMA, DT)
+        area = np.linalg.det(matrix) * np.exp(len(matrix) / 2 * GAMMA * DT) - 1
+        drift, swing = last.mean() / first.mean() - 1, np.ptp(first) / first[0]
+        rows.append(DriftRow(treatment.label, order(treatment), float(drift), float(swing), float(area)))
+    return rows
+
+
+def order(treatment: Treatment, *, gamma: float = 0.3) -> float:
+    """Return the slope of the error of (Q, P) at t = 20."""
+    sizes, errors = (0.2, 0.1, 0.05), []
+    omega = np.sqrt(1 - gamma**2 / 4)
+    exact_Q = np.cos(20 * omega) + gamma / (2 * omega) * np.sin(20 * omega)
+    exact_P = -np.sin(20 * omega) / omega
+    for dt in sizes:
+        last = path(treatment, gamma=gamma, dt=dt, steps=round(20 / dt))[-1]
+        errors.append(np.hypot(*(last - (exact_Q, exact_P))))
+    return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
+
+
+def write(report: Report) -> None:
+    """Write damping.csv, figure-9.csv and .png."""
+    report.table("damping", DriftRow._fields, drift_rows())
+    gamma, dt, steps = 0.1, 0.1, 600
+    t = dt * np.arange(steps + 1)
+    energies = {one.label: modified_energy(path(one, gamma=gamma, dt=dt, steps=steps), gamma) for one in treatments()}
+    report.table("figure-9", ("t", *energies), np.column_stack([t, *energies.values()]))
+    with report.figure("figure-9", 11, 4.6) as figure:
+        left, right = figure.subplots(1, 2)
+        looks = ("-", "o", "x", "-", "--", "-", "--")
+        colours = ("#0072b2", "#d55e00", "#009e73", "#0072b2", "#8cc5e8", "#d55e00", "#e69f00")
+        for axes, part in ((left, slice(0, 3)), (right, slice(3, 7))):
+            for (label, energy), look, colour in zip(
+                list(energies.items())[part], looks[part], colours[part], strict=True
+            ):
+                axes.plot(t, energy / energy[0], look, ms=4, color=colour, label=label, markevery=12, mfc="none")
+            axes.set(xlabel="time [s]", ylabel="modified energy (49) / its start [-]")
+            axes.legend(fontsize=8)
+        left.set_title(f"Symplectic Euler, γ = {gamma} 1/s, Δt = {dt} s (Fig. 9)")
+        right.set_title("Higher order: no drift, either")

@@ -1,0 +1,44 @@
+"""Everything about the integrators, into one folder: a CSV and a picture for each table and figure of [G16]."""
+
+from pathlib import Path
+
+from rich.console import Console
+
+from wavetank.errors import InputError
+from wavetank.verify import (
+    damping,
+    dispersion,
+    forcing,
+    overview,
+    parasitic,
+    phase_space,
+    stability,
+    symplecticity,
+    table_1,
+    work_precision,
+)
+from wavetank.verify.report import Report
+
+PARTS = (
+    overview,
+    table_1,
+    stability,
+    dispersion,
+    symplecticity,
+    phase_space,
+    damping,
+    forcing,
+    work_precision,
+    parasitic,
+)
+
+
+def verify_integrators(folder: Path, console: Console) -> None:
+    """Write all tables and pictures to ``folder``; raises ``InputError`` if it cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        report = Report(folder, console)
+        for part in PARTS:
+            part.write(report)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}).") from None
