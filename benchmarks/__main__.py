@@ -37,7 +37,7 @@ class Stepper:
     """Steps a tank full of waves of k d = 3, k a = 0.1, and counts what a step costs."""
 
     def __init__(self, waves: NonlinearWaves, scheme: str = "third-order"):
-        x = waves.plane.coordinates()[:, 0]
+        x = waves.plane.x
         packet = 0.033 * np.exp(-(((x - x.max() / 2) / (x.max() / 5)) ** 2))
         omega = np.sqrt(9.81 * 3.0 * np.tanh(3.0))
         self.waves, self.scheme, self.step = waves, INTEGRATORS[scheme](), 0

@@ -14,15 +14,27 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 
 @pytest.fixture
 def make_tank() -> Callable[..., object]:
-    """Return a function that makes nonlinear waves in a slice."""
+    """Return a function that makes nonlinear waves in a slice, or in another plan view."""
     from wavetank.fe.plane import Plane
     from wavetank.water.plan_view import Slice
     from wavetank.water.walls import FixedWall, Piston
     from wavetank.water.waves import NonlinearWaves, Tolerances
 
-    def make(*, length, cells, order=3, n=8, depth=1.0, motion=None, reach=None, tolerance=1e-12, comm=MPI.COMM_WORLD):
-        plan = Slice(length, cells, comm=comm)
-        plane = Plane(plan.mesh, order)
+    def make(
+        *,
+        length,
+        cells,
+        order=3,
+        n=8,
+        depth=1.0,
+        motion=None,
+        reach=None,
+        tolerance=1e-12,
+        plan_view=Slice,
+        comm=MPI.COMM_WORLD,
+    ):
+        plan = plan_view(length, cells, comm=comm)
+        plane = Plane(plan.mesh, order, plan.chart)
         wall = FixedWall()
         if motion is not None:
             reach = min(length, 10 * depth) if reach is None else reach

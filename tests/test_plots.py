@@ -112,6 +112,22 @@ def test_a_tank_of_fixed_walls_and_still_water_are_drawn_too(tmp_path):
     assert ">paddle<" not in text
 
 
+def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
+    tank = {"type": "ring", "length": 8.0, "depth": 0.01}
+    with RunWriter(tmp_path / "run", {"scene": {"tank": tank, "wall": {"type": "fixed"}}}) as writer:
+        x = np.arange(8.0)
+        record = writer.surface()
+        for t in range(4):
+            record.append(t, x, 0.01 * np.cos(np.pi / 4 * (x - t)), 0 * x)
+    run = RunDirectory(tmp_path / "run")
+    surface = figures._closed(run.surface(), 8.0)
+    assert np.all(surface.x[:, -1] == 8.0) and np.array_equal(surface.eta[:, -1], surface.eta[:, 0])
+    text = words(lambda path: surface_figure(surface, path, depth=0.01, origin="along the ring"), tmp_path)
+    assert "distance along the ring, x [m]" in text
+    assert ">\u22121.0<" in text and ">\u22121.5<" not in text  # ticks [cm]
+    assert figures._draw_surface(run, run.surface()).exists()
+
+
 def test_the_space_time_diagram_interpolates_the_group():
     surface = group()
     drawn = figures._resampled(surface)

@@ -194,7 +194,7 @@ def test_a_scene_is_frozen():
             "tank.lenght = 3: is an unknown key; did you mean 'length'? allowed are: depth, gravity, length, type",
         ),
         ("tank=3", "tank = 3: must be a table; allowed are: depth, gravity, length, type"),
-        ("tank.type=basin", "tank.type = \"basin\": must be 'slice'"),
+        ("tank.type=basin", 'tank.type = "basin": is an unknown type; allowed are: slice, ring'),
         ("beach.length=3", 'beach = {"length": 3}: is an unknown key; allowed are: gauges, initial, numerics, output'),
         ("wall.type=flap", 'wall.type = "flap": is an unknown type; allowed are: fixed, piston'),
         ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
@@ -231,7 +231,7 @@ def test_a_scene_is_frozen():
         ("numerics.order=9", "numerics.order = 9: must be less than or equal to 8 (horizontal polynomial order p)"),
         ("numerics.vertical_order=0", "numerics.vertical_order = 0: must be greater than or equal to 1"),
         ("numerics.cells=2.5", "numerics.cells = 2.5: must be a valid integer"),
-        ("numerics.integrator=rk4", "numerics.integrator = \"rk4\": must be 'third-order', 'stormer-verlet' or"),
+        ("numerics.integrator=rk4", "numerics.integrator = \"rk4\": must be 'third-order', 'stormer-verlet', 'stormer-verlet-adjoint' or"),
         ("output.gauges_every=0", "output.gauges_every = 0: must be greater than or equal to 1"),
     ],
 )

@@ -20,7 +20,7 @@ from wavetank.observers.schedule import EverySteps, EveryTime
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
 from wavetank.run import Run
 from wavetank.scene import Scene
-from wavetank.water.plan_view import Slice
+from wavetank.water.plan_view import Ring, Slice
 from wavetank.water.walls import FixedWall, Piston, Wall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
@@ -33,11 +33,14 @@ class Records(NamedTuple):
     surface: SurfaceRecord | None
 
 
+PLAN_VIEWS: dict[str, type[Slice] | type[Ring]] = {"slice": Slice, "ring": Ring}
+
+
 def build_waves(scene: Scene, comm: MPI.Comm) -> NonlinearWaves:
     """Return the tank with its water; collective."""
     numerics, tank = scene.numerics, scene.tank
-    plan = Slice(tank.length, scene.cells, comm=comm)
-    plane = Plane(plan.mesh, numerics.order)
+    plan = PLAN_VIEWS[tank.type](tank.length, scene.cells, comm=comm)
+    plane = Plane(plan.mesh, numerics.order, plan.chart)
     return NonlinearWaves(
         plane,
         depth=tank.depth,
@@ -48,19 +51,15 @@ def build_waves(scene: Scene, comm: MPI.Comm) -> NonlinearWaves:
     )
 
 
-def _wall(scene: Scene, plan: Slice, plane: Plane) -> Wall:
-    if isinstance(scene.wall, nouns.FixedWall):
-        return FixedWall()
+def _wall(scene: Scene, plan: Slice | Ring, plane: Plane) -> Wall:
+    if isinstance(plan, Ring) or isinstance(scene.wall, nouns.FixedWall):
+        return FixedWall()  # in a ring: no wall at all
     return Piston(scene.motion(), plane=plane, reach=scene.reach, cell_size=plan.cell_size, facets=plan.paddle_facets())
 
 
 def initial_state(scene: Scene, waves: NonlinearWaves) -> tuple[Vector, Vector]:
     """Return (Q, psi) at t = 0; collective."""
-    x = waves.plane.coordinates()[:, 0]
-    eta = np.zeros_like(x)
-    if isinstance(scene.initial, nouns.StandingWave):
-        eta = scene.initial.amplitude * np.cos(scene.initial.mode * np.pi * x / scene.tank.length)
-    return waves.state(eta, np.zeros_like(x))
+    return waves.state(*scene.initial.surface(scene.tank, waves.plane.x))
 
 
 def time_step(scene: Scene, waves: NonlinearWaves, integrator: Integrator[Any]) -> float:

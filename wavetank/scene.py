@@ -8,7 +8,7 @@ import json
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
@@ -17,6 +17,9 @@ from pydantic_core import PydanticCustomError
 from wavetank import data, motions
 from wavetank.errors import InputError
 from wavetank.motions.record_file import read_record
+from wavetank.reference.conformal import SteadyWave
+from wavetank.reference.solitary_wave import HIGHEST_SOLITARY, solitary_wave
+from wavetank.reference.stream_function import maximum_height, stream_function_wave
 
 
 class Problem(NamedTuple):
@@ -60,12 +63,31 @@ class Noun(BaseModel):
 
 # ---------------------------------------------------------------- the tank
 class SliceTank(Noun):
-    """A tank of one horizontal dimension: a slice along x."""
+    """A tank of one horizontal dimension: a slice along x, between two walls."""
 
+    fewest_cells: ClassVar[int] = 1
     type: Literal["slice"] = "slice"
     length: float = Field(gt=0, description="length of the tank [m]")
     depth: float = Field(gt=0, description="still-water depth d [m]")
     gravity: float = Field(default=9.81, gt=0, description="gravity g [m/s^2]")
+
+
+class RingTank(Noun):
+    """A periodic tank of one horizontal dimension: what leaves at x = length enters at x = 0; it has no walls."""
+
+    fewest_cells: ClassVar[int] = 3  # a polygon's
+    type: Literal["ring"] = "ring"
+    length: float = Field(gt=0, description="length along the ring [m]")
+    depth: float = Field(gt=0, description="still-water depth d [m]")
+    gravity: float = Field(default=9.81, gt=0, description="gravity g [m/s^2]")
+
+
+def _slice_by_default(tank: Any) -> Any:
+    return {"type": "slice", **tank} if isinstance(tank, dict) else tank
+
+
+AnyTank = SliceTank | RingTank
+Tank = Annotated[AnyTank, Field(discriminator="type", description="the tank"), BeforeValidator(_slice_by_default)]
 
 
 # ---------------------------------------------------------------- the paddle's motion
@@ -83,7 +105,7 @@ class AtRestMotion(Noun):
 
     type: Literal["at-rest"] = "at-rest"
 
-    def build(self, tank: SliceTank) -> motions.Motion:
+    def build(self, tank: AnyTank) -> motions.Motion:
         """Return X = 0."""
         return motions.AtRest()
 
@@ -96,7 +118,7 @@ class SinusoidMotion(Noun):
     period: float = Field(gt=0, description="period T [s]")
     ramp: float | None = Field(default=None, ge=0, description="length of the ramp [s]; default two periods")
 
-    def build(self, tank: SliceTank) -> motions.Motion:
+    def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped sinusoid."""
         ramp = 2 * self.period if self.ramp is None else self.ramp
         return _ramped(motions.Sinusoid(self.amplitude, self.period), ramp)
@@ -144,7 +166,7 @@ class WaveGroupMotion(Noun):
         """The ramp [s], default resolved."""
         return 2 / self.spectrum.peak_frequency if self.ramp is None else self.ramp
 
-    def group(self, tank: SliceTank) -> motions.WaveGroup:
+    def group(self, tank: AnyTank) -> motions.WaveGroup:
         """Return the group without its ramp."""
         peak = self.spectrum.peak_frequency
         return motions.WaveGroup(
@@ -159,7 +181,7 @@ class WaveGroupMotion(Noun):
             gravity=tank.gravity,
         )
 
-    def build(self, tank: SliceTank) -> motions.Motion:
+    def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped group."""
         return _ramped(self.group(tank), self.ramp_length)
 
@@ -199,7 +221,7 @@ class RecordedMotion(Noun):
             raise ValueError("must have exactly one of the keys 'position' and 'velocity'")
         return self
 
-    def build(self, tank: SliceTank) -> motions.Motion:
+    def build(self, tank: AnyTank) -> motions.Motion:
         """Return the spline's motion; raises ``SceneError`` if the file cannot be had or read."""
         if self.position is not None:
             record = motions.Recorded.of_positions(*_record("position", self.position))
@@ -231,11 +253,11 @@ class FixedWall(Noun):
 
     type: Literal["fixed"] = "fixed"
 
-    def paddle(self, tank: SliceTank) -> motions.Motion:
+    def paddle(self, tank: AnyTank) -> motions.Motion:
         """Return the motion of a paddle at rest."""
         return motions.AtRest()
 
-    def reach_in(self, tank: SliceTank) -> float:
+    def reach_in(self, tank: AnyTank) -> float:
         """Return inf: there is no mapping to die out."""
         return np.inf
 
@@ -251,16 +273,19 @@ class PistonWall(Noun):
         description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, at most ten depths",
     )
 
-    def paddle(self, tank: SliceTank) -> motions.Motion:
+    def paddle(self, tank: AnyTank) -> motions.Motion:
         """Return the paddle's motion; raises ``SceneError`` if its file cannot be had or read."""
         return self.motion.build(tank)
 
-    def reach_in(self, tank: SliceTank) -> float:
+    def reach_in(self, tank: AnyTank) -> float:
         """Return the reach [m], default resolved."""
         return min(tank.length, 10 * tank.depth) if self.reach is None else self.reach
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:
-        """Yield a reach beyond the tank, and what is wrong with the motion."""
+        """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""
+        if isinstance(scene.tank, RingTank):
+            yield Problem(("wall", "type"), self.type, "must be left out: a ring has no walls, hence no paddle")
+            return
         if self.reach is not None and self.reach > scene.tank.length:
             yield Problem(("wall", "reach"), self.reach, f"must be at most the tank's length, {scene.tank.length:g} m")
         yield from self.motion.problems(scene)
@@ -271,26 +296,103 @@ Wall = Annotated[FixedWall | PistonWall, Field(discriminator="type", description
 
 # ---------------------------------------------------------------- the initial state
 class StillWater(Noun):
-    """eta = 0, phi = 0."""
+    """eta = 0, psi = 0."""
 
     type: Literal["still-water"] = "still-water"
 
+    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
+        return np.zeros_like(x), np.zeros_like(x)
+
 
 class StandingWave(Noun):
-    """eta = a cos(m pi x / length), phi = 0."""
+    """eta = a cos(m pi x / length), psi = 0."""
 
     type: Literal["standing-wave"] = "standing-wave"
     amplitude: float = Field(gt=0, description="amplitude a [m]")
     mode: int = Field(default=1, ge=1, description="number m of half waves in the tank")
 
+    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
+        return self.amplitude * np.cos(self.mode * np.pi * x / tank.length), np.zeros_like(x)
+
     def problems(self, scene: "Scene") -> Iterator[Problem]:
-        """Yield an amplitude that lays the bed dry."""
+        """Yield an amplitude that lays the bed dry, and half a wave too many for a ring."""
         if self.amplitude >= scene.tank.depth:
             allowed = f"must be below the still-water depth, {scene.tank.depth:g} m"
             yield Problem(("initial", "amplitude"), self.amplitude, allowed)
+        if isinstance(scene.tank, RingTank) and self.mode % 2:
+            yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
 
 
-Initial = Annotated[StillWater | StandingWave, Field(discriminator="type", description="the state at t = 0")]
+class StreamFunctionWave(Noun):
+    """Waves of permanent form in a ring, travelling to +x, a crest at x = 0: exact, without mean Eulerian current."""
+
+    type: Literal["stream-function"] = "stream-function"
+    height: float | None = Field(default=None, gt=0, description="height, crest above trough [m]")
+    steepness: float | None = Field(default=None, gt=0, lt=1, description="height over that of the highest wave [-]")
+    waves: int = Field(default=1, ge=1, description="number of waves around the ring")
+
+    @model_validator(mode="after")
+    def _one_height(self) -> Self:
+        if (self.height is None) == (self.steepness is None):
+            raise ValueError("must have exactly one of the keys 'height' and 'steepness'")
+        return self
+
+    def wave(self, tank: AnyTank) -> SteadyWave:
+        """Return one of the waves; raises ``InputError`` if it cannot be had."""
+        length = tank.length / self.waves
+        height = self.height or (self.steepness or 0.0) * maximum_height(length, tank.depth)
+        try:
+            return stream_function_wave(height, length, depth=tank.depth, gravity=tank.gravity)
+        except InputError as error:
+            raise InputError(f"initial: {error}") from None
+
+    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,); raises as ``wave`` does."""
+        return self.wave(tank).surface(x)
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield a tank that is no ring, and a height that no wave has."""
+        if not isinstance(scene.tank, RingTank):
+            yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
+            return
+        highest = maximum_height(scene.tank.length / self.waves, scene.tank.depth)
+        if self.height is not None and self.height >= highest:
+            allowed = f"must be below that of the highest wave of this length, {highest:.4g} m"
+            yield Problem(("initial", "height"), self.height, allowed)
+
+
+class SolitaryWave(Noun):
+    """The solitary wave, travelling to +x; exact where both ends of the tank are far."""
+
+    type: Literal["solitary-wave"] = "solitary-wave"
+    height: float = Field(gt=0, description="height of the crest above still water [m]")
+    x: float = Field(description="where the crest is [m]")
+
+    def wave(self, tank: AnyTank) -> SteadyWave:
+        """Return the wave."""
+        return solitary_wave(self.height, depth=tank.depth, gravity=tank.gravity)
+
+    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
+        return self.wave(tank).surface(x - self.x)
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield a tank without ends, a crest outside and a wave too high."""
+        if isinstance(scene.tank, RingTank):
+            yield Problem(("initial", "type"), self.type, "needs a slice (tank.type): its potential is not periodic")
+        if not 0 <= self.x <= scene.tank.length:
+            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {scene.tank.length:g} m")
+        if self.height > HIGHEST_SOLITARY * scene.tank.depth:
+            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
+            yield Problem(("initial", "height"), self.height, allowed)
+
+
+Initial = Annotated[
+    StillWater | StandingWave | StreamFunctionWave | SolitaryWave,
+    Field(discriminator="type", description="the state at t = 0"),
+]
 
 
 # ---------------------------------------------------------------- gauges, run, numerics, output
@@ -298,7 +400,7 @@ class Gauge(Noun):
     """A place where the elevation is recorded."""
 
     name: str = Field(min_length=1, description="name of the gauge")
-    x: float = Field(description="distance from the paddle's rest position [m]")
+    x: float = Field(description="distance from the paddle's rest position, or along the ring [m]")
 
 
 def _named(gauges: Any) -> Any:
@@ -337,10 +439,16 @@ class Numerics(Noun):
             raise ValueError("must have at most one of the keys 'cells' and 'cell_size'")
         return self
 
-    def cells_in(self, tank: SliceTank) -> int:
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield too few cells for the tank."""
+        fewest = scene.tank.fewest_cells
+        if self.cells is not None and self.cells < fewest:
+            yield Problem(("numerics", "cells"), self.cells, f"must be at least {fewest} in a {scene.tank.type}")
+
+    def cells_in(self, tank: AnyTank) -> int:
         """Return the number of cells; where neither number nor size is given, cells of about a fifth of the depth."""
         size = tank.depth / 5 if self.cell_size is None else self.cell_size
-        return max(1, round(tank.length / size)) if self.cells is None else self.cells
+        return max(tank.fewest_cells, round(tank.length / size)) if self.cells is None else self.cells
 
 
 class Output(Noun):
@@ -361,7 +469,7 @@ class Scene(Noun):
     """
 
     title: str = Field(default="", description="what the case is, in a few words")
-    tank: SliceTank = Field(description="the tank")
+    tank: Tank
     wall: Wall = FixedWall()
     initial: Initial = StillWater()
     gauges: Annotated[tuple[Gauge, ...], BeforeValidator(_named)] = Field(default=(), description="the gauges")
@@ -420,7 +528,8 @@ class Scene(Noun):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        problems = [*self._gauge_problems(), *self.wall.problems(self), *self.initial.problems(self)]
+        nouns = (self.wall, self.initial, self.numerics)
+        problems = [*self._gauge_problems(), *(problem for noun in nouns for problem in noun.problems(self))]
         if problems:
             text = "; ".join(str(problem) for problem in problems)
             raise PydanticCustomError("scene", "{text}", {"text": text, "problems": problems})

@@ -1,5 +1,6 @@
-"""The horizontal mass matrix M_J, weighted with the Jacobian of the wall mapping, and its inverse."""
+"""Matrices on the horizontal space and their inverses, above all the mass matrix M_J."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -15,19 +16,18 @@ from wavetank.fe.sparse_rows import SparseRows
 from wavetank.hamiltonian.contract import Vector
 
 
-class MassMatrix:
-    """M_J = int J u v dX; assembled anew only when told that J has changed.
+class HorizontalMatrix:
+    """A symmetric matrix on the horizontal space, near enough to a mass matrix to be inverted like one.
 
     Parameters
     ----------
-    J
-        Jacobian of the wall mapping, in UFL.
+    form
+        The bilinear form in UFL, given trial and test function.
     """
 
-    def __init__(self, plane: Plane, J: Any):
-        u, v = ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)
+    def __init__(self, plane: Plane, form: Callable[[Any, Any], ufl.Form]):
         self._plane = plane
-        self._form = compile_form(J * u * v * plane.dx)
+        self._form = compile_form(form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)))
         self._matrix = fem.create_matrix(self._form)
         _, columns, pointers = owned_rows(self._matrix)
         index_map = plane.V.dofmap.index_map
@@ -54,7 +54,7 @@ class MassMatrix:
         return ksp
 
     def update(self) -> None:
-        """Assemble M_J for the present J; collective."""
+        """Assemble it for the present values of what the form depends on; collective."""
         self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
@@ -62,20 +62,33 @@ class MassMatrix:
         self._rows.set(self._csr.data)
 
     def apply(self, values: Vector) -> Vector:
-        """Return M_J x for owned values x, shape (owned,); collective."""
+        """Return the product with owned values x, shape (owned,); collective."""
         self._field.set(values)
         return np.asarray(self._csr @ self._field.rows[:, 0])
 
     def solve(self, right: Vector) -> Vector:
-        """Return M_J^-1 r for owned values r, shape (owned,); collective."""
+        """Return the solution for owned values r, shape (owned,); collective."""
         self._in.array = right
         self._ksp.solve(self._in, self._out)
         if self._ksp.getConvergedReason() < 0:
             raise ConvergenceError(
-                f"the mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})"
+                f"a mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})"
             )
         return np.array(self._out.array_r)
 
     def diagonal(self) -> Vector:
         """Return the owned diagonal entries, shape (owned,)."""
         return np.asarray(self._csr.diagonal())
+
+
+class MassMatrix(HorizontalMatrix):
+    """M_J = int J u v dX; assembled anew only when told that J has changed.
+
+    Parameters
+    ----------
+    J
+        Jacobian of the wall mapping, in UFL.
+    """
+
+    def __init__(self, plane: Plane, J: Any):
+        super().__init__(plane, lambda u, v: J * u * v * plane.dx)

@@ -1,15 +1,25 @@
 """The horizontal finite-element space: Lagrange elements of order p on the plan mesh of the reference tank."""
 
+from functools import cached_property
+
 import numpy as np
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
+from wavetank.fe.charts import Chart, Straight
 from wavetank.hamiltonian.contract import Vector
 
 
 class Plane:
     """A plan mesh with its scalar Lagrange space V.
+
+    Parameters
+    ----------
+    order
+        p.
+    chart
+        Where the distance x along the tank lies in the mesh; in a straight tank x is the first coordinate.
 
     Attributes
     ----------
@@ -21,8 +31,8 @@ class Plane:
         Number of degrees of freedom this rank owns.
     """
 
-    def __init__(self, plan_mesh: mesh.Mesh, order: int):
-        self.mesh, self.order = plan_mesh, order
+    def __init__(self, plan_mesh: mesh.Mesh, order: int, chart: Chart | None = None):
+        self.mesh, self.order, self.chart = plan_mesh, order, chart or Straight()
         self.V = fem.functionspace(plan_mesh, ("Lagrange", order))
         self.dx = ufl.dx(domain=plan_mesh, metadata={"quadrature_degree": 3 * order})
         self.owned: int = self.V.dofmap.index_map.size_local
@@ -46,9 +56,14 @@ class Plane:
         return LayeredField(fem.Function(space, name=name))
 
     def coordinates(self) -> Vector:
-        """Return the owned degrees of freedom's coordinates [m], shape (owned, 3)."""
+        """Return the owned degrees of freedom's coordinates in the mesh [m], shape (owned, 3)."""
         x: Vector = self.V.tabulate_dof_coordinates()[: self.owned]
         return x
+
+    @cached_property
+    def x(self) -> Vector:
+        """The owned degrees of freedom's distances along the tank [m], shape (owned,)."""
+        return self.chart.along(self.coordinates())
 
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""

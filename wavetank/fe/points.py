@@ -12,6 +12,8 @@ from wavetank.hamiltonian.contract import Vector
 
 Cells = NDArray[np.int32]
 
+PADDING = 1e-9  # m; a point so near to the mesh is in it
+
 
 class Points:
     """A set of points at which scalar fields are evaluated.
@@ -24,7 +26,7 @@ class Points:
 
     def __init__(self, plane: Plane, points: Vector):
         self._plane = plane
-        self._tree = geometry.bb_tree(plane.mesh, plane.mesh.topology.dim, padding=1e-9)
+        self._tree = geometry.bb_tree(plane.mesh, plane.mesh.topology.dim, padding=PADDING)
         self._points = np.full_like(points, np.nan)
         self.move(points)
 
@@ -42,29 +44,30 @@ class Points:
         )
 
     def _owned_cells(self, points: Vector) -> Cells:
-        """Return the cell of each point on the lowest rank that has it, -1 on the others; collective."""
+        """Return the cell of each point, on the lowest of the ranks that are nearest; -1 on the others; collective."""
         comm, mesh = self._plane.comm, self._plane.mesh
-        near = geometry.compute_collisions_points(self._tree, points)
+        near = geometry.compute_collisions_points(self._tree, points)  # of boxes, which may hold more than their cells
         owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        links = [[cell for cell in near.links(i) if cell < owned] for i in range(len(points))]
-        cells = np.array([self._closest(points[i], found) for i, found in enumerate(links)], dtype=np.int32)
-        holder = np.where(cells >= 0, comm.rank, comm.size)
-        comm.Allreduce(MPI.IN_PLACE, holder, op=MPI.MIN)
-        if np.any(holder == comm.size):
-            outside = points[int(np.flatnonzero(holder == comm.size)[0])]
+        found = [self._nearest(points[i], [cell for cell in near.links(i) if cell < owned]) for i in range(len(points))]
+        cells = np.array([cell for cell, _ in found], dtype=np.int32)
+        distances = np.array([distance for _, distance in found])
+        nearest = distances.copy()
+        comm.Allreduce(MPI.IN_PLACE, nearest, op=MPI.MIN)
+        if np.any(nearest > PADDING**2):
+            outside = points[int(np.argmax(nearest))]
             raise InputError(f"the point x = {outside[0]:.6g} m, y = {outside[1]:.6g} m is outside the tank")
+        holder = np.where(distances == nearest, comm.rank, comm.size)
+        comm.Allreduce(MPI.IN_PLACE, holder, op=MPI.MIN)
         return np.where(holder == comm.rank, cells, np.int32(-1))
 
-    def _closest(self, point: Vector, cells: list[int]) -> int:
+    def _nearest(self, point: Vector, cells: list[int]) -> tuple[int, float]:
+        """Return the nearest of the cells and its squared distance; -1 and inf if there is none."""
         if not cells:
-            return -1
-        distances = geometry.squared_distance(
-            self._plane.mesh,
-            self._plane.mesh.topology.dim,
-            np.array(cells, dtype=np.int32),
-            np.tile(point, (len(cells), 1)),
-        )
-        return int(cells[int(np.argmin(distances))])
+            return -1, np.inf
+        mesh, candidates = self._plane.mesh, np.array(cells, dtype=np.int32)
+        distances = geometry.squared_distance(mesh, mesh.topology.dim, candidates, np.tile(point, (len(cells), 1)))
+        best = int(np.argmin(distances))
+        return cells[best], float(distances[best])
 
     def _basis(self, points: Vector, cells: Cells) -> tuple[Vector, Cells]:
         mesh, V = self._plane.mesh, self._plane.V

@@ -1,8 +1,11 @@
 """The contract of a time integrator: one step, written as in the paper."""
 
+from collections.abc import Callable
 from typing import ClassVar, Protocol, Self, TypeVar
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
+
+Map = Callable[[Vector], Vector]
 
 
 class State(Protocol):
@@ -16,8 +19,8 @@ class State(Protocol):
     def p(self) -> Vector:
         """The momenta at the state's time."""
 
-    def damped(self, factor: Vector) -> Self:
-        """Return the state with its momenta multiplied by ``factor``."""
+    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+        """Return the state with each of its coordinate vectors and of its momentum vectors mapped."""
 
 
 S = TypeVar("S", bound=State)

@@ -15,7 +15,7 @@ from typing import Generic
 import numpy as np
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stages, Vector
-from wavetank.integrators.contract import Integrator, S
+from wavetank.integrators.contract import Integrator, Map, S
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Damped(Generic[S]):
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
         after = self.scheme.step(_Growing(system, self.gamma, t), state, t, dt)
-        return after.damped(np.exp(-self.gamma * dt))
+        return after.mapped(same, times(np.exp(-self.gamma * dt)))
 
 
 @dataclass(frozen=True)
@@ -85,5 +85,15 @@ class SplitDamped(Generic[S]):
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
-        half = np.exp(-self.gamma * dt / 2)
-        return self.scheme.step(system, state.damped(half), t, dt).damped(half)
+        half = times(np.exp(-self.gamma * dt / 2))
+        return self.scheme.step(system, state.mapped(same, half), t, dt).mapped(same, half)
+
+
+def same(values: Vector) -> Vector:
+    """Return the values."""
+    return values
+
+
+def times(factor: Vector) -> Map:
+    """Return the map that multiplies by a factor."""
+    return lambda values: np.asarray(factor * values)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Self
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
+from wavetank.integrators.contract import Map
 
 
 class JumpInQ(NamedTuple):
@@ -32,9 +33,9 @@ class JumpInQ(NamedTuple):
         """The weighted mean of the traces, which is the coordinate of the classical scheme."""
         return self.alpha * self.q_plus + (1 - self.alpha) * self.q_minus
 
-    def damped(self, factor: Vector) -> Self:
-        """Return the state with its momenta multiplied by ``factor``."""
-        return self._replace(p=factor * self.p)
+    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+        """Return the state with all three traces mapped."""
+        return self._replace(q_minus=coordinate(self.q_minus), q_plus=coordinate(self.q_plus), p=momentum(self.p))
 
 
 class JumpInP(NamedTuple):
@@ -50,9 +51,9 @@ class JumpInP(NamedTuple):
         """The weighted mean of the traces, which is the momentum of the classical scheme."""
         return self.alpha * self.p_minus + (1 - self.alpha) * self.p_plus
 
-    def damped(self, factor: Vector) -> Self:
-        """Return the state with its momenta multiplied by ``factor``."""
-        return self._replace(p_minus=factor * self.p_minus, p_plus=factor * self.p_plus)
+    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+        """Return the state with all three traces mapped."""
+        return self._replace(q=coordinate(self.q), p_minus=momentum(self.p_minus), p_plus=momentum(self.p_plus))
 
 
 class _Discontinuous:

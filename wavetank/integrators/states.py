@@ -3,6 +3,7 @@
 from typing import NamedTuple, Self
 
 from wavetank.hamiltonian.contract import Vector
+from wavetank.integrators.contract import Map
 
 
 class Point(NamedTuple):
@@ -11,9 +12,9 @@ class Point(NamedTuple):
     q: Vector
     p: Vector
 
-    def damped(self, factor: Vector) -> Self:
-        """Return the state with its momenta multiplied by ``factor``."""
-        return self._replace(p=factor * self.p)
+    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+        """Return the state with q and p mapped."""
+        return self._replace(q=coordinate(self.q), p=momentum(self.p))
 
 
 class Traces(NamedTuple):
@@ -34,6 +35,9 @@ class Traces(NamedTuple):
         """The momenta the scheme reports."""
         return self.p_plus
 
-    def damped(self, factor: Vector) -> Self:
-        """Return the state with its momenta multiplied by ``factor``."""
-        return self._replace(p_minus=factor * self.p_minus, p_plus=factor * self.p_plus)
+    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+        """Return the state with all four traces mapped."""
+        q_minus, q_plus, p_minus, p_plus = self
+        return self._replace(
+            q_minus=coordinate(q_minus), q_plus=coordinate(q_plus), p_minus=momentum(p_minus), p_plus=momentum(p_plus)
+        )

@@ -12,7 +12,7 @@ from wavetank.water.waves import NonlinearWaves
 
 
 class Gauges:
-    """Elevation [m] at distances x [m] from the paddle's rest position.
+    """Elevation [m] at distances x [m] along the tank, from the paddle's rest position or from anywhere in a ring.
 
     Parameters
     ----------
@@ -24,19 +24,17 @@ class Gauges:
 
     def __init__(self, waves: NonlinearWaves, x: Vector, *, record: Record, schedule: Schedule):
         self._waves, self._x, self._record, self.schedule = waves, np.asarray(x, dtype=float), record, schedule
-        self._points = Points(waves.plane, self._reference())
+        self._points = Points(waves.plane, waves.plane.chart.place(self._reference()))
 
     def _reference(self) -> Vector:
-        points = np.zeros((self._x.size, 3))
-        points[:, 0] = self._waves.wall.to_reference(self._x)
-        return points
+        return self._waves.wall.to_reference(self._x)
 
     def observe(self, moment: Moment) -> None:
         """Append one row; raises ``RunError`` if the paddle has passed a gauge; collective."""
         self._waves.evaluate(moment.q, moment.p, moment.t)
         reference = self._reference()
-        if np.any(reference[:, 0] < 0.0):
+        if np.any(reference < 0.0):
             raise RunError(f"t = {moment.t:.6g} s: the paddle has reached the gauge at x = {self._x.min():g} m")
-        self._points.move(reference)
+        self._points.move(self._waves.plane.chart.place(reference))
         eta = self._points.evaluate(self._waves.h) - self._waves.depth
         self._record.append([moment.t, *eta])

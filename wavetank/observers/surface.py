@@ -28,7 +28,7 @@ class SurfaceSnapshots:
 
     def __init__(self, waves: NonlinearWaves, *, record: SurfaceRecord | None, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
-        reference = self._gather(waves.plane.coordinates()[:, 0])
+        reference = self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")
         self._reference = reference[self._order]
 

@@ -82,7 +82,7 @@ class Tank:
         plane = Plane(Slice(self.length, 6, comm=MPI.COMM_SELF).mesh, 3)
         tolerances = Tolerances(stage=1e-10, interior=1e-11)
         self.waves = NonlinearWaves(plane, depth=self.depth, wall=FixedWall(), vertical_order=4, tolerances=tolerances)
-        x = plane.coordinates()[:, 0]
+        x = plane.x
         self.start = self.waves.state(self.amplitude * np.cos(np.pi * x / self.length), np.zeros_like(x))
         self.period = 2 * np.pi / float(angular_frequency(np.pi / self.length, self.depth, self.waves.gravity))
 

@@ -1,8 +1,14 @@
-"""Plan views of the reference tank: where the water stands, seen from above. A basin is only another mesh."""
+"""Plan views of the reference tank: where the water stands, seen from above. A basin is only another mesh.
 
+Each has a mesh and a chart, which says where the distance x along the tank lies in it.
+"""
+
+import basix.ufl
 import numpy as np
 from dolfinx import mesh
 from mpi4py import MPI
+
+from wavetank.fe.charts import Polygon, Straight
 
 
 class Slice:
@@ -19,6 +25,7 @@ class Slice:
     def __init__(self, length: float, cells: int, *, comm: MPI.Comm):
         self.length, self.cells = length, cells
         self.mesh = mesh.create_interval(comm, cells, [0.0, length])
+        self.chart = Straight()
 
     @property
     def cell_size(self) -> float:
@@ -30,3 +37,26 @@ class Slice:
         dim = self.mesh.topology.dim - 1
         facets = mesh.locate_entities_boundary(self.mesh, dim, lambda x: np.isclose(x[0], 0.0, atol=1e-9 * self.length))
         return mesh.meshtags(self.mesh, dim, facets, np.ones(facets.size, dtype=np.int32))
+
+
+class Ring:
+    """A periodic tank of one horizontal dimension: equal edges closed to a polygon, x in [0, length) along them.
+
+    The mesh has one dimension in a plane of two; its derivatives are those along the edges, so it is exactly flat.
+
+    Parameters
+    ----------
+    length
+        Length [m].
+    cells
+        Number of cells, at least 3.
+    """
+
+    def __init__(self, length: float, cells: int, *, comm: MPI.Comm):
+        self.length, self.cells = length, cells
+        self.chart = Polygon(length, cells)
+        corner = np.arange(cells if comm.rank == 0 else 0)
+        edges = np.column_stack([corner, (corner + 1) % cells])
+        edge = basix.ufl.element("Lagrange", "interval", 1, shape=(2,))
+        partitioner = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)  # as of a slice
+        self.mesh = mesh.create_mesh(comm, edges, self.chart.corners()[corner], edge, partitioner)

@@ -8,7 +8,6 @@ so that dQ/dt = H_psi and dpsi/dt = -M_J^-1 H_h. At the interior potential of a 
 derivative of the one discrete functional K(phi, h) + V(h) + W(phi, h; t), because phi makes it stationary.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,13 +20,13 @@ from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.mass import MassMatrix
-from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Stage, Vector
 from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.potential import InteriorPotential
+from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.wall_forms import wall_forms
 from wavetank.water.walls import Wall
 
@@ -107,7 +106,7 @@ class NonlinearWaves:
             self.operator, self.phi, plane=plane, vertical=self.vertical, tolerance=tolerances.interior
         )
         self._compile(energy)
-        self._x = plane.coordinates()[:, 0]
+        self._x = plane.x
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._t = np.nan
@@ -203,10 +202,7 @@ class NonlinearWaves:
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
     def _set_up_stages(self, tolerances: Tolerances) -> None:
-        diagonal = self.mass.diagonal()
-        area = self.plane.sum(self.mass.apply(np.ones(self.plane.owned)))
-        column = np.asarray(diagonal * (area / self.plane.sum(diagonal)), dtype=np.float64)
-        speed: Vector = np.full(self.plane.owned, float(np.sqrt(self.gravity * self.depth)))
+        column, speed = scales(self)
         coordinate, momentum = (
             SnesStageSolver(self.plane.comm, scale, tolerance=tolerances.stage, diagnose=self._diagnose)
             for scale in (column, speed)
@@ -228,61 +224,4 @@ class NonlinearWaves:
     @cached_property
     def largest_frequency(self) -> float:
         """The largest angular frequency the mesh carries on still water [rad/s], by Lanczos iteration; collective."""
-        still = self.mass.apply(np.full(self.plane.owned, self.depth))
-        rest = self.H_p(still, np.zeros(self.plane.owned), 0.0)
-
-        def surface_operator(psi: Vector) -> Vector:
-            return self.mass.solve(self.H_p(still, psi, 0.0) - rest)
-
-        start = np.sin(1e5 * self.plane.coordinates().sum(axis=1))
-        largest = largest_eigenvalue(surface_operator, start, inner=lambda a, b: self.plane.sum(a * self.mass.apply(b)))
-        return float(np.sqrt(self.gravity * largest))
-
-
-class StillWaterWaves:
-    """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): linear waves on still water.
-
-    Eliminating Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G; with
-    the interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
-    """
-
-    def __init__(self, waves: NonlinearWaves):
-        self._waves, self._still = waves, waves.still_matrices
-        self._solvers: dict[float, tuple[ModeSolver, Vector]] = {}
-
-    def _solver(self, weight: float) -> tuple[ModeSolver, Vector]:
-        key = round(abs(weight), 12)
-        if key not in self._solvers:
-            waves = self._waves
-            eigenvalues, modes = waves.vertical.robin_modes(waves.depth / (weight**2 * waves.gravity))
-            solver = ModeSolver(DecoupledModes(waves.operator, eigenvalues, waves.plane), *self._still, waves.plane)
-            self._solvers[key] = solver, modes[-1]
-        return self._solvers[key]
-
-    def __call__(self, stage: Stage, residual: Vector) -> Vector:
-        """Return the preconditioned residual, shape (2 owned,); collective."""
-        a, g, mass = stage.weight, self._waves.gravity, self._waves.mass
-        r_q, r_psi = np.split(residual, 2)
-        solver, surface = self._solver(a)
-        right = mass.apply(r_psi) / (a**2 * g) - r_q / a
-        psi = solver.solve(np.asarray(np.outer(right, surface))) @ surface
-        return np.concatenate([mass.apply(r_psi - psi) / (a * g), psi])
-
-
-def largest_eigenvalue(
-    operator: Callable[[Vector], Vector], start: Vector, *, inner: Callable[[Vector, Vector], float], steps: int = 40
-) -> float:
-    """Return the largest eigenvalue of an operator self-adjoint in ``inner``, by Lanczos iteration; collective."""
-    basis = [start / np.sqrt(inner(start, start))]
-    projected = np.zeros((steps, steps))
-    for k in range(steps):
-        image = operator(basis[k])
-        for j, vector in enumerate(basis):
-            projected[j, k] = inner(vector, image)
-            image = image - projected[j, k] * vector
-        length = np.sqrt(inner(image, image))
-        if k + 1 == steps or length < 1e-10 * abs(projected[k, k]):
-            break
-        basis.append(image / length)
-    size = len(basis)
-    return float(np.linalg.eigvalsh(projected[:size, :size], UPLO="U")[-1])
+        return largest_frequency(self)

@@ -1,0 +1,116 @@
+"""The solitary wave and its run-up at a wall against identities, a series and an independent computation."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from mpi4py import MPI
+from scipy.interpolate import CubicSpline
+
+from wavetank.build import Records, build_observers, build_run
+from wavetank.errors import InputError
+from wavetank.observers.record import Memory
+from wavetank.reference.solitary_wave import solitary_wave
+from wavetank.scene import Scene
+
+REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "solitary_wall_runup_reference"
+needs_reference = pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference computation is not on this machine")
+
+
+def reference(file):
+    return np.loadtxt(REFERENCE / file, delimiter=",", skiprows=1)
+
+
+def run_up_of(height):
+    """Return the reference's row: H, c, R, change to half resolution, distance, time, energy; d = g = 1."""
+    rows = reference("runup_table.csv")
+    return rows[np.isclose(rows[:, 0], height)][0]
+
+
+@pytest.mark.parametrize("height", [0.1, 0.3, 0.5, 0.6])
+def test_integrals_satisfy_the_exact_identities(height):
+    """3 V = (c^2 - 1) M (Starr 1947), 2 T = c (c M - C) (McCowan 1891); d = g = 1.
+
+    M is the mass, C the circulation, V the potential and T = c/2 int eta dpsi the kinetic energy.
+    """
+    wave, step = solitary_wave(height, depth=1.0, gravity=1.0), 0.01
+    x = step * np.arange(-6000, 6001)
+    (eta, psi), c = wave.surface(x), wave.speed
+    mass, potential = step * eta.sum(), 0.5 * step * (eta**2).sum()
+    kinetic = 0.5 * c * (eta[1:-1] @ (psi[2:] - psi[:-2])) / 2
+    assert wave.residual < 1e-10
+    assert 3 * potential == pytest.approx((c**2 - 1) * mass, rel=1e-9)
+    assert 2 * kinetic == pytest.approx(c * (c * mass - (psi[-1] - psi[0])), rel=1e-4)  # the difference's step^2
+
+
+def test_the_speed_of_low_waves_is_that_of_the_series():
+    """Fenton 1972: c^2 = 1 + e - e^2/20 - 3 e^3/70 + O(e^4)."""
+    heights = np.array([0.2, 0.1, 0.05])
+    squares = np.array([solitary_wave(height, depth=1.0, gravity=1.0).speed ** 2 for height in heights])
+    errors = np.abs(squares - (1 + heights - heights**2 / 20 - 3 * heights**3 / 70))
+    assert fitted_slope(heights, errors) == pytest.approx(4, abs=0.3)
+
+
+@pytest.mark.slow
+def test_the_highest_wave_offered_satisfies_bernoulli():
+    assert solitary_wave(0.7, depth=1.0).residual < 1e-10
+
+
+@needs_reference
+@pytest.mark.parametrize("height", [0.1, 0.3])
+def test_speed_and_surface_are_those_of_the_reference(height):
+    """Scaled to a depth of 2 m and g = 9.81 m/s²."""
+    wave, depth, gravity = solitary_wave(2 * height, depth=2.0), 2.0, 9.81
+    assert wave.speed == pytest.approx(run_up_of(height)[1] * np.sqrt(gravity * depth), rel=1e-9)
+    x, eta, psi = reference(f"wave_H{height:.2f}.csv").T
+    computed = wave.surface(depth * x)
+    assert np.abs(computed[0] / depth - eta).max() < 1e-8
+    assert np.abs(computed[1] / (depth * np.sqrt(gravity * depth)) - psi).max() < 1e-8
+
+
+@pytest.mark.parametrize("height", [-0.1, 0.0, 0.71])
+def test_a_height_that_is_not_offered_is_refused(height):
+    with pytest.raises(InputError, match=rf"height = {height:g} m: must be above 0 and at most 0\.7 depths, 0\.7 m"):
+        solitary_wave(height, depth=1.0)
+
+
+def run_up(height, **numerics):
+    """Return times and elevation at the wall around the run-up of the reference, d = g = 1."""
+    distance, t_max = run_up_of(height)[4:6]
+    scene = Scene.model_validate(
+        {
+            "tank": {"length": distance + 15.0, "depth": 1.0, "gravity": 1.0},
+            "initial": {"type": "solitary-wave", "height": height, "x": 15.0},
+            "gauges": [distance + 15.0],
+            "run": {"duration": float(t_max) + 1.0},
+            "numerics": numerics,
+        }
+    )
+    gauges = Memory()
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    run.observers += build_observers(scene, waves, Records(gauges, Memory(), None))[2:]
+    run.execute()
+    return gauges.array().T
+
+
+def highest(t, eta):
+    return CubicSpline(t, eta)(np.linspace(t[-1] - 3.0, t[-1], 10001)).max()
+
+
+@needs_reference
+def test_run_up_at_a_wall_on_the_default_mesh():
+    """H/d = 0.3, 0.2 m cells: the highest elevation, and all of the surface's rise at the wall."""
+    t, eta = run_up(0.3)
+    assert highest(t, eta) == pytest.approx(run_up_of(0.3)[2], rel=1e-4)
+    times, elevation = reference("wall_elevation_H0.30.csv").T
+    computed = times <= t[-1]
+    assert np.abs(CubicSpline(t, eta)(times) - elevation)[computed].max() < 1e-4
+
+
+@needs_reference
+def test_run_up_converges_in_cell_size():
+    """At least with p + 1 = 4; dt is fixed and small against the cells' error."""
+    sizes = (1.5, 1.0, 0.75)
+    errors = [abs(highest(*run_up(0.3, cell_size=size, dt=0.1)) / run_up_of(0.3)[2] - 1) for size in sizes]
+    assert fitted_slope(sizes, errors) > 4.0 and errors[-1] < 5e-4

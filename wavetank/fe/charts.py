@@ -1,0 +1,71 @@
+"""Charts: where a place at distance x along the tank lies in the mesh, and the other way round."""
+
+from typing import Protocol
+
+import numpy as np
+
+from wavetank.hamiltonian.contract import Vector
+
+
+class Chart(Protocol):
+    """Both ways between distances x [m] along the tank, shape (N,), and coordinates in the mesh [m], shape (N, 3)."""
+
+    def along(self, coordinates: Vector) -> Vector:
+        """Return x of coordinates in the mesh."""
+
+    def place(self, x: Vector) -> Vector:
+        """Return the coordinates in the mesh of x."""
+
+
+class Straight:
+    """x is the first coordinate."""
+
+    def along(self, coordinates: Vector) -> Vector:
+        """Return the first coordinate."""
+        return coordinates[:, 0]
+
+    def place(self, x: Vector) -> Vector:
+        """Return (x, 0, 0)."""
+        coordinates = np.zeros((np.size(x), 3))
+        coordinates[:, 0] = x
+        return coordinates
+
+
+class Polygon:
+    """x is the distance along a regular polygon from its first corner, modulo its length.
+
+    Parameters
+    ----------
+    length
+        Of all edges together [m].
+    edges
+        Number of edges, at least 3.
+    """
+
+    def __init__(self, length: float, edges: int):
+        self.length, self.edges, self._edge = length, edges, length / edges
+        self._angle = 2 * np.pi / edges
+        self._radius = self._edge / (2 * np.sin(self._angle / 2))
+
+    def corners(self) -> Vector:
+        """Return the corners' coordinates in the plane, shape (edges, 2)."""
+        angles = self._angle * np.arange(self.edges)
+        return np.asarray(self._radius * np.column_stack([np.cos(angles), np.sin(angles)]))
+
+    def along(self, coordinates: Vector) -> Vector:
+        """Return x in [0, length) of coordinates on the polygon."""
+        angles = np.arctan2(coordinates[:, 1], coordinates[:, 0]) % (2 * np.pi)
+        edge = np.floor(angles / self._angle)
+        apothem, from_middle = self._radius * np.cos(self._angle / 2), angles - (edge + 0.5) * self._angle
+        x: Vector = (edge + 0.5) * self._edge + apothem * np.tan(from_middle)
+        x[np.isclose(x, self.length, rtol=1e-12)] = 0.0
+        return np.maximum(x, 0.0)
+
+    def place(self, x: Vector) -> Vector:
+        """Return the coordinates on the polygon of any x."""
+        edge, part = np.divmod(np.asarray(x, dtype=float) % self.length, self._edge)
+        corners = self.corners()
+        start, end = corners[edge.astype(int) % self.edges], corners[(edge.astype(int) + 1) % self.edges]
+        coordinates = np.zeros((edge.size, 3))
+        coordinates[:, :2] = start + (part / self._edge)[:, None] * (end - start)
+        return coordinates

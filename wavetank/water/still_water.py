@@ -1,0 +1,112 @@
+"""Linear waves on still water: their implicit stage in one direct solve, and the largest frequency that a mesh carries.
+
+Both serve every kind of waves: nonlinear ones as preconditioner and estimate, linear ones exactly.
+"""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from wavetank.fe.kronecker import KroneckerOperator
+from wavetank.fe.mass import MassMatrix
+from wavetank.fe.modes import DecoupledModes, ModeSolver
+from wavetank.fe.plane import Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.hamiltonian.contract import Stage, Vector
+
+
+class Waves(Protocol):
+    """What is asked of waves: their space, their matrices and their flow.
+
+    Attributes
+    ----------
+    still_matrices
+        S_uu and S_ww at zeta^0 on still water, entries of the owned rows.
+    """
+
+    plane: Plane
+    mass: MassMatrix
+    operator: KroneckerOperator
+    vertical: VerticalBasis
+    depth: float
+    gravity: float
+    still_matrices: tuple[Vector, Vector]
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dpsi, shape (owned,); collective."""
+
+
+class StillWaterWaves:
+    """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): linear waves on still water.
+
+    Eliminating Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G; with
+    the interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
+    """
+
+    def __init__(self, waves: Waves):
+        self._waves, self._still = waves, waves.still_matrices
+        self._solvers: dict[float, tuple[ModeSolver, Vector]] = {}
+
+    def _solver(self, weight: float) -> tuple[ModeSolver, Vector]:
+        key = round(abs(weight), 12)
+        if key not in self._solvers:
+            waves = self._waves
+            eigenvalues, modes = waves.vertical.robin_modes(waves.depth / (weight**2 * waves.gravity))
+            solver = ModeSolver(DecoupledModes(waves.operator, eigenvalues, waves.plane), *self._still, waves.plane)
+            self._solvers[key] = solver, modes[-1]
+        return self._solvers[key]
+
+    def __call__(self, stage: Stage, residual: Vector) -> Vector:
+        """Return the preconditioned residual, shape (2 owned,); collective."""
+        a, g, mass = stage.weight, self._waves.gravity, self._waves.mass
+        r_q, r_psi = np.split(residual, 2)
+        solver, surface = self._solver(a)
+        right = mass.apply(r_psi) / (a**2 * g) - r_q / a
+        psi = solver.solve(np.asarray(np.outer(right, surface))) @ surface
+        return np.concatenate([mass.apply(r_psi - psi) / (a * g), psi])
+
+
+def scales(waves: Waves) -> tuple[Vector, Vector]:
+    """Return the sizes of Q and psi, shape (owned,) each, that belong to a metre of elevation; collective."""
+    diagonal = waves.mass.diagonal()
+    area = waves.plane.sum(waves.mass.apply(np.ones(waves.plane.owned)))
+    column = np.asarray(diagonal * (area / waves.plane.sum(diagonal)), dtype=np.float64)
+    return column, np.full(waves.plane.owned, float(np.sqrt(waves.gravity * waves.depth)))
+
+
+def largest_frequency(waves: Waves) -> float:
+    """Return the largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
+    still = waves.mass.apply(np.full(waves.plane.owned, waves.depth))
+    rest = waves.H_p(still, np.zeros(waves.plane.owned), 0.0)
+
+    def surface_operator(psi: Vector) -> Vector:
+        return waves.mass.solve(waves.H_p(still, psi, 0.0) - rest)
+
+    def inner(a: Vector, b: Vector) -> float:
+        return waves.plane.sum(a * waves.mass.apply(b))
+
+    start = np.sin(1e5 * waves.plane.coordinates().sum(axis=1))
+    largest = largest_eigenvalue(surface_operator, start, inner=inner, steps=min(40, waves.plane.size))
+    return float(np.sqrt(waves.gravity * largest))
+
+
+def largest_eigenvalue(
+    operator: Callable[[Vector], Vector], start: Vector, *, inner: Callable[[Vector, Vector], float], steps: int
+) -> float:
+    """Return the largest eigenvalue of an operator self-adjoint in ``inner``, by Lanczos iteration; collective."""
+    basis = [start / np.sqrt(inner(start, start))]
+    projected = np.zeros((steps, steps))
+    for k in range(steps):
+        image = operator(basis[k])
+        for _ in range(2):  # the second pass takes what round-off left of the first
+            for j, vector in enumerate(basis):
+                part = inner(vector, image)
+                projected[j, k] += part
+                image = image - part * vector
+        length = np.sqrt(inner(image, image))
+        if k + 1 == steps or length < 1e-10 * projected.max():  # the latter: the space is exhausted
+            break
+        basis.append(image / length)
+    size = len(basis)
+    return float(np.linalg.eigvalsh(projected[:size, :size], UPLO="U")[-1])
