@@ -1,8 +1,10 @@
 """Charts: where a place at distance x along the tank lies in the mesh, and the other way round."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+import ufl
+from dolfinx.mesh import Mesh
 
 from wavetank.hamiltonian.contract import Vector
 
@@ -15,6 +17,9 @@ class Chart(Protocol):
 
     def place(self, x: Vector) -> Vector:
         """Return the coordinates in the mesh of x."""
+
+    def direction(self, mesh: Mesh) -> Any:
+        """Return the unit vector in which x grows, in UFL."""
 
 
 class Straight:
@@ -29,6 +34,10 @@ class Straight:
         coordinates = np.zeros((np.size(x), 3))
         coordinates[:, 0] = x
         return coordinates
+
+    def direction(self, mesh: Mesh) -> Any:
+        """Return (1, 0, ...)."""
+        return ufl.as_vector([1.0, *[0.0] * (mesh.geometry.dim - 1)])
 
 
 class Polygon:
@@ -69,3 +78,8 @@ class Polygon:
         coordinates = np.zeros((edge.size, 3))
         coordinates[:, :2] = start + (part / self._edge)[:, None] * (end - start)
         return coordinates
+
+    def direction(self, mesh: Mesh) -> Any:
+        """Return the edge's unit vector that goes round anticlockwise."""
+        x, edge = ufl.SpatialCoordinate(mesh), ufl.Jacobian(mesh)[:, 0]
+        return ufl.sign(x[0] * edge[1] - x[1] * edge[0]) * edge / ufl.sqrt(ufl.inner(edge, edge))

@@ -71,9 +71,7 @@ class HorizontalMatrix:
         self._in.array = right
         self._ksp.solve(self._in, self._out)
         if self._ksp.getConvergedReason() < 0:
-            raise ConvergenceError(
-                f"a mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})"
-            )
+            raise ConvergenceError(f"a mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})")
         return np.array(self._out.array_r)
 
     def diagonal(self) -> Vector:
