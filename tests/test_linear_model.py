@@ -1,0 +1,289 @@
+"""Linear waves against Airy, against nonlinear ones of small amplitude, against Biésel, and against themselves."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from mpi4py import MPI
+
+from wavetank.fe.plane import Plane
+from wavetank.hamiltonian.oscillators import LinearStages
+from wavetank.integrators import INTEGRATORS, ThirdOrder
+from wavetank.motions import AtRest, Ramped, Sinusoid
+from wavetank.observers.contract import Moment
+from wavetank.observers.energy import EnergyBudget
+from wavetank.observers.gauges import Gauges
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.reference.airy import angular_frequency, group_velocity
+from wavetank.reference.wavemaker import piston_transfer
+from wavetank.water.linear_waves import LinearPiston, LinearWaves
+from wavetank.water.plan_view import Slice
+from wavetank.water.walls import FixedWall
+
+GRAVITY = 9.81
+
+
+@pytest.fixture
+def make_linear():
+    """Return a function that makes linear waves in a slice."""
+
+    def make(*, length, cells, order=3, n=8, depth=1.0, motion=None, comm=MPI.COMM_WORLD):
+        plan = Slice(length, cells, comm=comm)
+        plane = Plane(plan.mesh, order)
+        wall = FixedWall() if motion is None else LinearPiston(motion, plane=plane, facets=plan.paddle_facets())
+        return LinearWaves(plane, depth=depth, wall=wall, vertical_order=n)
+
+    return make
+
+
+def run(waves, scheme, start, *, steps, dt):
+    """Return the states' elevations after each step, shape (steps, owned), and the last state."""
+    state, elevations = scheme.start(*start), []
+    for step in range(steps):
+        state = scheme.step(waves, state, step * dt, dt)
+        elevations.append(waves.elevation(state.q, state.p, (step + 1) * dt).copy())
+    return np.array(elevations), state
+
+
+def standing(waves, amplitude, mode=1, length=1.0):
+    x = waves.plane.coordinates()[:, 0]
+    return waves.state(amplitude * np.cos(mode * np.pi * x / length), 0 * x)
+
+
+# ------------------------------------------------------------------------------------------------ frequency
+def rayleigh_frequency(waves, k) -> float:
+    """The frequency of cos(kx) by Rayleigh's quotient, whose error is the square of the mode shape's."""
+    x = waves.plane.coordinates()[:, 0]
+    q, p = waves.state(0 * x, np.cos(k * x))
+    return float(np.sqrt(GRAVITY * (p @ waves.H_p(q, p, 0.0)) / (p @ waves.mass.apply(p))))
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_frequency_converges_to_airy_with_twice_the_order(make_linear, order):
+    k = 2 * np.pi
+    counts = np.array([8, 12, 16, 24]) if order < 3 else np.array([4, 6, 8, 12])
+    errors = [
+        rayleigh_frequency(make_linear(length=1.0, cells=int(cells), order=order, n=12, depth=0.5), k)
+        / angular_frequency(k, 0.5, GRAVITY)
+        - 1
+        for cells in counts
+    ]
+    assert -fitted_slope(counts, errors) == pytest.approx(2 * order, abs=0.25)
+
+
+@pytest.mark.parametrize(("name", "order"), [("stormer-verlet", 2), ("stormer-verlet-adjoint", 2), ("third-order", 3)])
+def test_fully_discrete_standing_wave_converges_to_airy(make_linear, name, order):
+    """The elevation at the wall after each step against a cos(omega t); space is resolved to 1e-9."""
+    waves = make_linear(length=1.0, cells=8, order=6, n=12, depth=0.5)
+    omega = float(angular_frequency(np.pi, 0.5, GRAVITY))
+    counts, errors = np.array([40, 56, 80]), []
+    for per_period in counts:
+        dt = 2 * np.pi / omega / per_period
+        eta, _ = run(waves, INTEGRATORS[name](), standing(waves, 1.0), steps=2 * per_period, dt=dt)
+        t = dt * np.arange(1, 2 * per_period + 1)
+        wall = np.argmin(waves.plane.coordinates()[:, 0])
+        errors.append(np.abs(eta[:, wall] - np.cos(omega * t)).max())
+    assert -fitted_slope(counts, errors) == pytest.approx(order, abs=0.3)
+
+
+# ------------------------------------------------------------------------------------------------ the nonlinear limit
+@pytest.mark.parametrize("name", sorted(INTEGRATORS))
+def test_nonlinear_waves_become_linear_with_the_square_of_the_amplitude(make_linear, make_tank, name):
+    linear, nonlinear = (make(length=1.0, cells=4, n=5, depth=0.4) for make in (make_linear, make_tank))
+    amplitudes, differences = np.array([4e-3, 2e-3, 1e-3]), []
+    for amplitude in amplitudes:
+        ends = [
+            run(waves, INTEGRATORS[name](), standing(waves, amplitude), steps=25, dt=0.02)[0][-1]
+            for waves in (linear, nonlinear)
+        ]
+        differences.append(np.abs(ends[0] - ends[1]).max())
+    assert fitted_slope(amplitudes, differences) == pytest.approx(2, abs=0.1)
+
+
+def test_the_paddle_becomes_linear_with_the_square_of_its_stroke(make_linear, make_tank):
+    strokes, differences = np.array([4e-3, 2e-3, 1e-3]), []
+    for stroke in strokes:
+        motion = Ramped(Sinusoid(stroke, 1.5), 1.0)
+        ends = []
+        for make in (make_linear, make_tank):
+            waves = make(length=4.0, cells=10, n=5, motion=motion)
+            rest = np.zeros(waves.plane.owned)
+            eta, _ = run(waves, ThirdOrder(), waves.state(rest, rest), steps=40, dt=0.04)
+            far = np.argmin(np.abs(waves.plane.coordinates()[:, 0] - 2.0))
+            ends.append(eta[-1, far])
+        differences.append(abs(ends[0] - ends[1]))
+    assert fitted_slope(strokes, differences) == pytest.approx(2, abs=0.15)
+
+
+# ------------------------------------------------------------------------------------------------ the paddle
+@pytest.mark.parametrize("kd", [0.6, 1.5, 3.0])
+def test_height_to_stroke_is_biesels(make_linear, kd):
+    """The gauge stands four depths from the paddle: what is left of the evanescent field is below 1 %."""
+    omega = float(angular_frequency(kd, 1.0, GRAVITY))
+    period, gauge = 2 * np.pi / omega, 4.0
+    duration = 9 * period + gauge / float(group_velocity(kd, 1.0, GRAVITY))
+    length = max(10.0, 0.5 * np.sqrt(GRAVITY) * duration + gauge)  # no reflection reaches the gauge
+    cell = min(0.5, 2 * np.pi / kd / 8)
+    motion = Ramped(Sinusoid(1.0, period), 3 * period)
+    waves = make_linear(length=length, cells=round(length / cell), n=6, motion=motion)
+    record = Memory()
+    gauges = Gauges(waves, [gauge], record=record, schedule=EverySteps())
+    per_period = int(np.ceil(period * waves.largest_frequency / 1.0))
+    rest, scheme, dt = np.zeros(waves.plane.owned), ThirdOrder(), period / per_period
+    state = scheme.start(*waves.state(rest, rest))
+    for step in range(int(duration / dt)):
+        state = scheme.step(waves, state, step * dt, dt)
+        gauges.observe(Moment(step + 1, (step + 1) * dt, state.q, state.p))
+    t, eta = record.array()[-2 * per_period :].T
+    harmonic = 2 / t.size * abs(np.sum(eta * np.exp(-1j * omega * t)))
+    assert harmonic == pytest.approx(float(piston_transfer(kd, 1.0)), rel=0.01)
+
+
+@pytest.mark.parametrize(("name", "order"), [("third-order", 3), ("stormer-verlet", 2)])
+def test_energy_balances_the_work_of_the_paddle(make_linear, name, order):
+    """What does not add up is the integrator's error, which falls with its order."""
+    steps, errors = np.array([40, 56, 80]), []
+    for count in steps:
+        waves = make_linear(length=2.0, cells=8, n=4, motion=Ramped(Sinusoid(1.0, 1.5), 1.0))
+        record = Memory()
+        budget = EnergyBudget(waves, record=record, schedule=EverySteps())
+        rest, scheme, dt = np.zeros(waves.plane.owned), INTEGRATORS[name](), 2.0 / count
+        state = scheme.start(*waves.state(rest, rest))
+        budget.observe(Moment(0, 0.0, state.q, state.p))
+        for step in range(count):
+            state = scheme.step(waves, state, step * dt, dt)
+            budget.observe(Moment(step + 1, (step + 1) * dt, state.q, state.p))
+        errors.append(np.abs(record.array()[:, 5]).max())
+    assert -fitted_slope(steps, errors) > order - 0.4
+
+
+class Displacement:
+    """dV/dt = d X_p': what the paddle alone makes of the volume, in any scheme."""
+
+    def __init__(self, depth, motion):
+        self.depth, self.motion, self.stages = depth, motion, LinearStages()
+
+    def H_p(self, q, p, t):
+        return np.array([self.depth * self.motion.velocity(t)])
+
+    def H_q(self, q, p, t):
+        return np.zeros(1)
+
+
+@pytest.mark.parametrize("motion", [AtRest(), Sinusoid(0.1, 1.5)], ids=["at rest", "moving"])
+@pytest.mark.parametrize("name", sorted(INTEGRATORS))
+def test_volume_follows_the_paddle_and_nothing_else(make_linear, name, motion):
+    """The change of volume is the scheme's own integral of d X_p', to round-off."""
+    scheme, steps, dt, depth = INTEGRATORS[name](), 50, 0.03, 0.7
+    waves = make_linear(length=2.0, cells=8, n=4, depth=depth, motion=motion)
+    start = standing(waves, 0.1, 2, 2.0)
+    _, state = run(waves, scheme, start, steps=steps, dt=dt)
+    alone, paddle = scheme.start(np.zeros(1), np.zeros(1)), Displacement(depth, motion)
+    for step in range(steps):
+        alone = scheme.step(paddle, alone, step * dt, dt)
+    assert waves.total_mass(state.q) - waves.total_mass(start[0]) == pytest.approx(float(alone.q[0]), abs=1e-13)
+
+
+def test_volume_is_the_paddles_displacement(make_linear):
+    """V(t) - V(0) = d X_p(t), to the integrator's error."""
+    motion, steps = Ramped(Sinusoid(0.1, 1.5), 1.0), 200
+    waves = make_linear(length=2.0, cells=8, n=4, motion=motion)
+    start = standing(waves, 0.0)
+    _, state = run(waves, ThirdOrder(), start, steps=steps, dt=1.8 / steps)
+    taken = waves.total_mass(state.q) - waves.total_mass(start[0])
+    assert taken == pytest.approx(motion.position(1.8), rel=1e-6)
+
+
+def test_a_paddle_at_rest_is_a_fixed_wall(make_linear):
+    ends = []
+    for motion in (None, AtRest()):
+        waves = make_linear(length=2.0, cells=8, n=4, motion=motion)
+        ends.append(run(waves, ThirdOrder(), standing(waves, 0.1, 1, 2.0), steps=20, dt=0.03)[1].q)
+    assert np.abs(ends[0] - ends[1]).max() < 1e-15
+
+
+# ------------------------------------------------------------------------------------------------ structure
+def test_derivatives_are_those_of_the_energy(make_linear):
+    """H is quadratic: central differences are exact to round-off, and dH/dt is the explicit rate."""
+    waves = make_linear(length=2.0, cells=8, n=5, motion=Ramped(Sinusoid(0.1, 2.0), 4.0))
+    x, t = waves.plane.coordinates()[:, 0], 3.3
+    q, p = waves.state(0.1 * np.cos(np.pi * x), np.sin(x))
+    dq, dp = waves.mass.apply(np.cos(x)), np.cos(2 * x)
+    by_q = (waves.energy(q + dq, p, t) - waves.energy(q - dq, p, t)) / 2
+    by_p = (waves.energy(q, p + dp, t) - waves.energy(q, p - dp, t)) / 2
+    by_t = (waves.energy(q, p, t + 1e-4) - waves.energy(q, p, t - 1e-4)) / 2e-4
+    assert waves.H_q(q, p, t) @ dq == pytest.approx(by_q, rel=1e-10)
+    assert waves.H_p(q, p, t) @ dp == pytest.approx(by_p, rel=1e-10)
+    assert waves.explicit_rate(q, p, t) == pytest.approx(by_t, rel=1e-6)  # the difference's own error, 1e-8 X''''
+
+
+def test_the_operator_is_the_nonlinear_one_on_still_water(make_linear, make_tank):
+    """H_psi and the energies with a moving paddle, at X_p = 0 where the mapping is the identity."""
+    motion = Sinusoid(0.1, 2.0)
+    linear, nonlinear = (make(length=2.0, cells=8, n=5, motion=motion) for make in (make_linear, make_tank))
+    x = linear.plane.coordinates()[:, 0]
+    q, p = linear.state(0 * x, np.sin(x))
+    ours, theirs = (waves.energies(q, p, 0.0) for waves in (linear, nonlinear))
+    assert ours.kinetic == pytest.approx(theirs.kinetic, rel=1e-9)
+    s = nonlinear.wall.s.x.array  # theirs has the mapping's term, X_p' int psi d/dX (s h) dX, in W and in H_psi
+    assert s.max() == 1.0
+    mapped = nonlinear.H_p(q, p, 0.0) - linear.H_p(q, p, 0.0)
+    assert abs(np.sum(mapped) + motion.velocity(0.0)) < 1e-9
+
+
+@pytest.mark.parametrize("cells", [2, 12, 13])
+def test_largest_frequency_is_the_eigenvalue(make_linear, cells):
+    """Against the dense eigenproblem, on meshes with fewer unknowns than Lanczos takes steps, or as many."""
+    waves = make_linear(length=4.0, cells=cells, n=5)
+    still = np.zeros(waves.plane.owned)
+    operator = [waves.mass.solve(waves.H_p(still, unit, 0.0)) for unit in np.eye(waves.plane.owned)]
+    exact = np.sqrt(GRAVITY * np.linalg.eigvals(np.array(operator)).real.max())
+    assert waves.largest_frequency == pytest.approx(exact, rel=1e-9)
+
+
+def test_one_factorisation_serves_the_run(make_linear):
+    waves = make_linear(length=1.0, cells=4, n=4)
+    run(waves, INTEGRATORS["stormer-verlet"](), standing(waves, 0.1), steps=10, dt=0.02)
+    assert waves.potential.counters.factorisations == 1
+    assert waves.potential.counters.solves <= 10 + 2  # one a step, the first, and the paddle's
+
+
+RANKS = """
+import numpy as np
+from mpi4py import MPI
+from wavetank.fe.plane import Plane
+from wavetank.integrators import INTEGRATORS
+from wavetank.motions import Sinusoid
+from wavetank.water.linear_waves import LinearPiston, LinearWaves
+from wavetank.water.plan_view import Slice
+
+plan = Slice(4.0, 12, comm=MPI.COMM_WORLD)
+plane = Plane(plan.mesh, 3)
+wall = LinearPiston(Sinusoid(0.1, 1.3), plane=plane, facets=plan.paddle_facets())
+waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=5)
+x = plane.coordinates()[:, 0]
+for name, scheme in sorted(INTEGRATORS.items()):
+    scheme = scheme()
+    state = scheme.start(*waves.state(np.cos(np.pi * x), 0 * x))
+    for step in range(20):
+        state = scheme.step(waves, state, step * 0.02, 0.02)
+    figures = [plane.sum(state.q * np.cos(x)), plane.sum(state.p * np.sin(x)), waves.energy(state.q, state.p, 0.4)]
+    figures.append(waves.largest_frequency)
+    if plane.comm.rank == 0:
+        print(*(f"{figure:.17g}" for figure in figures))
+"""
+
+
+def test_ranks_agree():
+    """One, two and three ranks, to round-off accumulated over twenty steps."""
+    results = []
+    for ranks in (1, 2, 3):
+        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+        done = subprocess.run([*launcher, sys.executable, "-c", RANKS], capture_output=True, text=True, check=True)
+        results.append(np.array([[float(figure) for figure in line.split()] for line in done.stdout.splitlines()]))
+    for other in results[1:]:
+        assert np.allclose(other[:, :3], results[0][:, :3], rtol=1e-10, atol=1e-10)
+        assert np.allclose(other[:, 3], results[0][:, 3], rtol=1e-6)  # Lanczos starts from another vector

@@ -1,0 +1,288 @@
+"""What a scene asks for: which waves there are, how far they travel, how steep they get, and the objects that follow.
+
+A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
+motion over the run and c Biésel's transfer function (``reference/wavemaker.py``). Each component is followed from the
+paddle to the farthest gauge that its group reaches within the run; where there is no gauge, as far as it gets towards
+the far wall. A standing wave is followed for the whole run.
+
+Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma = tanh(k d):
+
+    a_2 / a_1 = s (3 - sigma²) / (4 sigma³),     a_3 / a_1 = s² (27 - 9 sigma² + 9 sigma⁴ - 3 sigma⁶) / (64 sigma⁶),
+    omega / omega_linear - 1 = s² (9 - 10 sigma² + 9 sigma⁴) / (16 sigma⁴).
+
+Source: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter 11.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal.windows import tukey
+
+from wavetank import scene as nouns
+from wavetank.errors import InputError
+from wavetank.hamiltonian.contract import Vector
+from wavetank.motions import AtRest, Motion
+from wavetank.reference import airy, wavemaker
+from wavetank.scene import Scene
+
+MOST_COMPONENTS = 40
+DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
+WINDOW = 0.2  # share of a motion's record that is tapered, so that its end does not look like a jump
+NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
+PLACES = 33  # at which the highest crest is looked for
+
+
+class Components(NamedTuple):
+    """The waves of a scene, shape (N,) each.
+
+    Attributes
+    ----------
+    k, omega
+        Wave numbers [rad/m] and angular frequencies [rad/s].
+    amplitude
+        Amplitudes of the elevation [m].
+    age
+        For how long each is followed [s].
+    """
+
+    k: Vector
+    omega: Vector
+    amplitude: Vector
+    age: Vector
+
+
+class Waves(NamedTuple):
+    """Components with the highest crest they make together by linear theory [m]."""
+
+    components: Components
+    crest: float
+
+
+class Harmonics(NamedTuple):
+    """Stokes' bound harmonics: amplitudes relative to the first, and the relative change of frequency."""
+
+    second: float
+    third: float
+    frequency: float
+
+
+def stokes(steepness: float, kd: float) -> Harmonics:
+    """Return Stokes' harmonics of a wave of steepness k a in depth k d; see the module's formulae."""
+    s, sigma = steepness, np.tanh(kd)
+    return Harmonics(
+        float(s * (3 - sigma**2) / (4 * sigma**3)),
+        float(s**2 * (27 - 9 * sigma**2 + 9 * sigma**4 - 3 * sigma**6) / (64 * sigma**6)),
+        float(s**2 * (9 - 10 * sigma**2 + 9 * sigma**4) / (16 * sigma**4)),
+    )
+
+
+Physics = Literal["linear", "nonlinear"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirements:
+    """What a scene requires, for an accuracy.
+
+    Attributes
+    ----------
+    accuracy
+        Largest relative error of the elevation.
+    length, depth, gravity, duration
+        Of the tank and the run [m, m, m/s², s].
+    waves
+        The components.
+    k
+        Wave number of the mean energy [rad/m].
+    steepness, velocity
+        k a of the highest crest, and the horizontal velocity there, a omega / tanh(k d) [m/s].
+    harmonics
+        Stokes' at that steepness; zero where linear waves do.
+    physics
+        "linear" or "nonlinear".
+    reasons
+        Which objects are needed and why, a sentence each.
+    """
+
+    accuracy: float
+    length: float
+    depth: float
+    gravity: float
+    duration: float
+    waves: Components
+    k: float
+    steepness: float
+    velocity: float
+    harmonics: Harmonics
+    physics: Physics
+    reasons: tuple[str, ...]
+
+
+def requirements(scene: Scene, accuracy: float) -> Requirements:
+    """Return what a scene requires for a relative error of the elevation of ``accuracy``.
+
+    Raises ``InputError`` for a scene in which nothing moves, or whose initial state is not known here.
+    """
+    tank = scene.tank
+    waves, crest = _all_waves(scene, accuracy)
+    energy = waves.amplitude**2
+    k = float(energy @ waves.k / energy.sum())
+    harmonics = stokes(k * crest, k * tank.depth)
+    phase = float(harmonics.frequency * (energy @ (waves.omega * waves.age)) / energy.sum())
+    physics: Physics = "linear" if np.hypot(harmonics.second, phase) <= accuracy else "nonlinear"
+    return Requirements(
+        accuracy=accuracy,
+        length=tank.length,
+        depth=tank.depth,
+        gravity=tank.gravity,
+        duration=scene.run.duration,
+        waves=waves,
+        k=k,
+        steepness=k * crest,
+        velocity=_crest_velocity(k, crest, scene),
+        harmonics=harmonics if physics == "nonlinear" else Harmonics(0.0, 0.0, 0.0),
+        physics=physics,
+        reasons=(
+            f"plan view: a {tank.type}, the scene has one horizontal dimension.",
+            f"bed: flat, the depth is {tank.depth:g} m everywhere; k d = {k * tank.depth:.3g}.",
+            _physics_reason(physics, accuracy, k * crest, harmonics, phase),
+            _wall_reason(scene),
+            _end_reason(scene, waves),
+        ),
+    )
+
+
+def _crest_velocity(k: float, crest: float, scene: Scene) -> float:
+    tank = scene.tank
+    return float(crest * airy.angular_frequency(k, tank.depth, tank.gravity) / np.tanh(k * tank.depth))
+
+
+def _physics_reason(physics: Physics, accuracy: float, steepness: float, harmonics: Harmonics, phase: float) -> str:
+    verdict = "at most" if physics == "linear" else "more than"
+    return (
+        f"waves: {physics}, at k a = {steepness:.3g} linear theory misses a second harmonic of {harmonics.second:.2g} "
+        f"of the first and {abs(phase):.2g} rad of phase, {verdict} the accuracy of {accuracy:g}."
+    )
+
+
+def _wall_reason(scene: Scene) -> str:
+    if isinstance(scene.tank, nouns.RingTank):
+        return "wall at x = 0: none in a ring."
+    if isinstance(scene.wall, nouns.FixedWall):
+        return "wall at x = 0: fixed, nothing moves there."
+    if _is_measured(scene.wall):
+        return f"wall at x = 0: a piston with a measured motion; short waves below {NOISE:.1%} count as its noise."
+    return "wall at x = 0: a piston, the waves come from its motion."
+
+
+def _end_reason(scene: Scene, waves: Components) -> str:
+    if isinstance(scene.tank, nouns.RingTank):
+        return "far end: none, a ring needs no sponge."
+    fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
+    if isinstance(scene.wall, nouns.FixedWall) or fastest * scene.run.duration > scene.tank.length:
+        return "far end: a wall that reflects, the scene has no sponge; reflected waves are not followed further."
+    return "far end: a wall, no sponge is needed, no wave gets there within the run."
+
+
+# ---------------------------------------------------------------- the waves
+def _all_waves(scene: Scene, accuracy: float) -> Waves:
+    known: dict[type[Any], Callable[[Any, Scene], list[Waves]]] = {
+        nouns.StillWater: lambda initial, scene: [],
+        nouns.StandingWave: _standing_wave,
+        nouns.StreamFunctionWave: _steady_waves,
+    }
+    if type(scene.initial) not in known:
+        allowed = ", ".join(sorted(kind.model_fields["type"].default for kind in known))
+        raise InputError(f"initial.type = {scene.initial.type!r}: a plan can be made for {allowed}.")
+    found = known[type(scene.initial)](scene.initial, scene)
+    motion = scene.motion()
+    if not isinstance(motion, AtRest):
+        found.append(_paddle_waves(scene, motion, accuracy))
+    if not found or not max(waves.crest for waves in found) > 0.0:
+        raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
+    parts = zip(*(waves.components for waves in found), strict=True)
+    return Waves(Components(*(np.concatenate(part) for part in parts)), sum(waves.crest for waves in found))
+
+
+def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[Waves]:
+    tank = scene.tank
+    k = np.array([wave.mode * np.pi / tank.length])
+    omega = airy.angular_frequency(k, tank.depth, tank.gravity)
+    components = Components(k, omega, np.array([wave.amplitude]), np.array([scene.run.duration]))
+    return [Waves(components, wave.amplitude)]
+
+
+def _steady_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[Waves]:
+    tank = scene.tank
+    eta, _ = wave.surface(tank, np.asarray(tank.length / wave.waves / 512 * np.arange(512), dtype=np.float64))
+    k = np.array([2 * np.pi * wave.waves / tank.length])
+    omega = airy.angular_frequency(k, tank.depth, tank.gravity)
+    amplitude = float(eta.max() - eta.min()) / 2
+    return [Waves(Components(k, omega, np.array([amplitude]), np.array([scene.run.duration])), amplitude)]
+
+
+class _Lines(NamedTuple):
+    """Spectral lines, shape (N,) each: omega [rad/s], k [rad/m], and the elevation at the paddle [m], complex."""
+
+    omega: Vector
+    k: Vector
+    elevation: NDArray[np.complex128]
+
+
+def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> Waves:
+    lines = _lines(scene, motion)
+    omega, amplitude = _gathered(lines.omega, np.abs(lines.elevation), 0.05 * accuracy**2)
+    if _is_measured(scene.wall):
+        highest = omega[amplitude > NOISE * amplitude.max()].max()
+        below = lines.omega <= highest
+        omega, amplitude = _gathered(lines.omega[below], np.abs(lines.elevation[below]), 0.05 * accuracy**2)
+    k = airy.wave_number(omega, scene.tank.depth, scene.tank.gravity)
+    age = _age(scene, k)
+    seen = age > 0.0
+    return Waves(Components(k[seen], omega[seen], amplitude[seen], age[seen]), _crest(scene, lines))
+
+
+def _is_measured(wall: nouns.Wall) -> bool:
+    return isinstance(wall, nouns.PistonWall) and isinstance(wall.motion, nouns.RecordedMotion)
+
+
+def _lines(scene: Scene, motion: Motion) -> _Lines:
+    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``DEEPEST``."""
+    tank, duration = scene.tank, scene.run.duration
+    highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
+    count = 2 * int(np.ceil(2 * highest * duration)) + 64
+    t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
+    coefficients = np.fft.rfft(motion.position(t) * tukey(count, WINDOW) ** 2)[1:-1] * (2 / count)
+    omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
+    k = airy.wave_number(omega, tank.depth, tank.gravity)
+    return _Lines(omega, k, 1j * wavemaker.piston_transfer(k, tank.depth) * coefficients)
+
+
+def _crest(scene: Scene, lines: _Lines) -> float:
+    """Return the largest elevation [m] between the paddle and the farthest gauge."""
+    count = 2 * (lines.omega.size + 1)
+    spectra = np.zeros((PLACES, count // 2 + 1), dtype=complex)
+    places = np.linspace(0.0, max((gauge.x for gauge in scene.gauges), default=scene.tank.length), PLACES)
+    spectra[:, 1:-1] = lines.elevation * np.exp(-1j * np.outer(places, lines.k)) * (count / 2)
+    return float(np.abs(np.fft.irfft(spectra, count)).max())
+
+
+def _gathered(omega: Vector, amplitude: Vector, lost: float) -> tuple[Vector, Vector]:
+    """Return frequencies and amplitudes of few lines for many, without ends with a share ``lost`` of the energy."""
+    share = np.cumsum(amplitude**2) / np.sum(amplitude**2)
+    kept = np.flatnonzero((share > lost) & (np.concatenate([[0.0], share[:-1]]) < 1 - lost))
+    groups = np.array_split(kept, min(MOST_COMPONENTS, kept.size))
+    energy = np.array([np.sum(amplitude[group] ** 2) for group in groups])
+    mean = np.array([amplitude[group] ** 2 @ omega[group] for group in groups]) / energy
+    return mean, np.sqrt(energy)
+
+
+def _age(scene: Scene, k: Vector) -> Vector:
+    """Return how long components travel to the farthest gauge they reach within the run [s]; 0: they reach none."""
+    speed = airy.group_velocity(k, scene.tank.depth, scene.tank.gravity)
+    if not scene.gauges:
+        return np.asarray(np.minimum(scene.run.duration, scene.tank.length / speed))
+    times = np.divide.outer(np.array([gauge.x for gauge in scene.gauges]), speed)
+    return np.asarray(np.where(times <= scene.run.duration, times, 0.0).max(axis=0))

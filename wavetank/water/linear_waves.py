@@ -1,0 +1,272 @@
+"""Linear water waves in a tank: the Hamiltonian of ``waves.py`` to second order about still water.
+
+    H = K(phi) + V(h) + X_p' F(phi),     F = d int phi dzeta at the paddle
+
+with the water's energy at h = d, so that nothing of it is written twice and no term with a slope is left. What remains
+couples the vertical modes no more: with the interior potential phi_I of least K + X_p' F,
+
+    H_psi = G psi + X_p' w,   H_Q = g eta,   H = 1/2 psi G psi + X_p' w psi - 1/2 c X_p'^2 + V
+    G = A_nn - A_nI A_II^-1 A_In,   w = w_n - A_nI A_II^-1 w_I,   c = w_I A_II^-1 w_I
+
+where A is the operator of K on still water and (w_I, w_n) = dF/dphi. A_II is factored once for the whole run; H
+separates, so the stages of Störmer-Verlet are explicit, and the coupled stage of (23) is one direct solve.
+
+The wall stays at x = 0 and lets water through: in linear theory the volume of water grows by d X_p(t), which is what
+the paddle takes of the tank beyond. Apart from that flux mass is conserved to round-off.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sparse
+import ufl
+from dolfinx import fem, mesh
+
+from wavetank.errors import InputError
+from wavetank.fe.forms import ScalarForm, VectorForm
+from wavetank.fe.kronecker import KroneckerOperator
+from wavetank.fe.mass import MassMatrix
+from wavetank.fe.modes import DecoupledModes, ModeSolver
+from wavetank.fe.plane import Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.stage_solver import Preconditioner, SnesStageSolver, StageCounters, identity
+from wavetank.motions import AtRest, Motion
+from wavetank.water.energy import WaterEnergy
+from wavetank.water.potential import SolveCounters
+from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
+from wavetank.water.walls import FixedWall
+from wavetank.water.waves import Energies
+
+COUPLED_TOLERANCE = 1e-12  # of stages that are solved together; all others are solved exactly
+
+
+class LinearPiston(FixedWall):
+    """A piston of small stroke: the wall stays where it is, and what the paddle displaces flows through it.
+
+    Parameters
+    ----------
+    motion
+        X_p(t) with its exact derivatives.
+    facets
+        Facet tags with 1 at the paddle.
+    """
+
+    def __init__(self, motion: Motion, *, plane: Plane, facets: mesh.MeshTags):
+        super().__init__()
+        self.motion = motion
+        self.paddle = ufl.ds(domain=plane.mesh, subdomain_data=facets)(1)
+
+
+class LinearWaves:
+    """The tank with its water, linearised about still water: a ``HamiltonianSystem`` with q = Q = M h and p = psi.
+
+    Parameters
+    ----------
+    plane
+        The horizontal space, of one dimension.
+    depth
+        Still-water depth d [m].
+    wall
+        The wall at x = 0.
+    vertical_order
+        n.
+    gravity
+        [m/s²].
+
+    Raises ``InputError`` for a plan of two dimensions, whose modes no direct solver serves yet.
+    """
+
+    def __init__(
+        self,
+        plane: Plane,
+        *,
+        depth: float,
+        wall: FixedWall | LinearPiston,
+        vertical_order: int,
+        gravity: float = 9.81,
+    ):
+        if plane.mesh.topology.dim != 1:
+            raise InputError(
+                f"linear waves: a plan of {plane.mesh.topology.dim} dimensions; it must be a slice or ring."
+            )
+        self.plane, self.wall, self.depth, self.gravity = plane, wall, depth, gravity
+        self.motion = wall.motion if isinstance(wall, LinearPiston) else AtRest()
+        self.vertical = VerticalBasis(vertical_order)
+        self.h = plane.function("water column")
+        d, g = (fem.Constant(plane.mesh, value) for value in (depth, gravity))
+        self._gravity_energy = ScalarForm(
+            WaterEnergy(h=self.h.function, d=d, gravity=g, wall=wall).potential() * plane.dx, plane.comm
+        )
+        still = WaterEnergy(h=d, d=d, gravity=g, wall=wall)
+        self.mass = MassMatrix(plane, wall.J)
+        self.operator = KroneckerOperator(still.layer, plane, self.vertical)
+        self.operator.assemble()
+        self.still_matrices = self.operator.still("u"), self.operator.still("w")
+        self.potential = StillPotential(self.operator, self.still_matrices, plane=plane, vertical=self.vertical)
+        self.stages = LinearStages.of(self)
+        self._inflow, self._recoil = self.potential.response(self._flux(still))
+        self._q: Vector = np.full(plane.owned, np.nan)
+        self._p: Vector = self._q
+
+    def _flux(self, still: WaterEnergy) -> Vector:
+        """Return dF/dphi, shape (owned, n+1)."""
+        components = self.vertical.n + 1
+        if not isinstance(self.wall, LinearPiston):
+            return np.zeros((self.plane.owned, components))
+        phi = self.plane.layered_function(components, "potential").function
+        form = ufl.derivative(still.wall_flux(phi, self.vertical) * self.wall.paddle, phi)
+        return VectorForm(form).assemble().reshape(-1, components)
+
+    # ------------------------------------------------------------------------------------------ the state's flow
+    def evaluate(self, q: Vector, p: Vector, t: float) -> None:
+        """Set the water column h of a state and find G psi, each unless it is the one last found; collective."""
+        self._set_column(q)
+        self._set_potential(p)
+
+    def _agree(self, known: bool) -> bool:
+        return bool(self.plane.comm.allreduce(int(not known)) == 0)
+
+    def _set_column(self, q: Vector) -> None:
+        if not self._agree(np.array_equal(q, self._q)):
+            self.h.set(self.mass.solve(q))
+            self._q = q.copy()
+
+    def _set_potential(self, p: Vector) -> None:
+        if not self._agree(np.array_equal(p, self._p)):
+            self._G_psi = self.potential.dirichlet_neumann(p)
+            self._p = p.copy()
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
+        self._set_potential(p)
+        return self._G_psi + self.motion.velocity(t) * self._inflow
+
+    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dQ = -dpsi/dt = g eta, shape (owned,); collective."""
+        return self.gravity * self.elevation(q, p, t)
+
+    def energies(self, q: Vector, p: Vector, t: float) -> Energies:
+        """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
+        self.evaluate(q, p, t)
+        speed = self.motion.velocity(t)
+        kinetic = 0.5 * self.plane.sum(p * self._G_psi) + 0.5 * self._recoil * speed**2
+        return Energies(kinetic, self._gravity_energy.assemble(), speed * self._through_wall(p, speed))
+
+    def _through_wall(self, p: Vector, speed: float) -> float:
+        """Return F at the interior potential [m^4/s]; collective."""
+        return self.plane.sum(self._inflow * p) - self._recoil * speed
+
+    def energy(self, q: Vector, p: Vector, t: float) -> float:
+        """Return H(Q, psi, t), the wall's term included; collective."""
+        parts = self.energies(q, p, t)
+        return parts.total + parts.wall
+
+    def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
+        """Return dH/dt at fixed (Q, psi), X_p'' F [m^4/s³]: what the paddle does; collective."""
+        return self.motion.acceleration(t) * self._through_wall(p, self.motion.velocity(t))
+
+    # ------------------------------------------------------------------------------------------ states
+    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
+        """Return (Q, psi) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
+        return self.mass.apply(self.depth + eta), np.array(psi, dtype=float)
+
+    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+        self._set_column(q)
+        return self.h.owned - self.depth
+
+    def total_mass(self, q: Vector) -> float:
+        """Return the water's volume per width in x > 0 [m²], which follows d X_p(t); collective."""
+        return self.plane.sum(q)
+
+    @cached_property
+    def largest_frequency(self) -> float:
+        """The largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
+        return largest_frequency(self)
+
+
+class StillPotential:
+    """The interior potential on still water, in the basis of vertical modes of ``fe/vertical.py``.
+
+    There A_In = b (x) S_u and A_nn = S_u with the horizontal stiffness S_u and b_i = int P_i dzeta, so that
+
+        (S_u + Lambda_i S_w) phi_i = -b_i S_u psi - w_i,     (A phi)_n = S_u (psi + sum_i b_i phi_i).
+    """
+
+    def __init__(
+        self, operator: KroneckerOperator, still: tuple[Vector, Vector], *, plane: Plane, vertical: VerticalBasis
+    ):
+        self.counters = SolveCounters(factorisations=1)
+        self._plane = plane
+        self._b = vertical.moment(0, vertical.values, vertical.values)[:-1, -1]
+        self._solver = ModeSolver(DecoupledModes(operator, vertical.eigenvalues, plane), *still, plane)
+        self._field = plane.function("surface potential")
+        size = (plane.owned, self._field.rows.shape[0])
+        self._S_u = sparse.csr_matrix((still[0], operator.columns, operator.row_pointers), shape=size)
+
+    def _stiffness(self, values: Vector) -> Vector:
+        self._field.set(values)
+        return np.asarray(self._S_u @ self._field.rows[:, 0])
+
+    def _interior(self, right: Vector) -> Vector:
+        self.counters.solves += 1
+        self.counters.iterations += 1
+        return self._solver.solve(right)
+
+    def dirichlet_neumann(self, psi: Vector) -> Vector:
+        """Return G psi, shape (owned,); collective."""
+        interior = self._interior(np.multiply.outer(self._stiffness(psi), self._b))
+        return self._stiffness(psi - interior @ self._b)
+
+    def response(self, flux: Vector) -> tuple[Vector, float]:
+        """Return w, shape (owned,), and c of the module's formulae for dF/dphi, shape (owned, n+1); collective."""
+        interior = self._interior(np.ascontiguousarray(flux[:, :-1]))
+        return flux[:, -1] - self._stiffness(interior @ self._b), self._plane.sum(flux[:, :-1] * interior)
+
+
+class LinearStage:
+    """Solves a stage whose derivative is known exactly, and constant, by one evaluation.
+
+    Parameters
+    ----------
+    inverse
+        The inverse of the stage's derivative: the identity where the stage is explicit.
+    """
+
+    def __init__(self, inverse: Preconditioner, counters: StageCounters):
+        self._inverse, self._counters = inverse, counters
+
+    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+        """Return z with residual(z) = 0, shape (n,); collective."""
+        self._counters.solves += 1
+        self._counters.evaluations += 1
+        return start - self._inverse(stage, residual(start))
+
+
+@dataclass(frozen=True)
+class LinearStages:
+    """The stage solvers of linear waves; see ``wavetank.hamiltonian.contract.Stages``."""
+
+    coordinate: LinearStage
+    momentum: LinearStage
+    pair: LinearStage
+    counters: StageCounters
+    _iterative: SnesStageSolver
+    _coupled: dict[int, SnesStageSolver] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, waves: LinearWaves) -> "LinearStages":
+        """Return the solvers of waves: of one stage explicit or direct, of several that are coupled iterative."""
+        counters, inverse, sizes = StageCounters(), StillWaterWaves(waves), np.concatenate(scales(waves))
+        explicit = LinearStage(identity, counters)
+        iterative = SnesStageSolver(waves.plane.comm, sizes, tolerance=COUPLED_TOLERANCE, precondition=inverse)
+        return cls(explicit, explicit, LinearStage(inverse, counters), counters, iterative)
+
+    def coupled(self, pairs: int) -> SnesStageSolver:
+        """Return the solver for that many pairs at once, as Gauss-Legendre's scheme has them; made when first asked."""
+        if pairs not in self._coupled:
+            self._coupled[pairs] = self._iterative.coupled(pairs)
+        return self._coupled[pairs]
