@@ -26,6 +26,7 @@ SKY = "#f4f9fd"
 FOCUS = 4.0  # s shown on either side of the largest crest
 CM = 100.0  # elevations are drawn in centimetres
 FLAT = 1e-3  # cm; smaller waves are drawn as still water
+SEEN = 1e-3  # of the largest energy; less dissipation is not drawn
 SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
 
 
@@ -256,11 +257,14 @@ def energy_figure(energy: dict[str, NDArray[np.float64]], path: Path, *, title: 
 def _draw_budget(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
     t, total = columns["t"], columns["total"]
     axes.plot(t, total, color=TOTAL, lw=4, label="total")
-    axes.plot(t, total[0] + columns["paddle_work"], "--", color=WORK, label="start + paddle's work")
+    supplied, dissipated = total[0] + columns["paddle_work"], columns.get("dissipated", np.zeros(t.size))
+    axes.plot(t, supplied, "--", color=WORK, label="start + paddle's work")
+    if dissipated[-1] > SEEN * np.abs(total).max():
+        axes.plot(t, supplied - dissipated, ":", color=WORK, label="the same - dissipated")
     axes.plot(t, columns["kinetic"], color=KINETIC, label="kinetic")
     axes.plot(t, columns["potential"], color=POTENTIAL, label="potential")
     axes.set_ylabel("energy per density\nand width [m⁴/s²]")
-    axes.legend(ncols=4, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
 
 
 def _draw_balance(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
@@ -268,7 +272,7 @@ def _draw_balance(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
     largest = max(float(np.abs(columns["total"]).max()), np.finfo(float).tiny)
     axes.plot(t, balance / largest, color=COMPUTED)
     axes.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
-    axes.set(xlabel="time [s]", ylabel="total - start - work,\nper largest total", xlim=(t[0], t[-1]))
+    axes.set(xlabel="time [s]", ylabel="what does not balance,\nper largest total", xlim=(t[0], t[-1]))
 
 
 # ---------------------------------------------------------------- all of a run
@@ -280,7 +284,7 @@ def draw_run(run: RunDirectory) -> list[Path]:
     surface, gauges, energy = run.surface(), run.gauges(), run.energy()
     pictures = []
     if surface.t.size > 1:
-        pictures.append(_draw_surface(run, surface))
+        pictures.append(draw_surface(run, surface))
     if any(gauge.t.size > 1 for gauge in gauges):
         pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
     if all(column.size > 1 for column in energy.values()) and energy:
@@ -293,7 +297,7 @@ def draw_run(run: RunDirectory) -> list[Path]:
 ORIGINS = {"ring": "along the ring", "piston": "from the paddle's rest position", "fixed": "from the wall"}
 
 
-def _draw_surface(run: RunDirectory, surface: Surface) -> Path:
+def draw_surface(run: RunDirectory, surface: Surface) -> Path:
     """Draw the surface as the run's scene asks for; return the picture's path."""
     scene = run.manifest.get("scene", {})
     tank, wall = scene.get("tank", {}), scene.get("wall", {})

@@ -22,9 +22,8 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "water": {"errors", "motions", "fe", "hamiltonian"},
     "observers": {"errors", "fe", "hamiltonian", "rundir", "water"},
     "run": {"errors", "hamiltonian", "integrators", "observers"},
-    "plan": {"errors", "fe", "hamiltonian", "integrators", "motions", "reference", "scene", "water"},
 }
-SEES_ALL = {"build", "study", "recorded_run", "cli", "__main__", "__init__", "verify"}
+SEES_ALL = {"build", "plan", "study", "recorded_run", "cli", "__main__", "__init__", "verify"}
 
 
 def layer(path: Path) -> str:

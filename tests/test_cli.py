@@ -40,7 +40,11 @@ READY = {  # how each command of the README is run here
     ),
     "./env wavetank run cases/marin-202002.toml --out runs/marin": "elsewhere",  # tests/test_marin.py
     "./env wavetank compare runs/marin --with marin-202002": "elsewhere",
+    "./env wavetank plan cases/planned.toml": None,
     "./env wavetank verify integrators --out runs/integrators": "elsewhere",  # part by part, tests/test_verify.py
+    "./env wavetank study cases/standing-wave.toml --sweep dt=0.04,0.02 --sweep integrator=third-order,stormer-verlet "
+    "--out runs/study": "./env wavetank study --help",  # tests/test_study.py
+    "./env wavetank view runs/standing --size 800x450": "./env wavetank view --help",  # tests/test_view.py
     "./env wavetank data list": None,
     "./env wavetank data fetch marin-202002": "elsewhere",  # tests/test_data.py, against a local server
 }

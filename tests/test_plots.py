@@ -125,7 +125,7 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
     text = words(lambda path: surface_figure(surface, path, depth=0.01, origin="along the ring"), tmp_path)
     assert "distance along the ring, x [m]" in text
     assert ">\u22121.0<" in text and ">\u22121.5<" not in text  # ticks [cm]
-    assert figures._draw_surface(run, run.surface()).exists()
+    assert figures.draw_surface(run, run.surface()).exists()
 
 
 def test_the_space_time_diagram_interpolates_the_group():

@@ -11,11 +11,14 @@ import typer
 from mpi4py import MPI
 from rich.console import Console
 
+from postprocess.view_command import view
 from wavetank import data
 from wavetank.errors import WavetankError
+from wavetank.plan.command import plan
 from wavetank.rundir import SURFACE, RunDirectory
 from wavetank.scene import Scene
 from wavetank.series import GaugeSeries
+from wavetank.study.command import study
 
 app = typer.Typer(
     help="A numerical wave tank: fully nonlinear potential-flow water waves.",
@@ -25,8 +28,12 @@ app = typer.Typer(
 )
 data_app = typer.Typer(help="Benchmark data: download with checksum, or use a local folder.", no_args_is_help=True)
 app.add_typer(data_app, name="data")
+app.command()(study)
+app.command()(view)
 verify_app = typer.Typer(help="Recompute what the literature says of the method.", no_args_is_help=True)
 app.add_typer(verify_app, name="verify")
+
+app.command()(plan)
 
 CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
 RunPath = Annotated[Path, typer.Argument(help="run directory", metavar="RUN")]
@@ -117,6 +124,17 @@ def verify_integrators(
 ) -> None:
     """Recompute every table and figure on the integrators: orders, stability, dispersion, damping, forcing, work."""
     from wavetank.verify.integrators import verify_integrators as write_all
+
+    if MPI.COMM_WORLD.rank == 0:
+        write_all(out, console())
+
+
+@verify_app.command("extremes")
+def verify_extremes(
+    out: Annotated[Path, typer.Option(help="folder for the tables and pictures")] = Path("runs/extremes"),
+) -> None:
+    """Measure the extremes: growing modes and their cure, steepness up to 95 %, depths and shapes; half an hour."""
+    from wavetank.verify.extremes import verify_extremes as write_all
 
     if MPI.COMM_WORLD.rank == 0:
         write_all(out, console())

@@ -1,23 +1,26 @@
 """A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
 
+import re
+import resource
+import sys
 import time
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.build import Records, build_observers, build_run
+from wavetank.build import Records, Waves, build_observers, build_run, build_watch
 from wavetank.errors import WavetankError
 from wavetank.observers.energy import COLUMNS
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar
 from wavetank.observers.record import Discard
+from wavetank.plan.planned import planned
 from wavetank.run import Run
 from wavetank.rundir import RunWriter, environment
 from wavetank.scene import Scene
-from wavetank.water.waves import NonlinearWaves
 
 
 def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> None:
@@ -27,28 +30,37 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
     """
     root = comm.rank == 0
     began = time.monotonic()
+    asked, scene = scene, planned(scene, comm, lambda text: console.print(text, highlight=False))
     run, waves = build_run(scene, comm)  # before the directory is touched: refused input leaves an earlier run alone
-    built = time.monotonic()
-    writer = _open(scene, out, comm)
+    built, busy = time.monotonic(), time.process_time()
+    writer = _open(_described(asked, scene, comm), out, comm)
     with writer or nullcontext():
-        run.observers += build_observers(scene, waves, _records(scene, writer))
+        run.observers += build_observers(scene, waves, _records(scene, writer), filters=run.filters)
+        run.observers += build_watch(scene, run, waves, lambda text: console.print(text, style="bold red"))
         if root:
             console.print(_summary(scene, run, waves), highlight=False)
         progress = ProgressBar(scene.run.duration, lambda: _cost(waves), console=console) if root else nullcontext()
         with Interruption(comm) as interruption, progress as bar:
             run.observers += [interruption] if bar is None else [interruption, bar]
             run.execute()
+        usage = _usage(comm, began=began, built=built, busy=busy)
         if writer is not None:
-            writer.finish("finished", _figures(run, waves, began=began, built=built))
+            writer.finish("finished", {**_figures(run, waves), **usage})
 
 
-def _open(scene: Scene, out: Path, comm: MPI.Comm) -> RunWriter | None:
+def _described(asked: Scene, scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
+    """Return what the manifest says of a run from its start: the scene asked for, and what has been planned of it."""
+    plan = {} if scene is asked else {"planned": scene.model_dump(mode="json", include={"water", "numerics"})}
+    return {"scene": asked.model_dump(mode="json"), **plan, "ranks": comm.size, **environment()}
+
+
+def _open(description: dict[str, Any], out: Path, comm: MPI.Comm) -> RunWriter | None:
     """Return the root's writer; every rank raises what the root's opening raised; collective."""
     writer: RunWriter | None = None
     error: WavetankError | None = None
     if comm.rank == 0:
         try:
-            writer = RunWriter(out, {"scene": scene.model_dump(mode="json"), "ranks": comm.size, **environment()})
+            writer = RunWriter(out, description)
         except WavetankError as caught:
             error = caught
     error = comm.bcast(error)
@@ -64,12 +76,12 @@ def _records(scene: Scene, writer: RunWriter | None) -> Records:
     return Records(gauges, writer.table("energy.csv", COLUMNS), writer.surface())
 
 
-def _cost(waves: NonlinearWaves) -> tuple[int, int]:
+def _cost(waves: Waves) -> tuple[int, int]:
     counters = waves.potential.counters
     return counters.solves, counters.iterations
 
 
-def _summary(scene: Scene, run: Run, waves: NonlinearWaves) -> str:
+def _summary(scene: Scene, run: Run, waves: Waves) -> str:
     unknowns = waves.plane.size * (waves.vertical.n + 2)
     return (
         f"{scene.title or 'untitled'}: {scene.cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
@@ -78,9 +90,33 @@ def _summary(scene: Scene, run: Run, waves: NonlinearWaves) -> str:
     )
 
 
-def _figures(run: Run, waves: NonlinearWaves, *, began: float, built: float) -> dict[str, Any]:
-    """Return what the manifest says of a finished run's numerics, timings and counters."""
-    now = time.monotonic()
+def _usage(comm: MPI.Comm, *, began: float, built: float, busy: float) -> dict[str, dict[str, float]]:
+    """Return what the manifest says of time and memory, those of all ranks together; collective."""
+    now, spent = time.monotonic(), time.process_time() - busy
+    return {
+        "timings": {
+            "set_up_s": built - began,
+            "stepping_s": now - built,
+            "stepping_cpu_s": comm.allreduce(spent),
+        },
+        "memory": {"peak_mib": comm.allreduce(_peak_memory())},
+    }
+
+
+def _peak_memory() -> float:
+    """Return the most memory this rank has held [MiB].
+
+    Linux tells it of the process itself; getrusage tells that of the process it was started from, if that is more.
+    """
+    with suppress(OSError):
+        if found := re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text(encoding="utf-8")):
+            return int(found[1]) / 1024
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+
+
+def _figures(run: Run, waves: Waves) -> dict[str, Any]:
+    """Return what the manifest says of a finished run's numerics and counters."""
     stages, solves = waves.stages.counters, waves.potential.counters
     return {
         "numerics": {
@@ -89,7 +125,6 @@ def _figures(run: Run, waves: NonlinearWaves, *, began: float, built: float) -> 
             "degrees_of_freedom": waves.plane.size,
             "largest_frequency": waves.largest_frequency,
         },
-        "timings": {"set_up_s": built - began, "stepping_s": now - built},
         "counters": {
             "interior_solves": solves.solves,
             "interior_iterations": solves.iterations,

@@ -5,6 +5,7 @@ from typing import Any
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
 from wavetank.integrators.contract import Integrator
+from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.observers.contract import Moment, Observer
 
 
@@ -17,6 +18,8 @@ class Run:
         Number of steps and their size [s].
     start
         Coordinates and momenta at t = 0.
+    filters
+        What acts on the state between steps.
     """
 
     def __init__(
@@ -28,9 +31,11 @@ class Run:
         start: tuple[Vector, Vector],
         steps: int,
         dt: float,
+        filters: Sequence[Filter] = (),
     ):
         self.system, self.integrator, self.observers = system, integrator, list(observers)
-        self.steps, self.dt = steps, dt
+        self.steps, self.dt, self.filters = steps, dt, filters
+        self._stepper = Filtered(integrator, filters)
         self.step = 0
         self.state = integrator.start(*start)
 
@@ -43,7 +48,7 @@ class Run:
         """Step to the end; collective. Raises ``RunError`` where it breaks down, with everything before recorded."""
         self._observe()
         while self.step < self.steps:
-            self.state = self.integrator.step(self.system, self.state, self.t, self.dt)
+            self.state = self._stepper.step(self.system, self.state, self.t, self.dt)
             self.step += 1
             self._observe()
 

@@ -11,7 +11,17 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from wavetank import data, motions
@@ -294,6 +304,23 @@ class PistonWall(Noun):
 Wall = Annotated[FixedWall | PistonWall, Field(discriminator="type", description="the wall at x = 0")]
 
 
+# ---------------------------------------------------------------- the water
+class NonlinearWater(Noun):
+    """Waves of any steepness short of breaking."""
+
+    type: Literal["nonlinear"] = "nonlinear"
+
+
+class LinearWater(Noun):
+    """Waves of small steepness: one factorisation serves the whole run."""
+
+    type: Literal["linear"] = "linear"
+
+
+Water = Annotated[NonlinearWater | LinearWater, Field(discriminator="type", description="the theory of the waves")]
+Physics = Literal["nonlinear", "linear"]
+
+
 # ---------------------------------------------------------------- the initial state
 class StillWater(Noun):
     """eta = 0, psi = 0."""
@@ -417,14 +444,18 @@ class Run(Noun):
     """How long is computed."""
 
     duration: float = Field(gt=0, description="simulated time [s]")
+    on_breaking: Literal["stop", "dissipate"] = Field(default="stop", description="what to do when a wave breaks")
 
 
 IntegratorName = Literal["third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
 
 
 class Numerics(Noun):
-    """How it is computed."""
+    """How it is computed. Where an accuracy is asked for, what is not set is planned."""
 
+    accuracy: float | None = Field(
+        default=None, gt=0, lt=1, description="relative error of the elevation to plan the numerics for"
+    )
     cells: int | None = Field(default=None, ge=1, description="number of cells along the tank")
     cell_size: float | None = Field(default=None, gt=0, description="size of a cell [m], rounded to divide the length")
     order: int = Field(default=3, ge=1, le=8, description="horizontal polynomial order p")
@@ -432,6 +463,9 @@ class Numerics(Noun):
     dt: float | None = Field(default=None, gt=0, description="time step [s]; default: from accuracy and stability")
     integrator: IntegratorName = Field(default="third-order", description="time integrator")
     tolerance: float = Field(default=1e-7, gt=0, lt=1, description="relative tolerance of implicit stages")
+    edge_penalty: float = Field(
+        default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0 is none"
+    )
 
     @model_validator(mode="after")
     def _one_size(self) -> Self:
@@ -449,6 +483,11 @@ class Numerics(Noun):
         """Return the number of cells; where neither number nor size is given, cells of about a fifth of the depth."""
         size = tank.depth / 5 if self.cell_size is None else self.cell_size
         return max(tank.fewest_cells, round(tank.length / size)) if self.cells is None else self.cells
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_planned(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = dump(self)
+        return {key: values[key] for key in values if self.accuracy is None or key in self.model_fields_set}
 
 
 class Output(Noun):
@@ -471,6 +510,7 @@ class Scene(Noun):
     title: str = Field(default="", description="what the case is, in a few words")
     tank: Tank
     wall: Wall = FixedWall()
+    water: Water | None = Field(default=None, description="the waves' theory; default: nonlinear, or by accuracy")
     initial: Initial = StillWater()
     gauges: Annotated[tuple[Gauge, ...], BeforeValidator(_named)] = Field(default=(), description="the gauges")
     run: Run = Field(description="how long is computed")
@@ -487,6 +527,11 @@ class Scene(Noun):
         from wavetank.case_file import read_case  # which needs Scene
 
         return read_case(Path(path), overrides)
+
+    @property
+    def physics(self) -> Physics:
+        """The type of the water, default resolved."""
+        return "nonlinear" if self.water is None else self.water.type
 
     @property
     def cells(self) -> int:

@@ -21,6 +21,9 @@ class Chart(Protocol):
     def direction(self, mesh: Mesh) -> Any:
         """Return the unit vector in which x grows, in UFL."""
 
+    def continued(self, x: Vector) -> Vector:
+        """Return x of points cell by cell, shape (cells, points), continuous within each cell."""
+
 
 class Straight:
     """x is the first coordinate."""
@@ -38,6 +41,10 @@ class Straight:
     def direction(self, mesh: Mesh) -> Any:
         """Return (1, 0, ...)."""
         return ufl.as_vector([1.0, *[0.0] * (mesh.geometry.dim - 1)])
+
+    def continued(self, x: Vector) -> Vector:
+        """Return x."""
+        return x
 
 
 class Polygon:
@@ -83,3 +90,8 @@ class Polygon:
         """Return the edge's unit vector that goes round anticlockwise."""
         x, edge = ufl.SpatialCoordinate(mesh), ufl.Jacobian(mesh)[:, 0]
         return ufl.sign(x[0] * edge[1] - x[1] * edge[0]) * edge / ufl.sqrt(ufl.inner(edge, edge))
+
+    def continued(self, x: Vector) -> Vector:
+        """Return x with the first corner at the end of the last edge, where it belongs to that."""
+        last = np.ptp(x, axis=1, keepdims=True) > 1.5 * self._edge
+        return np.asarray(np.where(last & (x < 0.5 * self.length), x + self.length, x))

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sparse
 import ufl
 from dolfinx import fem
 from petsc4py import PETSc
@@ -29,15 +28,10 @@ class HorizontalMatrix:
         self._plane = plane
         self._form = compile_form(form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)))
         self._matrix = fem.create_matrix(self._form)
-        _, columns, pointers = owned_rows(self._matrix)
-        index_map = plane.V.dofmap.index_map
-        self._csr = sparse.csr_matrix(
-            (np.zeros(columns.size), columns, pointers), shape=(plane.owned, plane.owned + index_map.num_ghosts)
-        )
-        self._rows = SparseRows(plane, columns, pointers)
+        _, columns, pointers = owned_rows(self._matrix)  # forms on facets reach farther than the space's ghosts
+        self._rows = SparseRows(plane, columns, pointers, numbering=self._matrix.index_map(1))
         self._ksp = self._solver()
         self._in, self._out = self._rows.matrix.createVecs()
-        self._field = plane.function("mass matrix argument")
         self.update()
 
     def _solver(self) -> PETSc.KSP:
@@ -58,13 +52,13 @@ class HorizontalMatrix:
         self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
-        self._csr.data[:] = owned_rows(self._matrix)[0].ravel()
-        self._rows.set(self._csr.data)
+        self._rows.set(owned_rows(self._matrix)[0])
 
     def apply(self, values: Vector) -> Vector:
         """Return the product with owned values x, shape (owned,); collective."""
-        self._field.set(values)
-        return np.asarray(self._csr @ self._field.rows[:, 0])
+        self._in.array = values
+        self._rows.matrix.mult(self._in, self._out)
+        return np.array(self._out.array_r)
 
     def solve(self, right: Vector) -> Vector:
         """Return the solution for owned values r, shape (owned,); collective."""
@@ -76,7 +70,7 @@ class HorizontalMatrix:
 
     def diagonal(self) -> Vector:
         """Return the owned diagonal entries, shape (owned,)."""
-        return np.asarray(self._csr.diagonal())
+        return np.array(self._rows.matrix.getDiagonal().array_r)
 
 
 class MassMatrix(HorizontalMatrix):

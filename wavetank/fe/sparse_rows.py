@@ -1,6 +1,7 @@
 """A PETSc matrix filled from the CSR values of the rows this rank owns."""
 
 import numpy as np
+from dolfinx import common
 from numpy.typing import NDArray
 from petsc4py import PETSc
 
@@ -15,12 +16,22 @@ class SparseRows:
     ----------
     columns, row_pointers
         Of the owned rows, columns in local numbering with ghosts.
+    numbering
+        The index map of the columns; the space's own, if not given.
     copies
         m: each entry stands m times, coupling unknown j of one degree of freedom to unknown j of another.
     """
 
-    def __init__(self, plane: Plane, columns: NDArray[np.int32], row_pointers: NDArray[np.int32], *, copies: int = 1):
-        index_map = plane.V.dofmap.index_map
+    def __init__(
+        self,
+        plane: Plane,
+        columns: NDArray[np.int32],
+        row_pointers: NDArray[np.int32],
+        *,
+        copies: int = 1,
+        numbering: common.IndexMap | None = None,
+    ):
+        index_map = numbering or plane.V.dofmap.index_map
         entries = np.diff(row_pointers)
         # entry (row, k, copy) moves to row * m + copy, keeping k in order
         row = np.repeat(np.arange(plane.owned), entries)

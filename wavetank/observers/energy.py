@@ -4,14 +4,16 @@ The paddle's power is exact for the discrete Hamiltonian: along the flow dH/dt =
 
     E(t) - E(0) = int_0^t dH/dt|explicit dt' - [W]_0^t  =  paddle work,
 
-integrated over the recorded moments by Adams-Moulton's rule of order 4. The balance, E - E(0) - work, is then the error
-of the time integrator.
+integrated over the recorded moments by Adams-Moulton's rule of order 4. What is dissipated between steps its sinks
+count themselves. The balance, E - E(0) - work + dissipated, is then the error of the time integrator.
 """
 
-from wavetank.observers.contract import Moment
+from collections.abc import Sequence
+from typing import Protocol
+
+from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
-from wavetank.water.waves import NonlinearWaves
 
 COLUMNS = (
     "t [s]",
@@ -19,6 +21,7 @@ COLUMNS = (
     "potential [m^4/s^2]",
     "total [m^4/s^2]",
     "paddle_work [m^4/s^2]",
+    "dissipated [m^4/s^2]",
     "balance [m^4/s^2]",
     "mass [m^2]",
 )
@@ -30,8 +33,14 @@ ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
 }
 
 
+class Sink(Protocol):
+    """What takes energy out of the water and counts it."""
+
+    energy_taken: float
+
+
 class EnergyBudget:
-    """Kinetic, potential and total energy, paddle work, balance and mass, per unit of density and width.
+    """Kinetic, potential and total energy, paddle work, dissipation, balance and mass, per unit of density and width.
 
     Parameters
     ----------
@@ -39,10 +48,12 @@ class EnergyBudget:
         Where rows of ``COLUMNS`` go.
     schedule
         In steps: the work is integrated from the recorded moments.
+    sinks
+        What dissipates.
     """
 
-    def __init__(self, waves: NonlinearWaves, *, record: Record, schedule: EverySteps):
-        self._waves, self._record, self.schedule = waves, record, schedule
+    def __init__(self, waves: ObservedWaves, *, record: Record, schedule: EverySteps, sinks: Sequence[Sink] = ()):
+        self._waves, self._record, self.schedule, self._sinks = waves, record, schedule, sinks
         self._rates: list[float] = []
         self._supplied = self._t = 0.0
 
@@ -54,9 +65,10 @@ class EnergyBudget:
         if moment.step == 0:
             self._start = now
         work = self._supplied - (now.wall - self._start.wall)
-        balance = now.total - self._start.total - work
+        dissipated = sum(sink.energy_taken for sink in self._sinks)
+        balance = now.total - self._start.total - work + dissipated
         mass = self._waves.total_mass(moment.q)
-        self._record.append([moment.t, now.kinetic, now.potential, now.total, work, balance, mass])
+        self._record.append([moment.t, now.kinetic, now.potential, now.total, work, dissipated, balance, mass])
 
     def _integrate(self, t: float, rate: float) -> None:
         self._rates = [rate, *self._rates[:3]]

@@ -5,10 +5,9 @@ import numpy as np
 from wavetank.errors import RunError
 from wavetank.fe.points import Points
 from wavetank.hamiltonian.contract import Vector
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
-from wavetank.water.waves import NonlinearWaves
 
 
 class Gauges:
@@ -22,7 +21,7 @@ class Gauges:
         Where rows (t, eta_1, ..., eta_N) go.
     """
 
-    def __init__(self, waves: NonlinearWaves, x: Vector, *, record: Record, schedule: Schedule):
+    def __init__(self, waves: ObservedWaves, x: Vector, *, record: Record, schedule: Schedule):
         self._waves, self._x, self._record, self.schedule = waves, np.asarray(x, dtype=float), record, schedule
         self._points = Points(waves.plane, waves.plane.chart.place(self._reference()))
 

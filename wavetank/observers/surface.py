@@ -5,9 +5,8 @@ from typing import Protocol
 import numpy as np
 
 from wavetank.hamiltonian.contract import Vector
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.schedule import Schedule
-from wavetank.water.waves import NonlinearWaves
 
 
 class SurfaceRecord(Protocol):
@@ -26,7 +25,7 @@ class SurfaceSnapshots:
         Where snapshots go, or None on the other ranks.
     """
 
-    def __init__(self, waves: NonlinearWaves, *, record: SurfaceRecord | None, schedule: Schedule):
+    def __init__(self, waves: ObservedWaves, *, record: SurfaceRecord | None, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
         reference = self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")

@@ -1,14 +1,16 @@
 """What a run costs: CPU seconds from a few timed steps on this machine, and memory.
 
-A step costs a + b S + c S (n+1) (p+2) seconds, S = p cells + 1 values of the surface: what Python costs whatever the
-mesh, what goes with the surface, and what goes with the entries of the operator. The constants of each kind of waves
-and scheme hold its solves per step; they are fitted to tanks with waves of k a = 0.1 (``calibrate``) and kept in the
-user's cache. The tanks have fixed walls: with a piston a nonlinear step was measured to cost 1.6 to 1.7 times as much.
+A step costs (a + b S + c E) + (a' + b' S + c' E) dt omega_max seconds, S = p cells + 1 values of the surface and
+E = S (n+1) (p+2): what Python costs whatever the mesh, what goes with the surface, and what goes with the entries of
+the operator; longer steps need more iterations. The constants of each kind of waves (linear; nonlinear; nonlinear and
+driven by a paddle) and scheme are fitted to timed runs of waves of k a = 0.1 with all that is recorded of a run
+(``calibrate``), and kept in the user's cache.
 """
 
 import json
 import platform
 import time
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from itertools import product
 from pathlib import Path
@@ -19,22 +21,28 @@ import pooch
 from mpi4py import MPI
 from scipy.optimize import nnls
 
-from wavetank.fe.plane import Plane
+from wavetank.build import Records, Waves, build_filters, build_observers, build_waves, initial_state
 from wavetank.hamiltonian.contract import Vector
 from wavetank.integrators import INTEGRATORS
-from wavetank.integrators.contract import Integrator
+from wavetank.observers.contract import Moment
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
 from wavetank.plan.error_model import Settings
-from wavetank.reference import airy
-from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.plan_view import Slice
-from wavetank.water.walls import FixedWall
-from wavetank.water.waves import NonlinearWaves
+from wavetank.run import Run
+from wavetank.scene import Scene
 
-VERSION = 1  # of what is kept in the cache
-TANKS = tuple(product((80, 800), ((2, 4), (3, 8), (5, 5))))  # cells, (p, n): few (p, n), each compiles forms
+VERSION = 4  # of what is kept in the cache
+TANKS = tuple(product((40, 280), ((2, 3), (3, 8), (4, 14))))  # cells, (p, n): few (p, n), each compiles forms
+KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}
+PRODUCTS = {  # dt omega_max of the steps that are timed
+    "third-order": (0.3, 1.2),
+    "stormer-verlet": (0.3, 0.8),
+    "stormer-verlet-adjoint": (0.3, 0.8),
+    "gauss-legendre-4": (0.6, 2.2),
+}
 WARM_UP, STEPS = 5, 8
-BASE = 155e6  # bytes: Python with dolfinx and PETSc, and a tank of ten cells; largest resident size, x86-64
-PER_ENTRY = {"linear": 130.0, "nonlinear": 185.0}  # bytes per S (n+1) (p+2), from (p, n) = (3, 8) and (5, 5)
+BASE = 185e6  # bytes: Python with dolfinx and PETSc, and a tank of ten cells; largest resident size, x86-64
+PER_ENTRY = {"linear": 130.0, "nonlinear": 185.0, "driven": 185.0}  # bytes per E, from (p, n) = (3, 8) and (5, 5)
 
 
 class Cost(NamedTuple):
@@ -44,9 +52,13 @@ class Cost(NamedTuple):
     memory: float
 
 
-def _features(order: int, cells: int, vertical_order: int) -> Vector:
-    surface = order * cells + 1
-    return np.array([1.0, surface, surface * (vertical_order + 1) * (order + 2)], dtype=np.float64)
+def _entries(order: int, cells: int, vertical_order: int) -> int:
+    return (order * cells + 1) * (vertical_order + 1) * (order + 2)
+
+
+def _features(order: int, cells: int, vertical_order: int, dt_omega_max: float) -> Vector:
+    sizes = [1.0, order * cells + 1, _entries(order, cells, vertical_order)]
+    return np.asarray(np.outer([1.0, dt_omega_max], sizes).ravel(), dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -58,25 +70,25 @@ class CostModel:
     machine
         Which machine.
     constants
-        (a, b, c) [s] by "physics integrator", e.g. ``"linear third-order"``.
+        (a, b, c, a', b', c') [s] by kind of waves and integrator, e.g. ``"linear third-order"``.
     version
         Of the model.
     """
 
     machine: str
-    constants: dict[str, tuple[float, float, float]]
+    constants: dict[str, tuple[float, ...]]
     version: int = VERSION
 
-    def step(self, physics: str, settings: Settings) -> float:
+    def step(self, kind: str, settings: Settings, dt_omega_max: float) -> float:
         """Return the CPU seconds of a step."""
-        constants = self.constants[f"{physics} {settings.integrator}"]
-        return float(_features(settings.order, settings.cells, settings.vertical_order) @ np.array(constants))
+        features = _features(settings.order, settings.cells, settings.vertical_order, dt_omega_max)
+        return float(features @ np.array(self.constants[f"{kind} {settings.integrator}"]))
 
-    def run(self, physics: str, settings: Settings, duration: float) -> Cost:
+    def run(self, kind: str, settings: Settings, *, duration: float, dt_omega_max: float) -> Cost:
         """Return the cost of a run of ``duration`` seconds."""
-        entries = _features(settings.order, settings.cells, settings.vertical_order)[-1]
         steps = np.ceil(duration / settings.dt * (1 - 1e-9))
-        return Cost(float(steps * self.step(physics, settings)), BASE + PER_ENTRY[physics] * float(entries))
+        memory = BASE + PER_ENTRY[kind] * _entries(settings.order, settings.cells, settings.vertical_order)
+        return Cost(float(steps * self.step(kind, settings, dt_omega_max)), memory)
 
 
 def machine() -> str:
@@ -89,14 +101,15 @@ def cache_file() -> Path:
     return Path(pooch.os_cache("wavetank")) / "cost.json"
 
 
-def cost_model() -> CostModel:
-    """Return this machine's constants, from the cache, or measured now and kept there."""
+def cost_model(say: Callable[[str], None]) -> CostModel:
+    """Return this machine's constants, from the cache, or measured now, which ``say`` is told, and kept there."""
     try:
         kept = json.loads(cache_file().read_text())
         if kept["machine"] == machine() and kept["version"] == VERSION:
             return CostModel(**kept)
     except (OSError, ValueError, KeyError, TypeError):
         pass  # nothing kept, or nothing that can be read: it is measured anew
+    say("measuring what a step costs on this machine, once: about a minute")
     model = calibrate()
     cache_file().parent.mkdir(parents=True, exist_ok=True)
     cache_file().write_text(json.dumps(asdict(model), indent=1))
@@ -104,35 +117,63 @@ def cost_model() -> CostModel:
 
 
 def calibrate() -> CostModel:
-    """Return constants from a few timed steps: seconds, and the compilation of forms the first time."""
-    rows = np.array([_features(order, cells, n) for cells, (order, n) in TANKS])
+    """Return constants from a few timed steps, after the compilation of forms the first time."""
     times: dict[str, list[float]] = {}
-    for cells, (order, n) in TANKS:
-        plane = Plane(Slice(0.25 * cells, cells, comm=MPI.COMM_SELF).mesh, order)
-        for physics, kind in (("linear", LinearWaves), ("nonlinear", NonlinearWaves)):
-            waves = kind(plane, depth=1.0, wall=FixedWall(), vertical_order=n)
-            for name in INTEGRATORS:
-                times.setdefault(f"{physics} {name}", []).append(_time_a_step(waves, name))
-    return CostModel(machine(), {name: _fit(rows, np.array(spent)) for name, spent in times.items()})
+    for (cells, (order, n)), kind in product(TANKS, KINDS):
+        scene = _scene(kind, cells, order, n)
+        waves = build_waves(scene, MPI.COMM_SELF)
+        for name in INTEGRATORS:
+            spent = [_time_a_step(scene, waves, name, x) for x in PRODUCTS[name]]
+            times.setdefault(f"{kind} {name}", []).extend(spent)
+    return CostModel(machine(), {key: _fit(_timed(key.split()[1]), np.array(times[key])) for key in times})
 
 
-def _fit(rows: Vector, spent: Vector) -> tuple[float, float, float]:
+def _timed(name: str) -> Vector:
+    """Return the features of the steps of a scheme that are timed, a row each."""
+    return np.array([_features(order, cells, n, x) for cells, (order, n) in TANKS for x in PRODUCTS[name]])
+
+
+def _fit(rows: Vector, spent: Vector) -> tuple[float, ...]:
     """Return non-negative constants of least relative error."""
-    a, b, c = nnls(rows / spent[:, None], np.ones(spent.size))[0]
-    return float(a), float(b), float(c)
+    return tuple(map(float, nnls(rows / spent[:, None], np.ones(spent.size))[0]))
 
 
-def _time_a_step(waves: Any, name: str) -> float:
-    """Return the CPU seconds of a step of travelling waves of k a = 0.1, k d = 2."""
-    scheme: Integrator[Any] = INTEGRATORS[name]()
-    k = 2.0
-    x = waves.plane.x
-    omega = float(airy.angular_frequency(k, waves.depth, waves.gravity))
-    packet = 0.1 / k * np.exp(-(((x - x.max() / 2) / (x.max() / 5)) ** 2))
-    eta, psi = packet * np.cos(k * x), waves.gravity / omega * packet * np.sin(k * x)
-    state, dt = scheme.start(*waves.state(eta, psi)), 0.4 * min(scheme.stability_limit, 2.0) / waves.largest_frequency
-    for step in range(WARM_UP + STEPS):
-        if step == WARM_UP:  # the start values of the solves need some steps of history
-            began = time.process_time()
-        state = scheme.step(waves, state, step * dt, dt)
-    return (time.process_time() - began) / STEPS
+def _scene(kind: str, cells: int, order: int, n: int) -> Scene:
+    """Return standing waves of k a = 0.1, k d = 2, with gauges, and with a paddle that would make half as high ones."""
+    physics, driven = KINDS[kind]
+    halves = max(1, round(cells / 4 * 2 / np.pi))
+    length = halves * np.pi / 2
+    motion = {"type": "sinusoid", "amplitude": 0.02, "period": 1.44, "ramp": 0.7}
+    return Scene.model_validate(
+        {
+            "tank": {"length": length, "depth": 1.0},
+            "wall": {"type": "piston", "motion": motion} if driven else {"type": "fixed"},
+            "water": {"type": physics},
+            "initial": {"type": "standing-wave", "amplitude": 0.05, "mode": halves},
+            "gauges": [0.3 * length, 0.6 * length],
+            "run": {"duration": 100.0},
+            "numerics": {"cells": cells, "order": order, "vertical_order": n},
+        }
+    )
+
+
+class _Stopwatch:
+    """Notes the CPU time at each step."""
+
+    def __init__(self) -> None:
+        self.schedule = EverySteps()
+        self.times: list[float] = []
+
+    def observe(self, moment: Moment) -> None:
+        self.times.append(time.process_time())
+
+
+def _time_a_step(scene: Scene, waves: Waves, name: str, dt_omega_max: float) -> float:
+    """Return the CPU seconds of a step; the start values of the solves need some steps of history first."""
+    dt, watch = dt_omega_max / waves.largest_frequency, _Stopwatch()
+    filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
+    observers = [*build_observers(scene, waves, records, filters=filters), watch]
+    scheme: Any = INTEGRATORS[name]()
+    start = initial_state(scene, waves)
+    Run(waves, scheme, observers, start=start, steps=WARM_UP + STEPS, dt=dt, filters=filters).execute()
+    return (watch.times[-1] - watch.times[WARM_UP]) / STEPS

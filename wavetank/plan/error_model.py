@@ -4,20 +4,18 @@ A component of frequency omega, followed for its age, has its phase wrong by
 
     Phi = omega age sum_m w_m ( |e_space(m k)| + |e_time(m omega dt)| ),     w_m = m r_m² / sum_l l r_l²,
 
-e being relative errors of the frequency (``dispersion.py``) and r_m the amplitudes of Stokes' bound harmonics,
-m = 1 ... 4 (a_4 = a_3² / a_2): the harmonics travel with the wave and drag its phase along in proportion to their
-energy. To 2 sin(Phi / 2) come the bounded errors, of the nodal values and of the start in the scheme's other modes, and
-the root mean square over the components, weighted with their energies, is the prediction. Frequencies in space are too
-high, always (the discrete potential has more energy than the exact one), and so are those of the schemes but for
-Gauss-Legendre's: what might cancel is not counted upon.
+e being relative errors of the frequency (``dispersion.py``) and r_m the relative amplitudes of bound harmonics: they
+travel with the wave and drag its phase along in proportion to their energy. To 2 sin(s Phi / 2), s² = sum_m m² r_m² /
+sum_m r_m² being the mean square slope of the form, come the bounded errors, of the nodal values and of the start in
+the scheme's other modes, and the root mean square over the components, weighted with their energies, is the
+prediction. Frequencies in space are too high, always (the discrete potential has more energy than the exact one), and
+so are those of the schemes but for Gauss-Legendre's: what might cancel is not counted upon.
 
 Products of waves cost the discretisation its superconvergence: what the cells do not hold of the harmonics, tau_m,
-enters directly, as ``PRODUCTS`` k a (omega age)^(1/2) sum_(m > 1) r_m tau_m. Form and constant are empirical, fitted
-to standing waves of k d = 1.57, k a = 0.08 and 0.16, on 2 to 12 cells a half wave: single runs scatter about it by a
-factor of four, as harmonics resonate with branches of the mesh or do not. Of 40 steep standing waves over six periods
-(k d = 1, 1.57, 3; k a = 0.05 ... 0.2; p = 2, 3, 4) 37 have their error predicted within a factor of three, none below
-0.48 of it; the others, p = 3 with four cells a half wave, are predicted 3.1 to 4.9 times too high. The focusing group
-of cases/focusing.toml is predicted 1.7 to 3.6 times too high. Linear waves have none of this.
+enters directly, as ``PRODUCTS`` (k a omega age sum_(m > 1) r_m² tau_m²)^(1/2). Form and constant are empirical, from
+standing waves and waves of permanent form; single runs scatter about it, as harmonics resonate with branches of the
+mesh or do not: of 46 waves of permanent form 29 have their error predicted within a factor of three (docs/plan.md).
+Linear waves have none of this.
 
 Elevations are compared with an exact computation of the same waves; reflections by the far wall are not followed.
 """
@@ -33,7 +31,7 @@ from wavetank.plan.dispersion import BlochWaves, Cells, Mesh, step_errors
 from wavetank.plan.requirements import Requirements
 from wavetank.reference import airy
 
-PRODUCTS = 20.0
+PRODUCTS = 6.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,22 +64,15 @@ class Part(NamedTuple):
     bounded: Vector
 
 
-def _ratios(required: Requirements) -> Vector:
-    """Return the amplitudes of the harmonics relative to the first, at most 1, shape (M,)."""
-    second, third = required.harmonics.second, required.harmonics.third
-    if required.physics == "linear":
-        return np.ones(1)
-    return np.asarray(np.minimum([1.0, second, third, third**2 / second], 1.0), dtype=np.float64)
-
-
 class ErrorModel:
     """Predicts errors for what a scene requires."""
 
     def __init__(self, required: Requirements):
         self._required = required
-        self._ratios = ratios = _ratios(required)
+        self._ratios = ratios = required.harmonics
         self._m = np.arange(1, ratios.size + 1)
         self._weights = self._m * ratios**2 / np.sum(self._m * ratios**2)
+        self._slope = float(np.sqrt(self._m**2 @ ratios**2 / np.sum(ratios**2)))
         waves = required.waves
         self._radians = waves.omega * waves.age
         self._energy = waves.amplitude**2 / np.sum(waves.amplitude**2)
@@ -115,8 +106,8 @@ class ErrorModel:
         return self._known[order, cells]
 
     def _of_products(self, cells: Cells) -> Vector:
-        missing = cells.truncation_error(self._k[:, 1:]) @ self._ratios[1:]
-        return np.asarray(PRODUCTS * self._required.steepness * np.sqrt(self._radians) * missing)
+        missing = np.sqrt(cells.truncation_error(self._k[:, 1:]) ** 2 @ self._ratios[1:] ** 2)
+        return np.asarray(PRODUCTS * np.sqrt(self._required.steepness * self._radians) * missing)
 
     def space(self, mesh: Mesh) -> Part:
         """Return what a mesh of this model contributes."""
@@ -132,7 +123,7 @@ class ErrorModel:
 
     def total(self, *parts: Part) -> float:
         """Return the predicted relative error of the elevation."""
-        phase = np.minimum(np.sum([part.phase for part in parts], axis=0), np.pi)
+        phase = np.minimum(self._slope * np.sum([part.phase for part in parts], axis=0), np.pi)
         bounded = np.minimum(np.sum([part.bounded for part in parts], axis=0), 1.0)
         return float(np.sqrt(self._energy @ ((2 * np.sin(phase / 2)) ** 2 + bounded**2)))
 

@@ -1,42 +1,44 @@
 """The plan of a scene: of all discretisations that are accurate enough, the cheapest, with what is needed and why.
 
-Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, both schemes, and for each of them the
+Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, three schemes, and for each of them the
 largest step that accuracy and stability allow. Errors of space and time add up (``error_model.py``), so the step
-follows from what the mesh leaves of the accuracy.
+follows from what the mesh leaves of the accuracy. What a case sets beside an accuracy is kept and not searched.
 
-Left out are meshes so fine that the current under the crest, u, carries their shortest waves along: where
-u² k_grid / g, k_grid = p pi / dx, comes near 1, those waves have negative energy and grow, and without a penalty on the
-edges a nonlinear run breaks down. The bound rests on few runs: at 1.2 and 1.9 they broke down, at 1.02 and 1.07 not;
-steps differed too, so it is a rule of thumb and no theorem.
+The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
+dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the still
+water's inverse, converge to larger or smaller steps: ``SOLVABLE``.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import product
 from math import ceil
+from typing import Any
 
 import numpy as np
 
+from wavetank.build import time_step
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.cost_model import Cost, CostModel
 from wavetank.plan.dispersion import Mesh
 from wavetank.plan.error_model import ErrorModel, Part, Settings
-from wavetank.plan.requirements import Physics, Requirements, requirements
-from wavetank.scene import Scene
+from wavetank.plan.requirements import Requirements, requirements
+from wavetank.scene import LinearWater, NonlinearWater, Physics, Scene
+from wavetank.water.edge_penalty import NEEDED
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
-STRONGEST_CURRENT = 1.0  # u² k_grid / g of a mesh that needs no edge penalty
-SCHEMES = ("third-order", "stormer-verlet")
+SCHEMES = ("third-order", "stormer-verlet", "gauss-legendre-4")
 PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 STEP_RATIO = 1.08  # between neighbouring steps
-MARGIN: dict[Physics, float] = {"linear": 0.95, "nonlinear": 0.6}  # of the stability limit; currents shift frequencies
+MARGIN = 0.9  # of the stability limit
+SOLVABLE = {"third-order": 1.5, "stormer-verlet": 1.0, "stormer-verlet-adjoint": 1.0, "gauss-legendre-4": 3.0}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """The numerics proposed for a scene.
+    """Numerics for a scene, and what is to be expected of them.
 
     Attributes
     ----------
@@ -50,6 +52,8 @@ class Plan:
         CPU time and memory, predicted.
     steps
         Number of steps.
+    cell_size
+        dx [m].
     dt_omega_max
         dt times the largest frequency of the mesh on still water.
     reasons
@@ -62,8 +66,36 @@ class Plan:
     error: float
     cost: Cost
     steps: int
+    cell_size: float
     dt_omega_max: float
     reasons: tuple[str, ...]
+
+    def applied_to(self, scene: Scene) -> Scene:
+        """Return the scene with the plan's water and numerics, nothing left to be planned."""
+        changes: dict[str, Any] = {"accuracy": None, "cell_size": None, **asdict(self.settings)}
+        water = LinearWater() if self.physics == "linear" else NonlinearWater()
+        return scene.model_copy(update={"water": water, "numerics": scene.numerics.model_copy(update=changes)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """What a case sets beside an accuracy, named as in ``Settings``; None is free."""
+
+    order: int | None = None
+    cells: int | None = None
+    vertical_order: int | None = None
+    dt: float | None = None
+    integrator: str | None = None
+
+    @classmethod
+    def by(cls, scene: Scene) -> "Given":
+        """Return what a scene sets: nothing unless it asks for an accuracy."""
+        numerics, names = scene.numerics, scene.numerics.model_fields_set
+        if numerics.accuracy is None:
+            return cls()
+        kept = {name: getattr(numerics, name) for name in ("order", "vertical_order", "dt", "integrator")}
+        cells = scene.cells if names & {"cells", "cell_size"} else None
+        return cls(cells=cells, **{name: value for name, value in kept.items() if name in names})
 
 
 def make_plan(scene: Scene, accuracy: float, *, costs: CostModel) -> Plan:
@@ -73,74 +105,153 @@ def make_plan(scene: Scene, accuracy: float, *, costs: CostModel) -> Plan:
     """
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
-    required = requirements(scene, accuracy)
-    errors = ErrorModel(required)
-    steps = _Steps(errors, required)
-    found = [
-        (costs.run(required.physics, settings, required.duration), settings)
-        for settings in _candidates(errors, steps, required)
-    ]
+    search = _Search(scene, accuracy)
+    found = [(search.cost(settings, costs), settings) for settings in search.candidates()]
     if not found:
-        best = min((errors.total(errors.space(mesh)) for mesh in _meshes(errors, required)), default=np.inf)
         raise InputError(
-            f"accuracy = {accuracy:g}: must be above {best:.2g}, the best that p <= 5, n <= 16 reach "
-            "on meshes that need no edge penalty."
+            f"accuracy = {accuracy:g}: must be above {search.best():.2g}, the best that {search.what} "
+            "with a stable step."
         )
-    cost, settings = min(found, key=lambda one: one[0].cpu)
-    mesh = errors.mesh(settings.order, settings.cells, settings.vertical_order)
-    return Plan(
-        physics=required.physics,
-        settings=settings,
-        accuracy=accuracy,
-        error=errors.predict(settings),
-        cost=cost,
-        steps=ceil(required.duration / settings.dt * (1 - 1e-9)),
-        dt_omega_max=settings.dt * mesh.largest_frequency,
-        reasons=(*required.reasons, _penalty_reason(mesh, required)),
-    )
+    return search.plan(min(found, key=lambda one: one[0].cpu)[1], costs)
 
 
-def _penalty_reason(mesh: Mesh, required: Requirements) -> str:
-    if required.physics == "linear":
-        return "edge penalty: none, linear waves have no current."
-    return f"edge penalty: none, u² k_grid / g = {_current(mesh, required):.2g} stays below {STRONGEST_CURRENT:g}."
+def own_plan(scene: Scene, accuracy: float, *, costs: CostModel) -> Plan:
+    """Return what is to be expected of a scene's own water and numerics; raises ``InputError`` as a run does."""
+    search = _Search(scene.model_copy(update={"water": scene.water or NonlinearWater()}), accuracy)
+    return search.plan(search.own(), costs)
 
 
-def _meshes(errors: ErrorModel, required: Requirements) -> Iterator[Mesh]:
-    counts = sorted({max(1, ceil(required.length * required.k / (2 * np.pi) * one)) for one in PER_WAVE})
-    for order, cells, n in product(ORDERS, counts, VERTICAL_ORDERS):
-        mesh = errors.mesh(order, cells, n)
-        if required.physics == "linear" or _current(mesh, required) <= STRONGEST_CURRENT:
-            yield mesh
+class _Search:
+    """All discretisations of a scene."""
+
+    def __init__(self, scene: Scene, accuracy: float):
+        self._scene, self._given = scene, Given.by(scene)
+        self._required = requirements(scene, accuracy)
+        self._errors = ErrorModel(self._required)
+        self._steps = _Steps(self._errors, self._required, self._given.dt)
+
+    # ------------------------------------------------------------------------------------------ what is searched
+    def _orders(self) -> tuple[int, ...]:
+        return ORDERS if self._given.order is None else (self._given.order,)
+
+    def _counts(self) -> list[int]:
+        if self._given.cells is not None:
+            return [self._given.cells]
+        waves, fewest = self._required.length * self._required.k / (2 * np.pi), self._scene.tank.fewest_cells
+        return sorted({max(fewest, ceil(waves * one)) for one in PER_WAVE})
+
+    def _vertical_orders(self) -> tuple[int, ...]:
+        return VERTICAL_ORDERS if self._given.vertical_order is None else (self._given.vertical_order,)
+
+    def _schemes(self) -> tuple[str, ...]:
+        return SCHEMES if self._given.integrator is None else (self._given.integrator,)
+
+    @property
+    def what(self) -> str:
+        """What is searched, in words."""
+        given = [f"{name} = {value:g}" for name, value in asdict(self._given).items() if isinstance(value, float | int)]
+        return f"p <= {max(self._orders())}, n <= {max(self._vertical_orders())} reach" + "".join(
+            f", {one} being set" for one in given
+        )
+
+    def _meshes(self) -> Iterator[Mesh]:
+        for order, cells, n in product(self._orders(), self._counts(), self._vertical_orders()):
+            mesh = self._errors.mesh(order, cells, n)
+            if self._scene.numerics.edge_penalty > 0 or self._current(mesh) <= NEEDED:
+                yield mesh
+
+    def candidates(self) -> Iterator[Settings]:
+        """Yield every mesh that is accurate enough, with each scheme's largest step."""
+        for mesh in self._meshes():
+            space = self._errors.space(mesh)
+            if self._errors.total(space) > self._required.accuracy:
+                continue
+            for name in self._schemes():
+                if (dt := self._steps.largest(name, self._longest_step(mesh, name), space)) is not None:
+                    cells, n = round(self._required.length / mesh.cells.size), mesh.vertical_order
+                    yield Settings(order=mesh.cells.order, cells=cells, vertical_order=n, dt=dt, integrator=name)
+
+    def best(self) -> float:
+        """Return the smallest error of all meshes."""
+        return min((self._errors.total(self._errors.space(mesh)) for mesh in self._meshes()), default=np.inf)
+
+    def _longest_step(self, mesh: Mesh, name: str) -> float:
+        limit, required = MARGIN * INTEGRATORS[name].stability_limit, self._required
+        if required.physics == "linear":
+            return limit / mesh.largest_frequency
+        shifted = mesh.largest_frequency + required.velocity * _k_grid(mesh)
+        return min(limit / shifted, SOLVABLE[name] / mesh.largest_frequency)
+
+    def _current(self, mesh: Mesh) -> float:
+        """Return u² k_grid / g; 0 for linear waves, which have no current."""
+        required = self._required
+        return 0.0 if required.physics == "linear" else required.velocity**2 * _k_grid(mesh) / required.gravity
+
+    # ------------------------------------------------------------------------------------------ what is found
+    def own(self) -> Settings:
+        """Return the scene's own numerics, defaults resolved."""
+        numerics, cells = self._scene.numerics, self._scene.cells
+        mesh = self._errors.mesh(numerics.order, cells, numerics.vertical_order)
+        name = numerics.integrator
+        return Settings(
+            order=numerics.order,
+            cells=cells,
+            vertical_order=numerics.vertical_order,
+            dt=time_step(self._scene, mesh.largest_frequency, INTEGRATORS[name]()),
+            integrator=name,
+        )
+
+    def _mesh(self, settings: Settings) -> Mesh:
+        return self._errors.mesh(settings.order, settings.cells, settings.vertical_order)
+
+    def cost(self, settings: Settings, costs: CostModel) -> Cost:
+        """Return the cost of a run."""
+        return costs.run(
+            self._required.kind,
+            settings,
+            duration=self._required.duration,
+            dt_omega_max=settings.dt * self._mesh(settings).largest_frequency,
+        )
+
+    def plan(self, settings: Settings, costs: CostModel) -> Plan:
+        """Return settings with what is to be expected of them."""
+        required, mesh = self._required, self._mesh(settings)
+        return Plan(
+            physics=required.physics,
+            settings=settings,
+            accuracy=required.accuracy,
+            error=self._errors.predict(settings),
+            cost=self.cost(settings, costs),
+            steps=ceil(required.duration / settings.dt * (1 - 1e-9)),
+            cell_size=mesh.cells.size,
+            dt_omega_max=settings.dt * mesh.largest_frequency,
+            reasons=(*required.reasons, self._penalty_reason(mesh)),
+        )
+
+    def _penalty_reason(self, mesh: Mesh) -> str:
+        if self._required.physics == "linear":
+            return "edge penalty: none, linear waves have no current."
+        current = f"u² k_grid / g = {self._current(mesh):.2g} under the highest crest"
+        if self._current(mesh) <= NEEDED:
+            return f"edge penalty: none, {current} stays below {NEEDED:g}."
+        if self._scene.numerics.edge_penalty > 0:
+            return f"edge penalty: needed, {current} exceeds {NEEDED:g}; the run applies it by itself."
+        return f"edge penalty: needed, {current} exceeds {NEEDED:g}, but numerics.edge_penalty = 0 forbids it."
 
 
-def _current(mesh: Mesh, required: Requirements) -> float:
-    """Return u² k_grid / g."""
-    return required.velocity**2 * mesh.cells.order * np.pi / mesh.cells.size / required.gravity
-
-
-def _candidates(errors: ErrorModel, steps: "_Steps", required: Requirements) -> Iterator[Settings]:
-    """Yield every mesh that is accurate enough, with each scheme's largest step."""
-    for mesh in _meshes(errors, required):
-        space = errors.space(mesh)
-        if errors.total(space) > required.accuracy:
-            continue
-        for name in SCHEMES:
-            limit = MARGIN[required.physics] * INTEGRATORS[name].stability_limit / mesh.largest_frequency
-            if (dt := steps.largest(name, limit, space)) is not None:
-                cells = round(required.length / mesh.cells.size)
-                n = mesh.vertical_order
-                yield Settings(order=mesh.cells.order, cells=cells, vertical_order=n, dt=dt, integrator=name)
+def _k_grid(mesh: Mesh) -> float:
+    return mesh.cells.order * np.pi / mesh.cells.size
 
 
 class _Steps:
-    """Steps that divide the duration, from coarse to fine, and what each contributes to the error."""
+    """Steps that divide the duration, from coarse to fine, or the one that is given; and what each contributes."""
 
-    def __init__(self, errors: ErrorModel, required: Requirements):
+    def __init__(self, errors: ErrorModel, required: Requirements, given: float | None):
         self._errors, self._required = errors, required
         coarsest = np.pi / float(required.waves.omega.min())
         counts = required.duration / coarsest * STEP_RATIO ** np.arange(120)
-        self._dt = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
+        divided = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
+        self._dt = divided if given is None else np.array([given])
         self._parts: dict[tuple[str, int], Part] = {}
 
     def _part(self, name: str, i: int) -> Part:

@@ -3,35 +3,39 @@
 A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
 motion over the run and c Biésel's transfer function (``reference/wavemaker.py``). Each component is followed from the
 paddle to the farthest gauge that its group reaches within the run; where there is no gauge, as far as it gets towards
-the far wall. A standing wave is followed for the whole run.
+the far wall. At a gauge it is seen for the rest of the run: that is its share in the error. A standing wave is followed
+for the whole run.
 
 Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma = tanh(k d):
 
     a_2 / a_1 = s (3 - sigma²) / (4 sigma³),     a_3 / a_1 = s² (27 - 9 sigma² + 9 sigma⁴ - 3 sigma⁶) / (64 sigma⁶),
     omega / omega_linear - 1 = s² (9 - 10 sigma² + 9 sigma⁴) / (16 sigma⁴).
 
+Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself.
+
 Source: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter 11.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal.windows import tukey
 
 from wavetank import scene as nouns
 from wavetank.errors import InputError
 from wavetank.hamiltonian.contract import Vector
 from wavetank.motions import AtRest, Motion
 from wavetank.reference import airy, wavemaker
-from wavetank.scene import Scene
+from wavetank.scene import Physics, Scene
 
 MOST_COMPONENTS = 40
 DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
-WINDOW = 0.2  # share of a motion's record that is tapered, so that its end does not look like a jump
+TAPER = 0.25  # share of a motion that is tapered at its end, lest it look like a jump: its waves do not get far
 NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
+POINTS = 1024  # along a wave of permanent form
+NEGLIGIBLE = 1e-5  # of its first harmonic
 PLACES = 33  # at which the highest crest is looked for
 
 
@@ -55,10 +59,29 @@ class Components(NamedTuple):
 
 
 class Waves(NamedTuple):
-    """Components with the highest crest they make together by linear theory [m]."""
+    """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one."""
 
     components: Components
     crest: float
+    form: "Form | None" = None
+
+
+class Form(NamedTuple):
+    """A wave of permanent form.
+
+    Attributes
+    ----------
+    harmonics
+        Amplitudes of its harmonics relative to the first, shape (M,).
+    velocity
+        Of the water in its crest [m/s].
+    excess
+        Its speed over that of linear theory, less 1.
+    """
+
+    harmonics: Vector
+    velocity: float
+    excess: float
 
 
 class Harmonics(NamedTuple):
@@ -67,6 +90,11 @@ class Harmonics(NamedTuple):
     second: float
     third: float
     frequency: float
+
+    @property
+    def ratios(self) -> Vector:
+        """The first four relative to the first, at most 1 (a_4 = a_3² / a_2), shape (4,)."""
+        return np.minimum([1.0, self.second, self.third, self.third**2 / self.second], 1.0)
 
 
 def stokes(steepness: float, kd: float) -> Harmonics:
@@ -77,9 +105,6 @@ def stokes(steepness: float, kd: float) -> Harmonics:
         float(s**2 * (27 - 9 * sigma**2 + 9 * sigma**4 - 3 * sigma**6) / (64 * sigma**6)),
         float(s**2 * (9 - 10 * sigma**2 + 9 * sigma**4) / (16 * sigma**4)),
     )
-
-
-Physics = Literal["linear", "nonlinear"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +124,9 @@ class Requirements:
     steepness, velocity
         k a of the highest crest, and the horizontal velocity there, a omega / tanh(k d) [m/s].
     harmonics
-        Stokes' at that steepness; zero where linear waves do.
+        Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
+    driven
+        Whether a paddle drives the waves.
     physics
         "linear" or "nonlinear".
     reasons
@@ -115,23 +142,31 @@ class Requirements:
     k: float
     steepness: float
     velocity: float
-    harmonics: Harmonics
+    harmonics: Vector
+    driven: bool
     physics: Physics
     reasons: tuple[str, ...]
 
+    @property
+    def kind(self) -> str:
+        """The kind of waves by what a step costs: "linear", "nonlinear" or "driven"."""
+        return "driven" if self.driven and self.physics == "nonlinear" else self.physics
+
 
 def requirements(scene: Scene, accuracy: float) -> Requirements:
-    """Return what a scene requires for a relative error of the elevation of ``accuracy``.
+    """Return what a scene requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
 
     Raises ``InputError`` for a scene in which nothing moves, or whose initial state is not known here.
     """
     tank = scene.tank
-    waves, crest = _all_waves(scene, accuracy)
+    waves, crest, form = _all_waves(scene, accuracy)
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
     harmonics = stokes(k * crest, k * tank.depth)
-    phase = float(harmonics.frequency * (energy @ (waves.omega * waves.age)) / energy.sum())
-    physics: Physics = "linear" if np.hypot(harmonics.second, phase) <= accuracy else "nonlinear"
+    ratios, excess = (form.harmonics, form.excess) if form else (harmonics.ratios, harmonics.frequency)
+    phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
+    second = float(ratios[1])
+    physics = _enough(accuracy, second, phase) if scene.water is None else scene.physics
     return Requirements(
         accuracy=accuracy,
         length=tank.length,
@@ -141,13 +176,14 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         waves=waves,
         k=k,
         steepness=k * crest,
-        velocity=_crest_velocity(k, crest, scene),
-        harmonics=harmonics if physics == "nonlinear" else Harmonics(0.0, 0.0, 0.0),
+        velocity=form.velocity if form else _crest_velocity(k, crest, scene),
+        harmonics=ratios if physics == "nonlinear" else np.ones(1),
+        driven=not isinstance(scene.motion(), AtRest),
         physics=physics,
         reasons=(
             f"plan view: a {tank.type}, the scene has one horizontal dimension.",
             f"bed: flat, the depth is {tank.depth:g} m everywhere; k d = {k * tank.depth:.3g}.",
-            _physics_reason(physics, accuracy, k * crest, harmonics, phase),
+            _physics_reason(scene, accuracy, k * crest, second, phase),
             _wall_reason(scene),
             _end_reason(scene, waves),
         ),
@@ -159,12 +195,18 @@ def _crest_velocity(k: float, crest: float, scene: Scene) -> float:
     return float(crest * airy.angular_frequency(k, tank.depth, tank.gravity) / np.tanh(k * tank.depth))
 
 
-def _physics_reason(physics: Physics, accuracy: float, steepness: float, harmonics: Harmonics, phase: float) -> str:
-    verdict = "at most" if physics == "linear" else "more than"
+def _physics_reason(scene: Scene, accuracy: float, steepness: float, second: float, phase: float) -> str:
+    enough = _enough(accuracy, second, phase)
+    choice = enough if scene.water is None else f"{scene.physics}, as the case says"
     return (
-        f"waves: {physics}, at k a = {steepness:.3g} linear theory misses a second harmonic of {harmonics.second:.2g} "
-        f"of the first and {abs(phase):.2g} rad of phase, {verdict} the accuracy of {accuracy:g}."
+        f"water: {choice}; at k a = {steepness:.3g} linear theory misses a second harmonic of {second:.2g} of the "
+        f"first and {abs(phase):.2g} rad of phase, {'at most' if enough == 'linear' else 'more than'} the accuracy of "
+        f"{accuracy:g}."
     )
+
+
+def _enough(accuracy: float, second: float, phase: float) -> Physics:
+    return "linear" if np.hypot(second, phase) <= accuracy else "nonlinear"
 
 
 def _wall_reason(scene: Scene) -> str:
@@ -203,7 +245,8 @@ def _all_waves(scene: Scene, accuracy: float) -> Waves:
     if not found or not max(waves.crest for waves in found) > 0.0:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
     parts = zip(*(waves.components for waves in found), strict=True)
-    return Waves(Components(*(np.concatenate(part) for part in parts)), sum(waves.crest for waves in found))
+    form = next((waves.form for waves in found), None)
+    return Waves(Components(*(np.concatenate(part) for part in parts)), sum(waves.crest for waves in found), form)
 
 
 def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[Waves]:
@@ -215,12 +258,17 @@ def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[Waves]:
 
 
 def _steady_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[Waves]:
-    tank = scene.tank
-    eta, _ = wave.surface(tank, np.asarray(tank.length / wave.waves / 512 * np.arange(512), dtype=np.float64))
-    k = np.array([2 * np.pi * wave.waves / tank.length])
-    omega = airy.angular_frequency(k, tank.depth, tank.gravity)
-    amplitude = float(eta.max() - eta.min()) / 2
-    return [Waves(Components(k, omega, np.array([amplitude]), np.array([scene.run.duration])), amplitude)]
+    tank, exact = scene.tank, wave.wave(scene.tank)
+    length = tank.length / wave.waves
+    k = np.array([2 * np.pi / length])
+    eta, psi = exact.surface(np.asarray(length / POINTS * np.arange(POINTS), dtype=np.float64))
+    amplitudes = 2 / POINTS * np.abs(np.fft.rfft(eta))[1:]
+    kept = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
+    velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd
+    excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
+    components = Components(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
+    form = Form(amplitudes[: max(kept, 2)] / amplitudes[0], velocity, excess)
+    return [Waves(components, float(eta.max()), form)]
 
 
 class _Lines(NamedTuple):
@@ -239,9 +287,10 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> Waves:
         below = lines.omega <= highest
         omega, amplitude = _gathered(lines.omega[below], np.abs(lines.elevation[below]), 0.05 * accuracy**2)
     k = airy.wave_number(omega, scene.tank.depth, scene.tank.gravity)
-    age = _age(scene, k)
-    seen = age > 0.0
-    return Waves(Components(k[seen], omega[seen], amplitude[seen], age[seen]), _crest(scene, lines))
+    age, share = _age(scene, k)
+    seen = share > 0.0
+    parts = (k[seen], omega[seen], (amplitude * np.sqrt(share))[seen], age[seen])
+    return Waves(Components(*parts), _crest(scene, lines))
 
 
 def _is_measured(wall: nouns.Wall) -> bool:
@@ -254,10 +303,15 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
-    coefficients = np.fft.rfft(motion.position(t) * tukey(count, WINDOW) ** 2)[1:-1] * (2 / count)
+    coefficients = np.fft.rfft(motion.position(t) * _tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
     omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
     return _Lines(omega, k, 1j * wavemaker.piston_transfer(k, tank.depth) * coefficients)
+
+
+def _tapered(part: Vector) -> Vector:
+    """Return the taper at shares of the run, shape (N,)."""
+    return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
 
 
 def _crest(scene: Scene, lines: _Lines) -> float:
@@ -279,10 +333,15 @@ def _gathered(omega: Vector, amplitude: Vector, lost: float) -> tuple[Vector, Ve
     return mean, np.sqrt(energy)
 
 
-def _age(scene: Scene, k: Vector) -> Vector:
-    """Return how long components travel to the farthest gauge they reach within the run [s]; 0: they reach none."""
+def _age(scene: Scene, k: Vector) -> tuple[Vector, Vector]:
+    """Return how long components travel to the farthest gauge they reach [s], and for what share of the run they do.
+
+    The share is 0 of those that reach none; where there is no gauge, or none is reached, it is 1 all along the tank.
+    """
+    duration = scene.run.duration
     speed = airy.group_velocity(k, scene.tank.depth, scene.tank.gravity)
-    if not scene.gauges:
-        return np.asarray(np.minimum(scene.run.duration, scene.tank.length / speed))
     times = np.divide.outer(np.array([gauge.x for gauge in scene.gauges]), speed)
-    return np.asarray(np.where(times <= scene.run.duration, times, 0.0).max(axis=0))
+    if not np.any(times < duration):
+        return np.asarray(np.minimum(duration, scene.tank.length / speed)), np.ones_like(k)
+    age = np.where(times < duration, times, -np.inf).max(axis=0)
+    return np.maximum(age, 0.0), np.where(age >= 0.0, 1.0 - np.maximum(age, 0.0) / duration, 0.0)

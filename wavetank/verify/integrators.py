@@ -4,7 +4,6 @@ from pathlib import Path
 
 from rich.console import Console
 
-from wavetank.errors import InputError
 from wavetank.verify import (
     damping,
     dispersion,
@@ -17,7 +16,7 @@ from wavetank.verify import (
     table_1,
     work_precision,
 )
-from wavetank.verify.report import Report
+from wavetank.verify.report import write_parts
 
 PARTS = (
     overview,
@@ -35,10 +34,4 @@ PARTS = (
 
 def verify_integrators(folder: Path, console: Console) -> None:
     """Write all tables and pictures to ``folder``; raises ``InputError`` if it cannot be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        report = Report(folder, console)
-        for part in PARTS:
-            part.write(report)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror}).") from None
+    write_parts(PARTS, folder, console)

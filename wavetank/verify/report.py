@@ -5,13 +5,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
 from postprocess.style import picture
+from wavetank.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -52,3 +53,20 @@ class Report:
 
 def _shown(value: Any) -> Any:
     return f"{value:.10g}" if isinstance(value, float | np.floating) else value
+
+
+class Part(Protocol):
+    """A module that writes tables and pictures."""
+
+    def write(self, report: Report) -> None:
+        """Write them."""
+
+
+def write_parts(parts: Iterable[Part], folder: Path, console: Console) -> None:
+    """Write all parts to a folder, made if missing; raises ``InputError`` if it cannot be written."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for part in parts:
+            part.write(Report(folder, console))
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}).") from None

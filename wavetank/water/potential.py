@@ -64,6 +64,7 @@ class InteriorPotential:
         ksp.setNormType(PETSc.KSP.NormType.NATURAL)
         ksp.setTolerances(rtol=tolerance, atol=1e-50, divtol=1e30, max_it=500)
         ksp.setInitialGuessNonzero(True)
+        ksp.setComputeSingularValues(True)
         choose_factorisation(ksp.getPC(), plane)
         return ksp
 
@@ -87,6 +88,12 @@ class InteriorPotential:
         phi.owned[:, :n] = self._solution.array_r.reshape(-1, n)
         phi.function.x.scatter_forward()
         self._recall.record(inputs, self._solution.array_r)
+
+    @property
+    def condition_number(self) -> float:
+        """The estimate that the last solve gave of the preconditioned operator's condition number; collective."""
+        largest, smallest = self._ksp.computeExtremeSingularValues()
+        return float(largest / smallest) if smallest > 0 else 1.0
 
     def _iterate(self) -> None:
         if self._fresh_iterations is None:

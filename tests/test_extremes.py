@@ -1,0 +1,224 @@
+"""Steep waves, large steps, breaking: where the limits are, on both sides, and what the run says of them.
+
+Oracles: exact waves (wavetank/reference), the spectrum of the linearised water, conservation, the published criterion
+of breaking.
+"""
+
+import json
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from mpi4py import MPI
+
+from wavetank.build import build_run
+from wavetank.fe.plane import Plane
+from wavetank.reference.stream_function import maximum_height, stream_function_wave
+from wavetank.rundir import RunDirectory
+from wavetank.scene import Scene
+from wavetank.verify.growth import Setting, row
+from wavetank.water.breaking import ONSET, CrestSpeeds, Moving
+from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.water.linearised import LinearisedFlow
+from wavetank.water.plan_view import Ring
+from wavetank.water.surface_flow import Crest, SurfaceFlow
+from wavetank.water.walls import FixedWall
+from wavetank.water.waves import NonlinearWaves, Tolerances
+
+
+def steep(kd, steepness, *, cells, n, comm=MPI.COMM_WORLD):
+    """Return a ring of one exact wave, its length [m] and the wave."""
+    length = 2 * np.pi / kd
+    wave = stream_function_wave(steepness * maximum_height(length, 1.0), length, depth=1.0)
+    plan = Ring(length, cells, comm=comm)
+    plane = Plane(plan.mesh, 3, plan.chart)
+    tolerances = Tolerances(stage=1e-9, interior=1e-10)
+    return NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=n, tolerances=tolerances), length, wave
+
+
+def ring_scene(**changes) -> Scene:
+    """Return a ring of kd = 1 with a wave of 80 %."""
+    scene = {
+        "tank": {"type": "ring", "length": 2 * np.pi, "depth": 1.0},
+        "initial": {"type": "stream-function", "steepness": 0.8},
+        "run": {"duration": 1.0},
+        "numerics": {"cells": 32, "vertical_order": 6, "dt": 0.0125, "tolerance": 1e-9},
+    }
+    for key, value in changes.items():
+        part, _, name = key.partition("_")
+        scene[part][name] = value
+    return Scene.model_validate(scene)
+
+
+# ---------------------------------------------------------------- the surface between the degrees of freedom
+@pytest.mark.parametrize("cells", [24, 48])
+def test_the_crest_and_its_velocity_are_those_of_the_exact_wave(cells):
+    """A crest at x = 1 m; velocity from the exact wave's surface potential."""
+    waves, length, wave = steep(1.0, 0.5, cells=cells, n=4)
+    flow = SurfaceFlow(waves)
+    x = (waves.plane.x - 1.0) % length
+    flow.update(*waves.state(*wave.surface(np.where(x > length / 2, x - length, x))))
+    (crest,) = flow.crests()
+    e = 1e-5
+    _, (behind, ahead) = wave.surface(np.array([-e, e]))
+    velocity = (ahead - behind) / (2 * e)
+    top, _ = wave.surface(np.array([0.0]))
+    accuracy = 40 * cells**-3.0
+    assert crest.x == pytest.approx(1.0, abs=accuracy) and crest.height == pytest.approx(top[0], abs=accuracy)
+    assert crest.velocity == pytest.approx(velocity, rel=accuracy)
+    assert flow.largest_velocity == pytest.approx(velocity, rel=accuracy)
+
+
+# ---------------------------------------------------------------- the penalty
+def test_the_penalty_conserves_mass_and_leaves_a_smooth_wave_alone():
+    """What it changes falls with the cells by more than the order of the elements, 3."""
+    sizes, changes = [], []
+    for cells in (12, 24, 48):
+        waves, length, wave = steep(1.0, 0.3, cells=cells, n=4)
+        penalty = EdgePenalty(waves, SurfaceFlow(waves), cell_size=length / cells, dt=0.01, threshold=0.0)
+        q, p = waves.state(*wave.surface(waves.plane.x))
+        assert waves.total_mass(penalty.coordinate(q)) == pytest.approx(waves.total_mass(q), rel=1e-14)
+        sizes.append(length / cells)
+        changes.append(np.abs(penalty.momentum(p) - p).max())
+    assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
+
+
+@pytest.mark.parametrize(("steepness", "cells"), [(0.5, 16), (0.3, 32)])
+def test_below_the_threshold_nothing_grows_and_no_penalty_acts(steepness, cells):
+    found = row(Setting(1.0, steepness, cells, 3, 6))
+    assert found.criterion < 1.5 and found.growth < 1e-3
+    scene = ring_scene(initial_steepness=steepness, numerics_cells=cells, run_duration=0.1)
+    run, _ = build_run(scene, MPI.COMM_WORLD)
+    run.execute()
+    assert [one.energy_taken for one in run.filters if isinstance(one, EdgePenalty)] == [0.0]
+
+
+@pytest.mark.parametrize(
+    "setting", [Setting(1.0, 0.5, 24, 3, 6), Setting(1.0, 0.8, 32, 3, 6), Setting(3.0, 0.8, 32, 3, 8)]
+)
+def test_above_the_threshold_modes_grow_without_the_penalty_and_not_with_it(setting):
+    found = row(setting)
+    assert found.criterion > 2.0 and found.growth > 0.4
+    assert found.growth_with_penalty < 1e-2
+
+
+def test_order_one_has_no_growing_modes():
+    found = row(Setting(1.0, 0.8, 96, 1, 6))
+    assert found.criterion > 10 and found.growth < 1e-3
+
+
+def test_a_wave_of_80_percent_keeps_its_energy_up_to_what_the_penalty_has_counted():
+    run, waves = build_run(ring_scene(), MPI.COMM_WORLD)
+    start = waves.energy(run.state.q, run.state.p, 0.0)
+    run.execute()
+    (penalty,) = (one for one in run.filters if isinstance(one, EdgePenalty))
+    end = waves.energy(run.state.q, run.state.p, run.t)
+    assert 1e-9 * start < penalty.energy_taken < 1e-4 * start
+    assert abs(end - start + penalty.energy_taken) < 1e-4 * start
+
+
+# ---------------------------------------------------------------- the step
+def test_the_largest_frequency_under_a_crest_is_that_of_the_linearised_water():
+    """Arnoldi iteration against the dense spectrum; the current under the crest raises it by half."""
+    waves, _, wave = steep(1.0, 0.5, cells=16, n=6)
+    flow = LinearisedFlow(waves, *waves.state(*wave.surface(waves.plane.x)), 0.0)
+    dense = float(np.abs(np.linalg.eigvals(flow.matrix())).max())
+    assert flow.spectral_radius() == pytest.approx(dense, rel=0.01)
+    assert dense > 1.4 * waves.largest_frequency
+
+
+def test_the_run_warns_before_it_breaks_down(wavetank, tmp_path):
+    """With dt omega_max = 1.82 under the crest: warned of at once, broken down after five periods, all of it kept."""
+    case = tmp_path / "ring.toml"
+    case.write_text(
+        '[tank]\ntype = "ring"\nlength = 6.283185307179586\ndepth = 1.0\n[initial]\ntype = "stream-function"\n'
+        "steepness = 0.5\n[run]\nduration = 22.0\n"
+        "[numerics]\ncells = 16\nvertical_order = 6\ndt = 0.0621\nedge_penalty = 0.0\n"
+    )
+    result = wavetank("run", str(case), "--no-plots", "--out", str(tmp_path / "run"))
+    assert result.returncode == 1 and result.stderr.startswith("wavetank: t = ")
+    assert result.stdout.index("warning: t = 0 s") < result.stdout.index("t = 1.12")
+    run = RunDirectory(tmp_path / "run")
+    assert run.manifest["status"] == "failed" and run.surface().t[-1] > 4.0
+    text = (tmp_path / "run" / "energy.csv").read_text() + json.dumps(run.manifest)
+    assert "nan" not in text.lower() and np.isfinite(run.surface().eta).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("part", "stable"), [(0.99, True), (1.01, False)])
+def test_the_limit_on_still_water_holds_for_ten_thousand_steps(part, stable):
+    """Round-off from 1e-6 m of short waves, third order."""
+    scene = Scene.model_validate(
+        {
+            "tank": {"length": 2.0, "depth": 1.0},
+            "initial": {"type": "standing-wave", "amplitude": 1e-6, "mode": 5},
+            "run": {"duration": 1.0},
+            "numerics": {"cells": 4, "vertical_order": 4, "dt": 0.01, "tolerance": 1e-10},
+        }
+    )
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    run.dt, run.filters = part * run.integrator.stability_limit / waves.largest_frequency, ()
+    run.steps = 10_000
+    largest = 0.0
+    try:
+        run.execute()
+        largest = float(np.abs(waves.elevation(run.state.q, run.state.p, run.t)).max())
+    except Exception:
+        largest = np.inf
+    assert (largest < 1e-5) == stable
+
+
+# ---------------------------------------------------------------- breaking
+def test_crests_are_followed_at_their_speed_and_new_ones_are_not_mistaken():
+    speeds = CrestSpeeds(fastest=6.0, slowest=0.3, window=0.1, places=(1.0, 9.0))
+    for step in range(10):
+        t = 0.05 * step
+        moving = speeds.follow(
+            [Crest(2.0 + 3.0 * t, 0.2, 1.5), Crest(8.0, 0.1, 0.0), Crest(0.5 + 1.0 * t, 0.1, 0.1)], t
+        )
+    (one,) = moving  # that at 8 m stands, that before 1.0 m is too near to the wall
+    assert one == Moving(pytest.approx(one.crest), pytest.approx(3.0)) and one.overtaking == pytest.approx(0.5)
+    assert speeds.follow([Crest(6.5, 0.2, 1.0)], 0.5) == []
+
+
+GROUP = ["cases/focusing.toml", "--no-plots", "--set", "wall.motion.amplitude=0.16", "--set", "numerics.dt=0.02"]
+
+
+@pytest.mark.slow
+def test_an_over_steep_group_stops_where_it_breaks_or_goes_on_with_less_energy(wavetank, tmp_path):
+    """Oracle of the balance: what is dissipated is counted; k A = 0.3 at the focus is beyond what groups survive."""
+    stopped = wavetank("run", *GROUP, "--out", str(tmp_path / "stop"))
+    assert (
+        stopped.returncode == 1 and "a wave breaks" in stopped.stderr and f"limit {100 * ONSET:.0f} %" in stopped.stderr
+    )
+    assert 12.0 < RunDirectory(tmp_path / "stop").surface().t[-1] < 20.0
+    going = wavetank("run", *GROUP, "--set", "run.on_breaking=dissipate", "--out", str(tmp_path / "go"))
+    assert going.returncode == 0, going.stderr
+    energy = RunDirectory(tmp_path / "go").energy()
+    assert energy["dissipated [m^4/s^2]"][-1] > 0.01 * energy["total [m^4/s^2]"][-1]
+    assert abs(energy["balance [m^4/s^2]"][-1]) < 0.02 * energy["dissipated [m^4/s^2]"][-1]
+    assert energy["mass [m^2]"][-1] == pytest.approx(energy["mass [m^2]"][0], rel=1e-12)
+
+
+def test_a_group_that_does_not_break_is_left_alone(wavetank, tmp_path):
+    result = wavetank(
+        "run", "cases/focusing.toml", "--no-plots", "--set", "run.duration=20.5", "--out", str(tmp_path / "run")
+    )
+    assert result.returncode == 0, result.stderr
+    assert RunDirectory(tmp_path / "run").energy()["dissipated [m^4/s^2]"][-1] < 1e-5
+
+
+def test_a_steep_wave_is_the_same_on_any_number_of_ranks(wavetank, tmp_path):
+    """With the penalty at work; tight tolerances leave differences of round-off."""
+    changes = ["run.duration=0.5", "numerics.tolerance=1e-11"]
+    overrides = [word for change in changes for word in ("--set", change)]
+    records, taken = [], []
+    for ranks in (1, 2, 3):
+        out = tmp_path / str(ranks)
+        result = wavetank("run", "cases/steep-ring.toml", *overrides, "--no-plots", "--out", str(out), ranks=ranks)
+        assert result.returncode == 0, result.stderr
+        run = RunDirectory(out)
+        records.append(np.array([gauge.eta for gauge in run.gauges()]))
+        taken.append(run.energy()["dissipated [m^4/s^2]"][-1])
+    assert max(np.abs(record - records[0]).max() for record in records) < 1e-9
+    assert taken[0] > 0 and taken == pytest.approx([taken[0]] * 3, rel=1e-3)

@@ -1,0 +1,350 @@
+"""Studies: what is swept, what is run and what not again, what errors are measured, what is written and drawn."""
+
+import csv
+import io
+import json
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import CHECKOUT, fitted_slope
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console
+
+from wavetank.errors import InputError, RunError
+from wavetank.reference.airy import angular_frequency
+from wavetank.rundir import RunDirectory, RunWriter
+from wavetank.scene import Scene
+from wavetank.study.drawing import draw_study, pareto_front
+from wavetank.study.exact import exact_solution
+from wavetank.study.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
+from wavetank.study.refinement import finest, refined, same_but_numerics
+from wavetank.study.runs import Outcome
+from wavetank.study.study import Study
+from wavetank.study.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
+from wavetank.study.table import Row, write_table
+
+CASE = CHECKOUT / "cases" / "standing-wave.toml"
+RING = CHECKOUT / "cases" / "ring-50-percent.toml"
+
+
+# ---------------------------------------------------------------- sweeps
+def test_a_sweep_is_parsed_and_short_names_are_keys_of_the_case():
+    assert parse_axis("dt=0.02, 0.04") == Axis("numerics.dt", ("0.02", "0.04"))
+    assert parse_axis("initial.amplitude=0.1") == Axis("initial.amplitude", ("0.1",))
+    assert parse_axis("p=3").label == "p" and parse_axis("numerics.dt=1").label == "dt [s]"
+    fields = Scene.model_fields["numerics"].annotation.model_fields
+    assert {key.removeprefix("numerics.") for key in SHORT_NAMES.values()} <= set(fields)
+
+
+@pytest.mark.parametrize(
+    ("sweeps", "overrides", "sentence"),
+    [
+        ([], [], "no sweep received"),
+        (["dt"], [], "sweep 'dt' received; allowed is KEY=VALUE,VALUE"),
+        (["=3"], [], "allowed is KEY=VALUE"),
+        (["dt=0.02,"], [], "allowed is KEY=VALUE"),
+        (["dt=0.02,0.02"], [], "its values must be different"),
+        (["dt=0.02,0.020"], [], "are the same run"),
+        (["dt=0.02", "numerics.dt=0.03"], [], "numerics.dt received twice"),
+        (["n=4,6"], ["numerics.vertical_order=5"], "numerics.vertical_order received twice"),
+        (["n=4,40"], [], "overridden: numerics.vertical_order = 40: must be less than or equal to 16"),
+        (["integrator=third-order,euler"], [], 'numerics.integrator = "euler"'),
+        (["nn=4,6"], [], "nn = 4: is an unknown key"),
+    ],
+)
+def test_a_bad_sweep_is_refused_in_one_sentence_before_anything_runs(tmp_path, sweeps, overrides, sentence):
+    with pytest.raises(InputError) as error:
+        Study(CASE, sweeps, overrides=overrides, out=tmp_path / "out", console=Console(file=io.StringIO()))
+    assert sentence in str(error.value) and len(str(error.value).splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+VALUES = {
+    "dt": st.integers(1, 40).map(lambda n: n / 1000),
+    "n": st.integers(1, 16),
+    "cells": st.integers(1, 100),
+    "initial.amplitude": st.integers(1, 90).map(lambda n: n / 1000),
+}
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.fixed_dictionaries(
+        {}, optional={name: st.lists(v, min_size=1, max_size=3, unique=True) for name, v in VALUES.items()}
+    )
+)
+def test_the_product_holds_every_combination_once(swept):
+    """Oracle: itertools.product of the values themselves."""
+    if not swept:
+        return
+    axes = parse_axes([f"{name}={','.join(map(str, values))}" for name, values in swept.items()])
+    found = combinations(CASE, axes)
+    assert [tuple(map(float, one.values.values())) for one in found] == list(product(*swept.values()))
+    assert len({one.name for one in found}) == len(found)
+    for one in found:
+        scene = one.scene.model_dump()
+        for axis, value in zip(axes, one.values.values(), strict=True):
+            table, key = axis.key.split(".")
+            assert scene[table][key] == float(value)
+
+
+def test_a_folder_has_a_harmless_name():
+    axes = [Axis("title", ("a/b c",))]
+    assert combinations(CASE, axes)[0].name == "title=a%2Fb%20c"
+
+
+# ---------------------------------------------------------------- references
+def test_the_reference_is_the_finest_combination_refined_once_more():
+    axes = parse_axes(["dt=0.02,0.04", "n=4,16", "cells=8,16", "integrator=stormer-verlet,third-order"])
+    coarse = finest(combinations(CASE, axes))
+    assert coarse.values == {"dt": "0.02", "n": "16", "cells": "16", "integrator": "third-order"}
+    numerics = refined(CASE, coarse, dt=0.02, name="reference").scene.numerics
+    assert (numerics.dt, numerics.cells, numerics.vertical_order) == (0.01, 32, 16)
+    assert (numerics.integrator, numerics.tolerance) == ("third-order", pytest.approx(1e-8))
+
+
+def test_cells_given_by_their_size_are_refined_too():
+    (coarse,) = combinations(CHECKOUT / "cases" / "wavemaker.toml", [Axis("numerics.cell_size", ("0.5",))])
+    fine = refined(CHECKOUT / "cases" / "wavemaker.toml", coarse, dt=0.1, name="reference")
+    assert fine.scene.cells == 2 * coarse.scene.cells
+
+
+def test_scenes_that_differ_in_more_than_numerics_have_references_of_their_own():
+    axes = parse_axes(["initial.amplitude=0.01,0.02", "dt=0.02,0.04"])
+    groups = same_but_numerics(combinations(CASE, axes))
+    assert [{one.scene.initial.amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
+
+
+@pytest.mark.parametrize(
+    ("case", "changes", "sentence"),
+    [
+        (CASE, [], "initial.amplitude = 0.1 received; it must be at most"),
+        (CASE, ["initial={type='still-water'}"], "initial.type = 'still-water' received; exact are"),
+        (CHECKOUT / "cases" / "wavemaker.toml", [], "wall.type = 'piston' received; the wall must be fixed"),
+    ],
+)
+def test_no_exact_solution_is_said_so(case, changes, sentence):
+    with pytest.raises(InputError, match="reference exact") as error:
+        exact_solution(Scene.from_toml(case, changes))
+    assert sentence in str(error.value)
+
+
+def test_a_reference_that_is_none_is_refused(tmp_path):
+    def study(reference: str) -> Study:
+        return Study(CASE, ["dt=0.02"], reference=reference, out=tmp_path, console=Console(file=io.StringIO()))
+
+    with pytest.raises(InputError, match="allowed are fine, exact and a run directory"):
+        study("finest")
+    with pytest.raises(InputError, match="is no run directory"):
+        study(str(tmp_path))
+    other = Scene.from_toml(CASE, ["tank.length=3.0", "gauges=[]"])
+    write_run(tmp_path / "other", other, np.linspace(0, 3, 20), lambda x, t: 0 * x)
+    with pytest.raises(InputError, match="another tank"):
+        study(str(tmp_path / "other"))
+
+
+# ---------------------------------------------------------------- error measures, on runs whose errors are known
+TIMES = np.linspace(0, 5, 101)
+
+
+def write_run(path: Path, scene: Scene, x, eta, psi=lambda x, t: 0 * x, *, times=TIMES, gauges=True):
+    """Write a run directory with a given elevation and surface potential."""
+    with RunWriter(path, {"scene": scene.model_dump(mode="json")}) as writer:
+        surface, records = writer.surface(), writer.gauges([(g.name, g.x) for g in scene.gauges if gauges])
+        places = np.array([g.x for g in scene.gauges if gauges])
+        for t in times:
+            surface.append(t, x, eta(x, t), psi(x, t))
+            records.append([t, *eta(places, t)])
+        writer.finish("finished", {})
+    return RunDirectory(path)
+
+
+def test_errors_of_a_standing_wave_are_found_as_they_were_made(tmp_path):
+    """Oracle: Airy's standing wave, 2 % too high and 0.7 rad a second too fast: beyond pi after 5 s."""
+    scene, rate, high = Scene.from_toml(CASE, ["initial.amplitude=1e-5"]), 0.7, 1.02
+    k, a = np.pi / 2, 1e-5 * high
+    omega = float(angular_frequency(k, 1.0, 9.81))
+    run = write_run(
+        tmp_path,
+        scene,
+        np.linspace(0, 2, 41),
+        lambda x, t: a * np.cos(k * x) * np.cos((omega + rate) * t),
+        lambda x, t: -9.81 * a / omega * np.cos(k * x) * np.sin((omega + rate) * t),
+    )
+    errors = ExactReference(scene).errors(run)
+    # splines of degree 5 through 40 points a half wave are right to 1e-8
+    assert errors[PHASE] == pytest.approx(5 * rate, abs=1e-6)
+    assert errors[CREST] == pytest.approx(high - 1, abs=1e-6)
+    t = np.linspace(0, 5, 101)
+    expected = np.sqrt(np.mean((high * np.cos((omega + rate) * t) - np.cos(omega * t)) ** 2) / 2)
+    assert errors[SURFACE] == pytest.approx(expected, rel=1e-5)
+
+
+def test_errors_of_a_travelling_wave_are_found_as_they_were_made(tmp_path):
+    """Oracle: the very wave, 3 % too high and 0.2 rad a second too slow, on points that are not equidistant."""
+    scene = Scene.from_toml(RING, [])
+    wave, length = scene.initial.wave(scene.tank), scene.tank.length
+    x = length * (np.arange(96) + 0.2 * np.sin(np.arange(96))) / 96
+    run = write_run(tmp_path, scene, x, lambda x, t: 1.03 * wave.surface(x - (wave.speed - 0.2) * t)[0])
+    errors = ExactReference(scene).errors(run)
+    assert errors[PHASE] == pytest.approx(-0.2 * 5 * 2 * np.pi / length, abs=1e-6)
+    assert errors[CREST] == pytest.approx(0.03, abs=1e-5)
+
+
+@pytest.mark.parametrize("case", [CASE, RING])
+def test_a_run_is_compared_with_another_at_other_times_and_places(tmp_path, case):
+    """Oracle: a wave that is 1 % higher is wrong by 1 %; the other one's steps and points are no multiples."""
+    scene = Scene.from_toml(case, [])
+    k = 2 * np.pi / scene.tank.length
+
+    def eta(x: Any, t: float) -> Any:
+        return 0.1 * np.cos(k * (x - t))
+
+    ends = scene.tank.type == "slice"
+    coarse = np.linspace(0, scene.tank.length, 31, endpoint=ends)
+    fine = np.linspace(0, scene.tank.length, 47, endpoint=ends)
+    run = write_run(tmp_path / "run", scene, coarse, lambda x, t: 1.01 * eta(x, t), times=np.linspace(0, 5.02, 77))
+    other = write_run(tmp_path / "other", scene, fine, eta)
+    errors = RunReference(other.path).errors(run)
+    assert errors[SURFACE] == pytest.approx(0.01, rel=1e-4)
+    assert errors[GAUGES] == pytest.approx(0.01, rel=1e-4)
+
+
+def test_without_a_gauge_in_common_surfaces_are_compared(tmp_path):
+    scene, x = Scene.from_toml(CASE, []), np.linspace(0, 2, 20)
+    run = write_run(tmp_path / "run", scene, x, lambda x, t: np.cos(x + t), gauges=False)
+    other = write_run(tmp_path / "other", scene, x, lambda x, t: np.cos(x + t))
+    assert list(RunReference(other.path).errors(run)) == [SURFACE]
+
+
+# ---------------------------------------------------------------- small real studies
+LINEAR = ["initial.amplitude=1e-5", "numerics.tolerance=1e-12", "numerics.cells=6", "numerics.vertical_order=4"]
+LINEAR += ["run.duration=3.3425"]  # two periods
+SWEEPS = ["dt=0.06685,0.033425", "integrator=third-order,stormer-verlet"]
+
+
+def run_study(out: Path, sweeps=SWEEPS, overrides=LINEAR, **others) -> tuple[list[Row], str]:
+    said = io.StringIO()
+    rows = Study(CASE, sweeps, overrides=overrides, out=out, console=Console(file=said, width=300), **others).execute()
+    return rows, said.getvalue()
+
+
+@pytest.fixture(scope="module")
+def linear_study(tmp_path_factory):
+    out = tmp_path_factory.mktemp("study")
+    rows, _ = run_study(out, reference="exact")
+    return out, rows
+
+
+def test_phase_errors_are_those_of_the_schemes(linear_study):
+    """Oracle: Störmer-Verlet's relative frequency error (omega dt)^2/24; the third-order scheme is of order 3 or more.
+
+    After whole periods its elliptic orbit turns no phase; its next term, 3/640 (omega dt)^4, is 0.6 % of it.
+    """
+    _, rows = linear_study
+    phase = {tuple(row.combination.values.values()): row.errors[PHASE] for row in rows}
+    omega, steps = float(angular_frequency(np.pi / 2, 1.0, 9.81)), np.array([0.06685, 0.033425])
+    verlet = np.array([phase[str(dt), "stormer-verlet"] for dt in steps])
+    np.testing.assert_allclose(verlet, omega * 3.3425 * (omega * steps) ** 2 / 24, rtol=0.02)
+    surface = {tuple(row.combination.values.values()): row.errors[SURFACE] for row in rows}
+    third = [surface[str(dt), "third-order"] for dt in steps]
+    assert fitted_slope(steps, third) > 2.5
+    assert third[0] < 0.05 * surface["0.06685", "stormer-verlet"]
+
+
+def test_the_table_says_settings_errors_costs_and_status(linear_study):
+    out, rows = linear_study
+    with (out / "study.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [(line["dt [s]"], line["integrator"]) for line in table] == list(
+        product(("0.06685", "0.033425"), ("third-order", "stormer-verlet"))
+    )
+    for line, row in zip(table, rows, strict=True):
+        manifest = json.loads((out / row.combination.name / "manifest.json").read_text())
+        assert line["status"] == "finished" and line["cause"] == ""
+        assert float(line[PHASE]) == pytest.approx(row.errors[PHASE], rel=1e-6)
+        assert int(line["steps"]) == manifest["numerics"]["steps"] == round(3.3425 / float(line["dt [s]"]))
+        assert int(line["interior solves"]) == manifest["counters"]["interior_solves"] > int(line["steps"])
+        assert 0 < float(line["CPU [s]"]) < 60  # of the stepping, no more than the machine's clock allows
+        assert 50 < float(line["memory [MiB]"]) < 5000
+    assert (out / "study.png").stat().st_size > 10_000
+
+
+def test_what_has_finished_is_not_run_again(linear_study):
+    out, rows = linear_study
+    before = {path: path.stat().st_mtime_ns for path in out.glob("*/*")}
+    again, said = run_study(out, reference="exact")
+    assert {path: path.stat().st_mtime_ns for path in out.glob("*/*")} == before
+    assert said.count("finished before") == len(rows)
+    assert [row.errors for row in again] == [row.errors for row in rows]
+    assert [row.costs for row in again] == [row.costs for row in rows]
+
+
+def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
+    """A wave of k a = 0.94 breaks at once; the other, and half its step, are judged by their refined reference."""
+    overrides = ["run.duration=0.8", "numerics.cells=8", "numerics.vertical_order=4"]
+    sweeps = ["initial.amplitude=0.02,0.6", "dt=0.04"]
+    rows, said = run_study(tmp_path, sweeps, overrides, marked=["initial.amplitude=0.02", "dt=0.02", "n=6"])
+    assert [row.outcome.status for row in rows] == ["finished", "failed", "finished"]
+    good, broken, plan = rows
+    assert broken.outcome.cause == RunDirectory(tmp_path / broken.combination.name).manifest["cause"]
+    assert broken.outcome.cause in said and not broken.errors
+    assert GAUGES in good.errors
+    assert plan.mark == "plan" and plan.errors[SURFACE] < 0.5 * good.errors[SURFACE] < 0.05
+    with (tmp_path / "study.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert [line["mark"] for line in table] == ["", "", "plan"] and table[2]["n"] == "6"
+    assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE] == ""
+
+
+def test_a_study_without_a_finished_run_still_has_its_table(tmp_path):
+    with pytest.raises(RunError, match=r"no error could be measured.*numerics.dt = 0.5: must be below"):
+        run_study(tmp_path, ["dt=0.5"], reference="fine")
+    assert "refused" in (tmp_path / "study.csv").read_text()
+
+
+# ---------------------------------------------------------------- the picture
+@given(st.lists(st.tuples(st.integers(1, 20), st.integers(1, 20)), min_size=1))
+def test_no_point_beats_the_pareto_front(points):
+    """Oracle: the definition, pair by pair."""
+    front = [points[i] for i in pareto_front(points)]
+
+    def beats(one: tuple[int, int], other: tuple[int, int]) -> bool:
+        return one != other and one[0] <= other[0] and one[1] <= other[1]
+
+    assert set(front) == {point for point in points if not any(beats(other, point) for other in points)}
+    assert front == sorted(set(front))
+
+
+def made_rows() -> tuple[list[Row], list[Axis]]:
+    axes = parse_axes(["dt=0.02,0.04", "n=4,6", "integrator=third-order,stormer-verlet"])
+    rows = [
+        Row(one, Outcome("finished"), {SURFACE: 0.01 / (n + 1), PHASE: -0.1 / (n + 1)}, {"CPU [s]": 1.0 + n})
+        for n, one in enumerate(combinations(CASE, axes))
+    ]
+    plan = marked_combination(CASE, ["dt=0.03", "p=4"])
+    return [*rows, Row(plan, Outcome("finished"), rows[0].errors, {"CPU [s]": 2.0}, "plan")], axes
+
+
+def test_the_picture_names_axes_units_settings_front_and_plan(tmp_path):
+    rows, axes = made_rows()
+    text = draw_study(rows, axes, tmp_path / "study.svg", title="Title").read_text()
+    words = set(part.split("-->")[0].strip() for part in text.split("<!--")[1:])
+    assert {"CPU time of stepping [s]", SURFACE, PHASE, "third-order", "stormer-verlet", "n = 4", "n = 6"} <= words
+    assert {"plan: dt 0.03, p 4", "0.04, 6", "Title: work and precision"} <= words
+    assert any(word.startswith("Pareto front (dt [s], n)") for word in words)
+
+
+def test_a_single_axis_is_drawn_too(tmp_path):
+    axes = parse_axes(["integrator=third-order,stormer-verlet"])
+    rows = [
+        Row(one, Outcome("finished"), {SURFACE: 0.1 / n}, {"CPU [s]": n})
+        for n, one in enumerate(combinations(CASE, axes), start=1)
+    ]
+    assert draw_study(rows, axes, tmp_path / "study.png").exists()
+    write_table(tmp_path / "study.csv", rows, axes)
+    assert len((tmp_path / "study.csv").read_text().splitlines()) == 3

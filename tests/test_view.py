@@ -1,0 +1,282 @@
+"""Views of runs: oracles are the waves that were put in, and where a camera must show them."""
+
+import numpy as np
+import pytest
+import typer
+from imageio_ffmpeg import count_frames_and_secs
+from matplotlib.image import imread
+from mpi4py import MPI
+from PIL import Image
+from rich.console import Console
+from typer.testing import CliRunner
+
+from postprocess import view, view_command, view_film, view_tank
+from wavetank.errors import InputError
+from wavetank.rundir import RunDirectory, RunWriter
+
+LENGTH, DEPTH, HEIGHT = 8.0, 1.0, 0.1  # m
+STEPS, PERIOD = 40, 2.0  # snapshots of one period [s]
+SMALL = (480, 270)
+TANK = {"type": "slice", "length": LENGTH, "depth": DEPTH}
+TIMES = np.linspace(0.0, PERIOD, STEPS + 1)
+
+
+def travelling(x, t):
+    """Return a wave of one length to +x, its crest at x = 0 when t = 0."""
+    return HEIGHT / 2 * np.cos(2 * np.pi * (x / LENGTH - t / PERIOD))
+
+
+def record(path, tank=TANK, *, elevation=travelling, paddle=0.0, times=TIMES, title=""):
+    """Write a run directory with an elevation(x, t) and a paddle that moves by so much [m]."""
+    with RunWriter(path, {"scene": {"title": title, "tank": tank, "wall": {"type": "fixed"}}}) as writer:
+        surface = writer.surface()
+        x = np.linspace(0.0, LENGTH, 81)[: -1 if tank["type"] == "ring" else None]
+        for t in times:
+            moved = x + paddle * np.sin(2 * np.pi * t / PERIOD) * (1 - x / LENGTH)
+            surface.append(t, moved, elevation(moved, t), 0 * x)
+    return RunDirectory(path)
+
+
+@pytest.fixture
+def run(tmp_path):
+    return record(tmp_path / "run", title="A wave")
+
+
+@pytest.fixture(scope="module")
+def standing_wave(tmp_path_factory):
+    """Return a computed run: a standing wave, a little more than half a period of it."""
+    from wavetank.recorded_run import record_run
+    from wavetank.scene import Scene
+
+    tank = {"type": "slice", "length": 2.0, "depth": 1.0}
+    initial = {"type": "standing-wave", "amplitude": 0.1}
+    numerics = {"cells": 8, "vertical_order": 4, "dt": 0.05}
+    content = {"tank": tank, "initial": initial, "numerics": numerics, "run": {"duration": 0.9}}
+    path = tmp_path_factory.mktemp("view") / "standing"
+    record_run(Scene.model_validate(content), path, comm=MPI.COMM_SELF, console=Console(quiet=True))
+    return RunDirectory(path)
+
+
+def skyline(pixels, columns):
+    """Return the uppermost row that is not sky, in each of these columns; the sky is the same along a row."""
+    sky = pixels[:, :1].astype(int)
+    return np.array([np.flatnonzero(np.abs(pixels[:, c] - sky[:, 0]).sum(axis=1) > 6)[0] for c in columns])
+
+
+def far_edge(tank, x, eta):
+    return np.stack([x, np.full_like(x, tank.width / 2), eta], axis=1)
+
+
+def assert_skyline(picture, t, x, eta):
+    """The water's far edge is seen at x [m] and eta [m]; smoothing reaches into one or two rows above it."""
+    columns, rows = picture.place(far_edge(picture.tank, x, eta)).T
+    still_water = picture.place(far_edge(picture.tank, x, 0 * x))[:, 1]
+    assert np.ptp(rows - still_water) > 30  # what is told apart
+    there = np.round(columns).astype(int)
+    expected = np.interp(there + 0.5, columns, rows)  # at the pixels' middles
+    assert skyline(picture.pixels(t), there) + 1.0 == pytest.approx(expected, abs=1.6)
+
+
+# ---------------------------------------------------------------- stills
+def test_a_standing_waves_crest_is_seen_at_one_wall_and_half_a_period_later_at_the_other(standing_wave):
+    tank = view_tank.tank_view(standing_wave)
+    picture = view.View(tank, "", size=(960, 540))
+    x = np.linspace(0.3, 1.7, 15)  # clear of the walls' plates
+    assert_skyline(picture, 0.0, x, 0.1 * np.cos(np.pi * x / 2.0))
+    omega = np.sqrt(9.81 * np.pi / 2 * np.tanh(np.pi / 2))  # linear; (k a)^2 = 2 % changes it by as much at most
+    turned = 0.1 * np.cos(np.pi * x / 2.0) * np.cos(omega * (later := np.pi / omega))
+    profile = tank.at(later).surface.points
+    eta = np.interp(x, profile[: len(profile) // 2, 0], profile[: len(profile) // 2, 2])
+    assert eta == pytest.approx(turned, abs=0.02)  # the second harmonic, k a^2 / 2 and its like
+    assert_skyline(picture, later, x, eta)
+    picture.close()
+
+
+def test_a_still_has_the_size_that_was_asked_for_and_is_not_blank(standing_wave, tmp_path):
+    path = view.still(standing_wave, tmp_path / "new" / "still.png", size=(500, 301))
+    pixels = imread(path)
+    assert pixels.shape[:2] == (301, 500)
+    assert pixels[..., :3].std() > 0.1
+
+
+def test_a_crest_is_light_a_trough_dark_and_still_water_has_the_colour_of_the_bar(tmp_path):
+    def hump(x, t):
+        return HEIGHT * np.exp(-((x - 6.0) ** 2)) - HEIGHT * np.exp(-((x - 3.0) ** 2))
+
+    picture = view.View(view_tank.tank_view(record(tmp_path / "run", elevation=hump)), "", size=(960, 540))
+    pixels = picture.pixels(0.0) / 255
+    places = np.round(picture.place(np.array([[6.0, 0.0, HEIGHT], [3.0, 0.0, -HEIGHT], [0.4, 0.0, 0.0]]))).astype(int)
+    crest, trough, still = (pixels[row, column] for column, row in places)
+    assert crest.mean() > still.mean() + 0.2 > trough.mean() + 0.4
+    assert still == pytest.approx(view.SURFACE(0.5)[:3], abs=0.05)  # lights sum to 1 there, a glint apart
+    picture.close()
+
+
+def test_the_picture_says_title_time_unit_and_exaggeration(run):
+    picture = view.View(view_tank.tank_view(run), "A wave", size=SMALL)
+    picture.draw(0.25)
+    said = {name: picture.plotter.actors[name].input for name in ("title", "time", "bar", "note")}
+    # 0.12 of 8 m over 0.1 m is 9.6; 0.22 of 8 m over 1 m, which is less, is 1.76
+    assert said == {"title": "A wave", "time": "t = 0.25 s", "bar": "elevation [cm]", "note": "vertical exaggeration 2"}
+    picture.note_pace(2.5)
+    assert picture.plotter.actors["note"].input == "vertical exaggeration 2, 2.5 times as fast"
+    picture.close()
+
+
+@pytest.mark.parametrize("depth, height, expected", [(0.1, 0.1, 10), (1.0, 0.1, 2), (5.0, 0.1, 1), (0.01, 0.4, 2)])
+def test_the_exaggeration_shows_the_waves_but_no_tower(tmp_path, depth, height, expected):
+    run = record(tmp_path / "run", {**TANK, "depth": depth}, elevation=lambda x, t: height / 0.1 * travelling(x, t))
+    assert view.exaggeration(view_tank.tank_view(run)) == expected
+
+
+def test_the_whole_tank_is_in_the_picture_and_reaches_its_room(run):
+    for size in ((960, 540), (400, 800)):
+        picture = view.View(tank := view_tank.tank_view(run), "", size=size)
+        corners = np.array([far_edge(tank, np.array([0.0, LENGTH]), np.full(2, z)) for z in (-DEPTH, HEIGHT / 2)])
+        corners = np.concatenate([corners, corners * (1, -1, 1)]).reshape(-1, 3)
+        share = np.abs(2 * picture.place(corners) / size - 1).max(axis=0)
+        assert np.all(share < view.ROOM)
+        assert np.any(share > 0.9 * np.array(view.ROOM))  # the bed's slab and its margins take the rest
+        picture.close()
+
+
+# ---------------------------------------------------------------- meshes
+def test_between_snapshots_the_waves_go_on(run):
+    t = TIMES[20] + 0.5 * (TIMES[1] - TIMES[0])
+    surface = view_tank.tank_view(run).at(t).surface
+    x, _, z = surface.points.T
+    # the spline's (omega dt)^4 / 384 is 2e-6; a straight line's (omega dt)^2 / 8 would be 3e-3
+    assert z == pytest.approx(travelling(x, t), abs=1e-4 * HEIGHT)
+    assert surface[view_tank.ELEVATION] == pytest.approx(100 * z, abs=1e-5)
+
+
+def test_the_paddle_moves_with_the_water(tmp_path):
+    tank = view_tank.tank_view(record(tmp_path / "run", paddle=0.2))
+    for t, x in ((0.5, 0.2), (1.5, -0.2)):
+        sight = tank.at(t)
+        assert sight.paddle.bounds[1] == pytest.approx(x, abs=1e-6)
+        assert sight.surface.bounds[0] == sight.sides.bounds[0] == pytest.approx(x, abs=1e-6)
+        assert tank.bed().bounds[0] < sight.paddle.bounds[0]
+    assert view_tank.tank_view(record(tmp_path / "still")).at(0.5).paddle is None
+
+
+def test_the_water_reaches_from_bed_to_surface(run):
+    tank = view_tank.tank_view(run)
+    sight = tank.at(0.0)
+    low, high = sight.sides.bounds[4:]
+    assert (low, high) == pytest.approx((-DEPTH, HEIGHT / 2))
+    assert tank.bed().bounds[5] == pytest.approx(-DEPTH)
+
+
+def test_a_ring_is_bent_to_a_closed_circle(tmp_path):
+    tank = view_tank.tank_view(record(tmp_path / "run", {**TANK, "type": "ring"}))
+    surface = tank.at(PERIOD / 4).surface  # the crest is at x = LENGTH / 4: anticlockwise from the front, the right
+    rows = surface.points.reshape(2, -1, 3)
+    assert rows[:, 0] == pytest.approx(rows[:, -1], abs=1e-6)
+    middle = rows.mean(axis=0)
+    crest = middle[np.argmax(middle[:, 2])]
+    radius = LENGTH / (2 * np.pi)
+    assert crest == pytest.approx([radius, 0.0, HEIGHT / 2], abs=0.01)  # 800 places around
+    assert np.hypot(middle[:, 0], middle[:, 1]) == pytest.approx(radius, rel=1e-6)
+    assert tank.walls() is None and tank.at(0.0).paddle is None
+
+
+def test_a_ring_and_a_single_snapshot_make_stills(tmp_path):
+    for name, tank in (("ring", {**TANK, "type": "ring"}), ("slice", TANK)):
+        run = record(tmp_path / name, tank, times=[0.5])
+        assert imread(view.still(run, tmp_path / f"{name}.png", size=SMALL))[..., :3].std() > 0.1
+
+
+# ---------------------------------------------------------------- films
+def test_films_have_as_many_frames_as_were_asked_for_and_move(run, tmp_path):
+    seen = []
+
+    def watched(times):
+        for t in times:
+            seen.append(t)
+            yield t
+
+    gif = view.film(run, tmp_path / "film.gif", size=SMALL, frames=5, watched=watched)
+    assert seen == pytest.approx(np.linspace(0.0, PERIOD, 5))
+    with Image.open(gif) as film:
+        assert (film.n_frames, film.size) == (5, SMALL)
+        frames = []
+        for n in range(2):
+            film.seek(n)
+            frames.append(np.asarray(film.convert("RGB"), float))
+    assert np.abs(frames[1] - frames[0]).mean() > 3  # of 255
+    mp4 = view.film(run, tmp_path / "film.mp4", size=(321, 200), frames=4)
+    assert count_frames_and_secs(mp4)[0] == 4
+
+
+@pytest.mark.parametrize("form", view_film.FORMATS.values())
+def test_a_film_lasts_as_long_as_the_run_within_reason(form):
+    assert form.frames(6.0) == round(6.0 * form.rate) + 1
+    assert form.frames(600.0) == round(form.longest * form.rate) + 1 <= 201
+    assert form.frames(0.1) == round(view_film.SHORTEST * form.rate) + 1
+
+
+# ---------------------------------------------------------------- the command
+def command(*arguments):
+    app = typer.Typer()
+    app.command()(view_command.view)
+    return CliRunner().invoke(app, list(map(str, arguments)))
+
+
+def test_the_command_makes_a_still_by_default_and_what_else_is_asked_for(run, tmp_path):
+    done = command(run.path, "--size", "300x200")
+    assert done.exit_code == 0 and f"wrote {run.path / 'view.png'}" in done.output.replace("\n", "")
+    done = command(run.path, "--diagram", "--time", 1.0, "--out", tmp_path / "a.png", "--size", "300x200")
+    assert done.exit_code == 0
+    assert imread(tmp_path / "a.png").shape[:2] == (200, 300)
+    assert (run.path / "surface.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["--time", "2.5"], "time 2.5 s received; allowed is 0 to 2 s"),
+        (["--time", "-1"], "time -1 s received"),
+        (["--time", "nan"], "time nan s received"),
+        (["--size", "large"], "size 'large' received; allowed is WIDTHxHEIGHT"),
+        (["--size", "20x2000"], "size 20x2000 received; allowed are 160 to 8000"),
+        (["--out", "still.jpg"], "still.jpg: a still is written as .png"),
+        (["--out", "manifest.json/still.png"], "still.png: cannot be written"),
+        (["--film", "film.avi"], "allowed are .mp4, .gif"),
+        (["--film", "manifest.json/film.gif"], "film.gif: cannot be written"),
+        (["--window"], "a window needs a display"),
+    ],
+)
+def test_what_cannot_be_viewed_is_refused_and_leaves_no_file(run, monkeypatch, arguments, sentence):
+    monkeypatch.chdir(run.path)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    before = sorted(run.path.iterdir())
+    error = command(run.path, *arguments).exception
+    assert isinstance(error, InputError) and sentence in str(error) and "\n" not in str(error)
+    assert sorted(run.path.iterdir()) == before
+
+
+def test_runs_without_waves_to_view_are_refused(tmp_path):
+    with pytest.raises(InputError, match="is no run directory"):
+        raise command(tmp_path / "none").exception
+    with pytest.raises(InputError, match="has no snapshot of the surface"):
+        view.still(record(tmp_path / "a", times=[]), tmp_path / "a.png")
+    with pytest.raises(InputError, match="has 1 snapshot of the surface; at least 2"):
+        view.film(record(tmp_path / "b", times=[0.0]), tmp_path / "b.gif")
+    with pytest.raises(InputError, match="type 'sphere'; can be viewed: slice, ring"):
+        view.still(record(tmp_path / "c", {**TANK, "type": "sphere"}), tmp_path / "c.png")
+    with pytest.raises(InputError, match="does not say the tank's depth"):
+        view.still(record(tmp_path / "d", {"type": "slice", "length": 1.0}), tmp_path / "d.png")
+    with pytest.raises(InputError, match="times and places must increase"):
+        view.still(record(tmp_path / "e", times=[1.0, 0.0]), tmp_path / "e.png")
+    (tmp_path / "b" / "surface.bin").unlink()
+    with pytest.raises(InputError, match=r"no readable surface\.bin"):
+        view.still(RunDirectory(tmp_path / "b"), tmp_path / "b.png")
+    assert not list(tmp_path.glob("*.png")) and not list(tmp_path.glob("*.gif"))
+
+
+def test_a_missing_package_is_named(run, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "postprocess.view", None)
+    monkeypatch.delattr("postprocess.view")
+    assert "is needed: pip install 'wavetank[view]'" in str(command(run.path).exception)

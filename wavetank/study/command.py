@@ -1,0 +1,46 @@
+"""``wavetank study``: light to import; what it needs is loaded when it is called."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def study(
+    case: Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")],
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUE,VALUE,...", help="values of a setting; several: all combinations"),
+    ] = None,
+    reference: Annotated[str, typer.Option(metavar="fine|exact|RUN", help="what errors are measured against")] = "fine",
+    out: Annotated[Path | None, typer.Option(help="folder; default runs/ and the case's name with -study")] = None,
+    overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
+    mark: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUE", help="a setting of one more combination, drawn as the plan's choice"),
+    ] = None,
+    at_once: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one a core")] = None,
+) -> None:
+    """Measure error against cost: run all combinations of some settings, each in a process of its own.
+
+    What has finished is not run again. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,
+    tolerance.
+    """
+    from mpi4py import MPI
+    from rich.console import Console
+
+    from wavetank.errors import InputError
+    from wavetank.study.study import Study
+
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a study starts its runs itself, without mpirun.")
+    Study(
+        case,
+        sweep or [],
+        out=Path("runs") / f"{case.stem}-study" if out is None else out,
+        overrides=overrides or [],
+        marked=mark or [],
+        reference=reference,
+        at_once=at_once,
+        console=Console(soft_wrap=True),
+    ).execute()

@@ -1,0 +1,124 @@
+"""Runs combinations, each as a ``wavetank run`` of its own, as many at a time as there are cores; resumable."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from wavetank.errors import InputError, RunError
+from wavetank.rundir import RunDirectory
+from wavetank.study.sweep import Combination
+
+Status = Literal["finished", "failed", "refused"]
+
+
+class Outcome(NamedTuple):
+    """How a run ended.
+
+    Attributes
+    ----------
+    status
+        ``"finished"``; ``"failed"``: it broke down; ``"refused"``: it never began, e.g. because dt is unstable.
+    cause
+        The run's own sentence if it is not finished.
+    again
+        Whether it was run now; else it had been finished before.
+    """
+
+    status: Status
+    cause: str = ""
+    again: bool = True
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def is_finished(directory: Path, combination: Combination) -> bool:
+    """Return whether a directory holds the finished run of that very scene."""
+    try:
+        manifest = RunDirectory(directory).manifest
+    except InputError:
+        return False
+    return bool(manifest["status"] == "finished" and manifest["scene"] == combination.scene.model_dump(mode="json"))
+
+
+class Runner:
+    """Runs combinations of a case into folders of ``out``.
+
+    Parameters
+    ----------
+    at_once
+        How many at a time; each on one core.
+    """
+
+    def __init__(self, case: Path, out: Path, *, at_once: int):
+        self._case, self._out, self._at_once = case, out, at_once
+        self._processes: set[subprocess.Popen[str]] = set()
+
+    def directory(self, combination: Combination) -> Path:
+        """Return where a combination is run."""
+        return self._out / combination.name
+
+    def run(self, combinations: Sequence[Combination]) -> Iterator[tuple[Combination, Outcome]]:
+        """Yield each combination as soon as it has ended, those that had been finished before first.
+
+        Raises ``RunError`` after Ctrl-C or SIGTERM, which end the runs between two steps.
+        """
+        finished = [one for one in combinations if is_finished(self.directory(one), one)]
+        yield from ((one, Outcome("finished", again=False)) for one in finished)
+        waiting = [one for one in combinations if one not in finished]
+        with _termination_as_interrupt(), ThreadPoolExecutor(self._at_once) as pool:
+            futures = {pool.submit(self._run, one): one for one in waiting}
+            try:
+                for future in as_completed(futures):
+                    yield futures[future], future.result()
+            except BaseException as error:
+                pool.shutdown(wait=False, cancel_futures=True)
+                self._terminate()
+                if isinstance(error, KeyboardInterrupt):
+                    raise RunError("interrupted; the same command goes on with the runs that are missing.") from None
+                raise
+
+    def _run(self, combination: Combination) -> Outcome:
+        changes = [word for change in combination.overrides for word in ("--set", change)]
+        out = str(self.directory(combination))
+        process = subprocess.Popen(
+            [sys.executable, "-m", "wavetank", "run", str(self._case), "--no-plots", "--out", out, *changes],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "OMP_NUM_THREADS": "1"},  # without what MPI has set for this process alone
+        )
+        self._processes.add(process)
+        _, errors = process.communicate()
+        self._processes.discard(process)
+        return _outcome(process.returncode, errors)
+
+    def _terminate(self) -> None:
+        for process in tuple(self._processes):
+            process.terminate()
+
+
+def _outcome(code: int, errors: str) -> Outcome:
+    if code == 0:
+        return Outcome("finished")
+    lines = [line for line in errors.splitlines() if line.strip()] or [f"ended with code {code}"]
+    status: Status = "refused" if code == InputError.exit_code else "failed"
+    return Outcome(status, lines[-1].removeprefix("wavetank: "))
+
+
+@contextmanager
+def _termination_as_interrupt() -> Iterator[None]:
+    """Let SIGTERM do what Ctrl-C does, so that no run is left behind."""
+    former = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, former)

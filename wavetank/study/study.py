@@ -1,0 +1,161 @@
+"""A study: combinations are run, judged by a reference, and shown as a table and a work-precision picture."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from wavetank.errors import InputError, RunError
+from wavetank.rundir import RunDirectory
+from wavetank.study.drawing import draw_study
+from wavetank.study.measures import ExactReference, Reference, RunReference
+from wavetank.study.refinement import finest, refined, same_but_numerics
+from wavetank.study.runs import Outcome, Runner, cores
+from wavetank.study.sweep import Axis, Combination, combinations, marked_combination, parse_axes
+from wavetank.study.table import CPU, Row, costs, measured, study_table, write_table
+
+TABLE, PICTURE = "study.csv", "study.png"
+FINE, EXACT = "fine", "exact"
+WIDTH = 120  # characters the table needs, on whatever terminal
+
+Outcomes = dict[str, Outcome]  # by the combination's name
+
+
+class Study:
+    """What is run, and what it is judged by; validated before anything runs.
+
+    Parameters
+    ----------
+    case
+        The case file.
+    sweeps
+        ``KEY=VALUE,VALUE,...`` each, the last varying fastest; KEY is a dotted key of the case or a short name.
+    out
+        Folder of the runs, the table and the picture.
+    overrides
+        ``KEY=VALUE`` changes of the case for all runs.
+    marked
+        ``KEY=VALUE`` settings, short names allowed, of one more combination that is drawn as a star: a plan's choice.
+    reference
+        ``"fine"``: the finest combination refined once more, one for each group of scenes that differ in nothing but
+        numerics; ``"exact"``: the scene's exact solution; or the path of a run directory.
+    at_once
+        Runs at a time, each on one core; default: as many as there are cores.
+
+    Raises ``InputError`` for anything that cannot be run or judged.
+    """
+
+    def __init__(
+        self,
+        case: Path,
+        sweeps: Sequence[str],
+        *,
+        out: Path,
+        overrides: Sequence[str] = (),
+        marked: Sequence[str] = (),
+        reference: str = FINE,
+        at_once: int | None = None,
+        console: Console,
+    ):
+        self._case, self._out, self._console = case, out, console
+        self._axes = parse_axes(sweeps, overrides)
+        self._swept = combinations(case, self._axes, overrides)
+        self._marked = [marked_combination(case, marked, overrides)] if marked else []
+        self._groups = same_but_numerics(self._all)
+        self._references = _references(reference, self._groups)
+        self._runner = Runner(case, out, at_once=at_once or cores())
+
+    @property
+    def _all(self) -> list[Combination]:
+        return [*self._swept, *self._marked]
+
+    def execute(self) -> list[Row]:
+        """Run what is missing, write ``study.csv`` and ``study.png`` and return the rows, marked ones last.
+
+        Raises ``RunError`` if interrupted, and, once the table is written, if no error could be measured.
+        """
+        outcomes = self._run(self._all, "runs")
+        references = self._references or self._refined(outcomes)
+        rows = [
+            self._row(one, outcomes[one.name], reference)
+            for group, reference in zip(self._groups, references, strict=True)
+            for one in group
+        ]
+        order = [one.name for one in self._all]
+        rows.sort(key=lambda row: order.index(row.combination.name))
+        self._write(rows)
+        return rows
+
+    def _run(self, combinations: Sequence[Combination], what: str) -> Outcomes:
+        """Run combinations and say how each has ended."""
+        columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        outcomes: Outcomes = {}
+        with Progress(*columns, console=self._console, disable=not self._console.is_terminal) as bar:
+            task = bar.add_task(what, total=len(combinations))
+            for one, outcome in self._runner.run(combinations):
+                outcomes[one.name] = outcome
+                bar.update(task, advance=1)
+                line = f"{len(outcomes)}/{len(combinations)} {one.name}: {self._ended(one, outcome)}"
+                self._console.print(escape(line), highlight=False)
+        return outcomes
+
+    def _ended(self, one: Combination, outcome: Outcome) -> str:
+        if outcome.status != "finished":
+            return f"{outcome.status}: {outcome.cause}"
+        spent = self._costs(one)[CPU]
+        return f"{spent:.1f} s of CPU time{'' if outcome.again else ', finished before'}"
+
+    def _costs(self, one: Combination) -> dict[str, float]:
+        return costs(RunDirectory(self._runner.directory(one)).manifest)
+
+    def _refined(self, outcomes: Outcomes) -> list[Reference | None]:
+        """Run a refined reference for each group; None for those whose finest run or reference has not finished."""
+        needed = {n: one for n, group in enumerate(self._groups) if (one := self._refinement(n, group, outcomes))}
+        ended = self._run(list(needed.values()), "reference")
+        finished = {n: one for n, one in needed.items() if ended[one.name].status == "finished"}
+        directories = {n: self._runner.directory(one) for n, one in finished.items()}
+        return [RunReference(directories[n]) if n in directories else None for n in range(len(self._groups))]
+
+    def _refinement(self, n: int, group: Sequence[Combination], outcomes: Outcomes) -> Combination | None:
+        coarse = finest([one for one in group if one in self._swept] or group)
+        if outcomes[coarse.name].status != "finished":
+            return None
+        dt = RunDirectory(self._runner.directory(coarse)).manifest["numerics"]["dt"]
+        name = "reference" if len(self._groups) == 1 else f"reference-{n + 1}"
+        return refined(self._case, coarse, dt=dt, name=name)
+
+    def _row(self, one: Combination, outcome: Outcome, reference: Reference | None) -> Row:
+        mark = "plan" if one in self._marked else ""
+        if outcome.status != "finished":
+            return Row(one, outcome, mark=mark)
+        errors = reference.errors(RunDirectory(self._runner.directory(one))) if reference else {}
+        return Row(one, outcome, errors, self._costs(one), mark)
+
+    def _write(self, rows: Sequence[Row]) -> None:
+        beside = [Axis.of(name) for one in self._marked for name in one.values]
+        axes = list(dict.fromkeys([*(Axis.of(axis.name) for axis in self._axes), *beside]))
+        write_table(self._out / TABLE, rows, axes)
+        wide = Console(file=self._console.file, width=max(self._console.width, WIDTH), soft_wrap=True)
+        wide.print(study_table(rows, axes))
+        self._console.print(f"wrote {self._out / TABLE}", highlight=False)
+        if not measured(rows):
+            causes = "; ".join(dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause))
+            raise RunError(f"no error could be measured: no run, or not its reference, has finished. {causes}")
+        title = rows[0].combination.scene.title
+        self._console.print(f"wrote {draw_study(rows, self._axes, self._out / PICTURE, title=title)}", highlight=False)
+
+
+def _references(reference: str, groups: Sequence[Sequence[Combination]]) -> list[Reference | None]:
+    """Return a reference for each group, or nothing if they are still to be computed."""
+    if reference == FINE:
+        return []
+    if reference == EXACT:
+        return [ExactReference(group[0].scene) for group in groups]
+    if not Path(reference).is_dir():
+        raise InputError(f"reference {reference!r} received; allowed are {FINE}, {EXACT} and a run directory.")
+    run = RunReference(Path(reference))
+    for group in groups:
+        run.check(group[0].scene)
+    return [run for _ in groups]

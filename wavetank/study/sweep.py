@@ -1,0 +1,137 @@
+"""What a study sweeps: every combination of the values given for some keys of a case."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from urllib.parse import quote
+
+from wavetank.errors import InputError
+from wavetank.scene import Scene
+
+SHORT_NAMES = {
+    "dt": "numerics.dt",
+    "dx": "numerics.cell_size",
+    "cells": "numerics.cells",
+    "n": "numerics.vertical_order",
+    "p": "numerics.order",
+    "order": "numerics.order",
+    "integrator": "numerics.integrator",
+    "tolerance": "numerics.tolerance",
+}
+UNITS = {"dt": "s", "dx": "m"}
+READABLE = "=,.+-"  # characters a folder's name may have besides letters and digits; the others are escaped
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A key of the case and the values it takes, as given.
+
+    Attributes
+    ----------
+    key
+        Dotted key of the case, e.g. ``numerics.vertical_order``.
+    values
+        All different.
+    """
+
+    key: str
+    values: tuple[str, ...]
+
+    @classmethod
+    def of(cls, name: str, *values: str) -> "Axis":
+        """Return the axis of a dotted key or a short name."""
+        return cls(SHORT_NAMES.get(name, name), values)
+
+    @property
+    def name(self) -> str:
+        """The key's short name if it has one, e.g. ``n``."""
+        return next((name for name, key in SHORT_NAMES.items() if key == self.key), self.key)
+
+    @property
+    def label(self) -> str:
+        """The name with its unit, e.g. ``dt [s]``."""
+        return f"{self.name} [{UNITS[self.name]}]" if self.name in UNITS else self.name
+
+
+@dataclass(frozen=True)
+class Combination:
+    """One run of a study.
+
+    Attributes
+    ----------
+    name
+        Of its run directory.
+    values
+        By the names of the axes, as given.
+    overrides
+        All that changes the case, ``KEY=VALUE``; of two for one key the later one holds.
+    scene
+        What is run.
+    """
+
+    name: str
+    values: dict[str, str]
+    overrides: tuple[str, ...]
+    scene: Scene
+
+
+def parse_axis(text: str) -> Axis:
+    """Return the axis of ``KEY=VALUE,VALUE,...``; KEY is dotted or short. Raises ``InputError``."""
+    name, _, values = text.partition("=")
+    given = tuple(value.strip() for value in values.split(","))
+    if not name.strip() or not all(given):
+        raise InputError(f"sweep {text!r} received; allowed is KEY=VALUE,VALUE,..., such as dt=0.02,0.04.")
+    if len(set(given)) < len(given):
+        raise InputError(f"sweep {text!r} received; its values must be different.")
+    return Axis.of(name.strip(), *given)
+
+
+def parse_axes(texts: Sequence[str], overrides: Sequence[str] = ()) -> list[Axis]:
+    """Return the axes of a study; raises ``InputError`` if there is none, or for a key that is given twice."""
+    if not texts:
+        names = ", ".join(SHORT_NAMES)
+        raise InputError(f"no sweep received; give one or more KEY=VALUE,VALUE,...; short names are {names}.")
+    axes = [parse_axis(text) for text in texts]
+    fixed = {override.partition("=")[0].strip() for override in overrides}
+    count = Counter([*(axis.key for axis in axes), *fixed])
+    twice = [key for key, times in count.items() if times > 1]
+    if twice:
+        raise InputError(f"{twice[0]} received twice; it must be swept or set once.")
+    return axes
+
+
+def combinations(case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()) -> list[Combination]:
+    """Return every combination, the last axis varying fastest, each validated.
+
+    Raises ``InputError`` for a case or a value that cannot be used, and for two combinations that are the same run.
+    """
+    found = [combination(case, dict(zip(axes, values, strict=True)), overrides) for values in _product(axes)]
+    for n, one in enumerate(found):
+        same = next((other for other in found[:n] if other.scene == one.scene), None)
+        if same:
+            raise InputError(f"the combinations {same.name} and {one.name} are the same run; values must be different.")
+    return found
+
+
+def _product(axes: Sequence[Axis]) -> Iterator[tuple[str, ...]]:
+    return product(*(axis.values for axis in axes))
+
+
+def combination(case: Path, values: dict[Axis, str], overrides: Sequence[str] = ()) -> Combination:
+    """Return one combination, validated; raises ``InputError``."""
+    changes = (*overrides, *(f"{axis.key}={value}" for axis, value in values.items()))
+    named = {axis.name: value for axis, value in values.items()}
+    name = quote(",".join(f"{key}={value}" for key, value in named.items()), safe=READABLE)
+    return Combination(name, named, changes, Scene.from_toml(case, changes))
+
+
+def marked_combination(case: Path, settings: Sequence[str], overrides: Sequence[str] = ()) -> Combination:
+    """Return a combination beside the swept ones from ``KEY=VALUE`` each, keys dotted or short; raises ``InputError``.
+
+    Settings go before overrides of the same key.
+    """
+    values = {axis: value for axis in map(parse_axis, settings) for value in axis.values}
+    found = combination(case, values, overrides)
+    return replace(found, name=f"plan,{found.name}")

@@ -1,0 +1,91 @@
+"""A study's result: a row for each combination, as CSV and for the terminal."""
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rich.box import SIMPLE
+from rich.markup import escape
+from rich.table import Table
+
+from wavetank.study.measures import Errors
+from wavetank.study.runs import Outcome
+from wavetank.study.sweep import Axis, Combination
+
+CPU = "CPU [s]"
+COSTS = {  # column: where in the manifest; CPU and wall time are those of stepping
+    CPU: ("timings", "stepping_cpu_s"),
+    "wall [s]": ("timings", "stepping_s"),
+    "set-up [s]": ("timings", "set_up_s"),
+    "steps": ("numerics", "steps"),
+    "step [s]": ("numerics", "dt"),
+    "interior solves": ("counters", "interior_solves"),
+    "iterations": ("counters", "interior_iterations"),
+    "memory [MiB]": ("memory", "peak_mib"),
+}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A combination with what came of it.
+
+    Attributes
+    ----------
+    errors, costs
+        By column name; empty if the run is not finished, errors also if its reference is not.
+    mark
+        What makes the combination special, e.g. ``"plan"``.
+    """
+
+    combination: Combination
+    outcome: Outcome
+    errors: Errors = field(default_factory=dict)
+    costs: dict[str, float] = field(default_factory=dict)
+    mark: str = ""
+
+
+def costs(manifest: dict[str, Any]) -> dict[str, float]:
+    """Return the costs of a finished run."""
+    return {column: manifest[part][figure] for column, (part, figure) in COSTS.items()}
+
+
+def measured(rows: Iterable[Row]) -> list[str]:
+    """Return the error measures that any row has."""
+    return list(dict.fromkeys(name for row in rows for name in row.errors))
+
+
+def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
+    """Write ``study.csv``: settings, errors, costs, status and cause."""
+    errors = measured(rows)
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow([*(axis.label for axis in axes), "mark", *errors, *COSTS, "status", "cause"])
+        for row in rows:
+            settings = [row.combination.values.get(axis.name, "") for axis in axes]
+            figures = [_number(row.errors.get(name)) for name in errors]
+            figures += [_number(row.costs.get(name)) for name in COSTS]
+            writer.writerow([*settings, row.mark, *figures, row.outcome.status, row.outcome.cause])
+
+
+def _number(value: float | None, digits: int = 7) -> str:
+    return "" if value is None else f"{value:.{digits}g}"
+
+
+def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
+    """Return the table for the terminal: settings, errors and the main costs."""
+    errors, shown = measured(rows), (CPU, "steps", "interior solves", "iterations", "memory [MiB]")
+    table = Table(box=SIMPLE, padding=0)
+    for axis in axes:
+        longest = max(len(row.combination.values.get(axis.name, "")) for row in rows)
+        table.add_column(escape(axis.label), min_width=longest)  # a unit's brackets are no markup
+    for name in (*errors, *shown, ""):
+        table.add_column(escape(name))
+    for row in rows:
+        settings = [row.combination.values.get(axis.name, "") for axis in axes]
+        figures = [_number(row.errors.get(name), 3) for name in errors]
+        figures += [_number(row.costs.get(name), 6 if name != CPU else 3) for name in shown]
+        note = row.mark if row.outcome.status == "finished" else row.outcome.status
+        table.add_row(*map(escape, settings), *figures, note)
+    return table

@@ -1,0 +1,93 @@
+"""How fast the surface moves between the degrees of freedom, where its crests are, and how fast those travel.
+
+Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
+"""
+
+from typing import NamedTuple
+
+import basix
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from wavetank.hamiltonian.contract import Vector
+from wavetank.water.waves import NonlinearWaves
+
+
+class Crest(NamedTuple):
+    """A place where the surface is level and highest around.
+
+    Attributes
+    ----------
+    x
+        Distance along the tank [m].
+    height
+        Elevation [m].
+    velocity
+        The water's horizontal velocity there [m/s].
+    """
+
+    x: float
+    height: float
+    velocity: float
+
+
+class SurfaceFlow:
+    """Slopes and velocities of the surface of a tank of one horizontal dimension; collective throughout."""
+
+    def __init__(self, waves: NonlinearWaves):
+        plane = waves.plane
+        self._waves, self._comm = waves, plane.comm
+        self._h, self._psi = plane.function("column"), plane.function("surface potential")
+        lattice = basix.create_lattice(basix.CellType.interval, 2 * plane.order, basix.LatticeType.equispaced, True)
+        points = np.sort(lattice, axis=0)
+        ahead = plane.chart.direction(plane.mesh)
+        slopes = [ufl.inner(waves.wall.gradient(field.function), ahead) for field in (self._h, self._psi)]
+        place = ufl.SpatialCoordinate(plane.mesh)
+        self._cells = np.arange(plane.mesh.topology.index_map(1).size_local, dtype=np.int32)
+        self._expression = fem.Expression(ufl.as_vector([self._h.function, *slopes]), points)
+        places = fem.Expression(place, points).eval(plane.mesh, self._cells).reshape(-1, plane.mesh.geometry.dim)
+        coordinates = np.zeros((len(places), 3))
+        coordinates[:, : places.shape[1]] = places
+        x = plane.chart.continued(plane.chart.along(coordinates).reshape(self._cells.size, -1))
+        self._turned = x[:, 0] > x[:, -1]  # cells that run backwards
+        self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
+        self._x = self._sorted(x)
+        self._cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
+        self._q: Vector | None = None
+        self._p: Vector | None = None
+
+    def _sorted(self, values: Vector) -> Vector:
+        """Return the values of all ranks in the order of x, from shape (cells, points) to (all cells * points,)."""
+        rows = np.where(self._turned[:, None], values[:, ::-1], values)
+        return np.asarray(np.concatenate(self._comm.allgather(rows))[self._order].ravel())
+
+    def update(self, q: Vector, p: Vector) -> None:
+        """Take the surface of a state, the wall where it stands; nothing to do for the state last taken."""
+        if q is self._q and p is self._p:
+            return
+        self._q, self._p = q, p
+        self._h.set(self._waves.mass.solve(q))
+        self._psi.set(p)
+        values = self._expression.eval(self._waves.plane.mesh, self._cells).reshape(self._cells.size, -1, 3)
+        h, self._slope, self._psi_x = (self._sorted(values[:, :, i]) for i in range(3))
+        self._eta = h - self._waves.depth
+
+    @property
+    def largest_velocity(self) -> float:
+        """The largest horizontal velocity of the surface [m/s]."""
+        return float(np.abs(self._psi_x / (1 + self._slope**2)).max())
+
+    def crests(self) -> list[Crest]:
+        """Return the crests above still water, in the order of x; of several within a cell, the highest."""
+        rising = np.flatnonzero((self._slope[:-1] > 0) & (self._slope[1:] <= 0) & (self._eta[:-1] > 0))
+        part = self._slope[rising] / (self._slope[rising] - self._slope[rising + 1])
+        values = ((1 - part) * field[rising] + part * field[rising + 1] for field in (self._x, self._eta, self._psi_x))
+        crests = list[Crest]()
+        for crest in (Crest(*map(float, place)) for place in zip(*values, strict=True)):
+            if crests and crest.x - crests[-1].x < self._cell:
+                crests[-1] = max(crests[-1], crest, key=lambda one: one.height)
+            else:
+                crests.append(crest)
+        return crests
