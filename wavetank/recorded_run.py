@@ -5,6 +5,7 @@ import resource
 import sys
 import time
 from contextlib import nullcontext, suppress
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -82,11 +83,12 @@ def _cost(waves: Waves) -> tuple[int, int]:
 
 
 def _summary(scene: Scene, run: Run, waves: Waves) -> str:
-    unknowns = waves.plane.size * (waves.vertical.n + 2)
+    unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
+    bound = f" of {limit:g}" if limit < inf else ", stable at any"
     return (
         f"{scene.title or 'untitled'}: {scene.cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
         f"{unknowns} unknowns; {run.steps} steps of {run.dt:g} s ({run.integrator.name}, "
-        f"dt omega_max = {run.dt * waves.largest_frequency:.2f} of {run.integrator.stability_limit:g})"
+        f"dt omega_max = {run.dt * waves.largest_frequency:.2f}{bound})"
     )
 
 
