@@ -210,7 +210,7 @@ def test_a_group_that_does_not_break_is_left_alone(wavetank, tmp_path):
 
 def test_a_steep_wave_is_the_same_on_any_number_of_ranks(wavetank, tmp_path):
     """With the penalty at work; tight tolerances leave differences of round-off."""
-    changes = ["run.duration=0.05", "numerics.dt=0.0125", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]
+    changes = ["run.duration=0.025", "numerics.dt=0.0125", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]
     changes.append("numerics.integrator=third-order")
     overrides = [word for change in changes for word in ("--set", change)]
     records, taken = [], []
