@@ -60,6 +60,11 @@ class CrestSpeeds:
         self._fastest, self._slowest, self._window, self._places = fastest, slowest, window, places
         self._tracks: list[Track] = []
 
+    @property
+    def least(self) -> float:
+        """The least velocity of a crest's water with which it may break, or still break [m/s]."""
+        return RECOVERED * self._slowest
+
     def follow(self, crests: list[Crest], t: float) -> list[Moving]:
         """Return the crests at t that move, with their speeds."""
         self._tracks = [self._continued(crest, t) for crest in crests]
@@ -67,8 +72,7 @@ class CrestSpeeds:
         moving = []
         for crest, track in zip(crests, self._tracks, strict=True):
             if t - track[0][0] >= self._window and first <= crest.x <= last:
-                times, places = np.array(track).T
-                speed = float(np.polyfit(times, places, 1)[0])
+                speed = (crest.x - track[0][1]) / (t - track[0][0])
                 moving += [Moving(crest, speed)] if abs(speed) > self._slowest else []
         return moving
 
@@ -102,7 +106,7 @@ class StopAtBreaking:
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Raise ``RunError`` if a wave breaks; there is never anything to do; collective."""
         self._flow.update(q, p)
-        for one in self._speeds.follow(self._flow.crests(), t):
+        for one in self._speeds.follow(self._flow.crests(faster=self._speeds.least), t):
             if one.overtaking > ONSET:
                 raise RunError(
                     f"t = {t:.6g} s, x = {one.crest.x:.4g} m: a wave breaks: the water in its crest, "
@@ -155,7 +159,9 @@ class BreakingDissipation(Smoothing):
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
         self._flow.update(q, p)
-        breaking = [one for one in self._speeds.follow(self._flow.crests(), t) if self._breaks(one)]
+        breaking = [
+            one for one in self._speeds.follow(self._flow.crests(faster=self._speeds.least), t) if self._breaks(one)
+        ]
         for one in breaking:
             if not self._broke(one):
                 self.began.append((t, one.crest.x))

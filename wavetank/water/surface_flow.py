@@ -79,9 +79,13 @@ class SurfaceFlow:
         """The largest horizontal velocity of the surface [m/s]."""
         return float(np.abs(self._psi_x / (1 + self._slope**2)).max())
 
-    def crests(self) -> list[Crest]:
-        """Return the crests above still water, in the order of x; of several within a cell, the highest."""
-        rising = np.flatnonzero((self._slope[:-1] > 0) & (self._slope[1:] <= 0) & (self._eta[:-1] > 0))
+    def crests(self, *, faster: float = 0.0) -> list[Crest]:
+        """Return the crests above still water, in the order of x; of several within a cell, the highest.
+
+        ``faster`` leaves out those whose water moves at less than that [m/s].
+        """
+        level = (self._slope[:-1] > 0) & (self._slope[1:] <= 0) & (self._eta[:-1] > 0)
+        rising = np.flatnonzero(level & (np.abs(self._psi_x[:-1]) >= faster))
         part = self._slope[rising] / (self._slope[rising] - self._slope[rising + 1])
         values = ((1 - part) * field[rising] + part * field[rising + 1] for field in (self._x, self._eta, self._psi_x))
         crests = list[Crest]()
