@@ -11,6 +11,7 @@ from wavetank.build import Records, build_observers, build_run
 from wavetank.errors import InputError
 from wavetank.fe.charts import Polygon
 from wavetank.integrators import ThirdOrder
+from wavetank.observers.energy import COLUMNS
 from wavetank.observers.record import Memory
 from wavetank.reference.airy import angular_frequency
 from wavetank.rundir import RunDirectory
@@ -144,7 +145,7 @@ def round_the_ring(*, steepness, kd, cells, n, steps, periods, waves=1):
     run.execute()
     phase = np.angle(np.sum(run.state.q * harmonic) / np.sum(start * harmonic))
     crest = tank.elevation(run.state.q, run.state.p, run.t)[np.argmin(tank.plane.x)]
-    total, mass = energy.array()[:, [3, 6]].T
+    total, mass = energy.array()[:, [COLUMNS.index(name) for name in ("total [m^4/s^2]", "mass [m^2]")]].T
     return abs(phase), abs(crest / wave.surface([0.0])[0][0] - 1), np.ptp(total) / total[0], np.ptp(mass) / mass[0]
 
 
