@@ -70,18 +70,8 @@ class Damped(Generic[S]):
 
 
 @dataclass(frozen=True)
-class SplitDamped(Generic[S]):
-    """Half of the damping, an undamped step, half of the damping: second order at most, and H is never touched.
-
-    Attributes are those of ``Damped``.
-    """
-
-    scheme: Integrator[S]
-    gamma: Vector
-
-    def start(self, q: Vector, p: Vector) -> S:
-        """Return the state of a smooth start."""
-        return self.scheme.start(q, p)
+class SplitDamped(Damped[S]):
+    """Half of the damping, an undamped step, half of the damping: second order at most, and H is never touched."""
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""

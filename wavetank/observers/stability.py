@@ -7,11 +7,9 @@ which is right to a percent and costs as much as four steps.
 
 from collections.abc import Callable
 
-import numpy as np
-
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
-from wavetank.water.edge_penalty import shortest_wave_number
+from wavetank.water.edge_penalty import shortest_wave_frequency, shortest_wave_number
 from wavetank.water.linearised import LinearisedFlow
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
@@ -58,7 +56,7 @@ class StabilityWatch:
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._k = shortest_wave_number(waves, cell_size)
-        self._intrinsic = float(np.sqrt(waves.gravity * self._k * np.tanh(self._k * waves.depth)))
+        self._intrinsic = shortest_wave_frequency(waves, cell_size)
         self.largest = dt * waves.largest_frequency
         self._next = 0
 

@@ -60,10 +60,10 @@ class CrestSpeeds:
         self._fastest, self._slowest, self._window, self._places = fastest, slowest, window, places
         self._tracks: list[Track] = []
 
-    @property
-    def least(self) -> float:
-        """The least velocity of a crest's water with which it may break, or still break [m/s]."""
-        return RECOVERED * self._slowest
+    def look(self, flow: SurfaceFlow, q: Vector, p: Vector, t: float) -> list[Moving]:
+        """Return the moving crests of a state that may break, or still break, with their speeds; collective."""
+        flow.update(q, p)
+        return self.follow(flow.crests(faster=RECOVERED * self._slowest), t)
 
     def follow(self, crests: list[Crest], t: float) -> list[Moving]:
         """Return the crests at t that move, with their speeds."""
@@ -105,8 +105,7 @@ class StopAtBreaking:
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Raise ``RunError`` if a wave breaks; there is never anything to do; collective."""
-        self._flow.update(q, p)
-        for one in self._speeds.follow(self._flow.crests(faster=self._speeds.least), t):
+        for one in self._speeds.look(self._flow, q, p, t):
             if one.overtaking > ONSET:
                 raise RunError(
                     f"t = {t:.6g} s, x = {one.crest.x:.4g} m: a wave breaks: the water in its crest, "
@@ -158,10 +157,7 @@ class BreakingDissipation(Smoothing):
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
-        self._flow.update(q, p)
-        breaking = [
-            one for one in self._speeds.follow(self._flow.crests(faster=self._speeds.least), t) if self._breaks(one)
-        ]
+        breaking = [one for one in self._speeds.look(self._flow, q, p, t) if self._breaks(one)]
         for one in breaking:
             if not self._broke(one):
                 self.began.append((t, one.crest.x))

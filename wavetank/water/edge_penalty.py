@@ -53,8 +53,8 @@ class EdgePenalty(Smoothing):
         threshold: float = NEEDED,
     ):
         plane, k = waves.plane, shortest_wave_number(waves, cell_size)
-        rate = float(np.sqrt(waves.gravity * k * np.tanh(k * waves.depth)))
-        kappa, n = strength * abs(dt) * rate * cell_size**3 / plane.order**4, ufl.FacetNormal(plane.mesh)
+        rate, n = shortest_wave_frequency(waves, cell_size), ufl.FacetNormal(plane.mesh)
+        kappa = strength * abs(dt) * rate * cell_size**3 / plane.order**4
 
         def penalty(u: Any, v: Any) -> ufl.Form:
             jumps = ufl.jump(ufl.grad(u), n) * ufl.jump(ufl.grad(v), n)
@@ -80,3 +80,9 @@ class EdgePenalty(Smoothing):
 def shortest_wave_number(waves: NonlinearWaves, cell_size: float) -> float:
     """Return k_g = pi p / l of cells of size l [m], in 1/m."""
     return float(np.pi * waves.plane.order / cell_size)
+
+
+def shortest_wave_frequency(waves: NonlinearWaves, cell_size: float) -> float:
+    """Return omega_g, omega_g² = g k_g tanh(k_g d), of cells of size l [m], in rad/s."""
+    k = shortest_wave_number(waves, cell_size)
+    return float(np.sqrt(waves.gravity * k * np.tanh(k * waves.depth)))

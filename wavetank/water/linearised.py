@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.hamiltonian.contract import Vector
-from wavetank.water.still_water import scales
+from wavetank.water.still_water import krylov_projection, scales
 from wavetank.water.waves import NonlinearWaves
 
 DIFFERENCE = 1e-5  # m; of the surface, for directional derivatives of the flow
@@ -46,18 +46,8 @@ class LinearisedFlow:
     def spectral_radius(self, steps: int = 12) -> float:
         """Return the largest modulus of an eigenvalue [rad/s] by Arnoldi iteration, to a percent."""
         start = np.sin(1e5 * np.arange(self._state.size) + 1.0)
-        basis = [start / np.sqrt(self.inner(start, start))]
-        projected = np.zeros((steps + 1, steps))
-        for k in range(steps):
-            image = self(basis[k])
-            for _ in range(2):
-                for j, vector in enumerate(basis):
-                    part = self.inner(vector, image)
-                    projected[j, k] += part
-                    image = image - part * vector
-            projected[k + 1, k] = np.sqrt(self.inner(image, image))
-            basis.append(image / projected[k + 1, k])
-        return float(np.abs(np.linalg.eigvals(projected[:steps])).max())
+        projected = krylov_projection(self, start, inner=self.inner, steps=steps)
+        return float(np.abs(np.linalg.eigvals(projected)).max())
 
     def matrix(self) -> Vector:
         """Return A as a dense matrix, on one rank: for small tanks only."""

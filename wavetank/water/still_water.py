@@ -87,14 +87,17 @@ def largest_frequency(waves: Waves) -> float:
         return waves.plane.sum(a * waves.mass.apply(b))
 
     start = np.sin(1e5 * waves.plane.coordinates().sum(axis=1))
-    largest = largest_eigenvalue(surface_operator, start, inner=inner, steps=min(40, waves.plane.size))
-    return float(np.sqrt(waves.gravity * largest))
+    projected = krylov_projection(surface_operator, start, inner=inner, steps=min(40, waves.plane.size))
+    return float(np.sqrt(waves.gravity * np.linalg.eigvalsh(projected, UPLO="U")[-1]))
 
 
-def largest_eigenvalue(
+def krylov_projection(
     operator: Callable[[Vector], Vector], start: Vector, *, inner: Callable[[Vector, Vector], float], steps: int
-) -> float:
-    """Return the largest eigenvalue of an operator self-adjoint in ``inner``, by Lanczos iteration; collective."""
+) -> Vector:
+    """Return an operator projected on the Krylov space of ``start``, orthonormal in ``inner``; collective.
+
+    Its eigenvalues are those of Arnoldi's iteration, of Lanczos' where the operator is self-adjoint in ``inner``.
+    """
     basis = [start / np.sqrt(inner(start, start))]
     projected = np.zeros((steps, steps))
     for k in range(steps):
@@ -105,8 +108,8 @@ def largest_eigenvalue(
                 projected[j, k] += part
                 image = image - part * vector
         length = np.sqrt(inner(image, image))
-        if k + 1 == steps or length < 1e-10 * projected.max():  # the latter: the space is exhausted
+        if k + 1 == steps or length < 1e-10 * np.abs(projected).max():  # the latter: the space is exhausted
             break
+        projected[k + 1, k] = length
         basis.append(image / length)
-    size = len(basis)
-    return float(np.linalg.eigvalsh(projected[:size, :size], UPLO="U")[-1])
+    return projected[: len(basis), : len(basis)]
