@@ -1,0 +1,118 @@
+"""The state at t = 0."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from wavetank import motions
+from wavetank.errors import InputError
+from wavetank.reference.conformal import SteadyWave
+from wavetank.reference.solitary_wave import HIGHEST_SOLITARY, solitary_wave
+from wavetank.reference.stream_function import maximum_height, stream_function_wave
+from wavetank.scene.noun import Noun, Problem
+from wavetank.scene.tanks import AnyTank, RingTank
+
+if TYPE_CHECKING:
+    from wavetank.scene.scene import Scene
+
+
+class StillWater(Noun):
+    """eta = 0, psi = 0."""
+
+    type: Literal["still-water"] = "still-water"
+
+    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
+        return np.zeros_like(x), np.zeros_like(x)
+
+
+class StandingWave(Noun):
+    """eta = a cos(m pi x / length), psi = 0."""
+
+    type: Literal["standing-wave"] = "standing-wave"
+    amplitude: float = Field(gt=0, description="amplitude a [m]")
+    mode: int = Field(default=1, ge=1, description="number m of half waves in the tank")
+
+    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
+        return self.amplitude * np.cos(self.mode * np.pi * x / tank.length), np.zeros_like(x)
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield an amplitude that lays the bed dry, and half a wave too many for a ring."""
+        if self.amplitude >= scene.tank.depth:
+            allowed = f"must be below the still-water depth, {scene.tank.depth:g} m"
+            yield Problem(("initial", "amplitude"), self.amplitude, allowed)
+        if isinstance(scene.tank, RingTank) and self.mode % 2:
+            yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
+
+
+class StreamFunctionWave(Noun):
+    """Waves of permanent form in a ring, travelling to +x, a crest at x = 0: exact, without mean Eulerian current."""
+
+    type: Literal["stream-function"] = "stream-function"
+    height: float | None = Field(default=None, gt=0, description="height, crest above trough [m]")
+    steepness: float | None = Field(default=None, gt=0, lt=1, description="height over that of the highest wave [-]")
+    waves: int = Field(default=1, ge=1, description="number of waves around the ring")
+
+    @model_validator(mode="after")
+    def _one_height(self) -> Self:
+        if (self.height is None) == (self.steepness is None):
+            raise ValueError("must have exactly one of the keys 'height' and 'steepness'")
+        return self
+
+    def wave(self, tank: AnyTank) -> SteadyWave:
+        """Return one of the waves; raises ``InputError`` if it cannot be had."""
+        length = tank.length / self.waves
+        height = self.height or (self.steepness or 0.0) * maximum_height(length, tank.depth)
+        try:
+            return stream_function_wave(height, length, depth=tank.depth, gravity=tank.gravity)
+        except InputError as error:
+            raise InputError(f"initial: {error}") from None
+
+    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,); raises as ``wave`` does."""
+        return self.wave(tank).surface(x)
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield a tank that is no ring, and a height that no wave has."""
+        if not isinstance(scene.tank, RingTank):
+            yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
+            return
+        highest = maximum_height(scene.tank.length / self.waves, scene.tank.depth)
+        if self.height is not None and self.height >= highest:
+            allowed = f"must be below that of the highest wave of this length, {highest:.4g} m"
+            yield Problem(("initial", "height"), self.height, allowed)
+
+
+class SolitaryWave(Noun):
+    """The solitary wave, travelling to +x; exact where both ends of the tank are far."""
+
+    type: Literal["solitary-wave"] = "solitary-wave"
+    height: float = Field(gt=0, description="height of the crest above still water [m]")
+    x: float = Field(description="where the crest is [m]")
+
+    def wave(self, tank: AnyTank) -> SteadyWave:
+        """Return the wave."""
+        return solitary_wave(self.height, depth=tank.depth, gravity=tank.gravity)
+
+    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
+        return self.wave(tank).surface(x - self.x)
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield a tank without ends, a crest outside and a wave too high."""
+        if isinstance(scene.tank, RingTank):
+            yield Problem(("initial", "type"), self.type, "needs a slice (tank.type): its potential is not periodic")
+        if not 0 <= self.x <= scene.tank.length:
+            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {scene.tank.length:g} m")
+        if self.height > HIGHEST_SOLITARY * scene.tank.depth:
+            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
+            yield Problem(("initial", "height"), self.height, allowed)
+
+
+Initial = Annotated[
+    StillWater | StandingWave | StreamFunctionWave | SolitaryWave,
+    Field(discriminator="type", description="the state at t = 0"),
+]

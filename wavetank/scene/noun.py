@@ -1,0 +1,62 @@
+"""What every part of a scene is: frozen and validated data that can say what does not fit."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+
+from wavetank import data
+from wavetank.errors import InputError
+
+if TYPE_CHECKING:
+    from wavetank.scene.scene import Scene
+
+
+class Problem(NamedTuple):
+    """What does not fit together in a scene whose values are each allowed.
+
+    Attributes
+    ----------
+    key
+        The place in the scene, e.g. ``("gauges", 0, "x")``.
+    received, allowed
+        The value there, and what it may be.
+    """
+
+    key: tuple[str | int, ...]
+    received: Any
+    allowed: str
+
+    def __str__(self) -> str:
+        """Return the sentence, e.g. ``tank.depth = -1: must be greater than 0``; a value of None was not given."""
+        shown = "" if self.received is None else f" = {json.dumps(self.received, default=str)[:80]}"
+        return f"{'.'.join(map(str, self.key))}{shown}: {self.allowed}"
+
+
+class SceneError(InputError):
+    """A scene that cannot be built, with what is wrong in it."""
+
+    def __init__(self, problems: Sequence[Problem]):
+        super().__init__("\n".join(f"{problem}." for problem in problems))
+        self.problems = problems
+
+
+class Noun(BaseModel):
+    """A part of the scene: frozen, unknown keys refused, numbers finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield what does not fit the rest of the scene; by itself, nothing."""
+        yield from ()
+
+
+def _located(reference: str, info: ValidationInfo) -> str:
+    """Return a path made absolute from the case file's folder; data:NAME/FILE is kept, it is looked up when read."""
+    folder = (info.context or {}).get("folder", Path())
+    return reference if reference.startswith("data:") else str(data.resolve(reference, folder))
+
+
+FilePath = Annotated[str, Field(min_length=1), AfterValidator(_located)]

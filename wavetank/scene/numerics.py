@@ -1,0 +1,89 @@
+"""How it is computed, for how long, and what is recorded."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any, Literal, Self
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from wavetank.scene.noun import Noun, Problem
+from wavetank.scene.tanks import AnyTank
+
+if TYPE_CHECKING:
+    from wavetank.scene.scene import Scene
+
+
+class Gauge(Noun):
+    """A place where the elevation is recorded."""
+
+    name: str = Field(min_length=1, description="name of the gauge")
+    x: float = Field(description="distance from the paddle's rest position, or along the ring [m]")
+
+
+def named(gauges: Any) -> Any:
+    """Return gauges given as numbers or without a name as tables with the names 1, 2, ...; the rest as it is."""
+    if not isinstance(gauges, Sequence) or isinstance(gauges, str):
+        return gauges
+    tables = (gauge if isinstance(gauge, dict | Gauge) else {"x": gauge} for gauge in gauges)
+    return tuple(
+        gauge if isinstance(gauge, Gauge) else {"name": str(n), **gauge} for n, gauge in enumerate(tables, start=1)
+    )
+
+
+class Run(Noun):
+    """How long is computed."""
+
+    duration: float = Field(gt=0, description="simulated time [s]")
+    on_breaking: Literal["stop", "dissipate"] = Field(default="stop", description="what to do when a wave breaks")
+
+
+IntegratorName = Literal["third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
+
+
+class Numerics(Noun):
+    """How it is computed. Where an accuracy is asked for, what is not set is planned."""
+
+    accuracy: float | None = Field(
+        default=None, gt=0, lt=1, description="relative error of the elevation to plan the numerics for"
+    )
+    cells: int | None = Field(default=None, ge=1, description="number of cells along the tank")
+    cell_size: float | None = Field(default=None, gt=0, description="size of a cell [m], rounded to divide the length")
+    order: int = Field(default=3, ge=1, le=8, description="horizontal polynomial order p")
+    vertical_order: int = Field(default=8, ge=1, le=16, description="vertical polynomial order n")
+    dt: float | None = Field(default=None, gt=0, description="time step [s]; default: from accuracy and stability")
+    integrator: IntegratorName = Field(default="third-order", description="time integrator")
+    tolerance: float = Field(default=1e-7, gt=0, lt=1, description="relative tolerance of implicit stages")
+    edge_penalty: float = Field(
+        default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0 is none"
+    )
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Self:
+        if self.cells is not None and self.cell_size is not None:
+            raise ValueError("must have at most one of the keys 'cells' and 'cell_size'")
+        return self
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield too few cells for the tank."""
+        fewest = scene.tank.fewest_cells
+        if self.cells is not None and self.cells < fewest:
+            yield Problem(("numerics", "cells"), self.cells, f"must be at least {fewest} in a {scene.tank.type}")
+
+    def cells_in(self, tank: AnyTank) -> int:
+        """Return the number of cells; where neither number nor size is given, cells of about a fifth of the depth."""
+        size = tank.depth / 5 if self.cell_size is None else self.cell_size
+        return max(tank.fewest_cells, round(tank.length / size)) if self.cells is None else self.cells
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_planned(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = dump(self)
+        return {key: values[key] for key in values if self.accuracy is None or key in self.model_fields_set}
+
+
+class Output(Noun):
+    """What is recorded, and how often."""
+
+    energy_every: int = Field(default=1, ge=1, description="steps between rows of the energy budget")
+    gauges_every: int = Field(default=1, ge=1, description="steps between rows of the gauges' record")
+    surface_every: float | None = Field(
+        default=None, gt=0, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
+    )
