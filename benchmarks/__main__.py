@@ -28,7 +28,7 @@ def make_waves(cells: int) -> NonlinearWaves:
     plan = Slice(CELL * cells, cells, comm=MPI.COMM_SELF)
     plane = Plane(plan.mesh, 3)
     motion = Ramped(Sinusoid(0.008, 1.2), 2.0)
-    wall = Piston(motion, plane=plane, reach=10.0, cell_size=plan.cell_size, facets=plan.paddle_facets())
+    wall = Piston(motion, plane=plane, reach=10.0, paddle=plan.paddle())
     tolerances = Tolerances(stage=1e-7, interior=1e-8)
     return NonlinearWaves(plane, depth=1.0, wall=wall, vertical_order=VERTICAL_ORDER, tolerances=tolerances)
 

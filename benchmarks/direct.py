@@ -5,13 +5,11 @@ All (n+1)^2 blocks come from one form, the second derivative of the same kinetic
 
 import numpy as np
 import ufl
-from dolfinx import fem
 from dolfinx.fem.petsc import assemble_matrix, create_matrix
 from petsc4py import PETSc
 
 from wavetank.fe.forms import compile_form
 from wavetank.hamiltonian.contract import Vector
-from wavetank.water.energy import WaterEnergy
 from wavetank.water.potential import SolveCounters
 from wavetank.water.waves import NonlinearWaves
 
@@ -23,9 +21,7 @@ class DirectPotential:
         self.counters = SolveCounters()
         self._phi, self._n = waves.phi, waves.vertical.n
         phi, plane = waves.phi.function, waves.plane
-        d, g = (fem.Constant(plane.mesh, value) for value in (waves.depth, waves.gravity))
-        energy = WaterEnergy(h=waves.h.function, d=d, gravity=g, wall=waves.wall)
-        kinetic = energy.kinetic(phi, waves.vertical) * plane.dx
+        kinetic = waves.densities.kinetic(phi, waves.vertical) * plane.dx
         self._form = compile_form(ufl.derivative(ufl.derivative(kinetic, phi), phi))
         self._matrix = create_matrix(self._form)
         rows = np.arange(plane.owned * (self._n + 1), dtype=np.int32).reshape(-1, self._n + 1)

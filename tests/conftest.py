@@ -38,8 +38,7 @@ def make_tank() -> Callable[..., object]:
         wall = FixedWall()
         if motion is not None:
             reach = min(length, 10 * depth) if reach is None else reach
-            facets = plan.paddle_facets()
-            wall = Piston(motion, plane=plane, reach=reach, cell_size=plan.cell_size, facets=facets)
+            wall = Piston(motion, plane=plane, reach=reach, paddle=plan.paddle())
         tolerances = Tolerances(stage=tolerance, interior=0.1 * tolerance)
         return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
 

@@ -13,14 +13,19 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "reference": {"errors"},
     "motions": {"errors", "reference"},
     "data": {"errors", "motions", "series"},
-    "scene": {"errors", "data", "motions", "reference", "case_file"},
-    "case_file": {"errors", "scene"},
+    "noun": {"errors", "data", "scene"},  # the scene by name alone
+    "formula": {"errors"},
+    "beds": {"errors", "formula"},
+    "meshes": {"errors", "noun"},
+    "scene": {"errors", "data", "motions", "reference", "case_file", "noun", "formula", "beds", "meshes"},
+    "case_file": {"errors", "noun", "scene"},
     "rundir": {"errors", "series"},
+    "vtu_series": {"errors", "rundir"},
     "hamiltonian": {"errors"},
     "fe": {"errors", "hamiltonian"},
     "integrators": {"errors", "hamiltonian"},
     "water": {"errors", "motions", "fe", "hamiltonian"},
-    "observers": {"errors", "fe", "hamiltonian", "rundir", "water"},
+    "observers": {"errors", "fe", "hamiltonian", "rundir", "vtu_series", "water"},
     "run": {"errors", "hamiltonian", "integrators", "observers"},
 }
 SEES_ALL = {"build", "plan", "study", "recorded_run", "cli", "__main__", "__init__", "verify"}

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wavetank.hamiltonian.oscillators import Forced, Harmonic, NonSeparable
-from wavetank.integrators import Damped, GaussLegendre4, SplitDamped, StormerVerlet, ThirdOrder
+from wavetank.integrators import Absorbing, Damped, GaussLegendre4, StormerVerlet, ThirdOrder
 from wavetank.verify import (
     damping,
     dispersion,
@@ -183,7 +183,7 @@ def test_five_steps_forth_and_back_end_at_the_beginning(scheme, q, p, dt):
     gamma=st.floats(0.0, 2.0),
     part=st.floats(0.05, 0.9),
     scheme=st.sampled_from(SCHEMES),
-    wrapper=st.sampled_from([Damped, SplitDamped]),
+    wrapper=st.sampled_from([Damped, Absorbing]),
 )
 def test_damping_shrinks_areas_at_its_exact_rate(gamma, part, scheme, wrapper):
     dt = part * min(scheme.integrator.stability_limit, 3.0)

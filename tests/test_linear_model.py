@@ -37,7 +37,7 @@ def make_linear():
     def make(*, length, cells, order=3, n=8, depth=1.0, motion=None, plan_view=Slice, comm=MPI.COMM_WORLD):
         plan = plan_view(length, cells, comm=comm)
         plane = Plane(plan.mesh, order, plan.chart)
-        wall = FixedWall() if motion is None else LinearPiston(motion, plane=plane, facets=plan.paddle_facets())
+        wall = FixedWall() if motion is None else LinearPiston(motion, plane=plane, paddle=plan.paddle())
         return LinearWaves(plane, depth=depth, wall=wall, vertical_order=n)
 
     return make
@@ -203,7 +203,7 @@ def test_height_to_stroke_is_biesels(make_linear, kd):
     motion = Ramped(Sinusoid(1.0, period), 3 * period)
     waves = make_linear(length=length, cells=round(length / cell), n=6, motion=motion)
     record = Memory()
-    gauges = Gauges(waves, [gauge], record=record, schedule=EverySteps())
+    gauges = Gauges(waves, [(gauge, 0.0)], record=record, schedule=EverySteps())
     per_period = int(np.ceil(period * waves.largest_frequency / 1.0))
     rest, scheme, dt = np.zeros(waves.plane.owned), ThirdOrder(), period / per_period
     state = scheme.start(*waves.state(rest, rest))
@@ -335,7 +335,7 @@ from wavetank.water.plan_view import Slice
 
 plan = Slice(4.0, 12, comm=MPI.COMM_WORLD)
 plane = Plane(plan.mesh, 3)
-wall = LinearPiston(Sinusoid(0.1, 1.3), plane=plane, facets=plan.paddle_facets())
+wall = LinearPiston(Sinusoid(0.1, 1.3), plane=plane, paddle=plan.paddle())
 waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=5)
 x = plane.coordinates()[:, 0]
 for name, scheme in sorted(INTEGRATORS.items()):

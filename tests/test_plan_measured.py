@@ -73,7 +73,7 @@ def run(scene: Scene) -> Measured:
     gauges = Memory()
     running, waves = build_run(scene, MPI.COMM_SELF)
     records = Records(gauges, Memory(), None)
-    running.observers += build_observers(scene, waves, records, filters=running.filters)
+    running.observers += build_observers(scene, waves, records, sinks=running.sinks)
     began = time.process_time()
     running.execute()
     cpu = time.process_time() - began

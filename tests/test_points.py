@@ -38,8 +38,8 @@ def test_a_point_outside_is_refused_with_its_place():
 @given(x=st.floats(0.5, 7.0), t=st.floats(0.0, 20.0))
 def test_the_mapping_and_its_inverse_agree(x, t):
     motion = Ramped(Sinusoid(0.3, 3.0), 2.0)
-    wall = Piston(motion, plane=PLANE, reach=4.0, cell_size=PLAN.cell_size, facets=PLAN.paddle_facets())
+    wall = Piston(motion, plane=PLANE, reach=4.0, paddle=PLAN.paddle())
     wall.set_time(t)
-    X = wall.to_reference(np.array([x]))
-    assert wall.to_physical(X)[0] == pytest.approx(x, abs=1e-12)
-    assert wall.to_physical(np.array([0.0]))[0] == pytest.approx(motion.position(t), abs=1e-12)
+    X = wall.to_reference(np.array([[x, 0.0]]))
+    assert wall.to_physical(X)[0, 0] == pytest.approx(x, abs=1e-12)
+    assert wall.to_physical(np.zeros((1, 2)))[0, 0] == pytest.approx(motion.position(t), abs=1e-12)

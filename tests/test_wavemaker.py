@@ -26,7 +26,7 @@ def test_height_to_stroke_is_biesels(make_tank, kd):
     motion = Ramped(Sinusoid(AMPLITUDE, period), 3 * period)
     tank = make_tank(length=length, cells=round(length / cell), n=6, motion=motion, tolerance=1e-8)
     record = Memory()
-    gauges = Gauges(tank, [gauge], record=record, schedule=EverySteps())
+    gauges = Gauges(tank, [(gauge, 0.0)], record=record, schedule=EverySteps())
     steps_per_period = int(np.ceil(period * tank.largest_frequency / 1.0))
     dt = period / steps_per_period
     rest = np.zeros(tank.plane.owned)

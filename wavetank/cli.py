@@ -15,7 +15,7 @@ from postprocess.view_command import view
 from wavetank import data
 from wavetank.errors import WavetankError
 from wavetank.plan.command import plan
-from wavetank.rundir import SURFACE, RunDirectory
+from wavetank.rundir import ENERGY, RunDirectory
 from wavetank.scene import Scene
 from wavetank.series import GaugeSeries
 from wavetank.study.command import study
@@ -60,7 +60,7 @@ def run(
     try:
         record_run(scene, directory, comm=MPI.COMM_WORLD, console=terminal)
     finally:  # what a broken-down run has left is worth seeing, too
-        if plots and MPI.COMM_WORLD.rank == 0 and (directory / SURFACE).exists():
+        if plots and MPI.COMM_WORLD.rank == 0 and (directory / ENERGY).exists():
             _draw(directory, terminal)
 
 
@@ -124,6 +124,17 @@ def verify_integrators(
 ) -> None:
     """Recompute every table and figure on the integrators: orders, stability, dispersion, damping, forcing, work."""
     from wavetank.verify.integrators import verify_integrators as write_all
+
+    if MPI.COMM_WORLD.rank == 0:
+        write_all(out, console())
+
+
+@verify_app.command("sponge")
+def verify_sponge(
+    out: Annotated[Path, typer.Option(help="folder for the tables and pictures")] = Path("runs/sponge"),
+) -> None:
+    """Measure what a sponge reflects: lengths, depths, wave periods and strengths; two minutes."""
+    from wavetank.verify.sponge import verify_sponge as write_all
 
     if MPI.COMM_WORLD.rank == 0:
         write_all(out, console())

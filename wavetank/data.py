@@ -1,4 +1,4 @@
-"""Benchmark data: where it is found, where it is downloaded from, what it holds.
+"""Benchmark data: where it is found and downloaded from, and what it holds: gauges' records, wave heights.
 
 A file of a data set is looked for in ``$WAVETANK_DATA/NAME``, in ``../shared/data/NAME`` beside the checkout, and in
 the user's cache, to which ``fetch`` downloads. The data are not part of this project: the registry holds addresses and
@@ -9,15 +9,19 @@ import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 from urllib.parse import quote
 
+import numpy as np
 import pooch
+from numpy.typing import NDArray
 
 from wavetank.errors import InputError, WavetankError
 from wavetank.motions.record_file import read_record
 from wavetank.series import GaugeSeries
 
 MEASURED = "measured"
+AXES = {"x": 0, "y": 1}  # of a place (x, y)
 
 
 @dataclass(frozen=True)
@@ -72,6 +76,117 @@ class GaugeRecords:
 
 
 @dataclass(frozen=True)
+class Section:
+    """A straight line through a tank, parallel to an axis, along which wave heights are known.
+
+    Attributes
+    ----------
+    name
+        What it is called, e.g. ``"3"``.
+    along
+        The axis it runs along.
+    at
+        The other coordinate [m].
+    reach
+        Where it begins and ends on its axis [m].
+    """
+
+    name: str
+    along: Literal["x", "y"]
+    at: float
+    reach: tuple[float, float]
+
+    @property
+    def across(self) -> str:
+        """The axis of the coordinate that is the same all along it."""
+        return next(axis for axis in AXES if axis != self.along)
+
+    def coordinates(self, x: float, y: float) -> tuple[float, float]:
+        """Return how far along its axis a place (x, y) is, and how far beside the line [m]."""
+        place = (x, y)
+        return place[AXES[self.along]], place[AXES[self.across]] - self.at
+
+
+@dataclass(frozen=True)
+class HeightColumn:
+    """Where wave heights along a section stand: a column of numbers of a text file, beside that of the places.
+
+    Attributes
+    ----------
+    section
+        The section's name.
+    file
+        The file; its first column is the place along the section's axis [m].
+    column
+        That of the heights, from 0.
+    sign
+        -1 where the file counts its places against the axis.
+    """
+
+    section: str
+    file: str
+    column: int = 1
+    sign: float = 1.0
+
+
+@dataclass(frozen=True)
+class HeightRecords:
+    """Wave heights along sections from one origin.
+
+    Attributes
+    ----------
+    source
+        Where they come from, for legends.
+    citation
+        What to cite.
+    unit
+        What a one in the columns is in incident wave heights.
+    columns
+        Where each section's heights are.
+    """
+
+    source: str
+    citation: str
+    unit: float
+    columns: tuple[HeightColumn, ...]
+
+
+@dataclass(frozen=True)
+class WaveHeights:
+    """Wave heights along sections.
+
+    Attributes
+    ----------
+    incident_height
+        H0 [m], which the heights are given in parts of.
+    incident
+        Where that wave still is as the paddle made it.
+    start
+        When the waves are established [s].
+    sections
+        The sections.
+    records
+        The heights, of one or several origins.
+    """
+
+    incident_height: float
+    incident: Section
+    start: float
+    sections: tuple[Section, ...]
+    records: tuple[HeightRecords, ...]
+
+
+@dataclass(frozen=True)
+class HeightSeries:
+    """Wave heights along a section, read: places along its axis [m], ascending, and H / H0, both of shape (N,)."""
+
+    section: Section
+    places: NDArray[np.float64]
+    ratios: NDArray[np.float64]
+    source: str
+
+
+@dataclass(frozen=True)
 class Dataset:
     """A set of benchmark data.
 
@@ -91,6 +206,8 @@ class Dataset:
         The measured records.
     published
         Published computations of the same records.
+    heights
+        Wave heights along sections; None where there are none.
     files
         All files, with checksums.
     """
@@ -100,9 +217,10 @@ class Dataset:
     urls: tuple[str, ...]
     citation: str
     licence: str
-    gauges: tuple[tuple[str, float], ...]
-    measured: GaugeRecords
+    gauges: tuple[tuple[str, float], ...] = ()
+    measured: GaugeRecords = GaugeRecords(MEASURED, files=(), citation="")
     published: tuple[GaugeRecords, ...] = ()
+    heights: WaveHeights | None = None
     files: tuple[DataFile, ...] = field(default=(), repr=False)
 
 
@@ -156,7 +274,68 @@ _MARIN = Dataset(
     ),
 )
 
-DATASETS: dict[str, Dataset] = {dataset.name: dataset for dataset in (_MARIN,)}
+_NHWAVE = "JimKirby/NHWAVE/e287ea6fd717eb1dc1a1ad6fb5d0778a4cd31e99/examples/berkhoff/postprocessing"
+_BASILISK = "comphy-lab/basilisk-C/c7be0ade/basilisk-source/src/examples"
+_BERKHOFF = Dataset(
+    name="berkhoff_1982_shoal",
+    title="Berkhoff, Booij and Radder 1982: an elliptic shoal on a slope, wave heights along eight sections",
+    urls=("https://raw.githubusercontent.com/",),
+    citation="J. C. W. Berkhoff, N. Booij, A. C. Radder, Coastal Eng. 6 (1982), doi:10.1016/0378-3839(82)90022-9",
+    licence="digitised points of a published figure, from files of NHWAVE (BSD-2-Clause) and Basilisk (GPL)",
+    heights=WaveHeights(
+        incident_height=0.0464,
+        incident=Section("incident", along="x", at=0.0, reach=(-8.5, -7.0)),  # one wave length, before the slope
+        start=30.0,
+        sections=(
+            *(Section(f"{n}", along="y", at=2.0 * n - 1.0, reach=(-5.0, 5.0)) for n in range(1, 6)),
+            *(Section(f"{n}", along="x", at=2.0 * n - 14.0, reach=(0.0, 11.0)) for n in range(6, 9)),
+        ),
+        records=(
+            HeightRecords(
+                source="measured, as in NHWAVE",
+                citation="github.com/JimKirby/NHWAVE, examples/berkhoff",
+                unit=1 / 23.2,  # amplitudes in mm
+                columns=(
+                    *(HeightColumn(f"{n}", f"nhwave_section{n}.dat") for n in range(1, 6)),
+                    *(HeightColumn(f"{n}", "nhwave_section678.dat", column=n - 5, sign=-1.0) for n in range(6, 9)),
+                ),
+            ),
+            HeightRecords(
+                source="measured, as in Basilisk",
+                citation="basilisk.fr/src/examples/shoal.c",
+                unit=1.0,
+                columns=(
+                    *(HeightColumn(n, f"basilisk_section-{n}", sign=-1.0) for n in ("2", "3", "5")),
+                    HeightColumn("7", "basilisk_section-7"),
+                ),
+            ),
+        ),
+    ),
+    files=(
+        *(
+            DataFile(f"nhwave_{file}", sha256, source=f"{_NHWAVE}/{file}")
+            for file, sha256 in {
+                "section1.dat": "d1f463c9b1540324c80e599e9a3ddc378013ff9de18b899aa1b05e25036e788e",
+                "section2.dat": "158a4b5d964b14f4a00040fd40a257fc930c6ac3365ff858485fee702e659e9b",
+                "section3.dat": "24231470de50c07946379bf8cd223c697e15f10a467bf353e08592780eb0c98b",
+                "section4.dat": "e659df95e57ebe4cebfb9019ce6973ab016a1bd5153afaa0c6b42cf7df6b77a8",
+                "section5.dat": "72b1ed4ebac06cc12c7cb223b547203a9a3562095a95ebdc565c5a42f943e167",
+                "section678.dat": "a9799ac8cf224a6833f28e04fb4977918c78191539f7b4d558d83fff2baa56e4",
+            }.items()
+        ),
+        *(
+            DataFile(f"basilisk_{file}", sha256, source=f"{_BASILISK}/{file}")
+            for file, sha256 in {
+                "section-2": "9db80e4ab966a32366b11a87e9391702bef9d5fb39d165d17bffb100347143e0",
+                "section-3": "c0c31d6880693749c1cab0e4a1483c0d1bc9975782caa6f9b9e35d2162d5e9c3",
+                "section-5": "6da139ac73af58d33ff099b28745c53c23f551f2659d7290f30ac5bfc7bbf126",
+                "section-7": "6bef16d6cfe25a0cf583e5d424304e4366cd7c6e29fd175de59bfddc17d2ad25",
+            }.items()
+        ),
+    ),
+)
+
+DATASETS: dict[str, Dataset] = {dataset.name: dataset for dataset in (_MARIN, _BERKHOFF)}
 
 
 def dataset(name: str) -> Dataset:
@@ -240,7 +419,7 @@ def _download(file: DataFile, urls: tuple[str, ...], folder: Path) -> None:
             pooch.retrieve(
                 url + file.address,
                 known_hash=None if file.derived else file.sha256,
-                fname=file.source or file.name,
+                fname=Path(file.source).name if file.derived else file.name,
                 path=folder,
                 processor=_thinned(file, folder) if file.derived else None,
             )
@@ -292,3 +471,29 @@ def _series(data: Dataset, records: GaugeRecords) -> tuple[GaugeSeries, ...]:
         GaugeSeries(gauge, x, *read_record(find(data.name, file)), source=records.source)
         for (gauge, x), file in zip(data.gauges, records.files, strict=True)
     )
+
+
+def height_series(name: str) -> list[HeightSeries]:
+    """Return a data set's wave heights along sections, one origin after the other; none where it has none.
+
+    Raises ``InputError`` for an unknown data set, and for files that are not there or cannot be read.
+    """
+    heights = dataset(name).heights
+    if heights is None:
+        return []
+    sections = {section.name: section for section in heights.sections}
+    return [
+        _heights(find(name, column.file), column, records, sections[column.section])
+        for records in heights.records
+        for column in records.columns
+    ]
+
+
+def _heights(path: Path, column: HeightColumn, records: HeightRecords, section: Section) -> HeightSeries:
+    try:
+        places, heights = np.loadtxt(path, usecols=(0, column.column), unpack=True, ndmin=2)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: a place and a wave height must stand in each row ({error}).") from None
+    places = column.sign * places
+    ascending = np.argsort(places)
+    return HeightSeries(section, places[ascending], records.unit * heights[ascending], source=records.source)

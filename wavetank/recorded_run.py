@@ -14,7 +14,7 @@ from rich.console import Console
 
 from wavetank.build import Records, Waves, build_observers, build_run, build_watch
 from wavetank.errors import WavetankError
-from wavetank.observers.energy import COLUMNS
+from wavetank.observers.energy import columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar
 from wavetank.observers.record import Discard
@@ -22,6 +22,7 @@ from wavetank.plan.planned import planned
 from wavetank.run import Run
 from wavetank.rundir import RunWriter, environment
 from wavetank.scene import Scene
+from wavetank.vtu_series import VtuSeries
 
 
 def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> None:
@@ -36,7 +37,10 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
     built, busy = time.monotonic(), time.process_time()
     writer = _open(_described(asked, scene, comm), out, comm)
     with writer or nullcontext():
-        run.observers += build_observers(scene, waves, _records(scene, writer), filters=run.filters)
+        dimensions = waves.plane.mesh.topology.dim
+        records = _records(scene, writer, dimensions=dimensions)
+        records = records._replace(fields=lambda name: VtuSeries(out, name, comm=comm))
+        run.observers += build_observers(scene, waves, records, sinks=run.sinks)
         run.observers += build_watch(scene, run, waves, lambda text: console.print(text, style="bold red"))
         if root:
             console.print(_summary(scene, run, waves), highlight=False)
@@ -70,11 +74,12 @@ def _open(description: dict[str, Any], out: Path, comm: MPI.Comm) -> RunWriter |
     return writer
 
 
-def _records(scene: Scene, writer: RunWriter | None) -> Records:
+def _records(scene: Scene, writer: RunWriter | None, *, dimensions: int) -> Records:
     if writer is None:
         return Records(Discard(), Discard(), None)
-    gauges = writer.gauges([(gauge.name, gauge.x) for gauge in scene.gauges])
-    return Records(gauges, writer.table("energy.csv", COLUMNS), writer.surface())
+    gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
+    surface = writer.surface() if dimensions == 1 else None
+    return Records(gauges, writer.table("energy.csv", columns(dimensions)), surface)
 
 
 def _cost(waves: Waves) -> tuple[int, int]:
@@ -85,8 +90,9 @@ def _cost(waves: Waves) -> tuple[int, int]:
 def _summary(scene: Scene, run: Run, waves: Waves) -> str:
     unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
     bound = f" of {limit:g}" if limit < inf else ", stable at any"
+    cells = waves.plane.mesh.topology.index_map(waves.plane.mesh.topology.dim).size_global
     return (
-        f"{scene.title or 'untitled'}: {scene.cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
+        f"{scene.title or 'untitled'}: {cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
         f"{unknowns} unknowns; {run.steps} steps of {run.dt:g} s ({run.integrator.name}, "
         f"dt omega_max = {run.dt * waves.largest_frequency:.2f}{bound})"
     )

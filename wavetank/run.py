@@ -7,6 +7,7 @@ from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.observers.contract import Moment, Observer
+from wavetank.observers.energy import Sink
 
 
 class Run:
@@ -43,6 +44,11 @@ class Run:
     def t(self) -> float:
         """The time reached [s]."""
         return self.step * self.dt
+
+    @property
+    def sinks(self) -> list[Sink]:
+        """What takes energy out of the system, and counts it."""
+        return [one for one in (*self.filters, self.integrator) if isinstance(one, Sink)]
 
     def execute(self) -> None:
         """Step to the end; collective. Raises ``RunError`` where it breaks down, with everything before recorded."""

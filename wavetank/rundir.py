@@ -1,22 +1,26 @@
 """The run directory: what a run leaves, written as it goes on, so that a killed run keeps what it had.
 
     manifest.json   the evaluated scene, versions, host, command, git revision, timings, counters, status
-    gauges.csv      t [s], then one column a gauge, elevation [m]; the header names each by its x: "5@x=50"
+    gauges.csv      t [s], then one column a gauge, elevation [m]; the header names each by its place, "5@x=50" or
+                    "5@x=50,y=2" beside the line y = 0
+    gauges.nc       the same as CF-NetCDF, when the run has ended
     energy.csv      the energy budget, units in the header
     surface.bin     little-endian float64 throughout: N, then snapshots t [s], x [m], eta [m], psi [m²/s], the last
                     three N long each
+    surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
 
-Writers are for rank 0 alone. Each row and each snapshot is handed to the operating system at once, so a killed run
-keeps all of them; a reader leaves out the one that was cut. No number that is not finite is ever written.
+The writers here are for rank 0 alone. Each row and each snapshot is handed to the operating system at once, so a killed
+run keeps all of them; a reader leaves out the one that was cut. No number that is not finite is ever written.
 """
 
 import csv
 import json
 import os
 import platform
+import shlex
 import subprocess
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -24,7 +28,8 @@ from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +37,11 @@ from numpy.typing import NDArray
 from wavetank.errors import InputError, RunError
 from wavetank.series import GaugeSeries
 
+if TYPE_CHECKING:
+    import xarray
+
 MANIFEST, GAUGES, ENERGY, SURFACE = "manifest.json", "gauges.csv", "energy.csv", "surface.bin"
+GAUGES_NETCDF, FIELDS, SERIES = "gauges.nc", "fields", ("surface", "velocity")
 NUMBER = np.dtype("<f8")
 
 
@@ -51,7 +60,7 @@ def environment() -> dict[str, Any]:
 def _versions() -> dict[str, str]:
     """Return the version of each library the numbers rest on, of those that are here."""
     versions = {}
-    for name in ("numpy", "scipy", "dolfinx", "ufl", "basix", "petsc4py", "mpi4py"):
+    for name in ("wavetank", "numpy", "scipy", "dolfinx", "ufl", "basix", "petsc4py", "mpi4py"):
         with suppress(ImportError):
             versions[name] = str(getattr(import_module(name), "__version__", "unknown"))
     return versions
@@ -70,6 +79,27 @@ def _revision() -> str | None:
 
 def _now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def replace(path: Path, *content: bytes | memoryview) -> None:
+    """Write a file in one step: a reader, or a kill, meets the old one or the new one, never half of it."""
+    temporary = path.with_name(f".{path.name}")
+    with temporary.open("wb") as file:
+        file.writelines(content)
+    os.replace(temporary, path)
+
+
+def index_file(run: Path, name: str) -> Path:
+    """Return the file that tells times and files of a series of fields, one of ``SERIES``, in a run directory."""
+    return run / f"{name}.pvd"
+
+
+def _records(run: Path) -> Iterator[Path]:
+    """Yield the records in a run directory."""
+    files = (GAUGES, GAUGES_NETCDF, ENERGY, SURFACE, *(f"{name}.pvd" for name in SERIES))
+    pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
+    for pattern in (*files, *pieces):
+        yield from run.glob(pattern)
 
 
 def _csv_line(cells: Iterable[str]) -> bytes:
@@ -168,12 +198,13 @@ class RunWriter:
         self.path = path
         self._manifest = {"status": "running", **manifest}
         self._records: list[_Record] = []
+        self._has_gauges = False
         try:
             path.mkdir(parents=True, exist_ok=True)
             if any(path.iterdir()) and not (path / MANIFEST).exists():
                 raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
-            for old in (GAUGES, ENERGY, SURFACE):
-                (path / old).unlink(missing_ok=True)
+            for old in list(_records(path)):
+                old.unlink()
             self._write_manifest(self._manifest)
         except OSError as error:
             raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
@@ -188,10 +219,10 @@ class RunWriter:
             self.finish("failed", {"cause": str(error) or type(error).__name__})
         self._close()
 
-    def gauges(self, gauges: Sequence[tuple[str, float]]) -> TableWriter:
-        """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name and x [m] of each."""
-        places = (f"{name}@x={np.format_float_positional(x, trim='-')}" for name, x in gauges)
-        return self.table(GAUGES, ["t", *places])
+    def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
+        """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
+        self._has_gauges = bool(gauges)
+        return self.table(GAUGES, ["t", *(_column(*gauge) for gauge in gauges)])
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
         """Return a new table with these columns, time first, units in their names."""
@@ -206,30 +237,49 @@ class RunWriter:
         return writer
 
     def finish(self, status: str, figures: dict[str, Any]) -> None:
-        """Close all files and write the manifest's last word: ``"finished"``, or ``"failed"`` with its cause.
+        """Close all files and write the manifest's last word, ``"finished"``, or ``"failed"`` with its cause.
 
-        Raises ``RunError`` if the manifest cannot be written, or for a figure that is not finite: the manifest stays.
+        The gauges are then written as CF-NetCDF, too. Raises ``RunError`` if a file cannot be written, or for a figure
+        that is not finite: the manifest stays.
         """
         self._close()
         try:
             self._write_manifest(self._manifest | {"status": status, "finished": _now(), **figures})
+            if self._has_gauges:
+                self._write_netcdf()
         except OSError as error:
-            raise RunError(f"{self.path / MANIFEST}: cannot be written ({error.strerror}).") from None
+            raise RunError(f"{self.path}: cannot be written ({error.strerror}).") from None
+
+    def _write_netcdf(self) -> None:
+        gauges = RunDirectory(self.path).gauges_dataset()
+        unfilled = {name: {"_FillValue": None} for name in gauges.variables}  # nothing is missing
+        replace(self.path / GAUGES_NETCDF, gauges.to_netcdf(format="NETCDF3_64BIT", engine="scipy", encoding=unfilled))
 
     def _close(self) -> None:
         for record in self._records:
             record.close()
 
     def _write_manifest(self, manifest: dict[str, Any]) -> None:
-        """Replace the manifest in one step: a reader, or a kill, meets the old or the new one, never half of it."""
+        """Replace the manifest."""
         try:
             text = json.dumps(manifest, indent=2, allow_nan=False)
         except ValueError:  # JSON has no word for it
             raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
-        temporary = self.path / f".{MANIFEST}"
-        temporary.write_text(text + "\n", encoding="utf-8")
-        os.replace(temporary, self.path / MANIFEST)
+        replace(self.path / MANIFEST, text.encode() + b"\n")
         self._manifest = manifest
+
+
+def _column(name: str, x: float, y: float = 0.0) -> str:
+    """Return how the header of the gauges' table names one."""
+    place = {"x": x, "y": y} if y else {"x": x}
+    return f"{name}@" + ",".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
+
+
+def _place(column: str) -> tuple[str, float, float]:
+    """Return name, x and y [m] of a gauge from its column; raises ``ValueError`` if it tells none."""
+    name, _, place = column.rpartition("@x=")
+    x, _, y = place.partition(",y=")
+    return name, float(x), float(y or 0.0)
 
 
 @dataclass(frozen=True)
@@ -269,14 +319,56 @@ class RunDirectory:
     def gauges(self) -> list[GaugeSeries]:
         """Return each gauge's record."""
         header, rows = self._table(GAUGES)
-        places = (column.rpartition("@x=") for column in header[1:])
         try:
             return [
-                GaugeSeries(name, float(x), rows[:, 0], eta, "computed")
-                for (name, _, x), eta in zip(places, rows.T[1:], strict=True)
+                GaugeSeries(name, x, rows[:, 0], eta, "computed", y)
+                for (name, x, y), eta in zip(map(_place, header[1:]), rows.T[1:], strict=True)
             ]
         except ValueError:
-            raise InputError(f"{self.path / GAUGES}: column names {header[1:]}; allowed are NAME@x=METRES.") from None
+            allowed = "NAME@x=METRES, NAME@x=METRES,y=METRES"
+            raise InputError(f"{self.path / GAUGES}: column names {header[1:]}; allowed are {allowed}.") from None
+
+    def gauges_dataset(self) -> "xarray.Dataset":
+        """Return the gauges' records as a data set by the CF conventions 1.8, section H.2 (time series at stations).
+
+        Time has no date to count from, so that it is an axis in seconds and not CF's ``time``.
+        """
+        from xarray import Dataset  # which takes a second to load
+
+        header, rows = self._table(GAUGES)
+        names, x, y = zip(*map(_place, header[1:]), strict=True) if header[1:] else ((), (), ())
+        elevation = {
+            "standard_name": "sea_surface_height_above_mean_sea_level",
+            "long_name": "elevation of the surface above still water",
+            "units": "m",
+        }
+        along, across = "distance along the tank from the paddle at rest", "distance across the tank"
+        return Dataset(
+            {"elevation": (("station", "time"), rows.T[1:], elevation)},
+            {
+                "time": ("time", rows[:, 0], {"long_name": "time since the start", "units": "s", "axis": "T"}),
+                "station_name": ("station", np.array(names, dtype=str), {"cf_role": "timeseries_id"}),
+                "x": ("station", np.array(x, dtype=float), {"long_name": along, "units": "m", "axis": "X"}),
+                "y": ("station", np.array(y, dtype=float), {"long_name": across, "units": "m", "axis": "Y"}),
+            },
+            self._origin() | {"Conventions": "CF-1.8", "featureType": "timeSeries"},
+        )
+
+    def _origin(self) -> dict[str, str]:
+        """Return what CF calls title, source and history."""
+        version = self.manifest.get("versions", {}).get("wavetank", "unknown")
+        source = f"wavetank {version}, revision {self.manifest.get('git') or 'unknown'}"
+        history = f"{self.manifest.get('started', '')} {shlex.join(self.manifest.get('command', []))}".strip()
+        return {"title": self.title, "source": source, "history": history}
+
+    def fields(self, name: str) -> list[tuple[float, Path]]:
+        """Return time [s] and file, for pyvista or ParaView, of each snapshot of a series, one of ``SERIES``."""
+        index = index_file(self.path, name)
+        try:
+            snapshots = ElementTree.fromstring(self._read(index.name)).iter("DataSet")
+            return [(float(one.attrib["timestep"]), self.path / one.attrib["file"]) for one in snapshots]
+        except (ElementTree.ParseError, KeyError, ValueError):
+            raise InputError(f"{index}: is no collection of snapshots that this program wrote.") from None
 
     def energy(self) -> dict[str, NDArray[np.float64]]:
         """Return the energy budget: each column, shape (rows,), by its name with units."""

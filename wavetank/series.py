@@ -22,6 +22,8 @@ class GaugeSeries:
         Elevation above still water [m], shape (N,).
     source
         Where the record comes from, for legends: ``"measured"``, ``"computed"``, ``"Gagarina et al. 2014"``.
+    y
+        Distance across the tank [m].
     """
 
     name: str
@@ -29,3 +31,4 @@ class GaugeSeries:
     t: NDArray[np.float64]
     eta: NDArray[np.float64]
     source: str
+    y: float = 0.0

@@ -1,4 +1,4 @@
-"""Charts: where a place at distance x along the tank lies in the mesh, and the other way round."""
+"""Charts: where a place of the tank, x along it and y across, lies in the mesh, and the other way round."""
 
 from typing import Any, Protocol
 
@@ -10,13 +10,13 @@ from wavetank.hamiltonian.contract import Vector
 
 
 class Chart(Protocol):
-    """Both ways between distances x [m] along the tank, shape (N,), and coordinates in the mesh [m], shape (N, 3)."""
+    """Both ways between places (x, y) of the tank [m], shape (N, 2), and coordinates in the mesh [m], shape (N, 3)."""
 
-    def along(self, coordinates: Vector) -> Vector:
-        """Return x of coordinates in the mesh."""
+    def places(self, coordinates: Vector) -> Vector:
+        """Return the places of coordinates in the mesh."""
 
-    def place(self, x: Vector) -> Vector:
-        """Return the coordinates in the mesh of x."""
+    def place(self, places: Vector) -> Vector:
+        """Return the coordinates in the mesh of places."""
 
     def direction(self, mesh: Mesh) -> Any:
         """Return the unit vector in which x grows, in UFL."""
@@ -26,17 +26,15 @@ class Chart(Protocol):
 
 
 class Straight:
-    """x is the first coordinate."""
+    """x and y are the first two coordinates."""
 
-    def along(self, coordinates: Vector) -> Vector:
-        """Return the first coordinate."""
-        return coordinates[:, 0]
+    def places(self, coordinates: Vector) -> Vector:
+        """Return the first two coordinates."""
+        return coordinates[:, :2]
 
-    def place(self, x: Vector) -> Vector:
-        """Return (x, 0, 0)."""
-        coordinates = np.zeros((np.size(x), 3))
-        coordinates[:, 0] = x
-        return coordinates
+    def place(self, places: Vector) -> Vector:
+        """Return (x, y, 0)."""
+        return np.column_stack([places, np.zeros(len(places))])
 
     def direction(self, mesh: Mesh) -> Any:
         """Return (1, 0, ...)."""
@@ -68,18 +66,18 @@ class Polygon:
         angles = self._angle * np.arange(self.edges)
         return np.asarray(self._radius * np.column_stack([np.cos(angles), np.sin(angles)]))
 
-    def along(self, coordinates: Vector) -> Vector:
-        """Return x in [0, length) of coordinates on the polygon."""
+    def places(self, coordinates: Vector) -> Vector:
+        """Return (x, 0), x in [0, length), of coordinates on the polygon."""
         angles = np.arctan2(coordinates[:, 1], coordinates[:, 0]) % (2 * np.pi)
         edge = np.floor(angles / self._angle)
         apothem, from_middle = self._radius * np.cos(self._angle / 2), angles - (edge + 0.5) * self._angle
         x: Vector = (edge + 0.5) * self._edge + apothem * np.tan(from_middle)
         x[np.isclose(x, self.length, rtol=1e-12)] = 0.0
-        return np.maximum(x, 0.0)
+        return np.column_stack([np.maximum(x, 0.0), np.zeros_like(x)])
 
-    def place(self, x: Vector) -> Vector:
-        """Return the coordinates on the polygon of any x."""
-        edge, part = np.divmod(np.asarray(x, dtype=float) % self.length, self._edge)
+    def place(self, places: Vector) -> Vector:
+        """Return the coordinates on the polygon of any (x, 0)."""
+        edge, part = np.divmod(places[:, 0] % self.length, self._edge)
         corners = self.corners()
         start, end = corners[edge.astype(int) % self.edges], corners[(edge.astype(int) + 1) % self.edges]
         coordinates = np.zeros((edge.size, 3))

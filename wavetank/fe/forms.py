@@ -4,12 +4,17 @@ GCC's -O2 takes a minute where -O3 takes seconds on forms with many vertical com
 of the kernels and changes results by round-off only.
 """
 
+from collections.abc import Callable
+from math import factorial
 from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem, la
+from dolfinx import fem, la, mesh
 from mpi4py import MPI
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
+from ufl.algorithms.transformer import strip_variables
 
 from wavetank.hamiltonian.contract import Vector
 
@@ -22,6 +27,16 @@ JIT_OPTIONS = {
 def compile_form(form: ufl.Form) -> Any:
     """Return the compiled form; collective."""
     return fem.form(form, jit_options=JIT_OPTIONS)
+
+
+def taylor_coefficient(f: Callable[[Any], Any], power: int, plan_mesh: mesh.Mesh) -> Any:
+    """Return the coefficient of x^power in a density f(x), x a number, in UFL; what vanishes is left out."""
+    x = ufl.variable(ufl.Constant(plan_mesh.ufl_domain()))
+    density = f(x)
+    for _ in range(power):
+        density = ufl.diff(density, x)
+    lowered = strip_variables(apply_derivatives(apply_algebra_lowering(density)))
+    return ufl.algorithms.replace(lowered, {x.ufl_operands[0]: ufl.as_ufl(0)}) / factorial(power)
 
 
 class ScalarForm:

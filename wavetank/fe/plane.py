@@ -19,7 +19,7 @@ class Plane:
     order
         p.
     chart
-        Where the distance x along the tank lies in the mesh; in a straight tank x is the first coordinate.
+        Where a place (x, y) of the tank lies in the mesh; in a straight one they are its first coordinates.
 
     Attributes
     ----------
@@ -61,9 +61,23 @@ class Plane:
         return x
 
     @cached_property
+    def places(self) -> Vector:
+        """Where the owned degrees of freedom are in the tank, (x, y) [m], shape (owned, 2)."""
+        return self.chart.places(self.coordinates())
+
+    @cached_property
+    def cell_size(self) -> float:
+        """The size of a usual cell [m]: length, or square root of the area, of the mean one; collective."""
+        one = fem.Constant(self.mesh, 1.0)
+        measure = self.comm.allreduce(fem.assemble_scalar(fem.form(one * ufl.dx(domain=self.mesh))))
+        dim = self.mesh.topology.dim
+        return float((measure / self.mesh.topology.index_map(dim).size_global) ** (1 / dim))
+
+    @property
     def x(self) -> Vector:
         """The owned degrees of freedom's distances along the tank [m], shape (owned,)."""
-        return self.chart.along(self.coordinates())
+        x: Vector = self.places[:, 0]
+        return x
 
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""

@@ -3,8 +3,9 @@
 ``INTEGRATORS`` are those a case file can name; the others are for comparison (``wavetank verify integrators``).
 """
 
+from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.composition import SuzukiVerlet
-from wavetank.integrators.damped import Damped, SplitDamped
+from wavetank.integrators.damped import Damped
 from wavetank.integrators.discontinuous_verlet import DiscontinuousVerlet, DiscontinuousVerletAdjoint
 from wavetank.integrators.gauss_legendre import GaussLegendre4
 from wavetank.integrators.lobatto import P2N3Q4Lob
@@ -18,6 +19,7 @@ INTEGRATORS = {scheme.name: scheme for scheme in (ThirdOrder, StormerVerlet, Sto
 
 __all__ = [
     "INTEGRATORS",
+    "Absorbing",
     "Damped",
     "DiscontinuousVerlet",
     "DiscontinuousVerletAdjoint",
@@ -25,7 +27,6 @@ __all__ = [
     "ModifiedMidpoint",
     "P2N3Q4Lob",
     "Point",
-    "SplitDamped",
     "StormerVerlet",
     "StormerVerletAdjoint",
     "SuzukiVerlet",

@@ -1,7 +1,7 @@
 """The contract of a time integrator: one step, written as in the paper."""
 
 from collections.abc import Callable
-from typing import ClassVar, Protocol, Self, TypeVar
+from typing import Protocol, Self, TypeVar
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
 
@@ -27,27 +27,27 @@ S = TypeVar("S", bound=State)
 
 
 class Integrator(Protocol[S]):
-    """One step of size dt from time t; knows nothing of finite elements.
+    """One step of size dt from time t; knows nothing of finite elements."""
 
-    Attributes
-    ----------
-    name
-        The name in a case file.
-    order
-        Order of accuracy.
-    stability_limit
-        Largest omega dt on the oscillator for which the scheme is stable.
-    frequency_error
-        (c, m) with relative frequency error of size c (omega dt)^m to leading order.
-    nodes
-        The times (t - t_n) / dt at which H is evaluated, as in the scheme's quadrature rule.
-    """
+    @property
+    def name(self) -> str:
+        """The name in a case file."""
 
-    name: ClassVar[str]
-    order: ClassVar[int]
-    stability_limit: ClassVar[float]
-    frequency_error: ClassVar[tuple[float, int]]
-    nodes: ClassVar[tuple[float, ...]]
+    @property
+    def order(self) -> int:
+        """Order of accuracy."""
+
+    @property
+    def stability_limit(self) -> float:
+        """Largest omega dt on the oscillator for which the scheme is stable."""
+
+    @property
+    def frequency_error(self) -> tuple[float, int]:
+        """The pair (c, m) with relative frequency error of size c (omega dt)^m to leading order."""
+
+    @property
+    def nodes(self) -> tuple[float, ...]:
+        """The times (t - t_n) / dt at which H is evaluated, as in the scheme's quadrature rule."""
 
     def start(self, q: Vector, p: Vector) -> S:
         """Return the state of a smooth start, without jumps."""

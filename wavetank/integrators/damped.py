@@ -69,16 +69,6 @@ class Damped(Generic[S]):
         return after.mapped(same, times(np.exp(-self.gamma * dt)))
 
 
-@dataclass(frozen=True)
-class SplitDamped(Damped[S]):
-    """Half of the damping, an undamped step, half of the damping: second order at most, and H is never touched."""
-
-    def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
-        """Return the state at t + dt; collective."""
-        half = times(np.exp(-self.gamma * dt / 2))
-        return self.scheme.step(system, state.mapped(same, half), t, dt).mapped(same, half)
-
-
 def same(values: Vector) -> Vector:
     """Return the values."""
     return values

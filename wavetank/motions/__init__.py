@@ -1,9 +1,14 @@
-"""Paddle motions: X(t) and its exact derivatives, in numpy and scipy alone."""
+"""Paddle motions: X(t), or X(t, y) of segmented paddles, and their exact derivatives, in numpy and scipy alone."""
 
 from wavetank.motions.at_rest import AtRest
+from wavetank.motions.directional_focus import DirectionalFocus
+from wavetank.motions.fan import Fan
 from wavetank.motions.motion import Array, Motion
+from wavetank.motions.oblique_wave import ObliqueWave
 from wavetank.motions.ramped import Ramped
 from wavetank.motions.recorded import Recorded
+from wavetank.motions.reflected_focus import ReflectedFocus
+from wavetank.motions.segmented import PiecewiseLinear, RampedSegments, SegmentedMotion, Uniform
 from wavetank.motions.sinusoid import Sinusoid
 from wavetank.motions.spectra import Gaussian, Jonswap, Spectrum
 from wavetank.motions.wave_group import WaveGroup
@@ -11,12 +16,20 @@ from wavetank.motions.wave_group import WaveGroup
 __all__ = [
     "Array",
     "AtRest",
+    "DirectionalFocus",
+    "Fan",
     "Gaussian",
     "Jonswap",
     "Motion",
+    "ObliqueWave",
+    "PiecewiseLinear",
     "Ramped",
+    "RampedSegments",
     "Recorded",
+    "ReflectedFocus",
+    "SegmentedMotion",
     "Sinusoid",
     "Spectrum",
+    "Uniform",
     "WaveGroup",
 ]

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple, Protocol
 
-from wavetank.fe.plane import Field, Plane
+from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
 from wavetank.observers.schedule import Schedule
 from wavetank.water.waves import Energies
@@ -31,11 +31,11 @@ class Observer(Protocol):
 class ObservedWall(Protocol):
     """What observers ask of a wall: where the reference tank lies in the laboratory."""
 
-    def to_reference(self, x: Vector) -> Vector:
-        """Return X for physical positions x [m]."""
+    def to_reference(self, places: Vector) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2)."""
 
-    def to_physical(self, X: Vector) -> Vector:
-        """Return x for reference positions X [m]."""
+    def to_physical(self, places: Vector) -> Vector:
+        """Return the physical places of reference ones, (x, y) [m], shape (N, 2)."""
 
 
 class ObservedWaves(Protocol):
@@ -44,30 +44,24 @@ class ObservedWaves(Protocol):
     Attributes
     ----------
     plane, depth
-        The horizontal space and the still-water depth d [m].
-    h
-        The water column of the state last evaluated [m].
+        The horizontal space and the mean still-water depth d [m].
     """
 
     plane: Plane
     depth: float
-    h: Field
 
     @property
     def wall(self) -> ObservedWall:
         """The wall at x = 0."""
 
-    def evaluate(self, q: Vector, p: Vector, t: float) -> None:
-        """Find what belongs to a state."""
-
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,)."""
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
-        """Return kinetic and potential energy and the wall's term [m^4/s²]."""
+        """Return kinetic and potential energy and the wall's term (see ``Energies``)."""
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
-        """Return dH/dt at fixed (Q, psi) [m^4/s³]."""
+        """Return dH/dt at fixed (Q, psi), in energy a second."""
 
     def total_mass(self, q: Vector) -> float:
-        """Return the water's volume per width [m²]."""
+        """Return the water's volume, of a slice per width [m³, m²]."""

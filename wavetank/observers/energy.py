@@ -9,22 +9,24 @@ count themselves. The balance, E - E(0) - work + dissipated, is then the error o
 """
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
 
-COLUMNS = (
-    "t [s]",
-    "kinetic [m^4/s^2]",
-    "potential [m^4/s^2]",
-    "total [m^4/s^2]",
-    "paddle_work [m^4/s^2]",
-    "dissipated [m^4/s^2]",
-    "balance [m^4/s^2]",
-    "mass [m^2]",
-)
+
+def columns(dimensions: int) -> tuple[str, ...]:
+    """Return the budget's columns with their units, for a tank of one or two horizontal dimensions.
+
+    Energies are per unit of density, and of width where the tank has none.
+    """
+    energy, volume = f"[m^{3 + dimensions}/s^2]", f"[m^{1 + dimensions}]"
+    energies = ("kinetic", "potential", "total", "paddle_work", "dissipated", "balance")
+    return "t [s]", *(f"{name} {energy}" for name in energies), f"mass {volume}"
+
+
+COLUMNS = columns(1)
 
 ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
     2: (1 / 2, 1 / 2),
@@ -33,6 +35,7 @@ ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
 }
 
 
+@runtime_checkable
 class Sink(Protocol):
     """What takes energy out of the water and counts it."""
 
@@ -40,12 +43,12 @@ class Sink(Protocol):
 
 
 class EnergyBudget:
-    """Kinetic, potential and total energy, paddle work, dissipation, balance and mass, per unit of density and width.
+    """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``columns``.
 
     Parameters
     ----------
     record
-        Where rows of ``COLUMNS`` go.
+        Where rows of ``columns`` go.
     schedule
         In steps: the work is integrated from the recorded moments.
     sinks

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wavetank.errors import RunError
+from wavetank.errors import InputError, RunError
 from wavetank.fe.points import Points
 from wavetank.hamiltonian.contract import Vector
 from wavetank.observers.contract import Moment, ObservedWaves
@@ -11,29 +11,31 @@ from wavetank.observers.schedule import Schedule
 
 
 class Gauges:
-    """Elevation [m] at distances x [m] along the tank, from the paddle's rest position or from anywhere in a ring.
+    """Elevation [m] at places of the tank.
 
     Parameters
     ----------
-    x
-        Positions, shape (N,).
+    places
+        (x, y) [m], shape (N, 2); x from the paddle's rest position in a slice, from anywhere in a ring.
     record
         Where rows (t, eta_1, ..., eta_N) go.
     """
 
-    def __init__(self, waves: ObservedWaves, x: Vector, *, record: Record, schedule: Schedule):
-        self._waves, self._x, self._record, self.schedule = waves, np.asarray(x, dtype=float), record, schedule
-        self._points = Points(waves.plane, waves.plane.chart.place(self._reference()))
+    def __init__(self, waves: ObservedWaves, places: Vector, *, record: Record, schedule: Schedule):
+        self._waves, self._record, self.schedule = waves, record, schedule
+        self._places = np.asarray(places, dtype=np.float64)
+        self._elevation = waves.plane.function("elevation")
+        self._points = Points(waves.plane, self._coordinates())
 
-    def _reference(self) -> Vector:
-        return self._waves.wall.to_reference(self._x)
+    def _coordinates(self) -> Vector:
+        """Return where the gauges are in the mesh, shape (N, 3)."""
+        return self._waves.plane.chart.place(self._waves.wall.to_reference(self._places))
 
     def observe(self, moment: Moment) -> None:
         """Append one row; raises ``RunError`` if the paddle has passed a gauge; collective."""
-        self._waves.evaluate(moment.q, moment.p, moment.t)
-        reference = self._reference()
-        if np.any(reference < 0.0):
-            raise RunError(f"t = {moment.t:.6g} s: the paddle has reached the gauge at x = {self._x.min():g} m")
-        self._points.move(self._waves.plane.chart.place(reference))
-        eta = self._points.evaluate(self._waves.h) - self._waves.depth
-        self._record.append([moment.t, *eta])
+        self._elevation.set(self._waves.elevation(moment.q, moment.p, moment.t))
+        try:
+            self._points.move(self._coordinates())
+        except InputError as error:
+            raise RunError(f"t = {moment.t:.6g} s: the paddle has reached a gauge: {error}") from None
+        self._record.append([moment.t, *self._points.evaluate(self._elevation)])

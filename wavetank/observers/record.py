@@ -1,12 +1,13 @@
 """Where an observer's rows go: the contract with the run directory."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from wavetank.errors import RunError
 from wavetank.hamiltonian.contract import Vector
+from wavetank.vtu_series import Cells
 
 
 class Record(Protocol):
@@ -14,6 +15,13 @@ class Record(Protocol):
 
     def append(self, row: Sequence[float]) -> None:
         """Append one row."""
+
+
+class FieldRecord(Protocol):
+    """Snapshots of fields on a mesh, each rank's part its own."""
+
+    def append(self, t: float, points: Vector, *, cells: Cells, arrays: Mapping[str, Vector]) -> None:
+        """Append a snapshot at t [s]: points [m], shape (N, 3), the cells between them, fields at them; collective."""
 
 
 class Discard:

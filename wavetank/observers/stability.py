@@ -11,7 +11,7 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
 from wavetank.water.edge_penalty import shortest_wave_frequency, shortest_wave_number
 from wavetank.water.linearised import LinearisedFlow
-from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
 SUSPICIOUS = 0.8  # of the limit, in the cheap estimate
@@ -46,7 +46,7 @@ class StabilityWatch:
     def __init__(
         self,
         waves: NonlinearWaves,
-        flow: SurfaceFlow,
+        flow: SurfaceVelocity,
         *,
         cell_size: float,
         dt: float,

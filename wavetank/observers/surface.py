@@ -40,5 +40,5 @@ class SurfaceSnapshots:
         eta = self._gather(self._waves.elevation(moment.q, moment.p, moment.t))
         psi = self._gather(moment.p)
         if self._record is not None:
-            x = self._waves.wall.to_physical(self._reference)
+            x = self._waves.wall.to_physical(np.column_stack([self._reference, np.zeros_like(self._reference)]))[:, 0]
             self._record.append(moment.t, x, eta[self._order], psi[self._order])

@@ -25,6 +25,7 @@ from wavetank.build import Records, Waves, build_filters, build_observers, build
 from wavetank.hamiltonian.contract import Vector
 from wavetank.integrators import INTEGRATORS
 from wavetank.observers.contract import Moment
+from wavetank.observers.energy import Sink
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.plan.error_model import Settings
@@ -172,7 +173,8 @@ def _time_a_step(scene: Scene, waves: Waves, name: str, dt_omega_max: float) -> 
     """Return the CPU seconds of a step; the start values of the solves need some steps of history first."""
     dt, watch = dt_omega_max / waves.largest_frequency, _Stopwatch()
     filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
-    observers = [*build_observers(scene, waves, records, filters=filters), watch]
+    sinks = [one for one in filters if isinstance(one, Sink)]
+    observers = [*build_observers(scene, waves, records, sinks=sinks), watch]
     scheme: Any = INTEGRATORS[name]()
     start = initial_state(scene, waves)
     Run(waves, scheme, observers, start=start, steps=WARM_UP + STEPS, dt=dt, filters=filters).execute()

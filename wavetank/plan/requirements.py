@@ -156,9 +156,12 @@ class Requirements:
 def requirements(scene: Scene, accuracy: float) -> Requirements:
     """Return what a scene requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
 
-    Raises ``InputError`` for a scene in which nothing moves, or whose initial state is not known here.
+    Raises ``InputError`` for a scene in which nothing moves, or whose tank or initial state is not known here.
     """
     tank = scene.tank
+    if isinstance(tank, nouns.BasinTank) or tank.bed is not None:
+        what = f'tank.type = "{tank.type}"' if tank.bed is None else f'tank.bed.type = "{tank.bed.type}"'
+        raise InputError(f"{what}: plans are made for slices and rings with a flat bed; give the numerics instead.")
     waves, crest, form = _all_waves(scene, accuracy)
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
@@ -222,6 +225,8 @@ def _wall_reason(scene: Scene) -> str:
 def _end_reason(scene: Scene, waves: Components) -> str:
     if isinstance(scene.tank, nouns.RingTank):
         return "far end: none, a ring needs no sponge."
+    if scene.sponge is not None:
+        return f"far end: a sponge (type {scene.sponge.type}) absorbs what comes; what it reflects is not planned for."
     fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
     if isinstance(scene.wall, nouns.FixedWall) or fastest * scene.run.duration > scene.tank.length:
         return "far end: a wall that reflects, the scene has no sponge; reflected waves are not followed further."
@@ -240,7 +245,7 @@ def _all_waves(scene: Scene, accuracy: float) -> Waves:
         raise InputError(f"initial.type = {scene.initial.type!r}: a plan can be made for {allowed}.")
     found = known[type(scene.initial)](scene.initial, scene)
     motion = scene.motion()
-    if not isinstance(motion, AtRest):
+    if isinstance(motion, Motion) and not isinstance(motion, AtRest):
         found.append(_paddle_waves(scene, motion, accuracy))
     if not found or not max(waves.crest for waves in found) > 0.0:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")

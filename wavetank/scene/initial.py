@@ -8,14 +8,23 @@ from pydantic import Field, model_validator
 
 from wavetank import motions
 from wavetank.errors import InputError
+from wavetank.meshes import Rectangle
+from wavetank.noun import Noun, Problem
 from wavetank.reference.conformal import SteadyWave
 from wavetank.reference.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
-from wavetank.scene.noun import Noun, Problem
-from wavetank.scene.tanks import AnyTank, RingTank
+from wavetank.scene.initial_formula import FormulaSurface
+from wavetank.scene.tanks import AnyTank, BasinTank, RingTank
 
 if TYPE_CHECKING:
     from wavetank.scene.scene import Scene
+
+
+def _box(tank: AnyTank) -> tuple[float, float, float, float]:
+    """Return (x_min, y_min, x_max, y_max) [m]; a slice is of width 1."""
+    if isinstance(tank, BasinTank) and tank.plan.box is not None:
+        return tank.plan.box
+    return 0.0, 0.0, tank.length, 1.0
 
 
 class StillWater(Noun):
@@ -23,24 +32,31 @@ class StillWater(Noun):
 
     type: Literal["still-water"] = "still-water"
 
-    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
         return np.zeros_like(x), np.zeros_like(x)
 
 
 class StandingWave(Noun):
-    """eta = a cos(m pi x / length), psi = 0."""
+    """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
 
     type: Literal["standing-wave"] = "standing-wave"
     amplitude: float = Field(gt=0, description="amplitude a [m]")
-    mode: int = Field(default=1, ge=1, description="number m of half waves in the tank")
+    mode: int = Field(default=1, ge=1, description="number m of half waves along the tank")
+    mode_across: int = Field(default=0, ge=0, description="number n of half waves across a basin")
 
-    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
-        return self.amplitude * np.cos(self.mode * np.pi * x / tank.length), np.zeros_like(x)
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
+        left, low, right, high = _box(tank)
+        along = np.cos(self.mode * np.pi * (x - left) / (right - left))
+        return self.amplitude * along * np.cos(self.mode_across * np.pi * (y - low) / (high - low)), np.zeros_like(x)
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:
-        """Yield an amplitude that lays the bed dry, and half a wave too many for a ring."""
+        """Yield an amplitude that lays the bed dry, half a wave too many for a ring, and a basin of another shape."""
+        if isinstance(scene.tank, BasinTank) and not isinstance(scene.tank.plan, Rectangle):
+            yield Problem(("initial", "type"), self.type, "needs a rectangle (tank.plan.type)")
+        if self.mode_across and not isinstance(scene.tank, BasinTank):
+            yield Problem(("initial", "mode_across"), self.mode_across, f"must be 0: a {scene.tank.type} has no width")
         if self.amplitude >= scene.tank.depth:
             allowed = f"must be below the still-water depth, {scene.tank.depth:g} m"
             yield Problem(("initial", "amplitude"), self.amplitude, allowed)
@@ -71,8 +87,8 @@ class StreamFunctionWave(Noun):
         except InputError as error:
             raise InputError(f"initial: {error}") from None
 
-    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,); raises as ``wave`` does."""
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,); raises as ``wave`` does."""
         return self.wave(tank).surface(x)
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:
@@ -97,15 +113,15 @@ class SolitaryWave(Noun):
         """Return the wave."""
         return solitary_wave(self.height, depth=tank.depth, gravity=tank.gravity)
 
-    def surface(self, tank: AnyTank, x: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x [m], each of shape (N,)."""
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
         return self.wave(tank).surface(x - self.x)
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:
         """Yield a tank without ends, a crest outside and a wave too high."""
         if isinstance(scene.tank, RingTank):
             yield Problem(("initial", "type"), self.type, "needs a slice (tank.type): its potential is not periodic")
-        if not 0 <= self.x <= scene.tank.length:
+        if not isinstance(scene.tank, BasinTank) and not 0 <= self.x <= scene.tank.length:
             yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {scene.tank.length:g} m")
         if self.height > HIGHEST_SOLITARY * scene.tank.depth:
             allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
@@ -113,6 +129,6 @@ class SolitaryWave(Noun):
 
 
 Initial = Annotated[
-    StillWater | StandingWave | StreamFunctionWave | SolitaryWave,
+    StillWater | StandingWave | StreamFunctionWave | SolitaryWave | FormulaSurface,
     Field(discriminator="type", description="the state at t = 0"),
 ]

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from wavetank.scene.noun import Noun, Problem
-from wavetank.scene.tanks import AnyTank
+from wavetank.noun import Noun, Problem
+from wavetank.scene.tanks import AnyTank, BasinTank, RingTank, SliceTank
 
 if TYPE_CHECKING:
     from wavetank.scene.scene import Scene
@@ -16,7 +16,8 @@ class Gauge(Noun):
     """A place where the elevation is recorded."""
 
     name: str = Field(min_length=1, description="name of the gauge")
-    x: float = Field(description="distance from the paddle's rest position, or along the ring [m]")
+    x: float = Field(description="distance from the paddle's rest position, or along the ring; in a basin its x [m]")
+    y: float = Field(default=0.0, description="in a basin its y [m]")
 
 
 def named(gauges: Any) -> Any:
@@ -63,14 +64,21 @@ class Numerics(Noun):
         return self
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:
-        """Yield too few cells for the tank."""
+        """Yield too few cells for the tank, or a number of them for a basin."""
         fewest = scene.tank.fewest_cells
+        if self.cells is not None and isinstance(scene.tank, BasinTank):
+            yield Problem(("numerics", "cells"), self.cells, "must be left out: numerics.cell_size is a basin's key")
+            return
         if self.cells is not None and self.cells < fewest:
             yield Problem(("numerics", "cells"), self.cells, f"must be at least {fewest} in a {scene.tank.type}")
 
-    def cells_in(self, tank: AnyTank) -> int:
-        """Return the number of cells; where neither number nor size is given, cells of about a fifth of the depth."""
-        size = tank.depth / 5 if self.cell_size is None else self.cell_size
+    def cell_size_in(self, tank: AnyTank) -> float:
+        """Return the size of a cell to aim at [m]; where none is given, a part of the depth."""
+        return tank.usual_cell * tank.depth if self.cell_size is None else self.cell_size
+
+    def cells_in(self, tank: SliceTank | RingTank) -> int:
+        """Return the number of cells along a tank, default resolved."""
+        size = self.cell_size_in(tank)
         return max(tank.fewest_cells, round(tank.length / size)) if self.cells is None else self.cells
 
     @model_serializer(mode="wrap")
@@ -87,3 +95,11 @@ class Output(Noun):
     surface_every: float | None = Field(
         default=None, gt=0, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
     )
+    velocity_every: float | None = Field(
+        default=None, gt=0, description="time between snapshots of the velocity field [s]; default: none"
+    )
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield velocities of linear water, which keeps no potential below the surface."""
+        if self.velocity_every is not None and scene.physics == "linear":
+            yield Problem(("output", "velocity_every"), self.velocity_every, "must be left out with linear water")

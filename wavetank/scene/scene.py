@@ -1,19 +1,23 @@
 """The scene as a whole."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, Strict, model_validator
 from pydantic_core import PydanticCustomError
 
 from wavetank import motions
+from wavetank.noun import Noun, Problem, SceneError
+from wavetank.scene.directional import SegmentedPistonWall
+from wavetank.scene.gauge_lines import GaugeLine
 from wavetank.scene.initial import Initial, StillWater
-from wavetank.scene.noun import Noun, Problem, SceneError
 from wavetank.scene.numerics import Gauge, Numerics, Output, Run, named
-from wavetank.scene.tanks import Tank
+from wavetank.scene.sponges import Sponge, paddle_period
+from wavetank.scene.tanks import BasinTank, Tank
 from wavetank.scene.walls import FixedWall, Wall
 
 
@@ -44,7 +48,9 @@ class Scene(Noun):
     wall: Wall = FixedWall()
     water: Water | None = Field(default=None, description="the waves' theory; default: nonlinear, or by accuracy")
     initial: Initial = StillWater()
+    sponge: Sponge | None = Field(default=None, description="where waves are absorbed; default: nowhere")
     gauges: Annotated[tuple[Gauge, ...], BeforeValidator(named)] = Field(default=(), description="the gauges")
+    gauge_lines: Annotated[tuple[GaugeLine, ...], Strict(False)] = Field(default=(), description="rows of gauges")
     run: Run = Field(description="how long is computed")
     numerics: Numerics = Numerics()
     output: Output = Output()
@@ -67,8 +73,17 @@ class Scene(Noun):
 
     @property
     def cells(self) -> int:
-        """The number of cells along the tank, default resolved."""
+        """The number of cells along a slice or ring, default resolved."""
+        if isinstance(self.tank, BasinTank):
+            raise ValueError("a basin has no number of cells along the tank.")
         return self.numerics.cells_in(self.tank)
+
+    @property
+    def cell_size(self) -> float:
+        """The size of a cell [m], default resolved; in a basin, that to aim at."""
+        if isinstance(self.tank, BasinTank):
+            return self.numerics.cell_size_in(self.tank)
+        return self.tank.length / self.cells
 
     @property
     def reach(self) -> float:
@@ -83,7 +98,7 @@ class Scene(Noun):
         short = 0.5 * (self.tank.depth / self.tank.gravity) ** 0.5
         return float(np.clip(short, self.run.duration / 1000, self.run.duration / 200))
 
-    def motion(self) -> motions.Motion:
+    def motion(self) -> motions.Motion | motions.SegmentedMotion:
         """Return the paddle's motion, checked against the run and the tank.
 
         Raises ``SceneError`` if its file cannot be had or read, ends before the run, or leaves the mapping's reach.
@@ -93,29 +108,67 @@ class Scene(Noun):
             raise SceneError(problems)
         return motion
 
-    def _motion_problems(self, motion: motions.Motion) -> Iterator[Problem]:
+    @property
+    def paddle_period(self) -> float | None:
+        """The period [s] that halves the power of the paddle's velocity; None if it does not move."""
+        velocity = self._of_paddle(self.motion(), "velocity")
+        return paddle_period(velocity, duration=self.run.duration, tank=self.tank)
+
+    def _of_paddle(
+        self, motion: motions.Motion | motions.SegmentedMotion, what: str
+    ) -> Callable[[motions.Array], motions.Array]:
+        """Return a motion's position or velocity as a function of times alone, at all places where it has several."""
+        function: Callable[..., motions.Array] = getattr(motion, what)
+        if isinstance(self.wall, SegmentedPistonWall):
+            return partial(function, y=self.wall.places(self.tank))
+        return function
+
+    def _motion_problems(self, motion: motions.Motion | motions.SegmentedMotion) -> Iterator[Problem]:
         if motion.duration < self.run.duration:
             allowed = f"must be at most {motion.duration:g} s, where the recorded motion ends"
             yield Problem(("run", "duration"), self.run.duration, allowed)
         end = min(self.run.duration, motion.duration)
-        stroke = np.abs(motion.position(np.linspace(0.0, end, 4001, dtype=np.float64))).max()
+        positions = self._of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
+        stroke = np.abs(positions).max()
         if stroke >= self.reach:
             allowed = f"must be more than {stroke:.4g} m, the paddle's largest distance from rest"
             yield Problem(("wall", "reach"), self.reach, allowed)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        nouns = (self.wall, self.initial, self.numerics)
+        parts = (self.wall, self.initial, self.numerics, self.output, self.sponge, self.tank.bed)
+        nouns = [noun for noun in parts if noun is not None]
         problems = [*self._gauge_problems(), *(problem for noun in nouns for problem in noun.problems(self))]
         if problems:
             text = "; ".join(str(problem) for problem in problems)
             raise PydanticCustomError("scene", "{text}", {"text": text, "problems": problems})
         return self
 
+    @property
+    def all_gauges(self) -> tuple[Gauge, ...]:
+        """The gauges, and those of the rows of gauges."""
+        rows = (Gauge(name=name, x=x, y=y) for line in self.gauge_lines for name, x, y in line.gauges())
+        return (*self.gauges, *rows)
+
     def _gauge_problems(self) -> Iterator[Problem]:
-        count = Counter(gauge.name for gauge in self.gauges)
+        count = Counter(gauge.name for gauge in self.all_gauges)
+        for n, line in enumerate(self.gauge_lines):
+            for end, (x, y) in (("start", line.start), ("end", line.end)):
+                yield from self._place_problems(("gauge_lines", n, end), x, y)
+            if any(count[name] > 1 for name, _, _ in line.gauges()):
+                yield Problem(("gauge_lines", n, "name"), line.name, "must be a name that no other row has")
         for n, gauge in enumerate(self.gauges):
-            if not 0 <= gauge.x <= self.tank.length:
-                yield Problem(("gauges", n, "x"), gauge.x, f"must be inside the tank, 0 to {self.tank.length:g} m")
+            yield from self._place_problems(("gauges", n), gauge.x, gauge.y)
             if count[gauge.name] > 1:
                 yield Problem(("gauges", n, "name"), gauge.name, "must be a name that no other gauge has")
+
+    def _place_problems(self, key: tuple[str | int, ...], x: float, y: float) -> Iterator[Problem]:
+        left, low, right, high = 0.0, 0.0, self.tank.length, 0.0
+        if isinstance(self.tank, BasinTank):
+            left, low, right, high = self.tank.plan.box or (-np.inf, -np.inf, np.inf, np.inf)
+        elif y:
+            yield Problem((*key, "y"), y, f"must be left out: a {self.tank.type} has no width")
+            return
+        for name, value, first, last in (("x", x, left, right), ("y", y, low, high)):
+            if not first <= value <= last:
+                yield Problem((*key, name), value, f"must be inside the tank, {first:g} to {last:g} m")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.hamiltonian.oscillators import Harmonic
-from wavetank.integrators import Damped, SplitDamped, StormerVerlet, SymplecticEuler
+from wavetank.integrators import Absorbing, Damped, StormerVerlet, SymplecticEuler
 from wavetank.verify.report import Report
 from wavetank.verify.schemes import Scheme, amplification, continuous, third_order
 
@@ -24,7 +24,7 @@ START = (1.0, 0.0)
 Map = Callable[[float, float], Array]  # (gamma, dt) -> M with z' = M z
 
 
-def damped(scheme: Scheme, wrapper: type[Damped[Any]] | type[SplitDamped[Any]]) -> Map:
+def damped(scheme: Scheme, wrapper: type[Damped[Any]] | type[Absorbing[Any]]) -> Map:
     """Return the map of a scheme with the exact damping factor, the scheme run on unit vectors."""
 
     def matrix(gamma: float, dt: float) -> Array:
@@ -73,9 +73,9 @@ def treatments() -> list[Treatment]:
         Treatment("symplectic Euler (47): forward", euler_forward, 0, 1),
         Treatment("symplectic Euler (48): backward", euler_backward, 0, 1),
         Treatment("Störmer-Verlet: exact factor", damped(verlet, Damped), 0, 1),
-        Treatment("Störmer-Verlet: factor split", damped(verlet, SplitDamped), 0, 1),
+        Treatment("Störmer-Verlet: factor split", damped(verlet, Absorbing), 0, 1),
         Treatment("third order (23): exact factor", damped(third, Damped), 1, 3),
-        Treatment("third order (23): factor split", damped(third, SplitDamped), 1, 3),
+        Treatment("third order (23): factor split", damped(third, Absorbing), 1, 3),
     ]
 
 

@@ -16,7 +16,7 @@ import ufl
 
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.smoothing import Smoothing
-from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
 NEEDED = 1.5  # u² k_g / g; growth was found from 2.1 on, none below
@@ -45,7 +45,7 @@ class EdgePenalty(Smoothing):
     def __init__(
         self,
         waves: NonlinearWaves,
-        flow: SurfaceFlow,
+        flow: SurfaceVelocity,
         *,
         cell_size: float,
         dt: float,

@@ -15,7 +15,7 @@ from typing import Any
 import ufl
 
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.water.walls import Wall
+from wavetank.water.walls import Mapping
 
 
 @dataclass(frozen=True)
@@ -30,18 +30,24 @@ class WaterEnergy:
         Still-water depth [m]: a constant for a flat bed, whose gradient vanishes symbolically.
     gravity
         [m/s²].
+    wall
+        The mapping to the reference tank.
     """
 
     h: Any
     d: Any
     gravity: Any
-    wall: Wall
+    wall: Mapping
+
+    def velocity(self, u: Any, w: Any, zeta: Any) -> tuple[Any, Any]:
+        """Return the water's velocity at height zeta, the horizontal vector and the vertical component [m/s]."""
+        grad, h = self.wall.gradient, self.h
+        return grad(u) - (zeta * grad(h) - grad(self.d)) * w / h, w / h
 
     def layer(self, u: Any, w: Any, zeta: Any) -> Any:
         """Return e(u, w; zeta)."""
-        grad, J, h = self.wall.gradient, self.wall.J, self.h
-        slope = grad(u) - (zeta * grad(h) - grad(self.d)) * w / h
-        return 0.5 * (J * h * ufl.inner(slope, slope) + J * w**2 / h)
+        along, _ = self.velocity(u, w, zeta)
+        return 0.5 * self.wall.J * (self.h * ufl.inner(along, along) + w**2 / self.h)
 
     def kinetic(self, phi: Any, vertical: VerticalBasis) -> Any:
         """Return int e dzeta by Gauss quadrature, exact for polynomials of the basis."""

@@ -8,8 +8,9 @@ couples the vertical modes no more: with the interior potential phi_I of least K
     H_psi = G psi + X_p' w,   H_Q = g eta,   H = 1/2 psi G psi + X_p' w psi - 1/2 c X_p'^2 + V
     G = A_nn - A_nI A_II^-1 A_In,   w = w_n - A_nI A_II^-1 w_I,   c = w_I A_II^-1 w_I
 
-where A is the operator of K on still water and (w_I, w_n) = dF/dphi. A_II is factored once for the whole run; H
-separates, so the stages of Störmer-Verlet are explicit, and the coupled stage of (23) is one direct solve.
+where A is the operator of K on still water and (w_I, w_n) = dF/dphi. On the flat bed of a slice A_II is factored once
+for the whole run; H separates, so the stages of Störmer-Verlet are explicit, and the coupled stage of (23) is one
+direct solve. In a basin, or on a bed that varies, A_II is assembled once and solved by conjugate gradients.
 
 The wall stays at x = 0 and lets water through: in linear theory the volume of water grows by d X_p(t), which is what
 the paddle takes of the tank beyond. Apart from that flux mass is conserved to round-off.
@@ -18,26 +19,27 @@ the paddle takes of the tank beyond. Apart from that flux mass is conserved to r
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sparse
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem
 
-from wavetank.errors import InputError
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.contract import Stage, StageSolver, Vector
 from wavetank.hamiltonian.stage_solver import Preconditioner, SnesStageSolver, StageCounters, identity
 from wavetank.motions import AtRest, Motion
+from wavetank.water.bed import Depth, FlatBed, bed_of
 from wavetank.water.energy import WaterEnergy
-from wavetank.water.potential import SolveCounters
+from wavetank.water.potential import InteriorPotential, SolveCounters
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import FixedWall, Paddle
 from wavetank.water.waves import Energies
 
 COUPLED_TOLERANCE = 1e-12  # of stages that are solved together; all others are solved exactly
@@ -50,14 +52,14 @@ class LinearPiston(FixedWall):
     ----------
     motion
         X_p(t) with its exact derivatives.
-    facets
-        Facet tags with 1 at the paddle.
+    paddle
+        Where the wall is.
     """
 
-    def __init__(self, motion: Motion, *, plane: Plane, facets: mesh.MeshTags):
+    def __init__(self, motion: Motion, *, plane: Plane, paddle: Paddle):
         super().__init__()
         self.motion = motion
-        self.paddle = ufl.ds(domain=plane.mesh, subdomain_data=facets)(1)
+        self.paddle = ufl.ds(domain=plane.mesh, subdomain_data=paddle.facets)(1)
 
 
 class LinearWaves:
@@ -66,37 +68,36 @@ class LinearWaves:
     Parameters
     ----------
     plane
-        The horizontal space, of one dimension.
+        The horizontal space.
     depth
-        Still-water depth d [m].
+        Still-water depth d [m], a number or a function of places (x, y) [m].
     wall
         The wall at x = 0.
     vertical_order
         n.
     gravity
         [m/s²].
-
-    Raises ``InputError`` for a plan of two dimensions, whose modes no direct solver serves yet.
+    tolerance
+        Relative tolerance of what is solved iteratively.
     """
 
     def __init__(
         self,
         plane: Plane,
         *,
-        depth: float,
+        depth: float | Depth,
         wall: FixedWall | LinearPiston,
         vertical_order: int,
         gravity: float = 9.81,
+        tolerance: float = 1e-12,
     ):
-        if plane.mesh.topology.dim != 1:
-            raise InputError(
-                f"linear waves: a plan of {plane.mesh.topology.dim} dimensions; it must be a slice or ring."
-            )
-        self.plane, self.wall, self.depth, self.gravity = plane, wall, depth, gravity
+        self.plane, self.wall, self.gravity = plane, wall, gravity
+        self.bed = bed_of(depth, plane)
+        self.depth = self.bed.depth
         self.motion = wall.motion if isinstance(wall, LinearPiston) else AtRest()
         self.vertical = VerticalBasis(vertical_order)
         self.h = plane.function("water column")
-        d, g = (fem.Constant(plane.mesh, value) for value in (depth, gravity))
+        d, g = self.bed.d, fem.Constant(plane.mesh, gravity)
         self._gravity_energy = ScalarForm(
             WaterEnergy(h=self.h.function, d=d, gravity=g, wall=wall).potential() * plane.dx, plane.comm
         )
@@ -105,11 +106,19 @@ class LinearWaves:
         self.operator = KroneckerOperator(still.layer, plane, self.vertical)
         self.operator.assemble()
         self.still_matrices = self.operator.still("u"), self.operator.still("w")
-        self.potential = StillPotential(self.operator, self.still_matrices, plane=plane, vertical=self.vertical)
-        self.stages = LinearStages.of(self)
+        self.potential, self.stages = self._solvers(tolerance)
         self._inflow, self._recoil = self.potential.response(self._flux(still))
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
+
+    def _solvers(self, tolerance: float) -> tuple["StillPotential", "LinearStages"]:
+        plane, vertical = self.plane, self.vertical
+        if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):
+            return DirectPotential(self.operator, self.still_matrices, plane=plane, vertical=vertical), LinearStages.of(
+                self, tolerance=COUPLED_TOLERANCE, direct=True
+            )
+        potential = IterativePotential(self.operator, plane=plane, vertical=vertical, tolerance=0.1 * tolerance)
+        return potential, LinearStages.of(self, tolerance=tolerance, direct=False)
 
     def _flux(self, still: WaterEnergy) -> Vector:
         """Return dF/dphi, shape (owned, n+1)."""
@@ -171,15 +180,15 @@ class LinearWaves:
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
         """Return (Q, psi) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
-        return self.mass.apply(self.depth + eta), np.array(psi, dtype=float)
+        return self.mass.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
         self._set_column(q)
-        return self.h.owned - self.depth
+        return np.asarray(self.h.owned - self.bed.still)
 
     def total_mass(self, q: Vector) -> float:
-        """Return the water's volume per width in x > 0 [m²], which follows d X_p(t); collective."""
+        """Return the water's volume beyond the paddle's rest position [m³, m²], which follows X_p; collective."""
         return self.plane.sum(q)
 
     @cached_property
@@ -188,8 +197,55 @@ class LinearWaves:
         return largest_frequency(self)
 
 
-class StillPotential:
-    """The interior potential on still water, in the basis of vertical modes of ``fe/vertical.py``.
+class StillPotential(Protocol):
+    """The interior potential on still water, of least K + X_p' F.
+
+    Attributes
+    ----------
+    counters
+        What its solves cost.
+    """
+
+    counters: SolveCounters
+
+    def dirichlet_neumann(self, psi: Vector) -> Vector:
+        """Return G psi, shape (owned,); collective."""
+
+    def response(self, flux: Vector) -> tuple[Vector, float]:
+        """Return w, shape (owned,), and c of the module's formulae for dF/dphi, shape (owned, n+1); collective."""
+
+
+class IterativePotential:
+    """The interior potential by conjugate gradients: in basins, and where the bed's slope couples the modes."""
+
+    def __init__(self, operator: KroneckerOperator, *, plane: Plane, vertical: VerticalBasis, tolerance: float):
+        self._operator, self._plane = operator, plane
+        self._phi = plane.layered_function(vertical.n + 1, "potential")
+        self._potential = InteriorPotential(
+            operator, self._phi, inputs=plane.owned + 1, plane=plane, vertical=vertical, tolerance=tolerance
+        )
+        self.counters = self._potential.counters
+        self._no_flux = np.zeros((1, vertical.n + 1))
+
+    def _solve(self, psi: Vector, flux: Vector, driven: float) -> Vector:
+        """Return (A phi)_n at the interior potential, shape (owned,); collective."""
+        self._phi.owned[:, -1] = psi
+        self._phi.function.x.scatter_forward()
+        self._potential.solve(flux, np.append(psi, driven))
+        return self._operator.apply_surface(self._phi.rows)
+
+    def dirichlet_neumann(self, psi: Vector) -> Vector:
+        """Return G psi, shape (owned,); collective."""
+        return self._solve(psi, self._no_flux, 0.0)
+
+    def response(self, flux: Vector) -> tuple[Vector, float]:
+        """Return w, shape (owned,), and c of the module's formulae for dF/dphi, shape (owned, n+1); collective."""
+        through = self._solve(np.zeros(self._plane.owned), flux, 1.0)
+        return flux[:, -1] + through, -self._plane.sum(flux[:, :-1] * self._phi.owned[:, :-1])
+
+
+class DirectPotential:
+    """The interior potential by a direct solve, in the basis of vertical modes of ``fe/vertical.py``.
 
     There A_In = b (x) S_u and A_nn = S_u with the horizontal stiffness S_u and b_i = int P_i dzeta, so that
 
@@ -252,18 +308,21 @@ class LinearStages:
 
     coordinate: LinearStage
     momentum: LinearStage
-    pair: LinearStage
+    pair: StageSolver
     counters: StageCounters
     _iterative: SnesStageSolver
     _coupled: dict[int, SnesStageSolver] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, waves: LinearWaves) -> "LinearStages":
-        """Return the solvers of waves: of one stage explicit or direct, of several that are coupled iterative."""
+    def of(cls, waves: LinearWaves, *, tolerance: float, direct: bool) -> "LinearStages":
+        """Return the solvers of waves: of one stage explicit, or direct where the inverse is; of the others iterative.
+
+        ``tolerance`` is that of the latter.
+        """
         counters, inverse, sizes = StageCounters(), StillWaterWaves(waves), np.concatenate(scales(waves))
         explicit = LinearStage(identity, counters)
-        iterative = SnesStageSolver(waves.plane.comm, sizes, tolerance=COUPLED_TOLERANCE, precondition=inverse)
-        return cls(explicit, explicit, LinearStage(inverse, counters), counters, iterative)
+        iterative = SnesStageSolver(waves.plane.comm, sizes, tolerance=tolerance, precondition=inverse)
+        return cls(explicit, explicit, LinearStage(inverse, counters) if direct else iterative, counters, iterative)
 
     def coupled(self, pairs: int) -> SnesStageSolver:
         """Return the solver for that many pairs at once, as Gauss-Legendre's scheme has them; made when first asked."""

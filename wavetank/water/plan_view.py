@@ -1,6 +1,6 @@
 """Plan views of the reference tank: where the water stands, seen from above. A basin is only another mesh.
 
-Each has a mesh and a chart, which says where the distance x along the tank lies in it.
+Each has a mesh and a chart, which says where a place of the tank lies in it.
 """
 
 import basix.ufl
@@ -9,6 +9,8 @@ from dolfinx import mesh
 from mpi4py import MPI
 
 from wavetank.fe.charts import Polygon, Straight
+from wavetank.fe.plan_mesh import PlanMesh
+from wavetank.water.walls import Paddle
 
 
 class Slice:
@@ -32,11 +34,12 @@ class Slice:
         """The size of a cell [m]."""
         return self.length / self.cells
 
-    def paddle_facets(self) -> mesh.MeshTags:
-        """Return facet tags that mark the wall at x = 0 with 1; collective."""
+    def paddle(self) -> Paddle:
+        """Return the wall at x = 0; collective."""
         dim = self.mesh.topology.dim - 1
         facets = mesh.locate_entities_boundary(self.mesh, dim, lambda x: np.isclose(x[0], 0.0, atol=1e-9 * self.length))
-        return mesh.meshtags(self.mesh, dim, facets, np.ones(facets.size, dtype=np.int32))
+        tags = mesh.meshtags(self.mesh, dim, facets, np.ones(facets.size, dtype=np.int32))
+        return Paddle(tags, point=np.zeros(2), normal=np.array([1.0, 0.0]))
 
 
 class Ring:
@@ -60,3 +63,21 @@ class Ring:
         edge = basix.ufl.element("Lagrange", "interval", 1, shape=(2,))
         partitioner = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)  # as of a slice
         self.mesh = mesh.create_mesh(comm, edges, self.chart.corners()[corner], edge, partitioner)
+
+
+class Basin:
+    """A tank of two horizontal dimensions, as drawn or read.
+
+    Parameters
+    ----------
+    plan
+        The mesh with its groups.
+    """
+
+    def __init__(self, plan: PlanMesh):
+        self.plan, self.mesh, self.chart = plan, plan.mesh, Straight()
+
+    def paddle(self) -> Paddle:
+        """Return the wall of the group ``paddle``; raises ``InputError`` if it is none, or not straight; collective."""
+        point, normal = self.plan.paddle_line()
+        return Paddle(self.plan.facets_of("paddle"), point=point, normal=normal)

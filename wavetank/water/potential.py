@@ -37,6 +37,8 @@ class InteriorPotential:
         A(h).
     phi
         The layered field that holds the solution, the surface potential in its last column.
+    inputs
+        How many numbers of this rank a solution depends on.
     tolerance
         Relative tolerance of the residual in the preconditioner's energy norm.
     """
@@ -44,13 +46,20 @@ class InteriorPotential:
     patience = 2  # iterations above those of a fresh preconditioner before it is renewed
 
     def __init__(
-        self, operator: KroneckerOperator, phi: LayeredField, *, plane: Plane, vertical: VerticalBasis, tolerance: float
+        self,
+        operator: KroneckerOperator,
+        phi: LayeredField,
+        *,
+        inputs: int,
+        plane: Plane,
+        vertical: VerticalBasis,
+        tolerance: float,
     ):
         self.counters = SolveCounters()
         self._operator, self._phi, self._n = operator, phi, vertical.n
         self._modes = DecoupledModes(operator, vertical.eigenvalues, plane)
         self._argument = plane.layered_function(vertical.n, "interior argument")
-        self._recall = Recall(2 * plane.owned + 1, plane.owned * vertical.n, comm=plane.comm)
+        self._recall = Recall(inputs, plane.owned * vertical.n, comm=plane.comm)
         self._fresh_iterations: int | None = None
         self._ksp = self._solver(plane, tolerance)
         self._right, self._solution = self._modes.matrix.createVecs()

@@ -14,6 +14,7 @@ from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.water.bed import Bed
 
 
 class Waves(Protocol):
@@ -21,14 +22,17 @@ class Waves(Protocol):
 
     Attributes
     ----------
+    bed, depth
+        The bed and its mean depth [m].
     still_matrices
-        S_uu and S_ww at zeta^0 on still water, entries of the owned rows.
+        S_uu and S_ww at zeta^0 for the mean depth, entries of the owned rows.
     """
 
     plane: Plane
     mass: MassMatrix
     operator: KroneckerOperator
     vertical: VerticalBasis
+    bed: Bed
     depth: float
     gravity: float
     still_matrices: tuple[Vector, Vector]
@@ -77,7 +81,7 @@ def scales(waves: Waves) -> tuple[Vector, Vector]:
 
 def largest_frequency(waves: Waves) -> float:
     """Return the largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
-    still = waves.mass.apply(np.full(waves.plane.owned, waves.depth))
+    still = waves.mass.apply(np.zeros(waves.plane.owned) + waves.bed.still)
     rest = waves.H_p(still, np.zeros(waves.plane.owned), 0.0)
 
     def surface_operator(psi: Vector) -> Vector:

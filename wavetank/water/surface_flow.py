@@ -11,6 +11,7 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from wavetank.fe.forms import JIT_OPTIONS
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.waves import NonlinearWaves
 
@@ -33,46 +34,70 @@ class Crest(NamedTuple):
     velocity: float
 
 
-class SurfaceFlow:
-    """Slopes and velocities of the surface of a tank of one horizontal dimension; collective throughout."""
+class SurfaceVelocity:
+    """How fast the surface of any tank moves; collective throughout."""
 
     def __init__(self, waves: NonlinearWaves):
         plane = waves.plane
-        self._waves, self._comm = waves, plane.comm
-        self._h, self._psi = plane.function("column"), plane.function("surface potential")
-        lattice = basix.create_lattice(basix.CellType.interval, 2 * plane.order, basix.LatticeType.equispaced, True)
-        points = np.sort(lattice, axis=0)
-        ahead = plane.chart.direction(plane.mesh)
-        slopes = [ufl.inner(waves.wall.gradient(field.function), ahead) for field in (self._h, self._psi)]
-        place = ufl.SpatialCoordinate(plane.mesh)
-        self._cells = np.arange(plane.mesh.topology.index_map(1).size_local, dtype=np.int32)
-        self._expression = fem.Expression(ufl.as_vector([self._h.function, *slopes]), points)
-        places = fem.Expression(place, points).eval(plane.mesh, self._cells).reshape(-1, plane.mesh.geometry.dim)
-        coordinates = np.zeros((len(places), 3))
-        coordinates[:, : places.shape[1]] = places
-        x = plane.chart.continued(plane.chart.along(coordinates).reshape(self._cells.size, -1))
-        self._turned = x[:, 0] > x[:, -1]  # cells that run backwards
-        self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
-        self._x = self._sorted(x)
-        self._cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
+        self._waves, self._comm, dim = waves, plane.comm, plane.mesh.topology.dim
+        self._eta, self._psi = plane.function("elevation"), plane.function("surface potential")
+        cell = plane.mesh.basix_cell()
+        self._points = basix.create_lattice(cell, 2 * plane.order, basix.LatticeType.equispaced, True)
+        self._cells = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
+        self._set_up()
         self._q: Vector | None = None
         self._p: Vector | None = None
 
-    def _sorted(self, values: Vector) -> Vector:
-        """Return the values of all ranks in the order of x, from shape (cells, points) to (all cells * points,)."""
-        rows = np.where(self._turned[:, None], values[:, ::-1], values)
-        return np.asarray(np.concatenate(self._comm.allgather(rows))[self._order].ravel())
+    def _set_up(self) -> None:
+        slope, velocity = (self._waves.wall.gradient(field.function) for field in (self._eta, self._psi))
+        speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + ufl.inner(slope, slope))
+        self._expression = fem.Expression(speed, self._points, jit_options=JIT_OPTIONS)
 
     def update(self, q: Vector, p: Vector) -> None:
         """Take the surface of a state, the wall where it stands; nothing to do for the state last taken."""
         if q is self._q and p is self._p:
             return
         self._q, self._p = q, p
-        self._h.set(self._waves.mass.solve(q))
+        self._eta.set(self._waves.mass.solve(q) - self._waves.bed.still)
         self._psi.set(p)
-        values = self._expression.eval(self._waves.plane.mesh, self._cells).reshape(self._cells.size, -1, 3)
-        h, self._slope, self._psi_x = (self._sorted(values[:, :, i]) for i in range(3))
-        self._eta = h - self._waves.depth
+        self._take(self._expression.eval(self._waves.plane.mesh, self._cells))
+
+    def _take(self, values: Vector) -> None:
+        self._largest = float(self._comm.allreduce(float(np.max(values, initial=0.0)), op=MPI.MAX))
+
+    @property
+    def largest_velocity(self) -> float:
+        """The largest horizontal velocity of the surface [m/s]."""
+        return self._largest
+
+
+class SurfaceFlow(SurfaceVelocity):
+    """Slopes and velocities of the surface of a tank of one horizontal dimension; collective throughout."""
+
+    def _set_up(self) -> None:
+        plane, wall = self._waves.plane, self._waves.wall
+        points = np.sort(self._points, axis=0)
+        ahead = plane.chart.direction(plane.mesh)
+        slopes = [ufl.inner(wall.gradient(field.function), ahead) for field in (self._eta, self._psi)]
+        place = ufl.SpatialCoordinate(plane.mesh)
+        self._expression = fem.Expression(ufl.as_vector([self._eta.function, *slopes]), points)
+        places = fem.Expression(place, points).eval(plane.mesh, self._cells).reshape(-1, plane.mesh.geometry.dim)
+        coordinates = np.zeros((len(places), 3))
+        coordinates[:, : places.shape[1]] = places
+        x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, -1))
+        self._turned = x[:, 0] > x[:, -1]  # cells that run backwards
+        self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
+        self._x = self._sorted(x)
+        self._cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
+
+    def _sorted(self, values: Vector) -> Vector:
+        """Return the values of all ranks in the order of x, from shape (cells, points) to (all cells * points,)."""
+        rows = np.where(self._turned[:, None], values[:, ::-1], values)
+        return np.asarray(np.concatenate(self._comm.allgather(rows))[self._order].ravel())
+
+    def _take(self, values: Vector) -> None:
+        rows = values.reshape(self._cells.size, -1, 3)
+        self._height, self._slope, self._psi_x = (self._sorted(rows[:, :, i]) for i in range(3))
 
     @property
     def largest_velocity(self) -> float:
@@ -84,10 +109,11 @@ class SurfaceFlow:
 
         ``faster`` leaves out those whose water moves at less than that [m/s].
         """
-        level = (self._slope[:-1] > 0) & (self._slope[1:] <= 0) & (self._eta[:-1] > 0)
+        level = (self._slope[:-1] > 0) & (self._slope[1:] <= 0) & (self._height[:-1] > 0)
         rising = np.flatnonzero(level & (np.abs(self._psi_x[:-1]) >= faster))
         part = self._slope[rising] / (self._slope[rising] - self._slope[rising + 1])
-        values = ((1 - part) * field[rising] + part * field[rising + 1] for field in (self._x, self._eta, self._psi_x))
+        fields = (self._x, self._height, self._psi_x)
+        values = ((1 - part) * field[rising] + part * field[rising + 1] for field in fields)
         crests = list[Crest]()
         for crest in (Crest(*map(float, place)) for place in zip(*values, strict=True)):
             if crests and crest.x - crests[-1].x < self._cell:
@@ -95,3 +121,8 @@ class SurfaceFlow:
             else:
                 crests.append(crest)
         return crests
+
+
+def surface_of(waves: NonlinearWaves) -> SurfaceVelocity:
+    """Return the surface of waves, with its crests where the tank has one horizontal dimension; collective."""
+    return SurfaceFlow(waves) if waves.plane.mesh.topology.dim == 1 else SurfaceVelocity(waves)

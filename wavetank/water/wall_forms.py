@@ -1,24 +1,26 @@
 """What the wall adds to the Hamiltonian, and the power it puts in.
 
-    W = X_p' F(phi, h),     F = int psi d/dX (s h) dX + int h phi dzeta at the paddle
+    W = F(X_p'),     F(v) = int psi a . grad(s v h) dX + int v h phi dzeta at the paddle
 
-H(Q, psi, t) depends on time through X_p and X_p' alone, so at fixed (Q, psi)
+H(Q, psi, t) depends on time through X_p, X_p' and the depth under points that the wall moves, so at fixed (Q, psi)
 
-    dH/dt = X_p' dH/dX_p + X_p'' F,     dH/dX_p = (K + V)_{X_p} - int s' h mu dX,     mu = M_J^-1 H_h,
+    dH/dt = d/dt (K + V)  -  int dJ/dt h mu dX  +  F(X_p''),     mu = M_J^-1 H_h,
 
-the last term because h = M_J^-1 Q moves with J.
+the first with X_p and d going on as they move now, the second because h = M_J^-1 Q moves with J.
 """
 
 from collections.abc import Callable
-from typing import Protocol
+from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 import ufl
 
-from wavetank.fe.forms import ScalarForm, VectorForm
+from wavetank.fe.forms import ScalarForm, VectorForm, taylor_coefficient
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Vector
+from wavetank.water.bed import Bed
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.walls import Piston, Wall
 
@@ -40,7 +42,7 @@ class WallForms(Protocol):
     def energy(self) -> float:
         """Return W; collective."""
 
-    def explicit_rate(self, mu: Callable[[], Vector], t: float) -> float:
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi), ``mu`` giving M_J^-1 H_h; collective."""
 
 
@@ -59,7 +61,7 @@ class StandingWallForms:
         """Return zero."""
         return 0.0
 
-    def explicit_rate(self, mu: Callable[[], Vector], t: float) -> float:
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return zero."""
         return 0.0
 
@@ -67,16 +69,27 @@ class StandingWallForms:
 class PistonForms:
     """The terms of a moving piston; see the module's formulae."""
 
-    def __init__(self, wall: Piston, energy: WaterEnergy, phi: LayeredField, *, plane: Plane, vertical: VerticalBasis):
-        self._wall, self._components = wall, vertical.n + 1
-        flux = wall.flux(phi.function[vertical.n], energy.h, energy.wall_flux(phi.function, vertical))
-        density = energy.kinetic(phi.function, vertical) + energy.potential()
-        self._mu = plane.function("mu")
-        self.hamiltonian = [wall.speed * flux]
+    def __init__(
+        self, wall: Piston, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, plane: Plane, vertical: VerticalBasis
+    ):
+        self._wall, self._bed, self._plane, self._components = wall, bed, plane, vertical.n + 1
+        parts = {
+            "psi": phi.function[vertical.n],
+            "h": energy.h,
+            "wall_flux": energy.wall_flux(phi.function, vertical),
+        }
+        self.hamiltonian = [wall.flux(wall.travel.speed, **parts)]
         self._vector = VectorForm(ufl.derivative(self.hamiltonian[0], phi.function))
-        self._flux = ScalarForm(flux, plane.comm)
-        stretch = -wall.s.dx(0) * energy.h * self._mu.function
-        self._force = ScalarForm((ufl.diff(density, wall.X_p) + stretch) * plane.dx, plane.comm)
+        self._energy = ScalarForm(self.hamiltonian[0], plane.comm)
+        self._flux = ScalarForm(wall.flux(wall.travel.acceleration, **parts), plane.comm)
+
+        def density(dt: Any) -> Any:
+            later = replace(energy, wall=wall.after(dt), d=bed.d + dt * bed.rate)
+            return later.kinetic(phi.function, vertical) + later.potential()
+
+        self._mu = plane.function("mu")
+        moved = taylor_coefficient(density, 1, plane.mesh) - wall.stretching * energy.h * self._mu.function
+        self._power = ScalarForm(moved * plane.dx, plane.comm)
 
     def vector(self) -> Vector:
         """Return dW/dphi, shape (owned, n+1); collective."""
@@ -84,18 +97,20 @@ class PistonForms:
 
     def energy(self) -> float:
         """Return W; collective."""
-        return self._wall.velocity * self._flux.assemble()
+        return self._energy.assemble()
 
-    def explicit_rate(self, mu: Callable[[], Vector], t: float) -> float:
-        """Return X_p' dH/dX_p + X_p'' F; collective."""
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
+        """Return dH/dt at fixed (Q, psi); collective."""
+        places = self._plane.places
+        self._bed.set_velocities(self._wall.to_physical(places), self._wall.mesh_velocities(places))
         self._mu.set(mu())
-        return self._wall.velocity * self._force.assemble() + self._wall.motion.acceleration(t) * self._flux.assemble()
+        return self._power.assemble() + self._flux.assemble()
 
 
 def wall_forms(
-    wall: Wall, energy: WaterEnergy, phi: LayeredField, *, plane: Plane, vertical: VerticalBasis
+    wall: Wall, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, plane: Plane, vertical: VerticalBasis
 ) -> WallForms:
     """Return the forms that belong to a wall."""
     if isinstance(wall, Piston):
-        return PistonForms(wall, energy, phi, plane=plane, vertical=vertical)
+        return PistonForms(wall, energy, phi, bed=bed, plane=plane, vertical=vertical)
     return StandingWallForms(vertical)

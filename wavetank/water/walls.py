@@ -1,12 +1,18 @@
 """The wall at x = 0 and the mapping of the moving tank to the fixed reference tank.
 
-    x = X + s(X) X_p(t),   J = dx/dX = 1 + s' X_p,   mesh velocity = s X_p',   s = max(0, 1 - X/reach)
+    x = X + a s(X) X_p(y, t),   J = 1 + a . grad(s X_p),   mesh velocity = a s X_p',   s = max(0, 1 - xi / reach)
+
+with the paddle's unit normal a into the water, the distance xi of X from the paddle's rest position and y along the
+paddle. Its matrix is F = 1 + a (x) grad(s X_p), so that the physical gradient is
+
+    F^-T grad f = grad f - grad(s X_p) (a . grad f) / J.
 
 A wall tells the energy how to differentiate in physical space and what the moving wall adds to the Hamiltonian. A fixed
 wall is the identity: everything about it vanishes before compilation.
 """
 
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import ufl
@@ -14,41 +20,47 @@ from dolfinx import fem, mesh
 
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
-from wavetank.motions import Motion
+from wavetank.motions import Motion, SegmentedMotion
 
 
-class Wall(Protocol):
-    """What the water must know of the wall at x = 0.
-
-    Attributes
-    ----------
-    J
-        Jacobian of the mapping, in UFL.
-    """
-
-    J: Any
+class Mapping(Protocol):
+    """What the energy must know of a mapping."""
 
     @property
-    def velocity(self) -> float:
-        """The wall's velocity [m/s]."""
-
-    def set_time(self, t: float) -> bool:
-        """Move to where the wall stands at t [s]; return whether the mapping has changed."""
+    def J(self) -> Any:
+        """Its Jacobian, in UFL."""
 
     def gradient(self, f: Any) -> Any:
         """Return the horizontal gradient in physical space, in UFL."""
 
-    def to_reference(self, x: Vector) -> Vector:
-        """Return X for physical positions x [m] at the wall's present position."""
 
-    def to_physical(self, X: Vector) -> Vector:
-        """Return x for reference positions X [m] at the wall's present position."""
+class Wall(Mapping, Protocol):
+    """What the water must know of the wall at x = 0.
+
+    Attributes
+    ----------
+    velocities
+        Velocities that tell its motion at one time from that at another [m/s], shape (m,).
+    """
+
+    @property
+    def velocities(self) -> Vector:
+        """See above."""
+
+    def set_time(self, t: float) -> bool:
+        """Move to where the wall stands at t [s]; return whether the mapping has changed."""
+
+    def to_reference(self, places: Vector) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), for the wall as it stands."""
+
+    def to_physical(self, places: Vector) -> Vector:
+        """Return the physical places of reference ones, (x, y) [m], shape (N, 2), for the wall as it stands."""
 
 
 class FixedWall:
     """A wall that stands still: the identity."""
 
-    velocity = 0.0
+    velocities = np.zeros(1)
 
     def __init__(self) -> None:
         self.J = ufl.as_ufl(1)
@@ -61,76 +73,250 @@ class FixedWall:
         """Return the gradient in the reference tank, which is the physical one."""
         return ufl.grad(f)
 
-    def to_reference(self, x: Vector) -> Vector:
-        """Return x."""
-        return x
+    def to_reference(self, places: Vector) -> Vector:
+        """Return the places."""
+        return places
 
-    def to_physical(self, X: Vector) -> Vector:
-        """Return X."""
-        return X
+    def to_physical(self, places: Vector) -> Vector:
+        """Return the places."""
+        return places
 
 
-class Piston:
-    """A vertical wall that moves as a whole.
+class Paddle(NamedTuple):
+    """A straight wall that can move.
+
+    Attributes
+    ----------
+    facets
+        Facet tags with 1 at the paddle.
+    point
+        A point of its rest position, from which y is counted along it [m], shape (2,).
+    normal
+        Its unit normal into the water, shape (2,).
+    """
+
+    facets: mesh.MeshTags
+    point: Vector
+    normal: Vector
+
+    def distances(self, places: Vector) -> Vector:
+        """Return the distances of places (x, y) from the rest position [m], shape (N,)."""
+        return np.asarray((places - self.point) @ self.normal)
+
+    def along(self, places: Vector) -> Vector:
+        """Return the coordinates y of places (x, y) along the paddle [m], shape (N,)."""
+        return np.asarray((places - self.point) @ np.array([-self.normal[1], self.normal[0]]))
+
+
+class Travel(Protocol):
+    """How far a paddle has gone, and how fast: X_p, X_p' and X_p'' in UFL, in m, m/s, m/s².
+
+    Attributes
+    ----------
+    velocities
+        See ``Wall``.
+    """
+
+    position: Any
+    speed: Any
+    acceleration: Any
+
+    @property
+    def velocities(self) -> Vector:
+        """See above."""
+
+    def set_time(self, t: float) -> bool:
+        """Move to where the paddle stands at t [s]; return whether its position has changed."""
+
+    def positions(self, y: Vector) -> Vector:
+        """Return X_p at places y along the paddle [m], shape (N,)."""
+
+    def speeds(self, y: Vector) -> Vector:
+        """Return X_p' at places y along the paddle [m/s], shape (N,)."""
+
+
+class UniformTravel:
+    """A paddle that moves as a whole.
 
     Parameters
     ----------
     motion
         X_p(t) with its exact derivatives.
-    reach
-        Where the mapping has died out [m]; the nearest vertex is taken, so that s is exact on the mesh.
-    cell_size
-        Distance of the vertices [m].
-    facets
-        Facet tags with 1 at the paddle.
     """
 
-    def __init__(self, motion: Motion, *, plane: Plane, reach: float, cell_size: float, facets: mesh.MeshTags):
-        self.motion = motion
-        self.reach = cell_size * max(1, round(reach / cell_size))
-        self._dx = plane.dx
-        self._paddle = ufl.ds(domain=plane.mesh, subdomain_data=facets)(1)
-        self.s = fem.Function(fem.functionspace(plane.mesh, ("Lagrange", 1)))
-        self.s.interpolate(lambda x: self._shape(x[0]))
-        self._position = fem.Constant(plane.mesh, 0.0)
-        self.speed = fem.Constant(plane.mesh, 0.0)
-        self.X_p = ufl.variable(self._position)
-        self.J = 1 + self.s.dx(0) * self.X_p
+    def __init__(self, motion: Motion, *, plane: Plane):
+        self._motion = motion
+        self.position, self.speed, self.acceleration = (fem.Constant(plane.mesh, 0.0) for _ in range(3))
+
+    @property
+    def velocities(self) -> Vector:
+        """The paddle's velocity [m/s], shape (1,)."""
+        return np.array([float(self.speed.value)])
+
+    def set_time(self, t: float) -> bool:
+        """Move to where the paddle stands at t [s]; return whether its position has changed."""
+        position, before = self._motion.position(t), float(self.position.value)
+        self.position.value, self.speed.value = position, self._motion.velocity(t)
+        self.acceleration.value = self._motion.acceleration(t)
+        return bool(position != before)
+
+    def positions(self, y: Vector) -> Vector:
+        """Return X_p, the same for all y, shape (N,)."""
+        return np.full(len(y), float(self.position.value))
+
+    def speeds(self, y: Vector) -> Vector:
+        """Return X_p', the same for all y, shape (N,)."""
+        return np.full(len(y), float(self.speed.value))
+
+
+class SegmentedTravel:
+    """A paddle whose motion depends on the place along it, interpolated at the degrees of freedom.
+
+    Parameters
+    ----------
+    motion
+        X_p(y, t) with its exact derivatives.
+    """
+
+    def __init__(self, motion: SegmentedMotion, *, plane: Plane, paddle: Paddle):
+        self._motion, self._t = motion, np.nan
+        self._y, self._place = np.unique(np.round(paddle.along(plane.places), 9), return_inverse=True)
+        self._fields = [plane.function(name) for name in ("X_p", "X_p'", "X_p''")]
+        self.position, self.speed, self.acceleration = (field.function for field in self._fields)
+
+    @property
+    def velocities(self) -> Vector:
+        """The paddle's velocities at the y of all degrees of freedom [m/s], shape (owned,)."""
+        return self._fields[1].owned
+
+    def set_time(self, t: float) -> bool:
+        """Move to where the paddle stands at t [s]; return whether that is another time."""
+        if t == self._t:
+            return False
+        self._t = t
+        derivatives = (self._motion.position, self._motion.velocity, self._motion.acceleration)
+        for field, derivative in zip(self._fields, derivatives, strict=True):
+            field.set(derivative(t, self._y)[self._place])
+        return True
+
+    def positions(self, y: Vector) -> Vector:
+        """Return X_p at places y along the paddle [m], shape (N,)."""
+        return self._motion.position(self._t, y)
+
+    def speeds(self, y: Vector) -> Vector:
+        """Return X_p' at places y along the paddle [m/s], shape (N,)."""
+        return self._motion.velocity(self._t, y)
+
+
+@dataclass(frozen=True)
+class Shift:
+    """The mapping x = X + a s X_p, in UFL.
+
+    Attributes
+    ----------
+    axis
+        a.
+    length
+        s X_p [m].
+    """
+
+    axis: Any
+    length: Any
+
+    @property
+    def J(self) -> Any:
+        """1 + a . grad(s X_p)."""
+        return 1 + ufl.inner(self.axis, ufl.grad(self.length))
+
+    def gradient(self, f: Any) -> Any:
+        """Return F^-T grad f; in one dimension that is f_X / J."""
+        slope = ufl.grad(f)
+        if self.axis.ufl_shape == (1,):
+            return slope / self.J
+        return slope - ufl.grad(self.length) * ufl.inner(self.axis, slope) / self.J
+
+
+class Piston:
+    """A vertical wall that moves into the water and back.
+
+    Parameters
+    ----------
+    motion
+        X_p(t), or X_p(y, t), with its exact derivatives.
+    reach
+        Where the mapping has died out [m]; the vertex at the nearest distance is taken, so that s is exact on meshes
+        with a row of vertices there.
+    paddle
+        Where the wall is.
+    """
+
+    def __init__(self, motion: Motion | SegmentedMotion, *, plane: Plane, reach: float, paddle: Paddle):
+        self.paddle, self._plane = paddle, plane
+        self.travel: Travel = (
+            UniformTravel(motion, plane=plane)
+            if isinstance(motion, Motion)
+            else SegmentedTravel(motion, plane=plane, paddle=paddle)
+        )
+        V = fem.functionspace(plane.mesh, ("Lagrange", 1))
+        vertices = paddle.distances(plane.chart.places(V.tabulate_dof_coordinates()))
+        self.reach = self._nearest(vertices, reach)
+        self.s = fem.Function(V)
+        self.s.x.array[:] = self._shape(vertices)
+        self.axis = ufl.as_vector([float(part) for part in paddle.normal[: plane.mesh.geometry.dim]])
+        self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=paddle.facets)(1)
+        self._mapping = self.after(0.0)
+        self.J = self._mapping.J
         self.set_time(0.0)
 
-    def _shape(self, X: Vector) -> Vector:
-        return np.maximum(0.0, 1.0 - X / self.reach)
+    def _nearest(self, distances: Vector, reach: float) -> float:
+        inside = distances[distances > 1e-9 * reach]
+        nearest = float(inside[np.argmin(np.abs(inside - reach))]) if inside.size else np.inf
+        found: list[float] = self._plane.comm.allgather(nearest)
+        return min(found, key=lambda one: abs(one - reach))
+
+    def _shape(self, distances: Vector) -> Vector:
+        return np.maximum(0.0, 1.0 - distances / self.reach)
 
     @property
-    def position(self) -> float:
-        """Where the paddle stands [m], positive into the water."""
-        return float(self._position.value)
-
-    @property
-    def velocity(self) -> float:
-        """Its velocity [m/s]."""
-        return float(self.speed.value)
+    def velocities(self) -> Vector:
+        """See ``Wall``."""
+        return self.travel.velocities
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether the mapping has changed."""
-        position = self.motion.position(t)
-        changed = position != self._position.value
-        self._position.value, self.speed.value = position, self.motion.velocity(t)
-        return bool(changed)
+        return self.travel.set_time(t)
+
+    def after(self, dt: Any) -> Shift:
+        """Return the mapping when the paddle has gone on for dt [s], as it moves now; dt in UFL."""
+        return Shift(self.axis, self.s * (self.travel.position + dt * self.travel.speed))
 
     def gradient(self, f: Any) -> Any:
-        """Return f_X / J."""
-        return ufl.grad(f) / self.J
+        """Return the horizontal gradient in physical space, in UFL."""
+        return self._mapping.gradient(f)
 
-    def flux(self, psi: Any, h: Any, wall_flux: Any) -> Any:
-        """Return what goes with X_p' in the Hamiltonian: int psi d/dX (s h) dX + int h phi dzeta at the paddle."""
-        return psi * (self.s * h).dx(0) * self._dx + wall_flux * self._paddle
+    @property
+    def stretching(self) -> Any:
+        """The rate at which J changes [1/s], in UFL."""
+        return ufl.inner(self.axis, ufl.grad(self.s * self.travel.speed))
 
-    def to_reference(self, x: Vector) -> Vector:
-        """Return X with X + s(X) X_p = x."""
-        x = np.asarray(x, dtype=float)
-        return np.where(x < self.reach, (x - self.position) / (1.0 - self.position / self.reach), x)
+    def flux(self, speed: Any, *, psi: Any, h: Any, wall_flux: Any) -> Any:
+        """Return int psi a . grad(s v h) dX + int v h phi dzeta at the paddle, for a velocity v [m/s] in UFL."""
+        carried = ufl.inner(self.axis, ufl.grad(self.s * speed * h))
+        return psi * carried * self._plane.dx + speed * wall_flux * self._on_paddle
 
-    def to_physical(self, X: Vector) -> Vector:
-        """Return X + s(X) X_p."""
-        return X + self._shape(np.asarray(X)) * self.position
+    def to_reference(self, places: Vector) -> Vector:
+        """Return X with X + a s(X) X_p = x, places of shape (N, 2) [m]."""
+        positions = self.travel.positions(self.paddle.along(places))
+        distances = self.paddle.distances(places)
+        back = np.where(distances < self.reach, (distances - positions) / (1.0 - positions / self.reach), distances)
+        return np.asarray(places + np.outer(back - distances, self.paddle.normal))
+
+    def to_physical(self, places: Vector) -> Vector:
+        """Return X + a s(X) X_p, places of shape (N, 2) [m]."""
+        shift = self._shape(self.paddle.distances(places)) * self.travel.positions(self.paddle.along(places))
+        return np.asarray(places + np.outer(shift, self.paddle.normal))
+
+    def mesh_velocities(self, places: Vector) -> Vector:
+        """Return a s X_p' at reference places [m/s], shape (N, 2)."""
+        speeds = self._shape(self.paddle.distances(places)) * self.travel.speeds(self.paddle.along(places))
+        return np.asarray(np.outer(speeds, self.paddle.normal))

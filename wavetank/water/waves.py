@@ -24,6 +24,7 @@ from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Stage, Vector
 from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
+from wavetank.water.bed import Depth, bed_of
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.potential import InteriorPotential
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
@@ -49,7 +50,10 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Energies:
-    """The parts of the Hamiltonian at one state, per unit of density and width [m^4/s²]; the wall's is not energy."""
+    """The parts of the Hamiltonian at one state, per unit of density [m^5/s²], of a slice per width [m^4/s²].
+
+    That of the wall is not energy.
+    """
 
     kinetic: float
     potential: float
@@ -69,7 +73,7 @@ class NonlinearWaves:
     plane
         The horizontal space.
     depth
-        Still-water depth d [m].
+        Still-water depth d [m], a number or a function of places (x, y) [m].
     gravity
         [m/s²].
     wall
@@ -78,35 +82,51 @@ class NonlinearWaves:
         n.
     tolerances
         Of the solves.
+
+    Attributes
+    ----------
+    depth
+        The mean depth [m].
+    bed
+        The bed, with the depth at the degrees of freedom.
+    densities
+        Of energy and velocity, in UFL.
     """
 
     def __init__(
         self,
         plane: Plane,
         *,
-        depth: float,
+        depth: float | Depth,
         wall: Wall,
         vertical_order: int,
         gravity: float = 9.81,
         tolerances: Tolerances | None = None,
     ):
         tolerances = tolerances or Tolerances()
-        self.plane, self.wall, self.depth, self.gravity = plane, wall, depth, gravity
+        self.plane, self.wall, self.gravity = plane, wall, gravity
+        self.bed = bed_of(depth, plane)
+        self.bed.set_places(wall.to_physical(plane.places))
+        self.depth = self.bed.depth
         self.vertical = VerticalBasis(vertical_order)
         self.h = plane.function("water column")
         self.phi = plane.layered_function(vertical_order + 1, "potential")
-        self.h.function.x.array[:] = depth
-        d, g = (fem.Constant(plane.mesh, value) for value in (depth, gravity))
-        energy = WaterEnergy(h=self.h.function, d=d, gravity=g, wall=wall)
+        self.h.function.x.array[:] = self.depth
+        g = fem.Constant(plane.mesh, gravity)
+        self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, wall=wall)
         self.mass = MassMatrix(plane, wall.J)
         self.operator = KroneckerOperator(energy.layer, plane, self.vertical)
         self.operator.assemble()
         self.still_matrices = self.operator.still("u"), self.operator.still("w")
         self.potential = InteriorPotential(
-            self.operator, self.phi, plane=plane, vertical=self.vertical, tolerance=tolerances.interior
+            self.operator,
+            self.phi,
+            inputs=2 * plane.owned + wall.velocities.size,
+            plane=plane,
+            vertical=self.vertical,
+            tolerance=tolerances.interior,
         )
         self._compile(energy)
-        self._x = plane.x
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._t = np.nan
@@ -117,7 +137,9 @@ class NonlinearWaves:
         dx, phi, h = self.plane.dx, self.phi.function, self.h.function
         self._gravity_energy = ScalarForm(energy.potential() * dx, self.plane.comm)
         total = (energy.kinetic(phi, self.vertical) + energy.potential()) * dx
-        self._wall_forms = wall_forms(self.wall, energy, self.phi, plane=self.plane, vertical=self.vertical)
+        self._wall_forms = wall_forms(
+            self.wall, energy, self.phi, bed=self.bed, plane=self.plane, vertical=self.vertical
+        )
         for form in self._wall_forms.hamiltonian:
             total += form
         self._h_derivative = VectorForm(ufl.derivative(total, h))
@@ -128,8 +150,7 @@ class NonlinearWaves:
         known = t == self._t and np.array_equal(q, self._q) and np.array_equal(p, self._p)
         if self.plane.comm.allreduce(int(not known)) == 0:
             return
-        if self.wall.set_time(t):
-            self.mass.update()
+        self._set_time(t)
         self.h.set(self.mass.solve(q))
         self._check_column(t)
         self.phi.owned[:, -1] = p
@@ -143,18 +164,26 @@ class NonlinearWaves:
         self._H_p = self.operator.apply_surface(self.phi.rows) + wall[:, -1]
         self._q, self._p, self._t = q.copy(), p.copy(), t
 
+    def _set_time(self, t: float) -> None:
+        if self.wall.set_time(t):
+            self.mass.update()
+            self.bed.set_places(self.wall.to_physical(self.plane.places))
+
     def _inputs(self, p: Vector) -> Vector:
-        speed = np.sqrt(self.gravity * self.depth)
-        wall = self.wall.velocity / speed * np.sqrt(self.plane.owned) * self.depth
-        return np.concatenate([self.h.owned - self.depth, p / speed, [wall]])
+        speed, velocities = np.sqrt(self.gravity * self.depth), self.wall.velocities
+        weight = np.sqrt(self.plane.owned / max(1, velocities.size)) * self.depth / speed
+        return np.concatenate([self.h.owned - self.bed.still, p / speed, weight * velocities])
 
     def _check_column(self, t: float) -> None:
-        place = int(np.argmin(self.h.owned))
-        lowest, x = self.plane.comm.allreduce((float(self.h.owned[place]), float(self._x[place])), op=MPI.MIN)
+        column = np.concatenate([self.h.owned, [np.inf]])  # a rank may own nothing
+        least = int(np.argmin(column))
+        place = (*map(float, self.plane.places[least]),) if least < self.plane.owned else (0.0, 0.0)
+        lowest, x, y = self.plane.comm.allreduce((float(column[least]), *place), op=MPI.MIN)
         if not lowest > 0.0:
             what = "the surface reaches the bed" if lowest <= 0.0 else "the surface is no longer a number"
+            where = f"x = {x:.4g} m" if self.plane.mesh.topology.dim == 1 else f"x = {x:.4g} m, y = {y:.4g} m"
             raise RunError(
-                f"t = {t:.6g} s, x = {x:.4g} m: {what} (lowest water column {lowest:.3g} m); "
+                f"t = {t:.6g} s, {where}: {what} (lowest water column {lowest:.3g} m); "
                 "the waves are too steep, or break"
             )
 
@@ -182,22 +211,21 @@ class NonlinearWaves:
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
         self.evaluate(q, p, t)
-        return self._wall_forms.explicit_rate(lambda: self.H_q(q, p, t), t)
+        return self._wall_forms.explicit_rate(lambda: self.H_q(q, p, t))
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
         """Return (Q, psi) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
-        if self.wall.set_time(t):
-            self.mass.update()
-        return self.mass.apply(self.depth + eta), np.array(psi, dtype=float)
+        self._set_time(t)
+        return self.mass.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
         self.evaluate(q, p, t)
-        return self.h.owned - self.depth
+        return np.asarray(self.h.owned - self.bed.still)
 
     def total_mass(self, q: Vector) -> float:
-        """Return the water's volume per width [m²]; collective."""
+        """Return the water's volume, of a slice per width [m³, m²]; collective."""
         return self.plane.sum(q)
 
     # ------------------------------------------------------------------------------------------ stages and frequencies

@@ -1,0 +1,281 @@
+"""Beds from Python and from gridded data, and the nouns that say them; smooth functions are the oracle."""
+
+import numpy as np
+import pytest
+import xarray
+from conftest import fitted_slope
+from pydantic import TypeAdapter, ValidationError
+
+from wavetank.beds import Gridded, load, read_grid
+from wavetank.errors import InputError
+from wavetank.scene import Scene, SceneError
+from wavetank.scene.beds import Bed, FormulaBed, GriddedBed, PythonBed
+
+RANDOM = np.random.default_rng(5)
+X, Y = RANDOM.uniform(0.0, 4.0, 400), RANDOM.uniform(-1.0, 2.0, 400)
+
+
+def smooth(x, y):
+    """Return a depth [m] without symmetries on the range above."""
+    return 1.0 + 0.3 * np.sin(1.3 * x + 0.2) * np.cos(0.9 * y) - 0.05 * x
+
+
+def slope(bed, x, y):
+    """Return grad d by central differences, exact to 1e-10 between the knots of a spline."""
+    step = 1e-5
+    x, y = np.clip(x, step, 4.0 - step), np.clip(y, step - 1.0, 2.0 - step)
+    return np.array([bed(x + step, y) - bed(x - step, y), bed(x, y + step) - bed(x, y - step)]) / (2 * step)
+
+
+def refused(call, *arguments, **options):
+    """Return what a refusal says."""
+    with pytest.raises(InputError) as error:
+        call(*arguments, **options)
+    assert str(error.value).endswith(".")
+    return str(error.value)
+
+
+# ---------------------------------------------------------------- gridded
+def errors_of(interpolation, cells, *, across=True):
+    """Return the largest errors of depth and slope of a bed of so many cells."""
+    x, y = np.linspace(0.0, 4.0, cells + 1), np.linspace(-1.0, 2.0, cells + 1)
+    axes, d = {"x": x, "y": y}, smooth(x[:, None], y)
+    exact = smooth
+    if not across:
+        axes, d = {"x": x}, smooth(x, 0.0)
+
+        def exact(x, y):
+            return smooth(x, 0.0 * y)
+
+    bed = Gridded(axes, d, interpolation=interpolation)
+    return np.abs(bed(X, Y) - exact(X, Y)).max(), np.abs(slope(bed, X, Y) - slope(exact, X, Y)).max()
+
+
+@pytest.mark.parametrize("across", [False, True], ids=["along x", "over x and y"])
+@pytest.mark.parametrize(("interpolation", "order"), [("cubic", 4), ("linear", 2)])
+def test_depth_and_slope_converge(interpolation, order, across):
+    """A spline of degree k is of order k + 1 in the depth and k in the slope."""
+    cells = (16, 32, 64, 128)
+    depth, slopes = zip(*(errors_of(interpolation, count, across=across) for count in cells), strict=True)
+    assert -fitted_slope(cells, depth) == pytest.approx(order, abs=0.3)
+    assert -fitted_slope(cells, slopes) == pytest.approx(order - 1, abs=0.3)
+
+
+def test_data_of_a_cubic_are_the_cubic():
+    x = np.array([0.0, 0.3, 1.0, 2.2, 4.0])
+    bed = Gridded({"x": x}, 1 + x - 0.3 * x**2 + 0.02 * x**3)
+    np.testing.assert_allclose(bed(X, Y), 1 + X - 0.3 * X**2 + 0.02 * X**3, rtol=1e-13)
+
+
+def test_a_bed_ends_with_its_data():
+    bed = Gridded({"x": np.linspace(0.0, 4.0, 5), "y": np.linspace(-1.0, 2.0, 4)}, np.ones((5, 4)), source="bay.nc")
+    round_off = np.array([-1e-12, 4.0 + 1e-12])
+    np.testing.assert_allclose(bed(round_off, np.array([2.0, -1.0])), 1.0)
+    asked = np.array([1.0, 5.0])
+    assert refused(bed, asked, 0.0 * asked) == "bay.nc: asked at x = 5 m; its data reach from 0 to 4 m."
+    assert refused(bed, 0.0 * asked, asked) == "bay.nc: asked at y = 5 m; its data reach from -1 to 2 m."
+    assert "asked at x = nan m" in refused(bed, np.array([np.nan]), np.zeros(1))
+
+
+@pytest.fixture
+def grid():
+    """Return the smooth depth on a grid, with attributes as CF's conventions have them."""
+    x, y = np.linspace(0.0, 4.0, 21), np.linspace(-1.0, 2.0, 16)
+    coordinates = {"x": ("x", x, {"units": "m"}), "y": ("y", y, {"units": "m"})}
+    return xarray.Dataset(
+        {"depth": (("x", "y"), smooth(x[:, None], y), {"units": "m", "positive": "down"})}, coords=coordinates
+    )
+
+
+def test_netcdf_is_read_whatever_its_order(grid, tmp_path):
+    grid.to_netcdf(tmp_path / "bed.nc")
+    grid.transpose("y", "x").isel(y=slice(None, None, -1)).to_netcdf(tmp_path / "turned.nc")
+    bed = read_grid(tmp_path / "bed.nc")
+    np.testing.assert_allclose(bed(X, Y), smooth(X, Y), atol=1e-4)
+    np.testing.assert_array_equal(read_grid(tmp_path / "turned.nc")(X, Y), bed(X, Y))
+
+
+def test_csv_is_read_whatever_its_order(grid, tmp_path):
+    table = grid.depth.to_dataframe().reset_index().sample(frac=1.0, random_state=2)
+    table[["y", "depth", "x"]].to_csv(tmp_path / "bed.csv", index=False)
+    grid.to_netcdf(tmp_path / "bed.nc")
+    np.testing.assert_array_equal(read_grid(tmp_path / "bed.csv")(X, Y), read_grid(tmp_path / "bed.nc")(X, Y))
+
+
+def test_a_profile_holds_for_every_y(tmp_path):
+    (tmp_path / "bed.csv").write_text("# measured\nx, depth\n0, 0.4\n8, 0.4\n4, 0.2\n")
+    bed = read_grid(tmp_path / "bed.csv", interpolation="linear")
+    np.testing.assert_allclose(bed(np.array([1.0, 6.0]), np.array([0.0, 7.0])), [0.35, 0.3])
+
+
+@pytest.mark.parametrize(("attribute", "key"), [("up", None), ("down", "up"), (None, "up")])
+def test_elevations_of_the_bed_are_positive_up(grid, tmp_path, attribute, key):
+    grid["elevation"] = -grid.depth.assign_attrs(grid.depth.attrs)
+    grid.elevation.attrs = {"positive": attribute} if attribute else {}
+    grid.to_netcdf(tmp_path / "bed.nc")
+    bed = read_grid(tmp_path / "bed.nc", variable="elevation", positive=key)
+    np.testing.assert_array_equal(bed(X, Y), read_grid(tmp_path / "bed.nc", variable="depth")(X, Y))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("x,y,depth\n0,0,1\n0,1,1\n1,0,1\n", "1 of 4 depths are missing or not finite; all are needed."),
+        ("x,depth\n0,1\n1,nan\n2,1\n", "1 of 3 depths are missing or not finite; all are needed."),
+        ("x,depth\n0,1\n0,2\n", "cannot be read (two rows have the same x)."),
+        ("x,y,depth\n0,0,1\n0,0,2\n", "cannot be read (two rows have the same x and y)."),
+        ("x,depth\n0,1\n1,deep\n", "cannot be read (could not convert string to float: 'deep')."),
+        ("0,1\n1,2\n", "cannot be read (it needs a column x, or x and y; it has: 0, 1)."),
+        ("x,depth,rock\n0,1,2\n", "one variable must be named, of: depth, rock."),
+        ("x\n0\n", "one variable must be named, of: none."),
+        ("y,depth\n0,1\n1,1\n", "coordinates of 'depth' must be x, or x and y; they are: y."),
+        ("x,depth\n0,1\n", "1 values of x; linear needs at least 2."),
+        ("x,depth\n0,1\n,1\n", "values of x must be finite and differ from one another."),
+        ("", "cannot be read (No columns to parse from file)."),
+    ],
+)
+def test_csv_is_refused(tmp_path, text, sentence):
+    path = tmp_path / "bed.csv"
+    path.write_text(text)
+    assert refused(read_grid, path, interpolation="linear") == f"{path}: {sentence}"
+
+
+def test_cubic_needs_four_values(tmp_path):
+    path = tmp_path / "bed.csv"
+    path.write_text("x,depth\n0,1\n1,1\n2,1\n")
+    assert refused(read_grid, path) == f"{path}: 3 values of x; cubic needs at least 4."
+
+
+def test_netcdf_is_refused(grid, tmp_path):
+    path = tmp_path / "bed.nc"
+    assert refused(read_grid, path) == f"{path}: cannot be read (No such file or directory)."
+    path.write_text("no NetCDF")
+    assert refused(read_grid, path) == f"{path}: cannot be read (NetCDF: Unknown file format)."
+    cases = {
+        "has no variable 'd'; it has: depth.": (grid, "d"),
+        "coordinates of 'depth' must be x, or x and y; they are: east, y.": (grid.rename(x="east"), None),
+        "coordinates of 'depth' must be x, or x and y; they are: x, y.": (grid.drop_vars("x"), None),
+        "'depth' is in 'cm'; must be in metres, 'm'.": (grid.assign(depth=grid.depth.assign_attrs(units="cm")), None),
+        "'depth' is positive 'north'; must be positive 'down' or 'up'.": (
+            grid.assign(depth=grid.depth.assign_attrs(positive="north")),
+            None,
+        ),
+    }
+    for n, (sentence, (content, variable)) in enumerate(cases.items()):
+        other = tmp_path / f"{n}.nc"
+        content.to_netcdf(other)
+        assert refused(read_grid, other, variable=variable) == f"{other}: {sentence}"
+    assert refused(read_grid, tmp_path / "bed.xyz") == (
+        f"{tmp_path / 'bed.xyz'}: must end in .nc or .csv, which is how gridded data are known."
+    )
+
+
+# ---------------------------------------------------------------- Python
+@pytest.fixture
+def python(tmp_path):
+    """Write a Python file and return its path."""
+
+    def write(text):
+        path = tmp_path / "bed.py"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+def test_a_function_of_a_file_is_a_bed(python):
+    path = python("import numpy as np\nTOP = 1.0\n\ndef depth(x, y):\n    x += TOP\n    return np.hypot(x, y)\n")
+    x = X.copy()
+    np.testing.assert_array_equal(load(path, "depth")(x, Y), np.hypot(X + 1.0, Y))
+    np.testing.assert_array_equal(x, X)  # the function has arrays of its own
+
+
+def test_a_file_without_its_function_is_refused(python, tmp_path):
+    path = python("def bed(x, y):\n    return x\n")
+    assert refused(load, path, "depth") == f"{path}: has no function 'depth'; it has: bed."
+    missing = tmp_path / "missing.py"
+    assert refused(load, missing, "depth") == (
+        f"{missing}: cannot be read (No such file or directory); a Python file is needed."
+    )
+    assert (
+        refused(load, python("x = 1\ny = 1 / 0\n"), "depth") == f"{path}, line 2: ZeroDivisionError: division by zero."
+    )
+    assert refused(load, python("x = 1\nx ="), "depth").startswith(f"{path}, line 2: SyntaxError: invalid syntax")
+
+
+@pytest.mark.parametrize(
+    ("body", "sentence"),
+    [
+        ("return 1 if x > 1 else 2", ", line 2: ValueError: The truth value of an array with more than one element "),
+        ("return 1.0", ": shape () returned; must be that of x and y, (400,)."),
+        ("return x[1:]", ": shape (399,) returned; must be that of x and y, (400,)."),
+        ("return 'deep'", ": ValueError: could not convert string to float: 'deep'."),
+        ("return x / (y > 9)", ": inf at x = "),
+    ],
+)
+def test_what_a_function_returns_is_checked(python, body, sentence):
+    path = python(f"def depth(x, y):\n    {body}\n")
+    with np.errstate(divide="ignore"):
+        assert refused(load(path, "depth"), X, Y).startswith(f"{path}, function 'depth'{sentence}")
+
+
+# ---------------------------------------------------------------- nouns
+def test_nouns_build_their_beds_and_survive_json(tmp_path, python):
+    (tmp_path / "bed.csv").write_text("x,rock,mud\n0,-1,-2\n4,-3,-4\n")
+    path = python("def bed(x, y):\n    return 1.0 + x\n")
+    elevations = GriddedBed(file=str(tmp_path / "bed.csv"), variable="mud", interpolation="linear", positive="up")
+    nouns = [
+        (FormulaBed(depth="a + s*x", where={"a": 1.0, "s": "a/2"}), 1.0 + 0.5 * X),
+        (PythonBed(file=str(path), function="bed"), 1.0 + X),
+        (elevations, 2.0 + 0.5 * X),
+    ]
+    union = TypeAdapter(Bed)
+    for noun, d in nouns:
+        np.testing.assert_allclose(noun.build()(X, Y), d, rtol=1e-14)
+        assert union.validate_python(noun.model_dump(mode="json")) == noun
+        assert union.validate_json(noun.model_dump_json()) == noun
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ('depth = "1 - x^2"', 'tank.bed.depth = "1 - x^2": formula, column 1: '),
+        ('depth = "1 - s"\nwhere.s = "x y"', 'tank.bed.where = {"s": "x y"}: helper \'s\', column 3: invalid syntax'),
+        ('depth = ""', 'tank.bed.depth = "": must have at least 1 character'),
+        ("where.s = 2", "tank.bed.depth: is missing; needed is still-water depth d(x, y) [m]"),
+    ],
+)
+def test_a_case_s_formula_is_refused_where_it_stands(tmp_path, text, sentence):
+    path = tmp_path / "case.toml"
+    path.write_text(f'run.duration = 1.0\n[tank]\nlength = 4.0\ndepth = 1.0\n[tank.bed]\ntype = "formula"\n{text}\n')
+    message = refused(Scene.from_toml, path)
+    assert sentence in message
+    assert message.count("\n") == 0
+
+
+def test_a_file_that_cannot_be_used_is_refused_where_it_stands(tmp_path):
+    for noun in (PythonBed, GriddedBed):
+        missing = str(tmp_path / "bed.nc")
+        with pytest.raises(SceneError) as error:
+            noun(file=missing).build()
+        assert str(error.value).startswith(f'tank.bed.file = "{missing}": {missing}: cannot be read')
+
+
+def test_a_python_bed_is_not_run_by_reading_a_scene(tmp_path):
+    """A run's scene is read again by those who draw it, perhaps where the file is not, or is not trusted."""
+    bed = {"type": "python", "file": str(tmp_path / "nowhere.py")}
+    Scene.model_validate({"tank": {"length": 4.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}})
+
+
+@pytest.mark.parametrize("key", ["eta", "psi"])
+def test_an_initial_surface_by_formula(key):
+    initial = {"type": "formula", "eta": "0.1*cos(k*x)", "psi": "c*y", "where": {"k": 2, "c": "0.5*k"}}
+    content = {"tank": {"length": 4.0, "depth": 1.0}, "run": {"duration": 1.0}, "initial": initial}
+    scene = Scene.model_validate(content)
+    eta, psi = scene.initial.surface(scene.tank, X, Y)
+    np.testing.assert_array_equal(eta, 0.1 * np.cos(2 * X))
+    np.testing.assert_array_equal(psi, Y)
+    assert Scene.model_validate(scene.model_dump(mode="json")) == scene
+    initial[key] = "2*z"
+    with pytest.raises(ValidationError, match=rf"initial.formula.{key}\n.*column 3: 'z' is an unknown name"):
+        Scene.model_validate(content)

@@ -1,0 +1,270 @@
+"""Wave heights along sections, and the elliptic shoal of Berkhoff, Booij and Radder 1982.
+
+Oracles: records whose wave heights are known in closed form; the data's README; heights made to stand in a known
+relation to the measured ones.
+"""
+
+import csv
+import functools
+import hashlib
+import http.server
+import threading
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from postprocess.compare import matched
+from postprocess.compare_command import compare
+from postprocess.sections import COLUMNS, compare_heights, computed_heights
+from postprocess.wave_heights import mean_wave_height, wave_heights
+from wavetank import data
+from wavetank.data import DATASETS, DataFile, Dataset, HeightSeries, Section
+from wavetank.errors import InputError
+from wavetank.rundir import RunWriter
+from wavetank.scene.gauge_lines import GaugeLine
+from wavetank.series import GaugeSeries
+
+NAME = "berkhoff_1982_shoal"
+KNOWN = DATASETS[NAME].heights
+H0 = KNOWN.incident_height
+T = np.arange(0.0, 40.0001, 0.04)  # s; 25 samples a period of 1 s, as the case has them
+LINES = (KNOWN.incident, *KNOWN.sections)
+
+
+def record(eta, t=T, *, x=0.0, y=0.0, name="g"):
+    return GaugeSeries(name, x, t, eta, "computed", y)
+
+
+# ---------------------------------------------------------------- wave heights of a record
+def test_the_height_of_a_sinusoid_is_twice_its_amplitude():
+    """The spline of 25 samples a period is good to h^4 / 384 = 1e-5 of the amplitude at a crest between two."""
+    for phase in (0.0, 0.3, 2.0):
+        eta = 0.0232 * np.sin(2 * np.pi * T - phase) - 0.004  # the set-down is no part of the height
+        assert wave_heights(record(eta), start=30.0) == pytest.approx(0.0464, rel=1e-4)
+
+
+def test_the_height_of_a_stokes_wave_is_that_of_its_odd_harmonics():
+    """Crest minus trough of a cos + b cos 2 + c cos 3, b < a / 4: 2 (a + c); the second harmonic lifts both alike."""
+    theta = 2 * np.pi * T - 0.7
+    eta = 0.04 * np.cos(theta) + 0.008 * np.cos(2 * theta) + 0.002 * np.cos(3 * theta)
+    heights = wave_heights(record(eta), start=30.0)
+    assert heights.size in (9, 10)  # whole waves in 10 s
+    assert mean_wave_height(record(eta), start=30.0) == pytest.approx(0.084, rel=5e-4)
+
+
+def test_the_mean_height_of_a_group_is_that_of_its_waves():
+    """Amplitudes 1, 2, 3, ... mm change where eta = 0: each wave is a whole sine of its own height."""
+    t = np.arange(0.0, 8.0001, 0.01)
+    eta = 1e-3 * (1 + np.floor(t)) * np.sin(2 * np.pi * t)
+    heights = wave_heights(record(eta, t), start=0.0)
+    # the mean of all is not exactly zero, so that the first and the last crossing may be cut off
+    assert heights == pytest.approx(2e-3 * np.arange(9 - heights.size, 9)[: heights.size], rel=0.02)
+
+
+def test_too_few_waves_are_said():
+    with pytest.raises(InputError, match="gauge g: 0 whole waves from t = 30 s to the record's end, 12 s; at least 3"):
+        mean_wave_height(record(np.sin(T[:301]), T[:301]), start=30.0)
+    with pytest.raises(InputError, match="0 whole waves"):
+        mean_wave_height(record(0 * T), start=30.0)
+
+
+# ---------------------------------------------------------------- the data
+@pytest.fixture
+def measured() -> list[HeightSeries]:
+    try:
+        return data.height_series(NAME)
+    except InputError:
+        pytest.skip("the data are not on this machine")
+
+
+def test_all_sections_are_read_as_the_readme_describes_them(measured):
+    """Sections 1-8 and, once more, 2, 3, 5 and 7; lines, numbers of points and largest heights of the files."""
+    nhwave, basilisk = measured[:8], measured[8:]
+    assert [series.section.name for series in measured] == [*"12345678", *"2357"]
+    assert [series.places.size for series in measured] == [28, 28, 28, 27, 28, 23, 23, 23, 26, 26, 26, 19]
+    assert [(series.section.across, series.section.at) for series in nhwave] == [
+        *(("x", at) for at in (1.0, 3.0, 5.0, 7.0, 9.0)),
+        *(("y", at) for at in (-2.0, 0.0, 2.0)),
+    ]
+    assert all(np.all(np.diff(series.places) > 0) for series in measured)
+    assert nhwave[2].ratios.max() == pytest.approx(50.81 / 23.2)
+    assert basilisk[1].ratios.max() == pytest.approx(2.20744)
+    for file in DATASETS[NAME].files:
+        assert hashlib.sha256(data.find(NAME, file.name).read_bytes()).hexdigest() == file.sha256
+
+
+def test_sections_agree_where_they_cross(measured):
+    """Lines along x and along y were read of one wave field: signs and columns of each file are the right ones."""
+    across, along = measured[:5], measured[5:8]
+    for one in across:
+        for other in along:
+            first = np.interp(other.section.at, one.places, one.ratios)
+            second = np.interp(one.section.at, other.places, other.ratios)
+            assert first == pytest.approx(second, abs=0.08)
+
+
+def test_both_digitisations_are_of_the_same_points(measured):
+    """Where both have a section, they differ by the width of a mark on paper; with a sign wrong by half the height."""
+    by_name = {series.section.name: series for series in measured[:8]}
+    for other in measured[8:]:
+        one = by_name[other.section.name]
+        there = np.interp(other.places, one.places, one.ratios)
+        assert np.sqrt(np.mean((there - other.ratios) ** 2)) < 0.12
+
+
+def test_waves_bend_towards_the_shallow_side(measured):
+    """The bed rises towards negative y, so the focus moves there: y has the sign of the bed's formula."""
+    peaks = [float(series.places[series.ratios.argmax()]) for series in measured[2:5]]
+    assert peaks == [-0.25, -0.5, -0.5]
+
+
+def test_a_file_of_another_name_at_its_source_is_downloaded(tmp_path, monkeypatch):
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there" / "section1.dat").write_text("0 1\n")
+    handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        file = DataFile("a_section1.dat", hashlib.sha256(b"0 1\n").hexdigest(), source="there/section1.dat")
+        address = f"http://127.0.0.1:{server.server_port}/"
+        data.download(Dataset("d", "", (address,), "", "", files=(file,)), tmp_path / "here")
+        server.shutdown()
+    assert [path.name for path in (tmp_path / "here").iterdir()] == ["a_section1.dat"]
+
+
+def test_a_damaged_file_is_said(tmp_path, monkeypatch):
+    monkeypatch.setenv("WAVETANK_DATA", str(tmp_path))
+    (tmp_path / NAME).mkdir()
+    (tmp_path / NAME / "nhwave_section1.dat").write_text("0 1\n1 two\n")
+    with pytest.raises(InputError, match="nhwave_section1.dat: a place and a wave height must stand in each row"):
+        data.height_series(NAME)
+
+
+# ---------------------------------------------------------------- lines of gauges
+def test_a_line_of_gauges_is_so_many_gauges_at_equal_distances():
+    line = GaugeLine.model_validate({"name": "A", "start": [1.0, -5], "end": [1.0, 5.0], "count": 5})
+    assert line.gauges() == tuple((f"A/{n}", 1.0, y) for n, y in enumerate((-5.0, -2.5, 0.0, 2.5, 5.0), start=1))
+    assert GaugeLine.model_validate(line.model_dump(mode="json")) == line
+
+
+# ---------------------------------------------------------------- the comparison
+def gauge_line(section: Section, step=0.25):
+    """Return name, x and y of gauges along a section."""
+    count = round((section.reach[1] - section.reach[0]) / step) + 1
+    ends = [{section.along: end, section.across: section.at} for end in section.reach]
+    start, end = ([place["x"], place["y"]] for place in ends)
+    return GaugeLine(name=f"section {section.name}", start=start, end=end, count=count).gauges()
+
+
+def heights_of(place):
+    """Return H / H0 of a smooth wave field at places (x, y)."""
+    x, y = place
+    return 1.0 + 0.5 * np.cos(0.7 * x) * np.exp(-((y / 3) ** 2))
+
+
+def wave(height, x):
+    return 0.5 * height * np.sin(2 * np.pi * T - 4.2 * x)
+
+
+def gauges_of(sections=LINES, *, gain=1.0):
+    return [
+        record(gain * wave(H0 * heights_of((x, y)), x), x=x, y=y, name=name)
+        for section in sections
+        for name, x, y in gauge_line(section)
+    ]
+
+
+def synthetic(offset=0.0):
+    """Return measurements that are the field's, plus an offset, at places where no gauge is."""
+    places = np.linspace(0.11, 4.87, 23)
+    return [
+        HeightSeries(section, places, heights_of(where(section, places)) + offset, "measured")
+        for section in KNOWN.sections
+    ]
+
+
+def where(section, places):
+    ends = {section.along: places, section.across: section.at}
+    return ends["x"], ends["y"]
+
+
+def test_a_field_against_itself_has_no_misfit():
+    """The cubic spline of gauges 0.25 m apart is good to 1e-4 of this field."""
+    computed = computed_heights(gauges_of(), KNOWN)
+    compared = compare_heights(computed, synthetic(), incident=H0)
+    assert [one.section for one in compared] == [*"12345678", "all"]
+    assert [one.points for one in compared] == [23] * 8 + [184]
+    for one in compared:
+        assert one.nrms < 5e-4 and abs(one.bias) < 5e-4
+        assert one.largest_computed == pytest.approx(one.largest_measured, rel=1e-3)
+
+
+def test_known_misfits_are_found():
+    (one, *_) = compare_heights(computed_heights(gauges_of(), KNOWN), synthetic(offset=0.1), incident=H0)
+    there = synthetic(offset=0.1)[0].ratios
+    assert one.nrms == pytest.approx(0.1 / np.sqrt(np.mean(there**2)), rel=5e-3)
+    assert one.bias == pytest.approx(-0.1 / there.mean(), rel=5e-3)
+
+
+def test_the_own_incident_height_takes_a_gain_away():
+    """All waves 20 % too high, the incident ones among them."""
+    flat = [record(gauge.eta * 0 + wave(1.2 * H0, 0), x=gauge.x, y=gauge.y) for gauge in gauges_of()]
+    known = [replace(one, ratios=np.ones(23)) for one in synthetic()]
+    for one in compare_heights(computed_heights(flat, KNOWN), known, incident=H0):
+        assert one.nrms == pytest.approx(0.2, rel=1e-3) and one.nrms_incident < 1e-4
+
+
+def test_sections_without_gauges_are_left_out():
+    computed = computed_heights(gauges_of(KNOWN.sections[2:3]), KNOWN)
+    assert computed.incident is None
+    compared = compare_heights(computed, synthetic(), incident=H0)
+    assert [one.section for one in compared] == ["3", "all"]
+    assert all(one.nrms_incident is None for one in compared)
+
+
+def test_a_run_without_those_gauges_is_told_what_is_needed():
+    elsewhere = [record(wave(H0, x), x=x, y=0.3) for x in (1.0, 2.0)]
+    with pytest.raises(InputError, match="the run has 2 gauges; needed are 4 along one of x = 1 m, .*, y = 2 m"):
+        computed_heights(elsewhere, KNOWN)
+
+
+def test_gauges_of_a_basin_are_matched_by_both_coordinates():
+    both = [record(T, x=1.0, y=y, name=name) for name, y in (("a", 0.0), ("b", 2.0))]
+    pairs = matched(both, [record(T, x=1.0, y=2.0, name="1")])
+    assert [(one.name, other.name) for one, other in pairs] == [("b", "1")]
+
+
+def write_run(path: Path, gauges) -> Path:
+    """Write gauges as a run does; return the run directory."""
+    tank = {"type": "basin", "depth": 0.45}
+    with RunWriter(path, {"scene": {"title": "a field of waves", "tank": tank}}) as writer:
+        table = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in gauges])
+        for row in np.column_stack([T, *(gauge.eta for gauge in gauges)])[T > 29.0]:
+            table.append(list(row))
+    return path
+
+
+def test_a_run_is_compared_with_the_measurements(measured, tmp_path):
+    """A run that has the measured heights at its gauges: what remains is interpolation, there and back."""
+    by_name = {series.section.name: series for series in measured[:8]}
+    gauges = [
+        record(
+            wave(H0 * np.interp(y if section.along == "y" else x, known.places, known.ratios), x), x=x, y=y, name=name
+        )
+        for section in KNOWN.sections
+        for known in [by_name[section.name]]
+        for name, x, y in gauge_line(section)
+    ]
+    out = write_run(tmp_path / "run", gauges)
+    app = typer.Typer()
+    app.command()(compare)
+    result = CliRunner().invoke(app, [str(out), "--with", NAME], env={"COLUMNS": "100"})
+    assert result.exit_code == 0, result.output
+    rows = list(csv.DictReader((out / "compare.csv").open()))
+    assert tuple(rows[0]) == COLUMNS and len(rows) == 14
+    assert all(float(row["nrms"]) < 0.07 for row in rows[:9])
+    assert "section" in result.output and "as in Basilisk" in result.output
+    assert (out / "compare.png").stat().st_size > 50_000

@@ -1,0 +1,329 @@
+"""Fields in a run directory: pyvista reads what was computed, on any number of ranks, up to the last snapshot."""
+
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from conftest import CHECKOUT, fitted_slope
+from dolfinx import mesh
+from mpi4py import MPI
+
+from wavetank import vtu_series
+from wavetank.errors import InputError, RunError
+from wavetank.fe.plane import Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.motions import Sinusoid
+from wavetank.observers.contract import Moment
+from wavetank.observers.fields import SurfaceFields, VelocityFields
+from wavetank.observers.schedule import EverySteps
+from wavetank.rundir import RunDirectory, RunWriter
+from wavetank.vtu_series import VtuSeries
+from wavetank.water.bed import VaryingBed
+from wavetank.water.energy import WaterEnergy
+from wavetank.water.plan_view import Ring, Slice
+from wavetank.water.velocity import Velocity
+from wavetank.water.walls import FixedWall, Piston
+
+K, L = 1.3, 0.7
+M = np.hypot(K, L)
+
+
+def elevation(x, y):
+    return 0.1 * np.cos(x) * np.cos(0.5 * y)
+
+
+def still_depth(x, y):
+    return 1.0 - 0.1 * np.sin(0.8 * x + 0.3 * y)
+
+
+def potential(x, y, z):
+    """A potential of waves on deep water."""
+    return np.cos(K * x) * np.cos(L * y) * np.exp(M * z)
+
+
+def exact_velocity(x, y, z):
+    decay = np.exp(M * z)
+    u, v = -K * np.sin(K * x) * np.cos(L * y), -L * np.cos(K * x) * np.sin(L * y)
+    return decay[:, None] * np.column_stack([u, v, M * np.cos(K * x) * np.cos(L * y)])
+
+
+def basin(kind=mesh.CellType.quadrilateral, *, cells=4, order=3, comm=MPI.COMM_WORLD):
+    """A basin of 3 m by 2 m."""
+    corners = [np.zeros(2), np.array([3.0, 2.0])]
+    return Plane(mesh.create_rectangle(comm, corners, [cells, cells], kind), order)
+
+
+def along(plan, order=3):
+    return Plane(plan.mesh, order, plan.chart)
+
+
+def water(plane, *, n=6, wall=None):
+    """Water with the surface, bed and potential above, of which nothing was solved for."""
+    wall = wall or FixedWall()
+    places = wall.to_physical(plane.places)
+    (x, y), bed, vertical = places.T, VaryingBed(still_depth, plane=plane), VerticalBasis(n)
+    bed.set_places(places)
+    h, phi = plane.function("water column"), plane.layered_function(n + 1, "potential")
+    h.set(elevation(x, y) + bed.still)
+    heights = vertical.nodes * h.owned[:, None] - bed.still[:, None]
+    phi.set(potential(x[:, None], y[:, None], heights) @ np.linalg.inv(vertical.at(vertical.nodes)).T)
+    return SimpleNamespace(
+        plane=plane,
+        wall=wall,
+        bed=bed,
+        vertical=vertical,
+        h=h,
+        phi=phi,
+        densities=WaterEnergy(h=h.function, d=bed.d, gravity=9.81, wall=wall),
+        evaluate=lambda q, p, t: None,
+        elevation=lambda q, p, t: elevation(x, y),
+    )
+
+
+def driven(cells, order, **more):
+    """Water in a slice of 3 m whose paddle is 0.2 m into it."""
+    plan = Slice(3.0, cells, comm=MPI.COMM_SELF)
+    plane = along(plan, order)
+    wall = Piston(Sinusoid(0.2, 4.0), plane=plane, reach=1.5, paddle=plan.paddle())
+    wall.set_time(1.0)
+    return water(plane, wall=wall, **more)
+
+
+def record(waves, path, *, snapshots=1):
+    """Record surface and velocity of water that stands still."""
+    comm, every = waves.plane.comm, EverySteps()
+    if comm.rank == 0:
+        RunWriter(path, {})
+    comm.barrier()
+    observers = [
+        SurfaceFields(waves, VtuSeries(path, "surface", comm=comm), schedule=every),
+        VelocityFields(waves, VtuSeries(path, "velocity", comm=comm), schedule=every),
+    ]
+    psi = np.sin(waves.plane.places[:, 0])
+    for step in range(snapshots):
+        for observer in observers:
+            observer.observe(Moment(step, 0.25 * step, psi, psi))
+
+
+def read(path, name, snapshot=0):
+    pyvista = pytest.importorskip("pyvista")
+    reader = pyvista.get_reader(path / f"{name}.pvd")
+    reader.set_active_time_point(snapshot)
+    return reader.read()[0]
+
+
+def tanks():
+    for kind in (mesh.CellType.quadrilateral, mesh.CellType.triangle):
+        for order in (1, 2, 5):
+            plane = basin(kind, order=order, comm=MPI.COMM_SELF)
+            yield pytest.param(plane, ("Area", "Volume"), 2.0, id=f"{kind.name} {order}")
+    yield pytest.param(along(Slice(3.0, 4, comm=MPI.COMM_SELF)), ("Length", "Area"), 0.0, id="slice")
+
+
+@pytest.mark.parametrize(("plane", "measures", "width"), tanks())
+def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(plane, measures, width, tmp_path):
+    """Oracles: the formulae that were interpolated; the plan's length or area; the volume of water, by midpoints."""
+    record(water(plane), tmp_path)
+    surface, below = read(tmp_path, "surface"), read(tmp_path, "velocity")
+    x, y, z = surface.points.T
+    assert set(surface.array_names) == {"elevation", "surface potential", "depth"}
+    assert set(below.array_names) == {"velocity", "potential"}
+    assert (surface.n_points, below.n_points) == (plane.size, 7 * plane.size)
+    np.testing.assert_array_equal(surface["elevation"], z)
+    np.testing.assert_allclose(z, elevation(x, y), atol=1e-14)
+    np.testing.assert_allclose(surface["depth"], still_depth(x, y), atol=1e-14)
+    np.testing.assert_allclose(surface["surface potential"], np.sin(x), atol=1e-14)
+    surface.points[:, 2] = 0.0
+    middle = (np.arange(200) + 0.5) / 200
+    x, y = 3.0 * middle[:, None], width * middle
+    plan = surface.compute_cell_sizes()[measures[0]].sum()
+    assert plan == pytest.approx(3.0 * (width or 1.0), rel=1e-12)
+    sizes = below.compute_cell_sizes()[measures[1]]
+    assert sizes.min() > 0.0
+    assert sizes.sum() == pytest.approx(plan * np.mean(elevation(x, y) + still_depth(x, y)), rel=1e-2)
+
+
+def test_a_ring_is_drawn_open_with_its_first_corner_at_both_ends(tmp_path):
+    plane = along(Ring(3.0, 4, comm=MPI.COMM_SELF))
+    record(water(plane), tmp_path)
+    for name, levels in (("surface", 1), ("velocity", 7)):
+        field = read(tmp_path, name)
+        assert field.n_points == (plane.size + 1) * levels
+        assert field.bounds[:4] == pytest.approx((0.0, 3.0, 0.0, 0.0), abs=1e-7)
+    surface = read(tmp_path, "surface")
+    first, last = surface.find_closest_point((0, 0, 0.1)), surface.find_closest_point((3, 0, 0.1))
+    assert surface["elevation"][first] == surface["elevation"][last] == pytest.approx(0.1)
+
+
+def test_fields_are_on_the_laboratory_side_of_a_moving_wall(tmp_path):
+    """Oracle: the paddle's position, the far end and the bed, which stay, and the formula of the elevation."""
+    record(driven(6, 3), tmp_path)
+    position = Sinusoid(0.2, 4.0).position(1.0)
+    assert abs(position) > 0.1
+    for name in ("surface", "velocity"):
+        assert read(tmp_path, name).bounds[:2] == pytest.approx((position, 3.0), abs=1e-7)
+    surface = read(tmp_path, "surface")
+    x, y, _ = surface.points.T
+    np.testing.assert_allclose(surface["elevation"], elevation(x, y), atol=1e-14)
+    np.testing.assert_allclose(surface["depth"], still_depth(x, y), atol=1e-14)
+
+
+WATERS = {
+    "quadrilaterals": lambda cells, order: water(basin(cells=cells, order=order, comm=MPI.COMM_SELF), n=7),
+    "triangles": lambda cells, order: water(
+        basin(mesh.CellType.triangle, cells=cells, order=order, comm=MPI.COMM_SELF), n=7
+    ),
+    "moved paddle": lambda cells, order: driven(cells, order, n=7),
+}
+
+
+@pytest.mark.parametrize("order", [2, 3])
+@pytest.mark.parametrize("name", WATERS)
+def test_velocities_converge_to_the_gradient_of_the_potential(name, order):
+    """Derivatives of elements of order p are right to the power p of their size; slopes of surface and bed count."""
+    cells, errors = np.array([4, 8, 16]), []
+    for number in cells:
+        waves = WATERS[name](int(number), order)
+        velocity, (x, y) = Velocity(waves), waves.wall.to_physical(waves.plane.places).T
+        worst = [
+            np.abs(velocity.at(zeta) - exact_velocity(x, y, zeta * waves.h.owned - waves.bed.still)).max()
+            for zeta in (0.0, 0.4, 1.0)
+        ]
+        errors.append(max(worst))
+    assert fitted_slope(1.0 / cells, errors) == pytest.approx(order, abs=0.35)
+    assert errors[-1] < 0.02
+
+
+def test_the_velocity_of_a_solved_standing_wave_is_exact_to_the_order_of_the_elements(make_tank):
+    """cos(k x) cosh(k (z + d)) has no flow through walls and bed: whatever the surface, it is the solution."""
+    k, cells, errors = np.pi / 2, np.array([8, 16, 32]), []
+    for number in cells:
+        tank = make_tank(length=2.0, cells=int(number), order=3, n=7)
+        x = tank.plane.x
+        eta = 0.1 * np.cos(k * x) + 0.03 * np.cos(2 * k * x)
+        tank.evaluate(*tank.state(eta, np.cos(k * x) * np.cosh(k * (eta + 1.0))), 0.0)
+        velocity, worst = Velocity(tank), 0.0
+        for zeta in tank.vertical.nodes:
+            above = zeta * (1.0 + eta)
+            exact = np.column_stack([-np.sin(k * x) * np.cosh(k * above), 0 * x, np.cos(k * x) * np.sinh(k * above)])
+            worst = max(worst, np.abs(velocity.at(zeta) - k * exact).max())
+        errors.append(worst)
+    assert fitted_slope(1.0 / cells, errors) == pytest.approx(3, abs=0.35)
+    assert errors[-1] < 1e-3
+
+
+def test_levels_may_be_chosen(tmp_path):
+    waves = water(basin(comm=MPI.COMM_SELF))
+    RunWriter(tmp_path, {})
+    series = VtuSeries(tmp_path, "velocity", comm=MPI.COMM_SELF)
+    VelocityFields(waves, series, schedule=EverySteps(), levels=np.array([0.5, 1.0])).observe(Moment(0, 0.0, 0, 0))
+    below = read(tmp_path, "velocity")
+    x, y, z = below.points.T
+    assert below.n_points == 2 * waves.plane.size
+    np.testing.assert_allclose(
+        z[-waves.plane.size :], elevation(x, y)[-waves.plane.size :], atol=1e-7
+    )  # single precision
+    np.testing.assert_allclose(below["potential"], potential(x, y, z), atol=1e-5)  # n = 6
+
+
+def record_on_ranks(path):
+    """Record on all ranks; then fail on the last alone, and say on each what it meant there."""
+    waves = water(basin(mesh.CellType.triangle, cells=3, order=2))
+    record(waves, path)
+    comm, write = waves.plane.comm, vtu_series.replace
+
+    def full(file, *content):
+        if comm.rank == comm.size - 1:
+            raise OSError(28, "No space left on device")
+        write(file, *content)
+
+    vtu_series.replace = full
+    series, psi = VtuSeries(path, "refused", comm=comm), waves.plane.x
+    try:
+        SurfaceFields(waves, series, schedule=EverySteps()).observe(Moment(1, 1.0, psi, psi))
+    except RunError as error:
+        print(f"rank {comm.rank}: {error}", flush=True)
+
+
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_pieces_of_any_number_of_ranks_are_the_same_fields_and_one_that_cannot_write_fails_all(ranks, tmp_path):
+    record(water(basin(mesh.CellType.triangle, cells=3, order=2, comm=MPI.COMM_SELF)), tmp_path / "1")
+    code = "import sys; from pathlib import Path; import test_fields; test_fields.record_on_ranks(Path(sys.argv[1]))"
+    many = tmp_path / "many"
+    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", code, str(many)]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=CHECKOUT / "tests", check=False)
+    assert result.returncode == 0, result.stderr
+    for rank in range(ranks):
+        assert f"rank {rank}: {many / 'fields'}: cannot be written (No space left on device)." in result.stdout
+    assert len(list((many / "fields").glob("velocity_*.vtu"))) == ranks
+    for name in ("surface", "velocity"):
+        one, other = sorted_fields(tmp_path / "1", name), sorted_fields(many, name)
+        np.testing.assert_allclose(other, one, atol=1e-6)  # velocities and their places are in single precision
+    assert read(many, "surface").n_cells == 2 * 3 * 3 * 4
+
+
+def sorted_fields(path, name):
+    """Return points and all arrays, one row each point, in the order of the points; those of rank borders once."""
+    grid = read(path, name)
+    rows = np.column_stack([grid.points, *(grid[key] for key in sorted(grid.array_names))])
+    _, first = np.unique(np.round(grid.points, 4) + 0.0, axis=0, return_index=True)
+    return rows[first]
+
+
+def test_a_series_cut_short_is_read_up_to_there(tmp_path, monkeypatch):
+    waves, write = water(basin(comm=MPI.COMM_SELF)), vtu_series.replace
+
+    def killed(file, *content):
+        if file.suffix == ".pvd" and b"_000002" in b"".join(content):
+            raise KeyboardInterrupt
+        write(file, *content)
+
+    monkeypatch.setattr(vtu_series, "replace", killed)
+    with pytest.raises(KeyboardInterrupt):
+        record(waves, tmp_path, snapshots=4)
+    assert (tmp_path / "fields" / "surface_000002_0000.vtu").exists()
+    snapshots = RunDirectory(tmp_path).fields("surface")
+    assert [t for t, _ in snapshots] == [0.0, 0.25]
+    assert snapshots[1][1] == tmp_path / "fields" / "surface_000001.pvtu"
+    assert read(tmp_path, "surface", 1).n_points == waves.plane.size
+
+
+def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_path):
+    waves = water(basin(comm=MPI.COMM_SELF))
+    record(waves, tmp_path)
+    observer = SurfaceFields(waves, VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF), schedule=EverySteps())
+    psi = np.where(waves.plane.x > 1.0, np.nan, 0.0)
+    with pytest.raises(RunError, match=r"t = 0\.5 s: .*surface\.pvd is not a finite number"):
+        observer.observe(Moment(2, 0.5, psi, psi))
+    assert len(RunDirectory(tmp_path).fields("surface")) == 1
+
+
+def test_a_rank_without_cells_has_an_empty_piece(tmp_path):
+    RunWriter(tmp_path, {})
+    series = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF)
+    cells = vtu_series.Cells.flat(np.zeros((0, 4), dtype=np.int32))
+    series.append(0.0, np.zeros((0, 3)), cells=cells, arrays={"elevation": np.zeros(0)})
+    assert read(tmp_path, "surface").n_points == 0
+
+
+def test_a_new_run_takes_the_fields_of_the_old_one_away_and_nothing_else(tmp_path):
+    record(water(basin(comm=MPI.COMM_SELF)), tmp_path)
+    (tmp_path / "fields" / "mine.vtu").write_text("precious")
+    RunWriter(tmp_path, {})
+    assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == [
+        "fields",
+        "fields/mine.vtu",
+        "manifest.json",
+    ]
+
+
+@pytest.mark.parametrize("content", ["", "<VTKFile>", '<VTKFile><DataSet timestep="soon" file="x"/></VTKFile>'])
+def test_a_missing_or_damaged_index_is_bad_input(content, tmp_path):
+    RunWriter(tmp_path, {})
+    if content:
+        Path(tmp_path / "surface.pvd").write_text(content)
+    with pytest.raises(InputError, match=r"surface\.pvd"):
+        RunDirectory(tmp_path).fields("surface")

@@ -1,0 +1,106 @@
+"""The gauges' records: places in the header of the table, and the same numbers as CF-NetCDF when a run has ended."""
+
+import numpy as np
+import pytest
+
+from wavetank.errors import RunError
+from wavetank.rundir import RunDirectory, RunWriter
+
+xarray = pytest.importorskip("xarray")
+
+GAUGES = [("1", 10.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
+MANIFEST = {
+    "scene": {"title": "A focus"},
+    "command": ["wavetank", "run", "a case.toml"],
+    "started": "2025-01-02T03:04:05",
+}
+
+
+def write(path, rows=4):
+    writer = RunWriter(path, MANIFEST | {"git": "abc123", "versions": {"wavetank": "1.2.3"}})
+    table = writer.gauges(GAUGES)
+    for n in range(rows):
+        table.append([0.1 * n, n / 3, np.pi * 1e-9, -n / 7])
+    return writer
+
+
+def test_places_are_in_the_header_and_read_back(tmp_path):
+    write(tmp_path)
+    header = (tmp_path / "gauges.csv").read_text().splitlines()[0]
+    assert header == 't,1@x=10,"Süd, the focus@x=49.5,y=-2.25",a@x=b@x=0.1'
+    found = [(gauge.name, gauge.x, gauge.y) for gauge in RunDirectory(tmp_path).gauges()]
+    assert found == [("1", 10.0, 0.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
+
+
+@pytest.mark.parametrize("engine", ["netcdf4", "scipy"])
+def test_the_netcdf_holds_the_table_to_the_last_bit(engine, tmp_path):
+    write(tmp_path).finish("finished", {})
+    with xarray.open_dataset(tmp_path / "gauges.nc", engine=engine) as data:
+        for n, gauge in enumerate(RunDirectory(tmp_path).gauges()):
+            station = data.isel(station=n)
+            assert (str(station.station_name.values), float(station.x), float(station.y)) == (
+                gauge.name,
+                gauge.x,
+                gauge.y,
+            )
+            np.testing.assert_array_equal(station.time, gauge.t)
+            np.testing.assert_array_equal(station.elevation, gauge.eta)
+
+
+def test_the_netcdf_follows_the_conventions(tmp_path):
+    """CF-1.8, 9.3 and H.2.1: orthogonal time series, identified stations, units and standard names, no fill values."""
+    write(tmp_path).finish("finished", {})
+    with xarray.open_dataset(tmp_path / "gauges.nc", decode_cf=False) as data:
+        assert data.attrs == {
+            "Conventions": "CF-1.8",
+            "featureType": "timeSeries",
+            "title": "A focus",
+            "source": "wavetank 1.2.3, revision abc123",
+            "history": "2025-01-02T03:04:05 wavetank run 'a case.toml'",
+        }
+        elevation = data.elevation
+        assert elevation.dims == ("station", "time") and elevation.attrs["units"] == "m"
+        assert elevation.attrs["standard_name"] == "sea_surface_height_above_mean_sea_level"
+        assert set(elevation.attrs["coordinates"].split()) == {"station_name", "x", "y"}
+        assert data.station_name.attrs["cf_role"] == "timeseries_id"
+        assert {name: data[name].attrs["units"] for name in ("time", "x", "y")} == {"time": "s", "x": "m", "y": "m"}
+        assert all("_FillValue" not in variable.attrs for variable in data.variables.values())
+
+
+def test_times_stay_numbers(tmp_path):
+    write(tmp_path).finish("finished", {})
+    with xarray.open_dataset(tmp_path / "gauges.nc") as data:
+        assert data.time.dtype == np.float64
+
+
+def test_a_run_that_breaks_down_has_it_too(tmp_path):
+    with pytest.raises(RunError), write(tmp_path, rows=2):
+        raise RunError("t = 0.2 s: the wave broke.")
+    with xarray.open_dataset(tmp_path / "gauges.nc") as data:
+        assert data.sizes == {"station": 3, "time": 2}
+    assert RunDirectory(tmp_path).manifest["cause"] == "t = 0.2 s: the wave broke."
+
+
+def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
+    write(tmp_path).finish("finished", {})
+    writer = RunWriter(tmp_path, MANIFEST)
+    assert not (tmp_path / "gauges.nc").exists()
+    writer.gauges([])
+    writer.finish("finished", {})
+    assert not (tmp_path / "gauges.nc").exists()
+    assert RunDirectory(tmp_path).gauges_dataset().sizes == {"station": 0, "time": 0}
+
+
+def test_a_full_disk_is_said(tmp_path, monkeypatch):
+    from wavetank import rundir
+
+    writer, replace = write(tmp_path), rundir.replace
+
+    def full(path, *content):
+        if path.suffix == ".nc":
+            raise OSError(28, "No space left on device")
+        replace(path, *content)
+
+    monkeypatch.setattr(rundir, "replace", full)
+    with pytest.raises(RunError, match="cannot be written .No space left on device"):
+        writer.finish("finished", {})

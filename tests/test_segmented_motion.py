@@ -1,0 +1,360 @@
+"""Segmented paddles against exact derivatives, the uniform paddle, and linear theory done another way."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
+
+from wavetank.motions import (
+    DirectionalFocus,
+    Fan,
+    Jonswap,
+    ObliqueWave,
+    PiecewiseLinear,
+    Ramped,
+    RampedSegments,
+    Recorded,
+    ReflectedFocus,
+    Sinusoid,
+    Uniform,
+    WaveGroup,
+)
+from wavetank.motions.segmented import joints, widest_segment
+from wavetank.reference import wavemaker
+from wavetank.scene import BasinTank, Scene
+from wavetank.scene.directional import span
+
+GRAVITY, DEPTH = 9.81, 0.5
+Y = np.linspace(-4.0, 4.0, 17)
+
+
+def group(**changes):
+    values = {
+        "amplitude": 0.05,
+        "spectrum": Jonswap(0.8),
+        "lowest_frequency": 0.5,
+        "highest_frequency": 1.5,
+        "components": 24,
+        "focus_x": 6.0,
+        "focus_time": 20.0,
+        "depth": DEPTH,
+        "gravity": GRAVITY,
+    }
+    return WaveGroup(**{**values, **changes})
+
+
+def focus(*, largest=0.6, count=9, exponent=3.0, **changes):
+    return DirectionalFocus(group=group(**changes), fan=Fan(largest, count, exponent), focus_y=0.3)
+
+
+def oblique(**changes):
+    values = {"amplitude": 0.02, "period": 1.3, "angle": 0.5, "depth": DEPTH, "gravity": GRAVITY}
+    return ObliqueWave(**{**values, **changes})
+
+
+MOTIONS = {
+    "oblique": oblique(),
+    "uniform": Uniform(Sinusoid(0.1, 1.7)),
+    "focus": focus(),
+    "reflected": ReflectedFocus(focus=focus(), low=-4.0, high=4.0),
+    "ramped": RampedSegments(oblique(), 6.0, start=1.0),
+    "segments": PiecewiseLinear(focus(), joints(-4.0, 4.0, segment=0.5)),
+    "all": PiecewiseLinear(RampedSegments(oblique(), 5.0), joints(-4.0, 4.0, segment=0.5)),
+}
+
+
+# ---------------------------------------------------------------- derivatives
+@pytest.mark.parametrize("name", MOTIONS)
+@given(t=st.floats(1.5, 30.0))
+@settings(max_examples=20)
+def test_each_derivative_is_the_slope_of_the_one_below(name, t):
+    """Central differences of step s err by s^2 f''' / 6, |f'''| <= (2 pi 1.5 Hz)^3 |f|; a ramp has a third."""
+    motion, step = MOTIONS[name], 1e-3
+    scale = np.abs(motion.position(np.linspace(0.0, 30.0, 200), Y)).max()
+    for order in (0, 1):
+        slope = (motion.derivative(order, t + step, Y) - motion.derivative(order, t - step, Y)) / (2 * step)
+        bound = step**2 / 6 * (2 * np.pi * 1.5) ** (order + 3) * scale
+        np.testing.assert_allclose(motion.derivative(order + 1, t, Y), slope, atol=2 * bound + 1e-10)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_named_derivatives_and_shapes(name):
+    motion, t = MOTIONS[name], np.linspace(2.0, 9.0, 6).reshape(2, 3)
+    for order, method in enumerate((motion.position, motion.velocity, motion.acceleration)):
+        assert method(0.5, Y).shape == Y.shape
+        assert method(t, Y).shape == (2, 3, Y.size)
+        np.testing.assert_array_equal(method(t, Y), motion.derivative(order, t, Y))
+        np.testing.assert_allclose(method(t, Y)[1, 2], method(float(t[1, 2]), Y), atol=1e-12)
+    assert motion.duration == np.inf
+
+
+# ---------------------------------------------------------------- wrappers
+@given(st.floats(0.0, 20.0), st.integers(0, 2))
+def test_a_uniform_motion_is_the_motion_itself_and_ramps_alike(t, order):
+    motion = group()
+    uniform = Uniform(motion).derivative(order, t, Y)
+    np.testing.assert_array_equal(uniform, np.full(Y.size, motion.derivative(t, order)))
+    ramped = RampedSegments(Uniform(motion), 3.0, start=1.0).derivative(order, t, Y)
+    np.testing.assert_allclose(ramped, Ramped(motion, 3.0, start=1.0).derivative(t, order), rtol=1e-12, atol=1e-15)
+    hinged = PiecewiseLinear(Uniform(motion), joints(-4.0, 4.0, segment=0.7)).derivative(order, t, Y)
+    np.testing.assert_allclose(hinged, uniform, rtol=1e-14)
+
+
+def test_a_motion_that_ends_ends_in_every_wrapper():
+    t = np.linspace(0.0, 5.0, 20)
+    recorded = Uniform(Recorded.of_positions(t, np.sin(t)))
+    assert RampedSegments(recorded, 1.0).duration == PiecewiseLinear(recorded, np.array([0.0, 1.0])).duration == 5.0
+
+
+@given(st.floats(-3.9, 3.9), st.floats(0.0, 20.0))
+def test_segments_are_straight_between_joints_that_follow_the_motion(y, t):
+    at, motion = joints(-4.0, 4.0, segment=0.5), focus()
+    hinged = PiecewiseLinear(motion, at)
+    np.testing.assert_array_equal(hinged.position(t, at), motion.position(t, at))
+    expected = np.interp(y, at, motion.position(t, at))
+    assert hinged.position(t, np.array([y]))[0] == pytest.approx(expected, abs=1e-15)
+    ends = hinged.position(t, np.array([-9.0, 9.0]))
+    np.testing.assert_array_equal(ends, motion.position(t, at)[[0, -1]])
+
+
+@given(st.floats(0.5, 50.0), st.floats(0.1, 60.0))
+def test_segments_are_equal_and_as_few_as_are_narrow_enough(width, segment):
+    at = joints(-1.0, -1.0 + width, segment=segment)
+    np.testing.assert_allclose(np.diff(at), width / (at.size - 1), rtol=1e-9)
+    assert np.diff(at).max() <= segment * (1 + 1e-9)
+    assert at.size == 2 or width / (at.size - 2) > segment * (1 - 1e-9)
+    assert joints(0.0, 6.0, segment=0.3).size == 21  # 6 / 0.3 is not 20 to round-off
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.4, -0.9])
+def test_wider_segments_make_a_second_wave_that_travels(angle):
+    """Fourier transform of the hinged paddle: besides k sin(theta) only what is below k radiates."""
+    wave, count = oblique(), 4096
+    widest = widest_segment(wave.k, angle)
+    for factor, radiates in ((0.97, False), (1.03, True)):
+        y = factor * widest * np.arange(count) / 16
+        snake = np.exp(-1j * wave.k * np.sin(angle) * y)
+        hinged = np.interp(y, y[::16], snake.real[::16]) + 1j * np.interp(y, y[::16], snake.imag[::16])
+        window = np.hanning(count)
+        k_y = 2 * np.pi * np.fft.fftfreq(count, y[1])
+        spectrum = np.abs(np.fft.fft(window * hinged)) / window.sum()
+        other = spectrum[(np.abs(k_y) < wave.k) & (np.abs(k_y + wave.k * np.sin(angle)) > 0.1 * wave.k)].max()
+        half = 0.5 * wave.k * np.sin(angle) * factor * widest
+        mean = np.vdot(snake[:-16], hinged[:-16]).real / (count - 16)  # 16 points a segment: 1 / 16^2 off the integral
+        assert mean == pytest.approx(np.sinc(half / np.pi) ** 2, abs=0.02)
+        # at angle 0 the snake is straight and segments make no difference
+        assert (other > 1e-3) == (radiates and angle != 0.0)
+
+
+# ---------------------------------------------------------------- linear theory
+def test_the_oblique_wave_s_height_is_biesel_s_over_the_cosine():
+    """Oracle: the flux, int u cos(theta) cosh k(z+d) dz = omega X int cosh k(z+d) dz at the paddle, by quadrature."""
+    wave = oblique(angle=0.7)
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    profile = np.cosh(wave.k * DEPTH * (nodes + 1) / 2) / np.cosh(wave.k * DEPTH)
+    speed = wave.amplitude * GRAVITY * wave.k / wave.omega * np.cos(wave.angle)
+    assert wave.omega * wave.paddle_amplitude == pytest.approx(speed * weights @ profile**2 / (weights @ profile))
+    straight = oblique(angle=0.0)
+    assert straight.paddle_amplitude == pytest.approx(0.02 / wavemaker.piston_transfer(straight.k, DEPTH))
+
+
+@given(st.floats(0.0, 5.0), st.floats(-1.2, 1.2))
+def test_the_oblique_wave_at_the_paddle_goes_with_its_velocity(t, angle):
+    wave, x = oblique(angle=angle), np.zeros_like(Y)
+    in_step = wave.velocity(t, Y) / (wave.omega * wave.paddle_amplitude) * wave.amplitude
+    np.testing.assert_allclose(wave.elevation(x, Y, t=t), in_step, atol=1e-12)
+    along = np.full_like(Y, 0.8)  # and travels to (cos, sin) with the phase speed
+    direction, c = np.array([np.cos(angle), np.sin(angle)]), wave.omega / wave.k
+    later = wave.elevation(along + c * direction[0], Y + c * direction[1], t=t + 1.0)
+    np.testing.assert_allclose(later, wave.elevation(along, Y, t=t), atol=1e-12)
+
+
+def test_one_direction_is_the_wave_group():
+    waves, t = group(), np.linspace(5.0, 25.0, 7)
+    for motion in (
+        DirectionalFocus(group=waves, fan=Fan(0.5, 1)),
+        ReflectedFocus(focus=DirectionalFocus(group=waves, fan=Fan(0.5, 1)), low=-4.0, high=4.0),
+    ):
+        for order in range(3):
+            expected = np.repeat(waves.derivative(t, order)[:, None], Y.size, axis=1)
+            np.testing.assert_allclose(motion.derivative(order, t, Y), expected, atol=1e-12)
+        np.testing.assert_allclose(motion.elevation(np.full_like(Y, 5.0), Y, t=19.0), waves.elevation(5.0, 19.0))
+        assert motion.earliest_focus(2.0) == pytest.approx(waves.earliest_focus(2.0))
+
+
+def test_the_focus_is_the_sum_of_oblique_waves():
+    """Oracle: each component as an ``ObliqueWave`` of its own, shifted in y and t so that its crest is at the focus."""
+    waves = focus(count=3, components=2)
+    total, t = np.zeros_like(Y), 3.3
+    for j, period in enumerate(1 / waves.group.frequencies):
+        for m, angle in enumerate(waves.fan.angles):
+            wave = oblique(amplitude=waves.crest_amplitudes[j, m], period=period, angle=angle)
+            shift = t - 20.0 + waves.k_x[j, m] * 6.0 / wave.omega
+            total += wave.position(shift, Y - 0.3)
+    np.testing.assert_allclose(waves.position(t, Y), total, atol=1e-12)
+
+
+@given(st.floats(0.0, 12.0), st.floats(-4.0, 4.0), st.floats(0.0, 40.0))
+def test_the_crest_at_the_focus_is_the_highest_anywhere(x, y, t):
+    waves = focus()
+    assert waves.elevation(np.array([6.0]), np.array([0.3]), t=20.0)[0] == pytest.approx(0.05, rel=1e-12)
+    here = waves.elevation(np.array([x]), np.array([y]), t=t)[0]
+    assert here < 0.05 or np.allclose((x, y, t), (6.0, 0.3, 20.0), atol=1e-2)
+
+
+def test_a_wider_fan_makes_a_narrower_crest():
+    y = np.linspace(0.3, 4.0, 200)
+    half = [
+        np.argmax(focus(largest=largest, exponent=0.0).elevation(np.full_like(y, 6.0), y, t=20.0) < 0.025)
+        for largest in (0.3, 0.6, 0.9)
+    ]
+    assert 0 < half[2] < half[1] < half[0]
+    np.testing.assert_allclose(
+        Fan(0.6, 5, 2.0).shares / Fan(0.6, 5, 2.0).shares[2], np.cos(Fan(0.6, 5).angles / 2) ** 4
+    )
+
+
+# ---------------------------------------------------------------- side walls
+def test_waves_sent_by_the_side_walls_are_the_wanted_ones_at_the_focus():
+    """What cannot travel is missing, waves shorter across than long: less than 2 % of the crest here, most at walls."""
+    waves, y = focus(largest=0.7, exponent=0.0), np.linspace(-4.0, 4.0, 81)
+    between, x = ReflectedFocus(focus=waves, low=-4.0, high=4.0), np.full(81, 6.0)
+    for t in (19.0, 20.0, 20.3):
+        np.testing.assert_allclose(between.elevation(x, y, t=t), waves.elevation(x, y, t=t), atol=0.02 * 0.05)
+    assert between.elevation(np.array([6.0]), np.array([0.3]), t=20.0)[0] == pytest.approx(0.05, rel=0.005)
+    step = 1e-5
+    for wall in (-4.0, 4.0):
+        sides = between.elevation(np.array([3.0, 3.0]), np.array([wall - step, wall + step]), t=18.0)
+        assert sides[1] - sides[0] == pytest.approx(0.0, abs=1e-12)  # no slope, no flow
+
+
+def test_the_reflected_paddle_makes_the_waves_it_says():
+    """Oracle: its Fourier components in y and t as pairs of oblique waves, one to either side."""
+    between = ReflectedFocus(focus=focus(components=2), low=-4.0, high=4.0)
+    y, t = np.linspace(-4.0, 4.0, 65), 7.7
+    total = np.zeros_like(y)
+    for j, frequency in enumerate(between.focus.group.frequencies):
+        for n, k_y in enumerate(between.across):
+            if between.along[j, n] == 0.0:
+                continue
+            crest, angle = between.crests[j, n], np.arctan2(k_y, between.along[j, n])
+            for side in (-1, 1):
+                wave = oblique(amplitude=0.5 * abs(crest), period=1 / frequency, angle=side * angle)
+                phase = np.angle(crest) - between.along[j, n] * 6.0 + wave.omega * 20.0
+                total += wave.position(t - phase / wave.omega, y + 4.0)
+    np.testing.assert_allclose(between.position(t, y), total, atol=1e-12)
+
+
+# ---------------------------------------------------------------- time enough
+@pytest.mark.parametrize("make", [focus, lambda: ReflectedFocus(focus=focus(), low=-4.0, high=4.0)])
+def test_a_ramp_that_ends_in_time_leaves_the_crest(make):
+    """Oracle: the transform of the ramped paddle in y and t, sent to x_f by linear theory mode by mode."""
+    motion = make()
+    early, ramp = motion.earliest_focus(2.0), 2.0
+    assert focus().earliest_focus(ramp) > group().earliest_focus(ramp)  # the oblique way is longer
+    spectrum = {"focus_time": early}
+    later = focus(**spectrum)
+    later = later if isinstance(motion, DirectionalFocus) else ReflectedFocus(focus=later, low=-4.0, high=4.0)
+    # open water is wide enough to be periodic: from 20 m aside nothing reaches the focus in time
+    low, width = (-4.0, 8.0) if isinstance(later, ReflectedFocus) else (-20.3, 40.6)
+    crest = sent_to_focus(RampedSegments(later, ramp), early, low, width)
+    assert crest == pytest.approx(0.05, rel=0.03)
+
+
+def sent_to_focus(motion, focus_time, low, width):
+    """Return the crest at (6, 0.3) of a paddle between walls, its motion cut off 6 s after the focus."""
+    dt, samples, points = 0.1, 512, 192
+    t = dt * np.arange(samples)
+    y = low + width * (np.arange(points) + 0.5) / points
+    X = motion.position(t, y) * (t < focus_time + 6.0)[:, None]
+    n = np.arange(points // 2)
+    shapes = np.cos(np.pi * n * (y - low)[:, None] / width)
+    modes = np.fft.rfft(X, axis=0) @ shapes * np.where(n > 0, 2, 1) / points
+    eta = 0j
+    for line in range(1, 150):
+        omega = 2 * np.pi * line / (dt * samples)
+        k = airy_wave_number(omega)
+        kappa = np.sqrt(np.maximum(k**2 - (np.pi * n / width) ** 2, 1e-12))
+        travels = kappa > 0.02 * k  # the slower ones take longer than the record
+        c = wavemaker.piston_transfer(k, DEPTH)
+        there = np.where(travels, 1j * c * k / kappa * np.exp(-1j * kappa * 6.0) * modes[line], 0.0)
+        eta += 2 / samples * there @ np.cos(np.pi * n * (0.3 - low) / width) * np.exp(1j * omega * focus_time)
+    return eta.real
+
+
+def airy_wave_number(omega):
+    low, high = omega / np.sqrt(GRAVITY * DEPTH), omega**2 / GRAVITY + omega / np.sqrt(GRAVITY * DEPTH)
+    for _ in range(60):
+        k = 0.5 * (low + high)
+        low, high = (low, k) if GRAVITY * k * np.tanh(k * DEPTH) > omega**2 else (k, high)
+    return k
+
+
+# ---------------------------------------------------------------- the nouns
+BASIN = {"type": "basin", "depth": DEPTH, "plan": {"type": "rectangle", "length": 12.0, "width": 10.0}}
+LOW, HIGH = span(BasinTank.model_validate(BASIN))
+FOCUS = {
+    "type": "directional-focus",
+    "amplitude": 0.05,
+    "focus_x": 6.0,
+    "focus_y": 0.5 * (LOW + HIGH),
+    "focus_time": 20.0,
+    "spectrum": {"type": "jonswap", "peak_frequency": 0.8},
+    "highest_frequency": 1.2,
+    "components": 48,
+}
+OBLIQUE = {"type": "oblique-wave", "amplitude": 0.02, "period": 1.3, "angle": 30.0}
+
+
+def scene(motion, *, tank=None, duration=24.0, **wall):
+    return Scene.model_validate(
+        {
+            "tank": tank or BASIN,
+            "wall": {"type": "segmented-piston", "motion": motion, **wall},
+            "run": {"duration": duration},
+        }
+    )
+
+
+def test_the_nouns_build_their_motions():
+    case = scene(OBLIQUE, segment=0.5)
+    assert HIGH - LOW == 10.0
+    motion = case.motion()
+    assert isinstance(motion, PiecewiseLinear) and isinstance(motion.motion, RampedSegments)
+    assert (motion.joints[0], motion.joints[-1], motion.joints.size) == (LOW, HIGH, 21)
+    assert motion.motion.ramp == 2.6
+    expected = oblique(angle=np.radians(30.0)).position(7.0, motion.joints)
+    np.testing.assert_allclose(motion.position(7.0, motion.joints), expected, rtol=1e-12)
+    assert case.reach == 5.0  # ten depths
+    waves = scene({**FOCUS, "ramp": 0}).motion()
+    assert isinstance(waves, DirectionalFocus)
+    assert waves.elevation(np.array([6.0]), np.array([FOCUS["focus_y"]]), t=20.0)[0] == pytest.approx(0.05)
+    assert (waves.fan.count, waves.fan.largest) == (21, pytest.approx(np.pi / 6))
+    walls = scene(
+        {**FOCUS, "type": "reflected-focus", "largest_angle": 60.0, "ramp": 0, "focus_time": 30.0}, duration=35.0
+    )
+    assert isinstance(walls.motion(), ReflectedFocus)
+    assert (walls.motion().low, walls.motion().high) == (LOW, HIGH)
+    for built in (case, walls):
+        assert Scene.model_validate(built.model_dump(mode="json")) == built
+
+
+@pytest.mark.parametrize(
+    ("motion", "changes", "message"),
+    [
+        (OBLIQUE, {"segment": 2.0}, r"wall\.segment = 2\.0: must be at most 1\.\d+ m, the shortest wave's length over"),
+        (OBLIQUE, {"reach": 13.0}, r"wall\.reach = 13\.0: must be at most the tank's length, 12 m"),
+        (OBLIQUE, {"tank": {"length": 9.0, "depth": 0.5}}, r"wall\.type = \"segmented-piston\": needs a basin"),
+        ({**OBLIQUE, "angle": 90.0}, {}, r"angle"),
+        ({**FOCUS, "focus_x": 12.5}, {}, r"wall\.motion\.focus_x = 12\.5: must be inside the tank, below 12 m"),
+        ({**FOCUS, "focus_y": 17.5}, {}, r"wall\.motion\.focus_y = 17\.5: must be before the paddle"),
+        ({**FOCUS, "focus_time": 5.0}, {}, r"wall\.motion\.focus_time = 5\.0: must be at least \d+\.\d+ s"),
+        ({**FOCUS, "largest_angle": 50.0}, {}, r"wall\.motion\.largest_angle = 50\.0: must be at most 39\.81 deg"),
+        ({**FOCUS, "components": 8}, {}, r"wall\.motion\.components = 8: must be more"),
+        ({**FOCUS, "type": "reflected-focus", "focus_time": 13.0}, {}, r"focus_time = 13\.0: must be at least"),
+    ],
+)
+def test_what_does_not_fit_is_one_sentence(motion, changes, message):
+    with pytest.raises(ValidationError, match=message):
+        scene(motion, **changes)

@@ -1,0 +1,79 @@
+"""A wave train released from rest over a bed of varying depth, against Whispers3D (Coulaud et al. 2025, case 2).
+
+Whispers3D solves the same equations, fully nonlinear potential flow, by other means. Its envelope was digitised from
+two figures, to about 1 mm; from x = 30 to 60 m both of its curves sink by the same 1.4 mm.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from wavetank.build import Records, build_observers, build_run
+from wavetank.observers.energy import COLUMNS
+from wavetank.observers.record import Memory
+from wavetank.rundir import RunDirectory
+from wavetank.scene import Scene
+
+CASE = Path(__file__).resolve().parents[1] / "cases" / "shoaling-release.toml"
+REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "whispers3d_coulaud_case2_shoaling"
+FILES = [  # Whispers3D, and the Madsen-Sorensen equations of the same paper
+    ("solutions_up_to_30m_A2.csv", "solutions_up_to_30m_MS.csv"),
+    ("solutions_beyond_30m.csv", "solutions_beyond_30m_MS.csv"),
+]
+NOISE = 1.5e-3  # m, of the digitised curves, their sinking included: 2 % of the envelope's root mean square
+
+
+class Envelope:
+    """The highest and the lowest elevation of all snapshots."""
+
+    def __init__(self, x=None, highest=-np.inf, lowest=np.inf):
+        self.x, self.highest, self.lowest = x, highest, lowest
+
+    @classmethod
+    def read(cls, file):
+        table = np.loadtxt(REFERENCE / file, delimiter=",", skiprows=1)
+        return cls(*table[np.argsort(table[:, 0], kind="stable")].T)
+
+    def append(self, t, x, eta, psi):
+        self.x = x
+        self.highest, self.lowest = np.maximum(self.highest, eta), np.minimum(self.lowest, eta)
+
+    def errors(self, other):
+        """Return the root mean square difference of the highest and the lowest at the other's places [m]."""
+        highest = np.interp(other.x, self.x, self.highest) - other.highest
+        lowest = np.interp(other.x, self.x, self.lowest) - other.lowest
+        return np.sqrt([(highest**2).mean(), (lowest**2).mean()])
+
+
+def test_it_is_the_same_on_any_number_of_ranks(wavetank, tmp_path):
+    changes = ["run.duration=1.0", "numerics.cell_size=0.5", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]
+    overrides = [word for change in changes for word in ("--set", change)]
+    gauges = []
+    for ranks in (1, 2, 3):
+        out = tmp_path / str(ranks)
+        result = wavetank("run", str(CASE), *overrides, "--no-plots", "--out", str(out), ranks=ranks)
+        assert result.returncode == 0, result.stderr
+        gauges.append(np.array([gauge.eta for gauge in RunDirectory(out).gauges()]))
+    assert np.ptp(gauges[0][0]) > 0.05  # the first gauge has seen the wave
+    assert np.abs(np.array(gauges[1:]) - gauges[0]).max() < 1e-9
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="the published computation is not on this machine")
+def test_the_envelope_is_that_of_fully_nonlinear_potential_flow():
+    """And it is not just any model's: the crests of a Boussinesq model are off by five times as much and more."""
+    scene = Scene.from_toml(CASE, ["output.surface_every=0.01"])
+    envelope, energy = Envelope(), Memory()
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    run.observers += build_observers(scene, waves, Records(Memory(), energy, envelope), sinks=run.sinks)
+    run.execute()
+    for potential_flow, boussinesq in FILES:
+        published = Envelope.read(potential_flow)
+        errors = envelope.errors(published)
+        assert (errors < NOISE).all()
+        assert Envelope.read(boussinesq).errors(published)[0] > 5 * errors[0]
+    budget = dict(zip(COLUMNS, energy.array().T, strict=True))
+    assert np.abs(budget["mass [m^2]"] / budget["mass [m^2]"][0] - 1).max() < 1e-13
+    assert np.abs(budget["balance [m^4/s^2]"]).max() < 3e-4 * budget["total [m^4/s^2]"][0]  # the scheme's, at this step

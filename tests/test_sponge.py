@@ -1,0 +1,346 @@
+"""The sponge: its exact factor around any scheme, the energy it counts, and what it reflects.
+
+Oracles: the damped oscillator's exact solution, conservation, linear waves in the frequency domain, the same on other
+numbers of ranks and in another plan view.
+"""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from dolfinx import mesh
+from mpi4py import MPI
+
+from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
+from wavetank.hamiltonian.oscillators import Harmonic
+from wavetank.integrators import GaussLegendre4, StormerVerlet, ThirdOrder, Traces
+from wavetank.integrators.absorbing import Absorbing
+from wavetank.integrators.filtered import Filtered
+from wavetank.motions import Ramped, Sinusoid
+from wavetank.observers.contract import Moment
+from wavetank.observers.energy import COLUMNS, EnergyBudget
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.reference.airy import angular_frequency
+from wavetank.scene import Scene
+from wavetank.scene.sponges import EndSponge, GroupSponge, paddle_period
+from wavetank.scene.tanks import SliceTank
+from wavetank.verify.sponge import Beach, Operators, in_time, paddle
+from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.plan_view import Slice
+from wavetank.water.sponge import checked, distance_from_edge, profile, width_of
+from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.walls import FixedWall
+
+SCHEMES = (StormerVerlet(), ThirdOrder(), GaussLegendre4())
+BALANCE, TAKEN, TOTAL = (COLUMNS.index(f"{name} [m^4/s^2]") for name in ("balance", "dissipated", "total"))
+
+
+def named(scheme) -> str:
+    return scheme.name
+
+
+def ends(waves, scheme, start, *, steps, dt):
+    """Return the state after some steps."""
+    state = scheme.start(*start)
+    for step in range(steps):
+        state = scheme.step(waves, state, step * dt, dt)
+    return state
+
+
+def linear(*, length=1.0, cells=8, order=3, n=6, depth=0.5):
+    plan = Slice(length, cells, comm=MPI.COMM_SELF)
+    plane = Plane(plan.mesh, order, plan.chart)
+    return LinearWaves(plane, depth=depth, wall=FixedWall(), vertical_order=n)
+
+
+# ---------------------------------------------------------------- the factor
+@pytest.mark.parametrize("scheme", SCHEMES, ids=named)
+def test_the_damped_oscillator_is_met_to_second_order(scheme):
+    """Of q'' + gamma q' + q = 0: q = e^(-gamma t/2) (cos wt + gamma/(2w) sin wt); its energy is that counted."""
+    gamma, t = 0.4, 12.0
+    omega = np.sqrt(1 - gamma**2 / 4)
+    decay = np.exp(-gamma * t / 2)
+    q = decay * (np.cos(omega * t) + gamma / (2 * omega) * np.sin(omega * t))
+    p = -decay / omega * np.sin(omega * t)
+    counts, errors, missing = (60, 120, 240, 480), [], []
+    for count in counts:
+        absorbing, system = Absorbing(scheme, np.array([gamma])), Harmonic()
+        state = ends(system, absorbing, (np.array([1.0]), np.array([0.0])), steps=count, dt=t / count)
+        errors.append(np.hypot(state.q[0] - q, state.p[0] - p))
+        missing.append(abs(0.5 - system.energy(state.q, state.p, t) - absorbing.energy_taken))
+    assert -fitted_slope(counts, errors) == pytest.approx(2, abs=0.05)
+    if max(missing) > 1e-14:  # Gauss-Legendre's scheme keeps a quadratic energy to round-off
+        assert -fitted_slope(counts, missing) > scheme.order - 0.2
+
+
+@pytest.mark.parametrize("scheme", SCHEMES, ids=named)
+def test_without_damping_nothing_changes(scheme):
+    """Bit by bit, on a system that solves exactly."""
+    waves = linear()
+    start = waves.state(0.1 * np.cos(np.pi * waves.plane.x), 0.1 * np.cos(2 * np.pi * waves.plane.x))
+    absorbing = Absorbing(scheme, np.zeros(waves.plane.owned))
+    bare, wrapped = (ends(waves, one, start, steps=20, dt=0.01) for one in (scheme, absorbing))
+    assert all(np.array_equal(a, b) for a, b in zip(bare, wrapped, strict=True))
+    assert absorbing.energy_taken == 0.0
+    known = ("name", "stability_limit", "frequency_error", "nodes")
+    assert all(getattr(absorbing, name) == getattr(scheme, name) for name in known)
+
+
+@pytest.mark.parametrize("scheme", [StormerVerlet(), ThirdOrder()], ids=named)
+def test_uniform_damping_of_a_standing_wave_is_that_of_an_oscillator(scheme):
+    """Of eta'' + gamma eta' + omega² eta = 0 with Airy's omega; space is resolved to 1e-8."""
+    waves, gamma, t = linear(cells=8, order=6, n=10), 1.5, 2.0
+    omega = float(angular_frequency(np.pi, 0.5, waves.gravity))
+    damped = np.sqrt(omega**2 - gamma**2 / 4)
+    start = waves.state(np.cos(np.pi * waves.plane.x), np.zeros(waves.plane.owned))
+    exact = np.exp(-gamma * t / 2) * (np.cos(damped * t) + gamma / (2 * damped) * np.sin(damped * t))
+    counts, errors = (80, 120, 180), []
+    for count in counts:
+        state = ends(waves, Absorbing(scheme, np.array([gamma])), start, steps=count, dt=t / count)
+        eta = waves.elevation(state.q, state.p, t)
+        errors.append(np.abs(eta - exact * np.cos(np.pi * waves.plane.x)).max())
+    assert errors[-1] < 1e-3
+    assert -fitted_slope(counts, errors) == pytest.approx(2, abs=0.1)
+
+
+@pytest.mark.parametrize("strength", [1.0, 100.0])
+def test_a_step_below_the_schemes_limit_is_stable_with_a_sponge_of_any_strength(strength):
+    """The spectral radius of a step of linear waves, as a dense matrix, is one to round-off."""
+    waves = linear(length=2.0, cells=4, n=4, depth=1.0)
+    size, dt = waves.plane.owned, 0.99 * ThirdOrder().stability_limit / waves.largest_frequency
+    scheme = Absorbing(ThirdOrder(), profile(waves.plane.x - 1.0, width=1.0, strength=strength))
+    rest = scheme.start(*waves.state(np.zeros(size), np.zeros(size)))
+
+    def stepped(change):
+        state = Traces(*(one + part for one, part in zip(rest, np.split(change, 4), strict=True)))
+        return np.concatenate(scheme.step(waves, state, 0.0, dt))
+
+    still = stepped(np.zeros(4 * size))
+    matrix = np.column_stack([stepped(unit) - still for unit in np.eye(4 * size)])
+    assert np.abs(np.linalg.eigvals(matrix)).max() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_it_costs_two_evaluations_a_step_of_a_system_that_remembers_its_last_point():
+    """Counted in solves of linear waves, which remember the potential of the last psi, with a look at every step."""
+    waves, found = linear(), []
+    start = waves.state(np.zeros(waves.plane.owned), np.cos(np.pi * waves.plane.x))
+    for scheme in (ThirdOrder(), Absorbing(ThirdOrder(), np.full(waves.plane.owned, 0.5))):
+        state, before = scheme.start(*start), waves.potential.counters.solves
+        for step in range(10):
+            waves.energy(state.q, state.p, step * 0.01)
+            state = scheme.step(waves, state, step * 0.01, 0.01)
+        found.append((waves.potential.counters.solves - before) / 10)
+    assert found[1] - found[0] == pytest.approx(2, abs=0.2)  # the first look may find its point known
+
+
+# ---------------------------------------------------------------- the energy budget
+def driven(make_tank, *, steps):
+    """Return two seconds of the budget of a standing wave, a piston, and a sponge from one metre on."""
+    motion = Ramped(Sinusoid(0.05, 1.3), 1.0)
+    waves = make_tank(length=3.0, cells=6, order=3, n=4, motion=motion, reach=1.0)
+    sponge = Absorbing(ThirdOrder(), profile(waves.plane.x - 1.0, width=2.0, strength=3.0))
+    record, dt = Memory(), 2.0 / steps
+    budget = EnergyBudget(waves, record=record, schedule=EverySteps(), sinks=[sponge])
+    state = sponge.start(*waves.state(0.05 * np.cos(np.pi * waves.plane.x / 3), 0 * waves.plane.x))
+    for step in range(steps + 1):
+        budget.observe(Moment(step, step * dt, state.q, state.p))
+        state = sponge.step(waves, state, step * dt, dt)
+    return record.array()
+
+
+def test_the_budget_of_a_piston_and_a_sponge_closes_to_the_error_of_scheme_and_work(make_tank):
+    """Beyond the order of the composition, because what the factor takes is counted, not integrated."""
+    counts, balances = (40, 60, 90), []
+    for count in counts:
+        rows = driven(make_tank, steps=count)
+        balances.append(np.abs(rows[:, BALANCE]).max())
+        assert rows[-1, TAKEN] > 0.2 * rows[-1, TOTAL]
+    assert balances[-1] < 1e-3 * rows[-1, TAKEN]
+    assert -fitted_slope(counts, balances) > 2.8
+
+
+def test_energy_and_mass_of_damped_nonlinear_waves_with_a_penalty(make_tank):
+    """Between fixed walls: what is lost is what sponge and penalty have counted, to the error of the scheme alone."""
+    waves = make_tank(length=2.0, cells=8, order=3, n=4)
+    q, p = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0 * waves.plane.x)
+    start, counts, missing = waves.energy(q, p, 0.0), (20, 30, 45), []
+    for count in counts:
+        dt = 1.0 / count
+        penalty = EdgePenalty(waves, SurfaceFlow(waves), cell_size=0.25, dt=dt, threshold=0.0)
+        sponge = Absorbing(ThirdOrder(), profile(waves.plane.x - 1.0, width=1.0, strength=2.0))
+        state = ends(waves, Filtered(sponge, [penalty]), (q, p), steps=count, dt=dt)
+        taken = sponge.energy_taken + penalty.energy_taken
+        assert sponge.energy_taken > 0.1 * start and penalty.energy_taken > 0.0
+        missing.append(abs(start - waves.energy(state.q, state.p, 1.0) - taken))
+        assert waves.total_mass(state.q) == pytest.approx(waves.total_mass(q), rel=1e-14)
+    assert missing[-1] < 1e-5 * start
+    assert -fitted_slope(counts, missing) > 2.8
+
+
+# ---------------------------------------------------------------- reflection
+@pytest.mark.parametrize(("kd", "most"), [(0.5, 0.02), (1.0, 0.01), (2.0, 0.005), (4.0, 0.01)])
+def test_a_sponge_of_one_wave_length_reflects_less_than_2_percent(kd, most):
+    """Of the default strength, in the frequency domain; and shorter waves less still."""
+    operators = Operators(Beach(kd, 1.0))
+    assert operators.reflection(1.0) < most
+    assert operators.reflection(1.5) < 0.01
+
+
+def test_longer_sponges_reflect_less():
+    found = [Operators(Beach(1.0, lengths)).reflection(1.0) for lengths in (0.5, 1.0, 1.5, 2.0, 3.0)]
+    assert found == sorted(found, reverse=True) and found[-1] < 1e-3
+
+
+def test_the_reflection_in_time_is_that_of_the_frequency_domain():
+    beach = Beach(1.0, 1.0, cells=12)
+    found = in_time(beach, beach.linear(paddle(beach, 0.01)))
+    assert found == pytest.approx(Operators(beach).reflection(1.0), abs=2e-4) and found < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steepness", [0.01, 0.1])
+def test_nonlinear_waves_are_reflected_as_linear_ones(steepness):
+    beach = Beach(2.0, 1.0, cells=12)
+    found = in_time(beach, beach.nonlinear(paddle(beach, steepness)))
+    assert found == pytest.approx(Operators(beach).reflection(1.0), abs=1e-3)
+
+
+# ---------------------------------------------------------------- plan views
+def rectangle(kind=mesh.CellType.quadrilateral, comm=MPI.COMM_WORLD):
+    plan = mesh.create_rectangle(comm, [[0.0, 0.0], [4.0, 1.0]], [8, 2], kind)
+    return Plane(plan, 2)
+
+
+def cells_beyond(plane, x):
+    dim = plane.mesh.topology.dim
+    return mesh.locate_entities(plane.mesh, dim, lambda places: places[0] > x - 1e-9)
+
+
+@pytest.mark.parametrize("kind", [mesh.CellType.quadrilateral, mesh.CellType.triangle])
+def test_a_group_at_the_end_is_an_end_sponge(kind):
+    """The nearest point of a straight inner edge is straight ahead: its points are the other points' neighbours."""
+    plane = rectangle(kind)
+    distance = distance_from_edge(plane, cells_beyond(plane, 2.5))
+    assert distance == pytest.approx(np.maximum(plane.x - 2.5, 0.0), abs=1e-12)
+    assert width_of(plane, distance) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("beyond", [-1.0, 9.0])
+def test_a_group_that_is_nothing_or_everything_is_refused(beyond):
+    plane = rectangle()
+    with pytest.raises(InputError, match="empty, or the whole mesh"):
+        distance_from_edge(plane, cells_beyond(plane, beyond))
+
+
+def test_a_negative_rate_is_refused_with_its_place():
+    plane = rectangle()
+    with pytest.raises(InputError, match=r"gamma = -1 1/s at x = 4 m"):
+        checked(plane, np.where(plane.x > 3.9, -1.0, 0.0))
+    with pytest.raises(InputError, match="gamma = nan"):
+        checked(plane, np.full(plane.owned, np.nan))
+
+
+def test_a_basin_with_a_sponge_is_the_slice_with_it():
+    """Waves uniform in y, linear: the same elevations to the basin's iterative tolerance."""
+    basin, x = rectangle(), np.linspace(0.0, 4.0, 17)
+    plan = Slice(4.0, 8, comm=MPI.COMM_SELF)
+    surfaces = []
+    for plane in (basin, Plane(plan.mesh, 2, plan.chart)):
+        waves = LinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=3)
+        start = waves.state(0.1 * np.cos(np.pi * plane.x / 4), 0 * plane.x)
+        scheme = Absorbing(StormerVerlet(), profile(plane.x - 2.0, width=2.0, strength=2.0))
+        state = ends(waves, scheme, start, steps=20, dt=0.03)
+        eta = waves.elevation(state.q, state.p, 0.6)
+        surfaces.append([eta[np.argmin(np.abs(plane.x - one))] for one in x])
+    assert np.abs(np.subtract(*surfaces)).max() < 1e-9
+
+
+RANKS = """
+import numpy as np
+from dolfinx import mesh
+from mpi4py import MPI
+from wavetank.fe.plane import Plane
+from wavetank.integrators import ThirdOrder
+from wavetank.integrators.absorbing import Absorbing
+from wavetank.water.plan_view import Slice
+from wavetank.water.sponge import distance_from_edge, profile, width_of
+from wavetank.water.walls import FixedWall
+from wavetank.water.waves import NonlinearWaves, Tolerances
+comm = MPI.COMM_WORLD
+plan = Slice(3.0, 12, comm=comm)
+plane = Plane(plan.mesh, 3, plan.chart)
+waves = NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=4, tolerances=Tolerances(1e-12, 1e-13))
+scheme = Absorbing(ThirdOrder(), profile(plane.x - 1.0, width=2.0, strength=2.0))
+state = scheme.start(*waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x))
+for step in range(10):
+    state = scheme.step(waves, state, 0.03 * step, 0.03)
+moment = plane.sum(state.q * np.cos(plane.x))
+basin = mesh.create_rectangle(comm, [[0.0, 0.0], [4.0, 1.0]], [8, 4], mesh.CellType.triangle)
+inside = lambda x: (x[0] > 2.5 - 1e-9) & (x[1] > 0.5 - 1e-9)
+space = Plane(basin, 2)
+distance = distance_from_edge(space, mesh.locate_entities(basin, 2, inside))
+total, width = space.sum(distance * np.cos(space.x)), width_of(space, distance)
+if comm.rank == 0:
+    print(scheme.energy_taken, moment, total, width)
+"""
+
+
+def test_a_sponge_is_the_same_on_any_number_of_ranks():
+    """Energy taken and elevation of nonlinear waves to the solves' tolerance; distances in a corner group exactly."""
+    results = []
+    for ranks in (1, 2, 3):
+        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+        done = subprocess.run([*launcher, sys.executable, "-c", RANKS], capture_output=True, text=True, check=True)
+        results.append([float(figure) for figure in done.stdout.split()])
+    assert results[0][0] > 1e-3 and results[0][3] == pytest.approx(0.5)
+    assert results[1] == pytest.approx(results[0], rel=1e-9)
+    assert results[2] == pytest.approx(results[0], rel=1e-9)
+
+
+# ---------------------------------------------------------------- in a scene
+def scene_of(sponge, **tank) -> Scene:
+    tank = {"length": 10.0, "depth": 1.0, **tank}
+    return Scene.model_validate({"tank": tank, "sponge": sponge, "run": {"duration": 1.0}})
+
+
+@pytest.mark.parametrize(
+    ("sponge", "tank", "message"),
+    [
+        ({"type": "end", "length": 12.0}, {}, "sponge.length = 12.0: must be below the tank's length, 10 m"),
+        ({"type": "end", "length": 2.0}, {"type": "ring"}, "a ring has no end"),
+        ({"type": "end", "length": 2.0, "strength": 1.0, "period": 2.0}, {}, "sponge.strength is given"),
+        ({"type": "group"}, {}, "needs a basin"),
+        ({"type": "formula", "gamma": "2*z"}, {}, "unknown name"),
+        ({"type": "end", "length": -1.0}, {}, "greater than 0"),
+    ],
+)
+def test_a_sponge_that_does_not_fit_is_refused(sponge, tank, message):
+    with pytest.raises(ValueError, match=message):
+        scene_of(sponge, **tank)
+
+
+def test_the_strength_is_that_given_or_that_for_a_wave():
+    """Deep water of period T: c_g = g T / (4 pi), lambda = g T² / (2 pi); with no wave known, it is the sponge's."""
+    tank = SliceTank(length=500.0, depth=100.0)
+    length = 9.81 * 3.0**2 / (2 * np.pi)
+    speed = 9.81 * 3.0 / (4 * np.pi)
+    assert EndSponge(length=2.0, strength=0.7).strength_for(2.0, tank) == 0.7
+    wanted = pytest.approx(15 * speed / np.sqrt(20.0 * length), rel=1e-6)
+    assert EndSponge(length=20.0, period=3.0).strength_for(20.0, tank, paddle=9.0) == wanted
+    assert GroupSponge().strength_for(20.0, tank, paddle=3.0) == wanted
+    assert EndSponge(length=length).strength_for(length, tank) == pytest.approx(15 * speed / length, rel=1e-6)
+
+
+def test_the_paddles_period_is_that_of_its_motion():
+    tank = SliceTank(length=10.0, depth=1.0)
+    motion = Ramped(Sinusoid(0.1, 1.7), 3.4)
+    assert paddle_period(motion.velocity, duration=40.0, tank=tank) == pytest.approx(1.7, rel=0.02)
+    along = np.linspace(0.0, 1.0, 5)
+    segments = paddle_period(lambda t: np.outer(motion.velocity(t), along), duration=40.0, tank=tank)
+    assert segments == pytest.approx(1.7, rel=0.02)
+    assert paddle_period(np.zeros_like, duration=40.0, tank=tank) is None

@@ -1,0 +1,154 @@
+"""From a scene to a run: its scheme, step, start, filters and observers."""
+
+from collections.abc import Callable, Sequence
+from math import ceil, floor, log10
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.build.plans import build_plan
+from wavetank.build.sponges import build_sponge
+from wavetank.build.waters import Waves, fill
+from wavetank.errors import InputError
+from wavetank.hamiltonian.contract import Vector
+from wavetank.integrators import INTEGRATORS
+from wavetank.integrators.absorbing import Absorbing
+from wavetank.integrators.contract import Integrator
+from wavetank.integrators.filtered import Filter
+from wavetank.observers.contract import Observer
+from wavetank.observers.energy import EnergyBudget, Sink
+from wavetank.observers.fields import SurfaceFields, VelocityFields
+from wavetank.observers.gauges import Gauges
+from wavetank.observers.record import FieldRecord, Record
+from wavetank.observers.schedule import EverySteps, EveryTime
+from wavetank.observers.stability import StabilityWatch
+from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
+from wavetank.run import Run
+from wavetank.scene import RingTank, Scene
+from wavetank.water.breaking import BreakingDissipation, StopAtBreaking
+from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.surface_flow import SurfaceFlow, surface_of
+from wavetank.water.waves import NonlinearWaves
+
+
+class Records(NamedTuple):
+    """Where the observers of a scene write.
+
+    Attributes
+    ----------
+    gauges, energy
+        Tables.
+    surface
+        Of snapshots along a slice or ring; None on all ranks but the first.
+    fields
+        Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
+    """
+
+    gauges: Record
+    energy: Record
+    surface: SurfaceRecord | None
+    fields: Callable[[str], FieldRecord] | None = None
+
+
+def initial_state(scene: Scene, waves: Waves) -> tuple[Vector, Vector]:
+    """Return (Q, psi) of the scene's initial surface; collective."""
+    return waves.state(*scene.initial.surface(scene.tank, *waves.plane.places.T))
+
+
+def time_step(scene: Scene, largest_frequency: float, integrator: Integrator[Any]) -> float:
+    """Return the scene's step [s], or one from accuracy and stability, for the largest frequency of its mesh [rad/s].
+
+    The default keeps 0.6 of the stability limit on still water and a relative frequency error below 1e-4 for waves of a
+    quarter of the largest frequency, rounded down to two digits. Raises ``InputError`` for an unstable step.
+    """
+    limit = integrator.stability_limit / largest_frequency
+    if scene.numerics.dt is None:
+        coefficient, power = integrator.frequency_error
+        accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
+        step = min(0.6 * limit, accurate, scene.run.duration)
+        digit = 10.0 ** (floor(log10(step)) - 1)
+        return float(floor(step / digit * (1 + 1e-12)) * digit)
+    if scene.numerics.dt > limit:
+        raise InputError(
+            f"numerics.dt = {scene.numerics.dt:g}: must be below {limit:.4g} s, where {integrator.name} gets unstable "
+            f"on this mesh (largest frequency {largest_frequency:.4g} rad/s)."
+        )
+    return scene.numerics.dt
+
+
+def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, Waves]:
+    """Return the run of a scene, nothing observed yet, and the waves in it; collective.
+
+    Raises ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.plan.planned``).
+    """
+    if scene.numerics.accuracy is not None:
+        raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
+    plan = build_plan(scene, comm)
+    waves = fill(scene, plan)
+    integrator: Integrator[Any] = INTEGRATORS[scene.numerics.integrator]()
+    if scene.sponge is not None:
+        integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, plan, waves))
+    dt = time_step(scene, waves.largest_frequency, integrator)
+    steps = ceil(scene.run.duration / dt * (1 - 1e-9))
+    filters = build_filters(scene, waves, dt)
+    return Run(waves, integrator, [], start=initial_state(scene, waves), steps=steps, dt=dt, filters=filters), waves
+
+
+def build_filters(scene: Scene, waves: Waves, dt: float) -> list[Filter]:
+    """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective.
+
+    Breaking is looked for in slices and rings only.
+    """
+    if isinstance(waves, LinearWaves):
+        return []  # neither breaks nor has a current
+    flow, filters = surface_of(waves), list[Filter]()
+    if isinstance(flow, SurfaceFlow):
+        ends = (-np.inf, np.inf) if isinstance(scene.tank, RingTank) else (0.0, scene.tank.length)
+        if scene.run.on_breaking == "stop":
+            filters.append(StopAtBreaking(waves, flow, ends=ends))
+        else:
+            filters.append(BreakingDissipation(waves, flow, ends=ends, dt=dt))
+    if scene.numerics.edge_penalty > 0:
+        size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
+        filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
+    return filters
+
+
+def build_watch(scene: Scene, run: Run, waves: Waves, warn: Callable[[str], None]) -> list[Observer]:
+    """Return what watches the step of nonlinear waves and warns; collective."""
+    if isinstance(waves, LinearWaves):
+        return []  # the limit is known before the run, and kept
+    size, limit = waves.plane.cell_size, run.integrator.stability_limit
+    return [StabilityWatch(waves, surface_of(waves), cell_size=size, dt=run.dt, limit=limit, warn=warn)]
+
+
+def build_observers(scene: Scene, waves: Waves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:
+    """Return a scene's gauges, energy budget (of what its sinks take, too) and snapshots; collective."""
+    output = scene.output
+    observers: list[Observer] = [
+        EnergyBudget(waves, record=records.energy, schedule=EverySteps(output.energy_every), sinks=sinks),
+    ]
+    if waves.plane.mesh.topology.dim == 1:
+        snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
+        observers.append(snapshots)
+    observers += _field_observers(scene, waves, records)
+    if scene.all_gauges:
+        places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
+        observers.append(Gauges(waves, places, record=records.gauges, schedule=EverySteps(output.gauges_every)))
+    return observers
+
+
+def _field_observers(scene: Scene, waves: Waves, records: Records) -> list[Observer]:
+    """Return what writes a basin's surface, and the velocity field where it is asked for; collective."""
+    observers = list[Observer]()
+    if records.fields is None:
+        return observers
+    if waves.plane.mesh.topology.dim == 2:
+        schedule = EveryTime(scene.surface_every)
+        observers.append(SurfaceFields(waves, records.fields("surface"), schedule=schedule))
+    if scene.output.velocity_every is not None and isinstance(waves, NonlinearWaves):
+        schedule = EveryTime(scene.output.velocity_every)
+        observers.append(VelocityFields(waves, records.fields("velocity"), schedule=schedule))
+    return observers

@@ -1,0 +1,86 @@
+"""What gmsh's current model must be to become a mesh of a plan, and its groups."""
+
+from collections import defaultdict
+from typing import Any
+
+import numpy as np
+
+from wavetank.errors import InputError
+from wavetank.hamiltonian.contract import Vector
+
+CURVE, SURFACE, VOLUME = 1, 2, 3  # gmsh's dimensions
+SIDES = {2: 1, 3: 1, 9: 8, 10: 8}  # gmsh's numbers of triangles and quadrilaterals, order 1 and 2, with their sides'
+FLAT = 1e-9  # of the mesh's size: so far may points be from the plane z = 0, or from a straight line
+TINY = 1e-9  # of the usual Jacobian: less is degenerate
+
+Groups = dict[tuple[int, str], list[int]]
+
+
+def check(gmsh: Any, source: str) -> None:
+    """Raise ``InputError`` unless the model has one kind of sound cells, in the plane z = 0.
+
+    Parameters
+    ----------
+    gmsh
+        The module.
+    source
+        What messages call the mesh.
+    """
+    get = gmsh.model.mesh
+    if get.getElements(VOLUME)[0].size:
+        raise InputError(f"{source}: has cells of three dimensions; a plan has two, x and y.")
+    kinds = [int(kind) for kind in get.getElements(SURFACE)[0]]
+    names = ", ".join(get.getElementProperties(kind)[0] for kind in kinds)
+    if not kinds:
+        raise InputError(f"{source}: has no triangles or quadrilaterals.")
+    if len(kinds) > 1:
+        raise InputError(f"{source}: has cells of several kinds ({names}); all must be of one.")
+    if kinds[0] not in SIDES:
+        raise InputError(f"{source}: has cells of the kind {names}; a side must have two or three nodes, a cell all.")
+    if not set(get.getElements(CURVE)[0]) <= {SIDES[kinds[0]]}:
+        raise InputError(f"{source}: has curves of another order than its cells ({names}); both must be of the same.")
+    _check_points(get.getNodes()[1].reshape(-1, 3), source)
+    _check_cells(gmsh, kinds[0], source)
+
+
+def _check_points(points: Vector, source: str) -> None:
+    size, off = float(np.ptp(points[:, :2], axis=0).max()), np.abs(points[:, 2]).max()
+    if off > FLAT * size:
+        raise InputError(f"{source}: has points up to {off:.4g} m off the plane z = 0, in which a plan must lie.")
+
+
+def _check_cells(gmsh: Any, kind: int, source: str) -> None:
+    """Raise ``InputError`` for cells that are folded, degenerate, or turned against the others of their surface."""
+    nodes = gmsh.model.mesh.getElementProperties(kind)[4].reshape(-1, 2)
+    local = np.column_stack([nodes, np.zeros(len(nodes))]).ravel()
+    bad: list[Vector] = []
+    for _, surface in gmsh.model.getEntities(SURFACE):
+        _, determinants, places = gmsh.model.mesh.getJacobians(kind, local, tag=surface)
+        determinants, places = determinants.reshape(-1, len(nodes)), places.reshape(-1, len(nodes), 3)
+        usual = np.median(determinants) if determinants.size else 0.0  # of either sign
+        bad += list(places[(np.sign(usual) * determinants).min(axis=1) < TINY * abs(usual)].mean(axis=1))
+    if bad:
+        count = "1 cell is" if len(bad) == 1 else f"{len(bad)} cells are"
+        where = f"x = {bad[0][0]:.4g}, y = {bad[0][1]:.4g}"
+        raise InputError(f"{source}: {count} inverted or degenerate, the first about {where}.")
+
+
+def regroup(gmsh: Any) -> Groups:
+    """Number each set of groups that a curve or surface is in anew, and return the numbers of each named group.
+
+    Afterwards nothing is in two groups, and every surface is in one, as dolfinx needs it; nodes are numbered in a row.
+    """
+    groups, members = Groups(), defaultdict[tuple[int, tuple[str, ...]], list[int]](list)
+    for dim in (CURVE, SURFACE):
+        for _, entity in gmsh.model.getEntities(dim):
+            numbers = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
+            names = tuple(sorted({gmsh.model.getPhysicalName(dim, number) for number in numbers} - {""}))
+            if (names or dim == SURFACE) and gmsh.model.mesh.getElements(dim, entity)[0].size:
+                members[dim, names].append(entity)
+    gmsh.model.removePhysicalGroups()
+    for number, ((dim, names), entities) in enumerate(members.items(), start=1):
+        gmsh.model.addPhysicalGroup(dim, entities, number)
+        for name in names:
+            groups.setdefault((dim, name), []).append(number)
+    gmsh.model.mesh.renumberNodes()
+    return groups

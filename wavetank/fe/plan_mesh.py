@@ -1,0 +1,176 @@
+"""A plan's mesh with its named groups, drawn by gmsh or read from a file; the same on any number of ranks.
+
+gmsh runs on the first rank alone. What it meets is raised on all of them.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.fe.gmsh_model import CURVE, FLAT, SURFACE, Groups, check, regroup
+from wavetank.fe.mesh_file import open_mesh
+from wavetank.hamiltonian.contract import Vector
+
+try:
+    from dolfinx.io.gmsh import model_to_mesh
+except ImportError:  # its name up to dolfinx 0.9
+    from dolfinx.io.gmshio import model_to_mesh
+
+T = TypeVar("T")
+Entities = NDArray[np.int32]
+
+
+class PlanMesh(NamedTuple):
+    """A mesh in the plane with named groups of cells and boundary facets.
+
+    Attributes
+    ----------
+    mesh
+        The dolfinx mesh, of geometric dimension 2.
+    cells, facets
+        Tags, by the numbers of ``groups``.
+    groups
+        The numbers that belong to a group, by dimension and name.
+    source
+        What messages call the mesh.
+    """
+
+    mesh: mesh.Mesh
+    cells: mesh.MeshTags
+    facets: mesh.MeshTags | None
+    groups: Groups
+    source: str
+
+    @property
+    def cell_size(self) -> float:
+        """The size of a usual cell [m]: the root of the mean one's area; collective."""
+        area = fem.assemble_scalar(fem.form(fem.Constant(self.mesh, 1.0) * ufl.dx(domain=self.mesh)))
+        cells = self.mesh.topology.index_map(SURFACE).size_global
+        return float(np.sqrt(self.mesh.comm.allreduce(area) / cells))
+
+    def cells_of(self, name: str) -> Entities:
+        """Return this rank's cells of a group, shape (N,); raises ``InputError`` if there is no such group."""
+        return self._find(self.cells, SURFACE, name)
+
+    def facets_of(self, name: str) -> mesh.MeshTags:
+        """Return tags with 1 at a group of facets; raises ``InputError`` if there is no such group."""
+        found = self._find(self.facets, CURVE, name)
+        return mesh.meshtags(self.mesh, CURVE, found, np.ones(found.size, dtype=np.int32))
+
+    def paddle_line(self) -> tuple[Vector, Vector]:
+        """Return a point of the paddle's line and its unit normal into the water, each of shape (2,); collective.
+
+        The point is that nearest to the mesh's origin, so that places along the paddle are counted as in the mesh.
+        Raises ``InputError`` if there is no group ``paddle``, or if it is not one straight wall.
+        """
+        facets = self.facets_of("paddle").indices
+        nodes = mesh.entities_to_geometry(self.mesh, CURVE, facets)
+        ends = self._gathered(self.mesh.geometry.x[nodes.reshape(-1)])
+        behind = self._gathered(mesh.compute_midpoints(self.mesh, SURFACE, self._cells_at(facets)))
+        if not self._all_outside(facets) or not len(ends):
+            raise InputError(
+                f"{self.source}: the group 'paddle' is not a wall; it must be of cells' sides at the edge."
+            )
+        middle = ends.mean(axis=0)
+        _, (along, normal) = np.linalg.svd(ends - middle)[1:]
+        if np.abs((ends - middle) @ normal).max() > FLAT * np.ptp(ends @ along):
+            raise InputError(f"{self.source}: the group 'paddle' is not straight; a paddle must be one straight wall.")
+        normal = np.where(np.abs(normal) < FLAT, 0.0, normal)  # of a paddle along y or x exactly so
+        normal *= np.sign((behind.mean(axis=0) - middle) @ normal)
+        return (middle @ normal) * normal, normal
+
+    def _find(self, tags: mesh.MeshTags | None, dim: int, name: str) -> Entities:
+        if tags is None or (dim, name) not in self.groups:
+            names = ", ".join(sorted(known for of, known in self.groups if of == dim)) or "none"
+            kind = {CURVE: "curves", SURFACE: "surfaces"}[dim]
+            raise InputError(f"{self.source}: has no group of {kind} named '{name}'; its groups of {kind}: {names}.")
+        return np.asarray(tags.indices[np.isin(tags.values, self.groups[dim, name])])
+
+    def _cells_at(self, facets: Entities) -> Entities:
+        self.mesh.topology.create_connectivity(CURVE, SURFACE)
+        cells = self.mesh.topology.connectivity(CURVE, SURFACE)
+        return np.array([cells.links(facet)[0] for facet in facets], dtype=np.int32)
+
+    def _all_outside(self, facets: Entities) -> bool:
+        """Return whether all of these facets are at the plan's edge; collective."""
+        self.mesh.topology.create_connectivity(CURVE, SURFACE)
+        owned = facets[facets < self.mesh.topology.index_map(CURVE).size_local]
+        inside = np.setdiff1d(owned, mesh.exterior_facet_indices(self.mesh.topology))
+        return bool(self.mesh.comm.allreduce(inside.size) == 0)
+
+    def _gathered(self, points: Vector) -> Vector:
+        """Return the different ones of all ranks' points, in an order that no number of ranks changes; collective."""
+        return np.unique(np.concatenate(self.mesh.comm.allgather(points.reshape(-1, 3)[:, :2])), axis=0)
+
+
+def draw_plan(draw: Callable[[], None], comm: MPI.Comm) -> PlanMesh:
+    """Return what ``draw`` draws and meshes into gmsh's current model; collective.
+
+    Raises ``InputError`` for a mesh that cannot be used.
+    """
+    return _plan(lambda gmsh: draw(), "the plan", comm)
+
+
+def read_plan(path: Path, comm: MPI.Comm) -> PlanMesh:
+    """Return the mesh of a file of gmsh's, or of any format that meshio reads (``mesh_file.py``); collective.
+
+    Raises ``InputError`` for a mesh that cannot be used.
+    """
+    return _plan(lambda gmsh: open_mesh(gmsh, path), str(path), comm)
+
+
+def _plan(fill: Callable[[Any], None], source: str, comm: MPI.Comm) -> PlanMesh:
+    with _empty_model(comm) as gmsh:
+
+        def prepare() -> Groups:
+            fill(gmsh)
+            check(gmsh, source)
+            return regroup(gmsh)
+
+        groups = _on_first(prepare, source, comm)
+        partitioner = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
+        model = None if gmsh is None else gmsh.model
+        plan, cells, facets = model_to_mesh(model, comm, 0, gdim=2, partitioner=partitioner)[:3]
+    return PlanMesh(plan, cells, facets, groups, source)
+
+
+@contextmanager
+def _empty_model(comm: MPI.Comm) -> Iterator[Any]:
+    """Give the first rank gmsh with an empty, silent model, the others None."""
+    if comm.rank:
+        yield None
+        return
+    import gmsh  # only basins need it
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("plan")
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+def _on_first(action: Callable[[], T], source: str, comm: MPI.Comm) -> T:
+    """Return what the first rank finds, or raise what it meets, on all ranks; collective."""
+    found: T | None = None
+    error: InputError | None = None
+    if comm.rank == 0:
+        try:
+            found = action()
+        except InputError as met:
+            error = met
+        except Exception as met:  # gmsh raises nothing more special
+            error = InputError(f"{source}: gmsh cannot mesh it ({str(met).strip()}).")
+    found, error = comm.bcast((found, error))
+    if error is not None:
+        raise error
+    return found  # type: ignore[return-value]

@@ -1,0 +1,16 @@
+"""Plans of basins: recipes that gmsh draws, and meshes from files."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from wavetank.meshes.bend import Bend
+from wavetank.meshes.cylinder import Cylinder
+from wavetank.meshes.harbour import Harbour
+from wavetank.meshes.mesh_file import MeshFile
+from wavetank.meshes.recipe import Recipe
+from wavetank.meshes.rectangle import Rectangle
+
+Plan = Annotated[Rectangle | Cylinder | Bend | Harbour | MeshFile, Field(discriminator="type")]
+
+__all__ = ["Bend", "Cylinder", "Harbour", "MeshFile", "Plan", "Recipe", "Rectangle"]

@@ -1,0 +1,47 @@
+"""An L-shaped harbour: a fairway along x, and a basin beside its end."""
+
+from typing import Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from wavetank.meshes.blocks import Blocks
+from wavetank.meshes.recipe import Box, Recipe, divisions
+
+
+class Harbour(Recipe):
+    """A fairway, 0 < x < length, 0 < y < width, and an arm from its far end towards +y; the paddle is at x = 0."""
+
+    type: Literal["harbour"] = "harbour"
+    length: float = Field(gt=0, description="length of the fairway, along x [m]")
+    width: float = Field(gt=0, description="width of the fairway, along y [m]")
+    arm_length: float = Field(gt=0, description="length of the arm, along y [m]")
+    arm_width: float = Field(gt=0, description="width of the arm, along x [m]")
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.arm_width >= self.length:
+            raise ValueError(f"must have an arm_width below the fairway's length, {self.length:g} m")
+        if self.sponge_length >= self.arm_length:
+            raise ValueError(f"must have a sponge_length below the arm's length, {self.arm_length:g} m")
+        return self
+
+    @property
+    def box(self) -> Box:
+        """(x_min, y_min, x_max, y_max) [m]."""
+        return 0.0, 0.0, self.length, self.width + self.arm_length
+
+    def outline(self, geometry: Any, cell_size: float) -> None:
+        """Draw rows of cells through fairway, corner and arm."""
+        blocks = Blocks(geometry, quadrilaterals=self.cells == "quadrilaterals")
+        corner, last = self.length - self.arm_width, self.width + self.arm_length - self.sponge_length
+
+        def add(left: float, low: float, right: float, high: float, group: str = "water") -> None:
+            cells = divisions(right - left, cell_size), divisions(high - low, cell_size)
+            blocks.add([(left, low), (right, low), (right, high), (left, high)], cells, group=group)
+
+        add(0.0, 0.0, corner, self.width)
+        add(corner, 0.0, self.length, self.width)
+        add(corner, self.width, self.length, last)
+        if self.sponge_length:
+            add(corner, last, self.length, last + self.sponge_length, "sponge")
+        blocks.finish(paddle=((0.0, 0.0), (0.0, self.width)))

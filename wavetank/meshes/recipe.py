@@ -1,0 +1,54 @@
+"""What a plan is: a recipe by which gmsh draws and meshes it, with named groups.
+
+Curves belong to the groups ``paddle`` and ``wall``, surfaces to ``water`` and ``sponge``.
+"""
+
+from abc import abstractmethod
+from typing import Any, Literal
+
+from pydantic import Field
+
+from wavetank.noun import Noun
+
+Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
+CURVE, SURFACE = 1, 2  # gmsh's dimensions
+
+
+class Recipe(Noun):
+    """A plan that gmsh draws."""
+
+    cells: Literal["quadrilaterals", "triangles"] = Field(default="quadrilaterals", description="shape of the cells")
+    geometry: Literal[1, 2] = Field(default=1, description="order of the cells' geometry: 1 straight, 2 curved")
+    sponge_length: float = Field(default=0.0, ge=0, description="length of the group sponge at the far end [m]")
+
+    @property
+    @abstractmethod
+    def box(self) -> Box:
+        """The smallest box around the plan, (x_min, y_min, x_max, y_max) [m]."""
+
+    @abstractmethod
+    def outline(self, geometry: Any, cell_size: float) -> None:
+        """Draw the plan, its groups and the sizes of its cells into gmsh's current model.
+
+        Parameters
+        ----------
+        geometry
+            The module ``gmsh``.
+        cell_size
+            To aim at [m].
+        """
+
+    def draw(self, cell_size: float) -> None:
+        """Draw and mesh the plan into gmsh's current model, cells of about ``cell_size`` [m]."""
+        import gmsh  # a scene can be validated without it
+
+        self.outline(gmsh, cell_size)
+        if self.cells == "quadrilaterals":
+            gmsh.option.setNumber("Mesh.RecombineAll", 1)
+        gmsh.model.mesh.generate(SURFACE)
+        gmsh.model.mesh.setOrder(self.geometry)
+
+
+def divisions(length: float, cell_size: float) -> int:
+    """Return the number of cells of about a size [m] on a length [m], at least 1."""
+    return max(1, round(length / cell_size))

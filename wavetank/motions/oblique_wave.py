@@ -1,0 +1,71 @@
+"""A segmented paddle's motion for a regular wave that leaves it obliquely.
+
+With the snake X = Re(b exp(i (k_y y - omega t))), k_y = k sin(theta), the wave's velocity at the paddle has only the
+part cos(theta) along x; projected on the depth profile as for a wave along x (``wavetank.reference.wavemaker``),
+
+    eta = Re(-i c / cos(theta) b exp(i (k_x x + k_y y - omega t))),   k_x = k cos(theta),
+
+c being the height to stroke of a piston. Hence X = a cos(theta) / c sin(omega t - k_y y) makes
+
+    eta = a cos(k_x x + k_y y - omega t).
+
+Source: R. A. Dalrymple and M. Greenberg, "Directional wavemakers", in Physical Modelling in Coastal Engineering, 1985.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from wavetank.motions.motion import Array
+from wavetank.motions.segmented import SegmentedMotion
+from wavetank.reference import airy, wavemaker
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObliqueWave(SegmentedMotion):
+    """X = a cos(theta) / c sin(omega t - k sin(theta) y).
+
+    Attributes
+    ----------
+    amplitude
+        a [m], of the wave.
+    period
+        T [s].
+    angle
+        theta [rad], from the x axis, positive towards y, less than pi / 2 either way.
+    depth, gravity
+        Still-water depth [m] and gravity [m/s^2].
+    """
+
+    amplitude: float
+    period: float
+    angle: float
+    depth: float
+    gravity: float
+
+    @cached_property
+    def omega(self) -> float:
+        """Angular frequency omega [rad/s]."""
+        return 2.0 * np.pi / self.period
+
+    @cached_property
+    def k(self) -> float:
+        """Wave number k [rad/m]."""
+        return float(airy.wave_number(self.omega, self.depth, self.gravity))
+
+    @cached_property
+    def paddle_amplitude(self) -> float:
+        """The snake's amplitude a cos(theta) / c [m]."""
+        return float(self.amplitude * np.cos(self.angle) / wavemaker.piston_transfer(self.k, self.depth))
+
+    def derivative(self, order: int, t: Any, y: Array) -> Array:
+        """Return the sine's derivative."""
+        phase = np.subtract.outer(np.multiply(self.omega, t) + order * np.pi / 2.0, self.k * np.sin(self.angle) * y)
+        return np.asarray(self.paddle_amplitude * self.omega**order * np.sin(phase))
+
+    def elevation(self, x: Array, y: Array, *, t: float) -> Array:
+        """Return the linear elevation [m] at places x, y [m], shape (N,), and t [s], without a ramp or side walls."""
+        k_x, k_y = self.k * np.cos(self.angle), self.k * np.sin(self.angle)
+        return np.asarray(self.amplitude * np.cos(k_x * x + k_y * y - self.omega * t))

@@ -1,0 +1,70 @@
+"""The bed: still-water depth d(x, y) [m], positive everywhere; in a slice y = 0."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from wavetank import beds, data
+from wavetank.errors import InputError
+from wavetank.formula import Array
+from wavetank.noun import FilePath, Noun, Problem, SceneError
+from wavetank.scene.formulae import FormulaNoun, FormulaText
+
+Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), to d [m], shape (N,)
+
+
+class FormulaBed(FormulaNoun):
+    """d(x, y) as given."""
+
+    type: Literal["formula"] = "formula"
+    depth: FormulaText = Field(description="still-water depth d(x, y) [m]")
+
+    def build(self) -> Depth:
+        """Return d(x, y)."""
+        return self.formula(self.depth)
+
+
+class PythonBed(Noun):
+    """d(x, y) by a function in a Python file, which is run: it must be one that is trusted."""
+
+    type: Literal["python"] = "python"
+    file: FilePath = Field(description="Python file")
+    function: str = Field(default="depth", min_length=1, description="name of a function of arrays x and y [m]")
+
+    def build(self) -> Depth:
+        """Return d(x, y); raises ``SceneError`` if the file cannot be had or run, or has no such function."""
+        return _of_file(self.file, lambda path: beds.load(path, self.function))
+
+
+class GriddedBed(Noun):
+    """d interpolated in data along x, or over x and y, from NetCDF or CSV; these must reach wherever there is water."""
+
+    type: Literal["gridded"] = "gridded"
+    file: FilePath = Field(description="NetCDF (.nc) or CSV (.csv) of x, or x and y, and depths [m]")
+    variable: str | None = Field(default=None, min_length=1, description="the depths' name, where there are several")
+    interpolation: beds.Interpolation = Field(default="cubic", description="cubic has continuous slopes")
+    positive: beds.Positive | None = Field(
+        default=None, description="down for depths, up for elevations of the bed; default: as the file says, or down"
+    )
+
+    def build(self) -> Depth:
+        """Return d(x, y); raises ``SceneError`` if the file cannot be had or used."""
+
+        def read(path: Path) -> Depth:
+            return beds.read_grid(
+                path, variable=self.variable, interpolation=self.interpolation, positive=self.positive
+            )
+
+        return _of_file(self.file, read)
+
+
+def _of_file(reference: str, read: Callable[[Path], Depth]) -> Depth:
+    try:
+        return read(data.resolve(reference, Path()))
+    except InputError as error:
+        raise SceneError([Problem(("tank", "bed", "file"), reference, str(error).removesuffix("."))]) from None
+
+
+Bed = Annotated[FormulaBed | PythonBed | GriddedBed, Field(discriminator="type", description="the bed")]

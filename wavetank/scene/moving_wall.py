@@ -1,0 +1,31 @@
+"""What walls that move have in common: the reach of their mapping."""
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from pydantic import Field
+
+from wavetank.noun import Noun, Problem
+from wavetank.scene.tanks import AnyTank
+
+if TYPE_CHECKING:
+    from wavetank.scene.scene import Scene
+
+
+class MovingWall(Noun):
+    """A vertical wall that moves."""
+
+    reach: float | None = Field(
+        default=None,
+        gt=0,
+        description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, at most ten depths",
+    )
+
+    def reach_in(self, tank: AnyTank) -> float:
+        """Return the reach [m], default resolved."""
+        return min(tank.length, 10 * tank.depth) if self.reach is None else self.reach
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield a reach beyond the tank."""
+        if self.reach is not None and self.reach > scene.tank.length:
+            yield Problem(("wall", "reach"), self.reach, f"must be at most the tank's length, {scene.tank.length:g} m")

@@ -1,0 +1,143 @@
+"""The sponge: where waves are absorbed.
+
+Where no strength is given it is that of the least reflection of one wave, found by measurement (docs/sponge.md):
+
+    gamma_0 = 15 c_g / (L lambda)^(1/2)
+
+with the sponge's length L and the wave's group velocity c_g and length lambda. At L = lambda it reflects below 2 %.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from wavetank.errors import InputError
+from wavetank.formula import Formula
+from wavetank.motions import Array
+from wavetank.noun import Noun, Problem
+from wavetank.reference.airy import group_velocity, wave_number
+from wavetank.scene.tanks import AnyTank, RingTank, SliceTank
+
+if TYPE_CHECKING:
+    from wavetank.scene.scene import Scene
+
+ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
+STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no paddle makes waves as short
+
+
+class _Profiled(Noun):
+    """A sponge whose damping grows with the distance from its inner edge, up to a strength."""
+
+    type: str
+    strength: float | None = Field(
+        default=None, gt=0, description="largest damping rate gamma_0 [1/s]; default: of least reflection of the period"
+    )
+    period: float | None = Field(
+        default=None,
+        gt=0,
+        description="period of the waves to absorb [s]; default: the paddle's, or that of a wave as long as the sponge",
+    )
+
+    def strength_for(self, width: float, tank: AnyTank, *, paddle: float | None = None) -> float:
+        """Return gamma_0 [1/s], default resolved.
+
+        Parameters
+        ----------
+        width
+            Of the sponge from its inner edge [m].
+        tank
+            For its depth.
+        paddle
+            The period that the paddle moves at [s], if it moves (``paddle_period``).
+        """
+        if self.strength is not None:
+            return self.strength
+        period = self.period or paddle
+        k = 2 * np.pi / width
+        if period is not None:
+            k = float(wave_number(2 * np.pi / period, tank.depth, tank.gravity))
+        length, speed = 2 * np.pi / k, float(group_velocity(k, tank.depth, tank.gravity))
+        return float(ABSORPTION * speed / np.sqrt(width * length))
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield a ring, which has no end, and a period without use."""
+        yield from _ring_problems(self.type, scene)
+        if self.strength is not None and self.period is not None:
+            yield Problem(("sponge", "period"), self.period, "must be left out: sponge.strength is given")
+
+
+class EndSponge(_Profiled):
+    """The last ``length`` metres before the far wall."""
+
+    type: Literal["end"] = "end"
+    length: float = Field(gt=0, description="length of the sponge, along x [m]: one wave length or more")
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield as any sponge, and one longer than the tank."""
+        yield from super().problems(scene)
+        if self.length >= scene.tank.length:
+            allowed = f"must be below the tank's length, {scene.tank.length:g} m"
+            yield Problem(("sponge", "length"), self.length, allowed)
+
+
+class GroupSponge(_Profiled):
+    """The cells of the mesh's group ``sponge``; it is as wide as its innermost point is far from its inner edge."""
+
+    type: Literal["group"] = "group"
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield as any sponge, and a tank whose mesh has no groups."""
+        yield from super().problems(scene)
+        if isinstance(scene.tank, SliceTank):
+            yield Problem(("sponge", "type"), self.type, "needs a basin (tank.type), whose mesh has groups of cells")
+
+
+class FormulaSponge(Noun):
+    """Damping rate gamma(x, y)."""
+
+    type: Literal["formula"] = "formula"
+    gamma: str = Field(min_length=1, description="damping rate gamma(x, y) [1/s], not negative")
+    where: dict[str, str] = Field(default={}, description="named parts of the formula")
+
+    def build(self) -> Formula:
+        """Return gamma(x, y) [1/s]; raises ``InputError`` for what is no formula."""
+        return Formula(self.gamma, where=self.where)
+
+    def problems(self, scene: "Scene") -> Iterator[Problem]:
+        """Yield a ring, which has no end, and what is no formula."""
+        yield from _ring_problems(self.type, scene)
+        try:
+            self.build()
+        except InputError as error:
+            yield Problem(("sponge", "gamma"), self.gamma, str(error).removesuffix("."))
+
+
+def _ring_problems(received: str, scene: "Scene") -> Iterator[Problem]:
+    if isinstance(scene.tank, RingTank):
+        yield Problem(("sponge", "type"), received, "must be left out: a ring has no end for waves to be absorbed at")
+
+
+def paddle_period(velocity: Callable[[Array], Array], *, duration: float, tank: AnyTank) -> float | None:
+    """Return the period [s] that halves the power of a paddle's velocity; None if it does not move.
+
+    Parameters
+    ----------
+    velocity
+        At times [s], shape (T,), in m/s, shape (T,), or (T, N) for places along the paddle.
+    duration
+        Of the run [s].
+    tank
+        For its depth.
+    """
+    count = max(256, int(np.ceil(duration / (STEP * np.sqrt(tank.depth / tank.gravity)))))
+    t: Array = duration / count * np.arange(count, dtype=np.float64)
+    lines = np.abs(np.fft.rfft(velocity(t), axis=0)[1:]) ** 2
+    share = np.cumsum(lines.reshape(len(lines), -1).sum(axis=1))
+    upper_edges = np.arange(1, share.size + 1) + 0.5  # of the lines, in 1 / duration
+    return float(duration / np.interp(0.5 * share[-1], share, upper_edges)) if share[-1] > 0.0 else None
+
+
+AnySponge = EndSponge | GroupSponge | FormulaSponge
+Sponge = Annotated[AnySponge, Field(discriminator="type", description="where waves are absorbed")]

@@ -1,0 +1,119 @@
+"""The bed: still-water depth d of the place where the water stands, and what the wall's motion does to it.
+
+The bed stands still in the laboratory; in the reference tank, which a moving wall stretches, the depth under a fixed
+point changes with the velocity of the mapping, d_t = velocity . grad d.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
+from wavetank.hamiltonian.contract import Vector
+
+Depth = Callable[[Vector, Vector], Vector]  # d [m] at places x, y [m], all of shape (N,)
+INSTANT = 1e-4  # s; for the rate of the depth by central differences, exact to 1e-8 for walls of metres a second
+
+
+class Bed(Protocol):
+    """What the water must know of its bed.
+
+    Attributes
+    ----------
+    d
+        Still-water depth [m], in UFL.
+    rate
+        Its rate of change at a fixed point of the reference tank [m/s], in UFL.
+    depth
+        The mean depth [m].
+    still
+        d at the owned degrees of freedom [m], shape (owned,) or a number.
+    """
+
+    d: Any
+    rate: Any
+    depth: float
+    still: Any
+
+    def set_places(self, places: Vector) -> None:
+        """Take where the degrees of freedom now are, (x, y) [m], shape (owned, 2); collective."""
+
+    def set_velocities(self, places: Vector, velocities: Vector) -> None:
+        """Find the rate where they are moving, places [m] and velocities [m/s] of shape (owned, 2); collective."""
+
+
+class FlatBed:
+    """The same depth everywhere: a constant, whose gradient vanishes before compilation.
+
+    Parameters
+    ----------
+    depth
+        [m].
+    """
+
+    def __init__(self, depth: float, *, plane: Plane):
+        self.d, self.rate = fem.Constant(plane.mesh, float(depth)), ufl.as_ufl(0)
+        self.depth = self.still = float(depth)
+
+    def set_places(self, places: Vector) -> None:
+        """Do nothing."""
+
+    def set_velocities(self, places: Vector, velocities: Vector) -> None:
+        """Do nothing."""
+
+
+class VaryingBed:
+    """A depth d(x, y), interpolated at the degrees of freedom; its slope is that of the interpolation.
+
+    Parameters
+    ----------
+    depth
+        d(x, y).
+
+    Raises ``InputError`` where the depth is not positive.
+    """
+
+    def __init__(self, depth: Depth, *, plane: Plane):
+        self._plane, self._depth = plane, depth
+        self._field, self._rate = plane.function("still-water depth"), plane.function("rate of the depth")
+        self.d, self.rate = self._field.function, self._rate.function
+        self.set_places(plane.places)
+        measure = {"quadrature_degree": plane.order}
+        volume, area = (
+            plane.comm.allreduce(fem.assemble_scalar(fem.form(part * ufl.dx(domain=plane.mesh, metadata=measure))))
+            for part in (self.d, fem.Constant(plane.mesh, 1.0))
+        )
+        self.depth = float(volume / area)
+
+    def _at(self, places: Vector) -> Vector:
+        return np.asarray(self._depth(places[:, 0], places[:, 1]), dtype=np.float64)
+
+    def set_places(self, places: Vector) -> None:
+        """Take where the degrees of freedom now are, (x, y) [m], shape (owned, 2); collective."""
+        self.still = self._at(places)
+        shallow = int(np.argmin(self.still)) if len(places) else 0
+        mine = (float(self.still[shallow]), *map(float, places[shallow])) if len(places) else (np.inf, 0.0, 0.0)
+        least, x, y = self._plane.comm.allreduce(mine, op=MPI.MIN)
+        if not least > 0.0:
+            where = f"x = {x:.4g} m, y = {y:.4g} m"
+            raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; it must be positive.")
+        self._field.set(self.still)
+
+    def set_velocities(self, places: Vector, velocities: Vector) -> None:
+        """Find the rate where they are moving, places [m] and velocities [m/s] of shape (owned, 2); collective."""
+        step = INSTANT * velocities
+        self._rate.set(
+            np.asarray((self._at(places + step) - self._at(places - step)) / (2 * INSTANT), dtype=np.float64)
+        )
+
+
+def bed_of(depth: float | Depth, plane: Plane) -> Bed:
+    """Return the bed of a depth that is the same everywhere, or a function of (x, y)."""
+    if callable(depth):
+        return VaryingBed(depth, plane=plane)
+    return FlatBed(depth, plane=plane)
