@@ -9,7 +9,7 @@ Per gauge, over the times both have, with the reference's times as the base and 
 """
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -74,8 +74,12 @@ def matched(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -
 
 
 def _partner(gauge: GaugeSeries, candidates: Sequence[GaugeSeries]) -> GaugeSeries | None:
-    near = [one for one in candidates if abs(one.x - gauge.x) < MATCH]
-    return min(near, key=lambda one: (one.name != gauge.name, abs(one.x - gauge.x)), default=None)
+    near = [one for one in candidates if _distance(one, gauge) < MATCH]
+    return min(near, key=lambda one: (one.name != gauge.name, _distance(one, gauge)), default=None)
+
+
+def _distance(one: GaugeSeries, other: GaugeSeries) -> float:
+    return float(np.hypot(one.x - other.x, one.y - other.y))
 
 
 def compare(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[GaugeComparison]:
@@ -104,7 +108,7 @@ def compare_gauge(computed: GaugeSeries, reference: GaugeSeries) -> GaugeCompari
     return GaugeComparison(
         gauge=reference.name,
         x=reference.x,
-        nrms=_rms(spline(t) - eta) / _rms(eta),
+        nrms=rms(spline(t) - eta) / rms(eta),
         nrms_fitted=fit.nrms,
         gain=fit.gain,
         shift=shift,
@@ -134,7 +138,7 @@ def _fit(spline: CubicSpline, t: NDArray[np.float64], eta: NDArray[np.float64]) 
         there = (t - shift >= spline.x[0]) & (t - shift <= spline.x[-1])
         moved, kept = spline(t[there] - shift), eta[there]
         gain = float(moved @ kept / max(moved @ moved, np.finfo(float).tiny))
-        return _Fit(_rms(gain * moved - kept) / max(_rms(kept), np.finfo(float).tiny), gain)
+        return _Fit(rms(gain * moved - kept) / max(rms(kept), np.finfo(float).tiny), gain)
 
     reach = min(LARGEST_SHIFT, 0.25 * (t[-1] - t[0]))  # of a short record, most must remain
     scan, step = np.linspace(-reach, reach, 201, retstep=True)
@@ -145,7 +149,8 @@ def _fit(spline: CubicSpline, t: NDArray[np.float64], eta: NDArray[np.float64]) 
     return shift, at(shift)
 
 
-def _rms(values: NDArray[np.float64]) -> float:
+def rms(values: NDArray[np.float64]) -> float:
+    """Return the root of the mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 
@@ -157,11 +162,15 @@ def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
 
 def write_comparison(path: Path, comparisons: Sequence[GaugeComparison]) -> None:
     """Write ``compare.csv``, one row a gauge."""
+    write_rows(path, COLUMNS, map(astuple, comparisons))
+
+
+def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table as CSV, numbers with six digits."""
     with path.open("w", newline="") as file:
         writer = csv.writer(file)
-        writer.writerow(COLUMNS)
-        for comparison in comparisons:
-            writer.writerow(f"{v:.6g}" if isinstance(v, float) else v for v in astuple(comparison))
+        writer.writerow(columns)
+        writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
 
 
 def comparison_table(comparisons: Sequence[GaugeComparison]) -> Table:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from postprocess.beds import still_water
 from postprocess.compare import MATCH, compare_gauge, matched
 from postprocess.style import picture
 from wavetank.errors import InputError
-from wavetank.rundir import RunDirectory, Surface
+from wavetank.rundir import SURFACE, RunDirectory, Surface, index_file
+from wavetank.scene.beds import Depth
 from wavetank.series import GaugeSeries
 
 # colours that colour-blind eyes tell apart (Okabe and Ito), on grey for the measurement
@@ -22,7 +25,7 @@ MEASURED, COMPUTED, PUBLISHED = "#9a9a9a", "#0072b2", "#d55e00"
 KINETIC, POTENTIAL, TOTAL, WORK = "#d55e00", "#009e73", "#8cc5e8", "#222222"
 BEFORE, CREST, AFTER, PADDLE = "#e69f00", "#0b2d5c", "#a0417f", "#222222"
 WATER = LinearSegmentedColormap.from_list("water", ["#0b2d5c", "#2f7ab9", "#a8d3ee"])
-SKY = "#f4f9fd"
+SKY, STILL, SAND = "#f4f9fd", "#a8d3ee", "#cdb990"
 FOCUS = 4.0  # s shown on either side of the largest crest
 CM = 100.0  # elevations are drawn in centimetres
 FLAT = 1e-3  # cm; smaller waves are drawn as still water
@@ -32,26 +35,31 @@ SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp c
 
 # ---------------------------------------------------------------- the surface
 def surface_figure(
-    surface: Surface, path: Path, *, title: str = "", depth: float = np.inf, origin: str = "along the tank"
+    surface: Surface, path: Path, *, title: str = "", depth: float | Depth = np.inf, origin: str = "along the tank"
 ) -> Path:
     """Draw the highest crest, with the wave just before and after it, above all snapshots in the (x, t) plane.
 
-    Where a paddle moves, its position stands beside the (x, t) plane. No water is drawn below the depth [m]; ``origin``
-    says what x is the distance from, or along. Returns ``path``; raises ``InputError`` if there are fewer than two
-    snapshots.
+    Where a paddle moves, its position stands beside the (x, t) plane. No water is drawn below the depth [m]; where that
+    is a function d(x, y) the bed stands between the two. ``origin`` says what x is the distance from, or along. Returns
+    ``path``; raises ``InputError`` if there are fewer than two snapshots.
     """
     if surface.t.size < 2:
         raise InputError(f"{path}: {surface.t.size} snapshots of the surface received; at least 2 are needed to draw.")
-    moving = bool(np.ptp(surface.x[:, 0]))
-    with picture(path, 11, 8.6) as figure:
-        grid = figure.add_gridspec(2, 2 if moving else 1, height_ratios=(1, 1.5), width_ratios=(1, 11)[-1 - moving :])
-        diagram = figure.add_subplot(grid[1, -1])
+    moving, varying = bool(np.ptp(surface.x[:, 0])), callable(depth)
+    x = surface.x[_highest_crest(surface)[0]]
+    d = depth(x, np.zeros_like(x)) if callable(depth) else np.full_like(x, depth)
+    heights, widths = (1, 0.3, 1.5) if varying else (1, 1.5), (1, 11)[-1 - moving :]
+    with picture(path, 11, 9.6 if varying else 8.6) as figure:
+        grid = figure.add_gridspec(len(heights), len(widths), height_ratios=heights, width_ratios=widths)
+        diagram = figure.add_subplot(grid[-1, -1])
         profile = figure.add_subplot(grid[0, -1], sharex=diagram)
         _draw_diagram(figure, diagram, surface)
         diagram.set_xlabel(f"distance {origin}, x [m]")
-        _draw_profile(profile, surface, depth)
+        _draw_profile(profile, surface, float(d.max()))
+        if varying:
+            _draw_bed(figure.add_subplot(grid[1, -1], sharex=diagram), x, d)
         if moving:
-            _draw_paddle(figure.add_subplot(grid[1, 0], sharey=diagram), diagram, surface)
+            _draw_paddle(figure.add_subplot(grid[-1, 0], sharey=diagram), diagram, surface)
         else:
             diagram.set_ylabel("time [s]")
         figure.suptitle(title or "Surface elevation", fontsize=14)
@@ -106,6 +114,17 @@ def _fill_water(axes: Axes, x: NDArray[np.float64], eta: NDArray[np.float64], li
     shade = np.linspace(0.0, 1.0, 256)[:, None]
     water = axes.imshow(shade, extent=extent, cmap=WATER, origin="lower", aspect="auto", interpolation="bilinear")
     water.set_clip_path(outline.get_paths()[0], axes.transData)
+
+
+def _draw_bed(axes: Axes, x: NDArray[np.float64], depth: NDArray[np.float64]) -> None:
+    """Draw still water over its bed, depth [m] at x [m]."""
+    lowest = 1.1 * float(depth.max())
+    axes.fill_between(x, 0.0, -depth, color=STILL, lw=0)
+    axes.fill_between(x, -depth, -lowest, color=SAND, lw=0)
+    axes.set(ylim=(-lowest, 0.0), ylabel="bed [m]")
+    axes.yaxis.label.set_in_layout(False)
+    axes.tick_params(labelbottom=False)
+    axes.grid(False)
 
 
 def _name_crest(axes: Axes, x: float, eta: float, *, left: bool) -> None:
@@ -242,12 +261,14 @@ def energy_figure(energy: dict[str, NDArray[np.float64]], path: Path, *, title: 
     has no row.
     """
     columns = {name.partition(" [")[0]: values for name, values in energy.items()}
+    basin = any("m^5" in name for name in energy)
     needed = ("t", "kinetic", "potential", "total", "paddle_work", "balance")
     if missing := [name for name in needed if not columns.get(name, np.zeros(0)).size]:
         raise InputError(f"{path}: the energy budget has no values of {', '.join(missing)}.")
     with picture(path, 10, 6.5) as figure:
         budget, rest = figure.subplots(2, 1, height_ratios=(2, 1), sharex=True)
         _draw_budget(budget, columns)
+        budget.set_ylabel("energy per density\n[m⁵/s²]" if basin else "energy per density\nand width [m⁴/s²]")
         _draw_balance(rest, columns)
         figure.suptitle(title or "Energy budget", fontsize=13)
         figure.align_ylabels()
@@ -263,7 +284,6 @@ def _draw_budget(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
         axes.plot(t, supplied - dissipated, ":", color=WORK, label="the same - dissipated")
     axes.plot(t, columns["kinetic"], color=KINETIC, label="kinetic")
     axes.plot(t, columns["potential"], color=POTENTIAL, label="potential")
-    axes.set_ylabel("energy per density\nand width [m⁴/s²]")
     axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))
 
 
@@ -279,12 +299,13 @@ def _draw_balance(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
 def draw_run(run: RunDirectory) -> list[Path]:
     """Draw the standard pictures of a run into its directory; return the paths of those drawn.
 
-    What a run that was killed early did not come to record is left out. Raises ``InputError`` for missing files.
+    What a run that was killed early did not come to record is left out, and so are a basin's maps where pyvista, which
+    reads its surface, is not installed. Raises ``InputError`` for missing files.
     """
-    surface, gauges, energy = run.surface(), run.gauges(), run.energy()
+    gauges, energy = run.gauges(), run.energy()
     pictures = []
-    if surface.t.size > 1:
-        pictures.append(draw_surface(run, surface))
+    if _snapshots(run) > 1:
+        pictures.append(draw_surface(run))
     if any(gauge.t.size > 1 for gauge in gauges):
         pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
     if all(column.size > 1 for column in energy.values()) and energy:
@@ -294,17 +315,31 @@ def draw_run(run: RunDirectory) -> list[Path]:
     return pictures
 
 
+def _snapshots(run: RunDirectory) -> int:
+    """Return how many snapshots of the surface can be drawn."""
+    if (run.path / SURFACE).exists():
+        return int(run.surface().t.size)
+    return len(run.fields("surface")) if index_file(run.path, "surface").exists() and find_spec("pyvista") else 0
+
+
 ORIGINS = {"ring": "along the ring", "piston": "from the paddle's rest position", "fixed": "from the wall"}
 
 
-def draw_surface(run: RunDirectory, surface: Surface) -> Path:
-    """Draw the surface as the run's scene asks for; return the picture's path."""
-    scene = run.manifest.get("scene", {})
+def draw_surface(run: RunDirectory) -> Path:
+    """Draw the surface as the run's scene asks for, ``surface.png``: a basin's from above, else over x and t.
+
+    Return the picture's path; raises ``InputError`` for less than two snapshots.
+    """
+    scene, path = run.manifest.get("scene", {}), run.path / "surface.png"
     tank, wall = scene.get("tank", {}), scene.get("wall", {})
-    ring = tank.get("type") == "ring"
+    if not (run.path / SURFACE).exists():
+        from postprocess.basin_figures import basin_figure  # which needs pyvista
+
+        return basin_figure(run, path)
+    ring, surface = tank.get("type") == "ring", run.surface()
     origin = ORIGINS.get("ring" if ring else wall.get("type"), "along the tank")
     shown = _closed(surface, tank["length"]) if ring else surface
-    path, depth = run.path / "surface.png", tank.get("depth", np.inf)
+    depth = still_water(run) or tank.get("depth", np.inf)
     return surface_figure(shown, path, title=run.title, depth=depth, origin=origin)
 
 

@@ -20,7 +20,8 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from postprocess.figures import CM, WATER, draw_surface
 from postprocess.view_film import Pixels, film_format
-from postprocess.view_tank import ELEVATION, HEIGHT, Array, TankView, tank_view
+from postprocess.view_sight import DRY, ELEVATION, HEIGHT, INK, PAINT, Array, TankView
+from postprocess.view_tank import tank_view
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory
 
@@ -31,15 +32,15 @@ SMALLEST, LARGEST = 160, 8000  # pixels
 SURFACE = LinearSegmentedColormap.from_list(
     "surface", ["#08204a", "#0f4c8a", "#2f86bd", "#7fc4dc", "#cdebf0", "#f2fbfc"]
 )
-SKY, HORIZON, SAND, PAINT, GLASS, INK = "#d5e3ef", "#ffffff", "#cdb990", "#d9762b", "#9db4c4", "#1c2b3a"
+SKY, HORIZON, SHOAL = "#d5e3ef", "#ffffff", "#ffc83d"
 
-AZIMUTH, ALTITUDE, VIEW_ANGLE = 24.0, 27.0, 16.0  # degrees: of the eye to the right and above; from low to high
-ROOM = (0.95, 0.80)  # share of the picture's width and height that the tank may take
+VIEW_ANGLE = 16.0  # degrees, from low to high
+ROOM = (0.95, 0.74)  # share of the picture's width and height that the tank may take
+LOWERED = 0.06  # of half the picture's height: the tank's middle below the picture's, for the title's sake
 
 # A low warm light from behind the paddle, and cool ones in front and above: still water keeps the colour of the bar.
 LIGHTS = (((-0.75, 0.2, 0.45), 0.7, "#fff8ec"), ((0.6, -0.7, 0.45), 0.6, "#e2f1ff"), ((0.0, 0.0, 1.0), 0.38, "#ffffff"))
 WET = {"smooth_shading": True, "ambient": 0.38, "diffuse": 0.62, "specular": 0.2, "specular_power": 40}
-DRY = {"ambient": 0.65, "diffuse": 0.5}
 
 WAVE_SHARE, DEPTH_SHARE, STEEPEST = 0.12, 0.22, 2.0  # of the extent at most; slope as drawn at most
 
@@ -112,12 +113,12 @@ def window(run: RunDirectory, *, size: Size = STILL) -> None:
 
 
 def diagram(run: RunDirectory) -> Path:
-    """Draw the space-time diagram into the run directory; return its path.
+    """Draw the space-time diagram, or a basin's maps, into the run directory; return its path.
 
     Raises ``InputError`` for a run of less than two snapshots, and for a file that cannot be written.
     """
     with writing(run.path / "surface.png"):
-        return draw_surface(run, run.surface())
+        return draw_surface(run)
 
 
 def _title(run: RunDirectory) -> str:
@@ -160,14 +161,17 @@ class View:
             raise InputError(f"size {size[0]}x{size[1]} received; allowed are {SMALLEST} to {LARGEST} pixels a side.")
         self.tank = tank
         self.exaggeration = exaggeration(tank)
+        self._parts = list(tank.parts())
         self.plotter = _plotter(size, off_screen=off_screen)
         self.plotter.enable_anti_aliasing("ssaa")
         self.plotter.set_background(HORIZON, top=SKY)
         self._pixel = max(size[1] / 900, 0.6)  # text is sized for 900 of them, and stays legible in small pictures
         self._line = 0.065 * 900 * self._pixel / size[1]
         self._limit = float(f"{CM * tank.waves.usual:.1g}")  # cm
-        self._build(title)
         self._aim()
+        self._corner = self._free_corner()
+        self._build(title)
+        self.plotter.reset_camera_clipping_range()
 
     def draw(self, t: float) -> None:
         """Show the tank at t [s]."""
@@ -177,7 +181,10 @@ class View:
         self._add("sides", sight.sides, scalars=HEIGHT, cmap=WATER, clim=(-depth, high), lighting=False)
         if sight.paddle is not None:
             self._add("paddle", sight.paddle, color=PAINT, **DRY)
-        self._write("time", f"t = {t:.2f} s", (0.97, 0.97 - self._line), size=15, corner=("right", "top"))
+        if sight.contours is not None:
+            self._add("contours", sight.contours, color=SHOAL, line_width=2.2 * self._pixel, lighting=False)
+        share, side = self._corner
+        self._write("time", f"t = {t:.2f} s", (share, 0.97 - self._line), size=15, corner=(side, "top"))
 
     def pixels(self, t: float) -> Pixels:
         """Return the picture at t [s], shape (height, width, 3)."""
@@ -195,8 +202,9 @@ class View:
 
     def note_pace(self, pace: float) -> None:
         """Write how many times faster than in the tank time passes, if it does not pass as there."""
-        shown = "" if abs(pace - 1) < 0.02 else f", {pace:.2g} times as fast"
-        self._write("note", f"vertical exaggeration {self.exaggeration:g}{shown}", (0.03, 0.035), size=12)
+        said = [f"vertical exaggeration {self.exaggeration:g}"]
+        said += [f"{pace:.2g} times as fast"] * (abs(pace - 1) >= 0.02) + [self.tank.note] * bool(self.tank.note)
+        self._write("note", ", ".join(said), (0.03, 0.035), size=12)
 
     def close(self) -> None:
         """Give the memory back."""
@@ -208,12 +216,12 @@ class View:
         for place, strength, colour in LIGHTS:
             light = pv.Light(position=place, focal_point=(0, 0, 0), intensity=strength, color=colour)
             self.plotter.add_light(light)
-        self._add("bed", self.tank.bed(), color=SAND, **DRY)
-        if (walls := self.tank.walls()) is not None:
-            self._add("walls", walls, color=GLASS, opacity=0.22)
+        for part in self._parts:
+            self._add(part.name, part.mesh, **part.look)
         self.draw(float(self.tank.times[0]))
         size = 19 * min(1.0, 60 / max(len(title), 1))
-        self._write("title", title, (0.97, 0.97), size=size, corner=("right", "top"))
+        share, side = self._corner
+        self._write("title", title, (share, 0.97), size=size, corner=(side, "top"))
         self.note_pace(1.0)
         self._add_scalar_bar()
         self._add_marks()
@@ -274,17 +282,28 @@ class View:
             render=False,
         )
 
+    def _outline(self) -> Array:
+        """Return points [m], shape (N, 3), between which the tank is at all times."""
+        bed = self._parts[0].mesh.points
+        return np.concatenate([bed, bed * (1, 1, 0) + (0, 0, self.tank.waves.high)])
+
     def _aim(self) -> None:
         """Put the camera where the tank just fits into the picture, whatever the waves do."""
-        bed = self.tank.bed().points
-        corners = np.concatenate([bed, bed * (1, 1, 0) + (0, 0, self.tank.waves.high)])
-        azimuth, altitude, half = np.radians([AZIMUTH, ALTITUDE, VIEW_ANGLE / 2])
+        corners = np.concatenate([self._outline(), self.tank.marks()[0]])
+        azimuth, altitude, half = np.radians([*self.tank.eye, VIEW_ANGLE / 2])
         ahead = np.array([-np.sin(azimuth) * np.cos(altitude), np.cos(azimuth) * np.cos(altitude), -np.sin(altitude)])
         width, height = self.plotter.window_size
         eye, target = fitted(self._drawn(corners), ahead, tangents=(np.tan(half) * width / height, np.tan(half)))
         self.plotter.camera.view_angle = VIEW_ANGLE
         self.plotter.camera_position = [eye, target, (0, 0, 1)]
-        self.plotter.reset_camera_clipping_range()
+        self.plotter.camera.SetWindowCenter(0.0, LOWERED)
+
+    def _free_corner(self) -> tuple[float, str]:
+        """Return the upper corner with more room above the tank: the share of the width it is at, and its side."""
+        width, _ = self.plotter.window_size
+        columns, rows = self.place(self._outline()).T
+        left, right = (rows[side].min(initial=np.inf) for side in (columns < 0.35 * width, columns > 0.65 * width))
+        return (0.03, "left") if left > right else (0.97, "right")
 
 
 def fitted(points: Array, ahead: Array, *, tangents: tuple[float, float]) -> tuple[Array, Array]:

@@ -20,7 +20,9 @@ def view(
     time: Annotated[float | None, typer.Option(help="a still at this time [s]; default: at the highest crest")] = None,
     out: Annotated[Path | None, typer.Option(help="the still's file (PNG); default: view.png in RUN")] = None,
     film: Annotated[Path | None, typer.Option(help="a film of the whole run (MP4 or GIF)", metavar="FILE")] = None,
-    diagram: Annotated[bool, typer.Option("--diagram", help="the space-time diagram, surface.png in RUN")] = False,
+    diagram: Annotated[
+        bool, typer.Option("--diagram", help="the space-time diagram, or maps of a basin: surface.png in RUN")
+    ] = False,
     window: Annotated[bool, typer.Option("--window", help="a window, with a slider for the time")] = False,
     size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
 ) -> None:

@@ -1,106 +1,40 @@
-"""What is seen of a run: the water, the bed and the paddle as meshes in metres, at any time of the run.
+"""What is seen of a run, by the type of its tank.
 
-A picture (``view.py``) knows a ``TankView`` alone. A slice is shown as a flume, its section extruded across y; a ring
-is the same flume bent to a circle. Other plan views join ``TANK_VIEWS``.
+A slice is shown as a flume, its section extruded across y; a ring is the same flume bent to a circle; a basin as it is
+(``view_basin.py``). Other plan views join ``TANK_VIEWS``.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
 from functools import cached_property
-from typing import Any, Protocol
 
 import numpy as np
 import pyvista as pv
-from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
+from postprocess.beds import still_water
 from postprocess.figures import CM, FLAT, SATURATED
+from postprocess.view_basin import Basin
+from postprocess.view_sight import (
+    DRY,
+    ELEVATION,
+    GLASS,
+    SAND,
+    SLAB,
+    Array,
+    Part,
+    Sight,
+    TankView,
+    WaveSizes,
+    curtain,
+    said,
+    sheet,
+    ticks,
+)
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory
 
-Array = NDArray[np.float64]
-
-ELEVATION, HEIGHT = "elevation [cm]", "z [m]"
 FINE = 800  # places along a flume that a picture tells apart
 PLATE = 0.006  # thickness of paddle and walls, over the flume's length
-SLAB = 0.1  # thickness of the bed, over the depth
-
-
-@dataclass(frozen=True)
-class Sight:
-    """What moves, at one time: meshes in metres, z up from still water.
-
-    Attributes
-    ----------
-    surface
-        The free surface, with point data ``ELEVATION``.
-    sides
-        The water's sides, from the rim of the surface down to the bed, with point data ``HEIGHT``.
-    paddle
-        The paddle; None where no wall moves.
-    """
-
-    surface: pv.PolyData
-    sides: pv.PolyData
-    paddle: pv.PolyData | None
-
-
-@dataclass(frozen=True)
-class WaveSizes:
-    """How large the waves of a run are.
-
-    Attributes
-    ----------
-    low, high
-        The extreme elevations [m].
-    usual
-        The largest elevation, single sharp crests left out [m].
-    slope
-        The largest slope of the surface, likewise [-].
-    crest_time
-        When the highest crest is there [s].
-    """
-
-    low: float
-    high: float
-    usual: float
-    slope: float
-    crest_time: float
-
-
-class TankView(Protocol):
-    """A run as a picture needs it.
-
-    Attributes
-    ----------
-    times
-        Of the snapshots [s], shape (M,), increasing.
-    depth
-        Of still water, where it is deepest [m].
-    waves
-        How large they are.
-    """
-
-    times: Array
-    depth: float
-    waves: WaveSizes
-
-    @property
-    def extent(self) -> float:
-        """The larger horizontal size of the water [m]."""
-
-    def at(self, t: float) -> Sight:
-        """Return what moves, at a time t [s] of the run."""
-
-    def bed(self) -> pv.PolyData:
-        """Return a slab whose top is the bed."""
-
-    def walls(self) -> pv.PolyData | None:
-        """Return the walls that stand still, as far as they are worth seeing."""
-
-    def marks(self) -> tuple[Array, list[str]]:
-        """Return places [m], shape (K, 3), and what is written there."""
 
 
 # ---------------------------------------------------------------- a slice
@@ -110,8 +44,12 @@ class Flume:
     Raises ``InputError`` if the run has no snapshot of the surface, or damaged ones.
     """
 
+    eye, note = (24.0, 27.0), ""
+
     def __init__(self, run: RunDirectory):
-        self.length, self.depth = (float(_said(run, key)) for key in ("length", "depth"))
+        self.length, self._flat = (float(said(run, key)) for key in ("length", "depth"))
+        self._bed = still_water(run)
+        self.depth = float(self._still_water(np.linspace(0.0, self.length, FINE, dtype=np.float64)).max())
         surface = run.surface()
         if not surface.t.size:
             raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
@@ -134,15 +72,22 @@ class Flume:
         """Return what moves, at a time t [s] of the run."""
         x, eta = self._profile(t)
         rows = self._rows(x, eta)
-        surface = _sheet(rows)
+        surface = sheet(rows)
         surface[ELEVATION] = CM * np.tile(eta, len(rows))
-        return Sight(surface, _curtain(rows, -self.depth), self._paddle(x[0]))
+        foot = -self._still_water(x)
+        return Sight(surface, curtain(_rim(rows), np.concatenate([foot, foot[::-1]])), self._paddle(x[0]))
+
+    def parts(self) -> Iterator[Part]:
+        """Yield the bed and the walls that stand still."""
+        yield Part("bed", self.bed(), {"color": SAND, **DRY})
+        if (walls := self.walls()) is not None:
+            yield Part("walls", walls, {"color": GLASS, "opacity": 0.22})
 
     def bed(self) -> pv.PolyData:
         """Return a slab whose top is the bed, under the paddle's whole way too."""
         x = np.linspace(*self._ground(), FINE, dtype=np.float64)
-        rows = self._rows(x, np.full_like(x, -self.depth))
-        return _sheet(rows) + _curtain(rows, -(1 + SLAB) * self.depth)
+        rows = self._rows(x, -self._still_water(x))
+        return sheet(rows) + curtain(_rim(rows), -(1 + SLAB) * self.depth)
 
     def walls(self) -> pv.PolyData | None:
         """Return the far wall, and that at x = 0 where it stands still."""
@@ -151,13 +96,18 @@ class Flume:
 
     def marks(self) -> tuple[Array, list[str]]:
         """Return places along the flume [m], shape (K, 3), and their x."""
-        x = np.array(MaxNLocator(nbins=8, steps=[1, 2, 2.5, 5, 10]).tick_values(0.0, self.length))
-        x = x[(x >= 0) & (x <= self.length * (1 + 1e-9))]
+        x = ticks(0.0, self.length)
         clear = 0.55 * self.width  # of the bed's edge, which would hide half of them
         places = np.stack([*self._plan(x, -clear), np.full_like(x, -(1 + SLAB) * self.depth)], axis=1)
         return places, [f"{one:g} m" for one in x]
 
     # ------------------------------------------------------------ the section
+    def _still_water(self, x: Array) -> Array:
+        """Return the still-water depth [m], beyond the flume's ends as at them."""
+        if self._bed is None:
+            return np.full_like(x, self._flat)
+        return self._bed(np.clip(x, 0.0, self.length), np.zeros_like(x))
+
     def _whole(self, x: Array, eta: Array) -> tuple[Array, Array]:
         """Return x and eta [m], shape (M, N), from end to end."""
         return x, eta
@@ -237,7 +187,7 @@ class Ring(Flume):
         return radius * np.cos(angle), radius * np.sin(angle)
 
 
-TANK_VIEWS: dict[str, Callable[[RunDirectory], TankView]] = {"slice": Flume, "ring": Ring}
+TANK_VIEWS: dict[str, Callable[[RunDirectory], TankView]] = {"slice": Flume, "ring": Ring, "basin": Basin}
 
 
 def tank_view(run: RunDirectory) -> TankView:
@@ -245,34 +195,14 @@ def tank_view(run: RunDirectory) -> TankView:
 
     Raises ``InputError`` if its tank is not of a known type, or as that type's view does.
     """
-    if (kind := _said(run, "type")) not in TANK_VIEWS:
+    if (kind := said(run, "type")) not in TANK_VIEWS:
         raise InputError(f"{run.path}: its tank is of type {kind!r}; can be viewed: {', '.join(TANK_VIEWS)}.")
     return TANK_VIEWS[kind](run)
 
 
-def _said(run: RunDirectory, key: str) -> Any:
-    """Return what the manifest says of the tank; raise ``InputError`` if it says nothing."""
-    try:
-        return run.manifest["scene"]["tank"][key]
-    except (KeyError, TypeError):
-        raise InputError(f"{run.path}: its manifest does not say the tank's {key}.") from None
-
-
-# ---------------------------------------------------------------- meshes and sizes
-def _sheet(rows: Array) -> pv.PolyData:
-    """Return quadrilaterals between the points of rows [m], shape (R, N, 3)."""
-    index = np.arange(rows[..., 0].size).reshape(rows.shape[:2])
-    corners = (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
-    return pv.PolyData.from_regular_faces(rows.reshape(-1, 3), np.stack(corners, axis=-1).reshape(-1, 4))
-
-
-def _curtain(rows: Array, low: float) -> pv.PolyData:
-    """Return what hangs from the rim of a sheet of two rows [m] down to z = low [m]."""
-    rim = np.concatenate([rows[0], rows[1, ::-1], rows[0, :1]])
-    foot = rim * (1.0, 1.0, 0.0) + (0.0, 0.0, low)
-    curtain = _sheet(np.array([foot, rim]))
-    curtain[HEIGHT] = curtain.points[:, 2]
-    return curtain
+def _rim(rows: Array) -> Array:
+    """Return the closed line around a sheet of two rows [m], shape (2, N, 3), without its end: shape (2 N, 3)."""
+    return np.concatenate([rows[0], rows[1, ::-1]])
 
 
 def _sizes(times: Array, x: Array, eta: Array) -> WaveSizes:

@@ -266,5 +266,5 @@ def test_a_run_is_compared_with_the_measurements(measured, tmp_path):
     rows = list(csv.DictReader((out / "compare.csv").open()))
     assert tuple(rows[0]) == COLUMNS and len(rows) == 14
     assert all(float(row["nrms"]) < 0.07 for row in rows[:9])
-    assert "section" in result.output and "as in Basilisk" in result.output
+    assert "section" in result.output and "(Basilisk)" in result.output
     assert (out / "compare.png").stat().st_size > 50_000

@@ -125,7 +125,35 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
     text = words(lambda path: surface_figure(surface, path, depth=0.01, origin="along the ring"), tmp_path)
     assert "distance along the ring, x [m]" in text
     assert ">\u22121.0<" in text and ">\u22121.5<" not in text  # ticks [cm]
-    assert figures.draw_surface(run, run.surface()).exists()
+    assert figures.draw_surface(run).exists()
+
+
+def test_a_varying_bed_is_drawn_at_its_depth(tmp_path):
+    def shoal(x, y):
+        return 1.0 - 0.5 * np.exp(-((x - 12.0) ** 2)) + y
+
+    text = words(lambda path: surface_figure(group(), path, depth=shoal), tmp_path)
+    assert ">bed [m]<" in text
+    assert ">bed [m]<" not in words(lambda path: surface_figure(group(), path, depth=1.0), tmp_path)
+    axes = Figure().add_subplot()
+    x = np.linspace(0.0, 24.0, 241)
+    figures._draw_bed(axes, x, shoal(x, 0 * x))
+    water, sand = (np.concatenate([path.vertices for path in one.get_paths()]) for one in axes.collections)
+    assert water[:, 1].min() == pytest.approx(-1.0) and water[:, 1].max() == 0.0
+    assert sand[:, 1].max() == pytest.approx(-0.5)
+
+
+def test_a_slices_bed_is_read_from_its_scene(tmp_path, monkeypatch):
+    drawn = {}
+    monkeypatch.setattr(figures, "surface_figure", lambda surface, path, **given: drawn.update(given) or path)
+    bed = {"type": "formula", "depth": "0.6 - 0.01 * x"}
+    for name, tank in (("sloping", {"bed": bed}), ("flat", {})):
+        scene = {"tank": {"type": "slice", "length": 8.0, "depth": 0.6, **tank}}
+        with RunWriter(tmp_path / name, {"scene": scene}) as writer:
+            writer.surface()
+        figures.draw_surface(RunDirectory(tmp_path / name))
+        depth = drawn["depth"]
+        assert depth == 0.6 if name == "flat" else depth(np.array([5.0]), np.zeros(1)) == pytest.approx(0.55)
 
 
 def test_the_space_time_diagram_interpolates_the_group():

@@ -10,7 +10,7 @@ from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
 
-from postprocess import view, view_command, view_film, view_tank
+from postprocess import view, view_command, view_film, view_sight, view_tank
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory, RunWriter
 
@@ -134,7 +134,7 @@ def test_the_whole_tank_is_in_the_picture_and_reaches_its_room(run):
         picture = view.View(tank := view_tank.tank_view(run), "", size=size)
         corners = np.array([far_edge(tank, np.array([0.0, LENGTH]), np.full(2, z)) for z in (-DEPTH, HEIGHT / 2)])
         corners = np.concatenate([corners, corners * (1, -1, 1)]).reshape(-1, 3)
-        share = np.abs(2 * picture.place(corners) / size - 1).max(axis=0)
+        share = np.abs(2 * picture.place(corners) / size - (1, 1 + view.LOWERED)).max(axis=0)
         assert np.all(share < view.ROOM)
         assert np.any(share > 0.9 * np.array(view.ROOM))  # the bed's slab and its margins take the rest
         picture.close()
@@ -147,7 +147,7 @@ def test_between_snapshots_the_waves_go_on(run):
     x, _, z = surface.points.T
     # the spline's (omega dt)^4 / 384 is 2e-6; a straight line's (omega dt)^2 / 8 would be 3e-3
     assert z == pytest.approx(travelling(x, t), abs=1e-4 * HEIGHT)
-    assert surface[view_tank.ELEVATION] == pytest.approx(100 * z, abs=1e-5)
+    assert surface[view_sight.ELEVATION] == pytest.approx(100 * z, abs=1e-5)
 
 
 def test_the_paddle_moves_with_the_water(tmp_path):
@@ -166,6 +166,20 @@ def test_the_water_reaches_from_bed_to_surface(run):
     low, high = sight.sides.bounds[4:]
     assert (low, high) == pytest.approx((-DEPTH, HEIGHT / 2))
     assert tank.bed().bounds[5] == pytest.approx(-DEPTH)
+
+
+def test_a_slices_water_reaches_down_to_its_bed(tmp_path):
+    bed = {"type": "formula", "depth": "1.2 - 0.1 * x"}
+    tank = view_tank.tank_view(record(tmp_path / "run", {**TANK, "bed": bed}, paddle=0.2))
+    assert tank.depth == pytest.approx(1.2)
+    sides = tank.at(0.5).sides.points
+    foot = sides[sides[:, 2] < -0.1]
+    assert foot[:, 2] == pytest.approx(-(1.2 - 0.1 * foot[:, 0].clip(0.0)), abs=1e-6)
+    ground = tank.bed()
+    x, _, z = ground.points.T
+    top, slab = z[z > -1.25], z[z <= -1.25]
+    assert top == pytest.approx(-(1.2 - 0.1 * x[z > -1.25].clip(0.0, LENGTH)), abs=1e-6)
+    assert slab == pytest.approx(-1.2 * (1 + view_sight.SLAB))
 
 
 def test_a_ring_is_bent_to_a_closed_circle(tmp_path):
@@ -264,7 +278,7 @@ def test_runs_without_waves_to_view_are_refused(tmp_path):
         view.still(record(tmp_path / "a", times=[]), tmp_path / "a.png")
     with pytest.raises(InputError, match="has 1 snapshot of the surface; at least 2"):
         view.film(record(tmp_path / "b", times=[0.0]), tmp_path / "b.gif")
-    with pytest.raises(InputError, match="type 'sphere'; can be viewed: slice, ring"):
+    with pytest.raises(InputError, match="type 'sphere'; can be viewed: slice, ring, basin"):
         view.still(record(tmp_path / "c", {**TANK, "type": "sphere"}), tmp_path / "c.png")
     with pytest.raises(InputError, match="does not say the tank's depth"):
         view.still(record(tmp_path / "d", {"type": "slice", "length": 1.0}), tmp_path / "d.png")

@@ -4,14 +4,13 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from wavetank.errors import InputError
+from wavetank.errors import InputError, choice
 from wavetank.scene import Problem, Scene, SceneError
 
 Key = tuple[str | int, ...]
@@ -25,6 +24,8 @@ def read_case(path: Path, overrides: Sequence[str] = ()) -> Scene:
     try:
         scene = Scene.model_validate(content, context={"folder": path.resolve().parent})
         scene.motion()
+        if scene.tank.bed is not None:
+            scene.tank.bed.build()
         return scene
     except ValidationError as error:
         problems = [problem for details in error.errors() for problem in _problems(details)]
@@ -173,24 +174,18 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
         case "missing":
             yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
         case "extra_forbidden":
-            yield Problem(place.key, received, f"is an unknown key{_choice(str(place.key[-1]), holder.fields)}")
+            yield Problem(place.key, received, f"is an unknown key{choice(str(place.key[-1]), holder.fields)}")
         case "union_tag_not_found":
-            yield Problem((*place.key, "type"), None, f"is missing{_choice('', place.tags)}")
+            yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
         case "union_tag_invalid":
             tag = str(context["tag"])
-            yield Problem((*place.key, "type"), tag, f"is an unknown type{_choice(tag, place.tags)}")
+            yield Problem((*place.key, "type"), tag, f"is an unknown type{choice(tag, place.tags)}")
         case "model_type" | "model_attributes_type":
-            yield Problem(place.key, received, f"must be a table{_choice('', place.fields)}")
+            yield Problem(place.key, received, f"must be a table{choice('', place.fields)}")
         case "value_error":
             yield Problem(place.key, received, str(context["error"]))
         case _:
             yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
-
-
-def _choice(received: str, allowed: list[str]) -> str:
-    close = get_close_matches(received, allowed, n=1)
-    guess = f"; did you mean {close[0]!r}?" if close else ";"
-    return f"{guess} allowed are: {', '.join(allowed)}"
 
 
 def _in_words(message: str, meaning: str) -> str:

@@ -292,7 +292,7 @@ _BERKHOFF = Dataset(
         ),
         records=(
             HeightRecords(
-                source="measured, as in NHWAVE",
+                source="measured (NHWAVE)",
                 citation="github.com/JimKirby/NHWAVE, examples/berkhoff",
                 unit=1 / 23.2,  # amplitudes in mm
                 columns=(
@@ -301,7 +301,7 @@ _BERKHOFF = Dataset(
                 ),
             ),
             HeightRecords(
-                source="measured, as in Basilisk",
+                source="measured (Basilisk)",
                 citation="basilisk.fr/src/examples/shoal.c",
                 unit=1.0,
                 columns=(

@@ -4,6 +4,9 @@ Bad input is an ``InputError`` (exit code 2): its text says what was received, w
 A run that breaks down is a ``RunError`` (exit code 1): its text says what happened, where and when.
 """
 
+from collections.abc import Sequence
+from difflib import get_close_matches
+
 
 class WavetankError(Exception):
     """Anything this package reports in one clear sentence instead of a traceback."""
@@ -23,3 +26,10 @@ class RunError(WavetankError):
 
 class ConvergenceError(RunError):
     """A linear or nonlinear solve did not reach its tolerance."""
+
+
+def choice(received: str, allowed: Sequence[str]) -> str:
+    """Return the end of a sentence: what may have been meant, and what is allowed."""
+    close = get_close_matches(received, allowed, n=1)
+    guess = f"; did you mean {close[0]!r}?" if close else ";"
+    return f"{guess} allowed are: {', '.join(allowed)}"

@@ -7,8 +7,7 @@ them is refused. A formula thus reaches nothing but arithmetic, and always in fl
 import ast
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from difflib import get_close_matches
+from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from graphlib import CycleError, TopologicalSorter
 from itertools import pairwise
@@ -18,7 +17,7 @@ from typing import Any, Literal, NamedTuple, NoReturn
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wavetank.errors import InputError
+from wavetank.errors import InputError, choice
 
 Array = NDArray[np.float64]
 Helper = float | str  # a number, or a formula of its own
@@ -230,7 +229,7 @@ class _Translator(ast.NodeVisitor):
         if name in FUNCTIONS:
             self.refuse(node, f"is a function and needs its arguments, {name}(...)")
         if name not in self._kinds:
-            self.refuse(node, f"is an unknown name{_choice(name, [*self._kinds, *FUNCTIONS])}")
+            self.refuse(node, f"is an unknown name{choice(name, sorted([*self._kinds, *FUNCTIONS]))}")
         return _Part(lambda values: values[name], self._kinds[name])
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> _Part:
@@ -266,7 +265,7 @@ class _Translator(ast.NodeVisitor):
         """Return a function of its arguments."""
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         if name not in FUNCTIONS:
-            self.refuse(node.func, f"is not a function of a formula{_choice(name, FUNCTIONS)}")
+            self.refuse(node.func, f"is not a function of a formula{choice(name, sorted(FUNCTIONS))}")
         function, kinds = FUNCTIONS[name]
         if node.keywords or len(node.args) != len(kinds):
             self.refuse(node, f"must have {len(kinds)} argument{'s' * (len(kinds) > 1)}")
@@ -277,9 +276,3 @@ class _Translator(ast.NodeVisitor):
 def _applied(function: Callable[..., Any], kind: Kind, parts: Sequence[_Part]) -> _Part:
     """Return the part that is a function of parts."""
     return _Part(lambda values: function(*[part.value(values) for part in parts]), kind)
-
-
-def _choice(received: str, allowed: Iterable[str]) -> str:
-    close = get_close_matches(received, sorted(allowed), n=1)
-    guess = f"; did you mean {close[0]!r}?" if close else ";"
-    return f"{guess} allowed are: {', '.join(sorted(allowed))}"

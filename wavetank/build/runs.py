@@ -11,6 +11,7 @@ from wavetank.build.plans import build_plan
 from wavetank.build.sponges import build_sponge
 from wavetank.build.waters import Waves, fill
 from wavetank.errors import InputError
+from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.contract import Vector
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.absorbing import Absorbing
@@ -54,7 +55,8 @@ class Records(NamedTuple):
 
 def initial_state(scene: Scene, waves: Waves) -> tuple[Vector, Vector]:
     """Return (Q, psi) of the scene's initial surface; collective."""
-    return waves.state(*scene.initial.surface(scene.tank, *waves.plane.places.T))
+    x, y = waves.plane.places.T
+    return waves.state(*agreed(waves.plane.comm, lambda: scene.initial.surface(scene.tank, x, y)))
 
 
 def time_step(scene: Scene, largest_frequency: float, integrator: Integrator[Any]) -> float:

@@ -51,18 +51,28 @@ def _check_points(points: Vector, source: str) -> None:
 
 def _check_cells(gmsh: Any, kind: int, source: str) -> None:
     """Raise ``InputError`` for cells that are folded, degenerate, or turned against the others of their surface."""
-    nodes = gmsh.model.mesh.getElementProperties(kind)[4].reshape(-1, 2)
-    local = np.column_stack([nodes, np.zeros(len(nodes))]).ravel()
-    bad: list[Vector] = []
+    get = gmsh.model.mesh
+    tags, coordinates, _ = get.getNodes()
+    places = np.zeros((int(tags.max()) + 1, 2))
+    places[tags] = coordinates.reshape(-1, 3)[:, :2]
+    gradients, bad = _gradients(gmsh, kind), list[Vector]()
     for _, surface in gmsh.model.getEntities(SURFACE):
-        _, determinants, places = gmsh.model.mesh.getJacobians(kind, local, tag=surface)
-        determinants, places = determinants.reshape(-1, len(nodes)), places.reshape(-1, len(nodes), 3)
+        nodes = places[get.getElementsByType(kind, surface)[1]].reshape(-1, len(gradients), 2)
+        determinants = np.linalg.det(np.einsum("cnx,pnd->cpxd", nodes, gradients))
         usual = np.median(determinants) if determinants.size else 0.0  # of either sign
-        bad += list(places[(np.sign(usual) * determinants).min(axis=1) < TINY * abs(usual)].mean(axis=1))
+        bad += list(nodes[(np.sign(usual) * determinants).min(axis=1) < TINY * abs(usual)].mean(axis=1))
     if bad:
         count = "1 cell is" if len(bad) == 1 else f"{len(bad)} cells are"
         where = f"x = {bad[0][0]:.4g}, y = {bad[0][1]:.4g}"
         raise InputError(f"{source}: {count} inverted or degenerate, the first about {where}.")
+
+
+def _gradients(gmsh: Any, kind: int) -> Vector:
+    """Return the gradients of a cell's shape functions at its nodes, shape (nodes, functions, 2)."""
+    nodes = gmsh.model.mesh.getElementProperties(kind)[4].reshape(-1, 2)
+    local = np.column_stack([nodes, np.zeros(len(nodes))]).ravel()
+    gradients = gmsh.model.mesh.getBasisFunctions(kind, local, "GradLagrange")[1]
+    return np.asarray(gradients).reshape(len(nodes), len(nodes), 3)[:, :, :2]
 
 
 def regroup(gmsh: Any) -> Groups:

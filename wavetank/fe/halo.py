@@ -32,7 +32,10 @@ class Halo:
         return len(self._rows)
 
     def fetch(self, owned: Vector) -> Vector:
-        """Return the values of all, shape (size, m), for those owned, (owned, m); collective. Reused by the next call."""
+        """Return the values of all, shape (size, m), for those owned, (owned, m); collective.
+
+        The array is reused by the next call.
+        """
         self._rows[: self._owned] = owned
         self._vector.scatter_forward()
         return self._rows

@@ -12,19 +12,18 @@ whatever n is.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
-from math import ceil, factorial, sqrt
+from math import ceil, sqrt
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sparse
 import ufl
 from dolfinx import fem
-from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
-from ufl.algorithms.apply_derivatives import apply_derivatives
-from ufl.algorithms.transformer import strip_variables
 
-from wavetank.fe.forms import compile_form, owned_rows
+from wavetank.fe.forms import compile_form, owned_rows, taylor_coefficient
+from wavetank.fe.halo import Halo
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Vector
@@ -42,16 +41,6 @@ class Term:
     density: Any  # of the energy, before the two derivatives
 
 
-def _density(energy: LayerEnergy, u: Any, w: Any, power: int) -> Any:
-    """Return the coefficient of zeta^power in the energy density."""
-    height = ufl.variable(ufl.Constant(ufl.domain.extract_unique_domain(u)))
-    density = energy(u, w, height)
-    for _ in range(power):
-        density = ufl.diff(density, height)
-    lowered = strip_variables(apply_derivatives(apply_algebra_lowering(density)))
-    return ufl.algorithms.replace(lowered, {height.ufl_operands[0]: ufl.as_ufl(0)}) / factorial(power)
-
-
 def _vanishes(form: ufl.Form) -> bool:
     return bool(ufl.algorithms.expand_derivatives(form).empty())
 
@@ -65,6 +54,13 @@ class KroneckerOperator:
         e(u, w, zeta), in UFL.
     plane, vertical
         The horizontal space and the vertical basis.
+
+    Attributes
+    ----------
+    columns, row_pointers
+        Of the rows of each S_k that this rank owns, columns in local numbering.
+    numbering
+        That of the columns.
     """
 
     def __init__(self, energy: LayerEnergy, plane: Plane, vertical: VerticalBasis):
@@ -72,7 +68,7 @@ class KroneckerOperator:
         unknowns = {"u": u, "w": w}
         tables = {"u": vertical.values, "w": vertical.slopes}
         v, x = ufl.TestFunction(plane.V), ufl.TrialFunction(plane.V)
-        densities = [_density(energy, u, w, power) for power in range(3)]
+        densities = [taylor_coefficient(partial(energy, u, w), power, plane.mesh) for power in range(3)]
         self.terms = [
             Term(power, left, right, densities[power])
             for power, left, right in product(range(3), "uw", "uw")
@@ -86,8 +82,9 @@ class KroneckerOperator:
         # what couples interior and surface is one vertical column: few terms, one component each
         self._coupled = [slot for slot, G in enumerate(self.vertical) if np.any(G[:n, n])]
         self._at_surface = [slot for slot, G in enumerate(self.vertical) if np.any(G[n])]
+        self._halos = {components: Halo(self.numbering, components) for components in (1, n, n + 1)}
         self._scalar = sparse.csr_matrix(
-            (np.zeros(self.columns.size), self.columns, self.row_pointers), shape=(plane.owned, self._all)
+            (np.zeros(self.columns.size), self.columns, self.row_pointers), shape=(plane.owned, self._halos[1].size)
         )
 
     @staticmethod
@@ -111,15 +108,15 @@ class KroneckerOperator:
         self._form = compile_form(form)
         self._matrix = fem.create_matrix(self._form)
         values, self.columns, self.row_pointers = owned_rows(self._matrix)
+        self.numbering = self._matrix.index_map(1)
         count = len(self.terms)
-        self._all = plane.owned + plane.V.dofmap.index_map.num_ghosts
         self._csr = sparse.csr_matrix(
             (
                 np.zeros(values.shape[0] * count),
-                (self.columns[:, None] * count + np.arange(count)).ravel(),
+                (self.columns[:, None] * count + np.arange(count, dtype=np.int32)).ravel(),
                 self.row_pointers * count,
             ),
-            shape=(plane.owned, self._all * count),
+            shape=(plane.owned, (plane.owned + self.numbering.num_ghosts) * count),
         )
 
     def assemble(self) -> None:
@@ -128,23 +125,27 @@ class KroneckerOperator:
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
         self.values = owned_rows(self._matrix)[0][:, : len(self.terms)]
-        self._csr.data[:] = self.values.ravel()
+        self._csr.data.reshape(self.values.shape)[:] = self.values
 
     def still(self, kind: str) -> Vector:
         """Return the entries of the zeta^0 matrix S_uu or S_ww of the owned rows, ``kind`` being "u" or "w"."""
         slot = next(i for i, term in enumerate(self.terms) if (term.power, term.left, term.right) == (0, kind, kind))
         return np.ascontiguousarray(self.values[:, slot])
 
+    def _reached(self, rows: Vector) -> Vector:
+        owned = self._csr.shape[0]
+        return self._halos[rows.shape[1]].fetch(rows[:owned])
+
     def _apply(self, vertical: Vector, rows: Vector) -> Vector:
         components = vertical.shape[0]
-        return np.asarray(self._csr @ (rows @ vertical).reshape(-1, components))
+        return np.asarray(self._csr @ (self._reached(rows) @ vertical).reshape(-1, components))
 
     def apply(self, rows: Vector) -> Vector:
-        """Return A x on the owned degrees of freedom, shape (owned, n+1), x given with its ghosts, (all, n+1)."""
+        """Return A x on the owned degrees of freedom, shape (owned, n+1), for x on them or more; collective."""
         return self._apply(self._full, rows)
 
     def apply_interior(self, rows: Vector) -> Vector:
-        """Return A_II x on the owned degrees of freedom, shape (owned, n), x given with its ghosts, (all, n)."""
+        """Return A_II x on the owned degrees of freedom, shape (owned, n), for x on them or more; collective."""
         return self._apply(self._interior, rows)
 
     def _scalar_product(self, slot: int, column: Vector) -> Vector:
@@ -152,11 +153,13 @@ class KroneckerOperator:
         return np.asarray(self._scalar @ column)
 
     def apply_coupling(self, surface: Vector) -> Vector:
-        """Return A_In psi on the owned degrees of freedom, shape (owned, n), psi given with its ghosts, (all,)."""
-        products = np.column_stack([self._scalar_product(slot, surface) for slot in self._coupled])
+        """Return A_In psi on the owned degrees of freedom, shape (owned, n), for psi on them or more; collective."""
+        psi = self._reached(surface[:, None])[:, 0]
+        products = np.column_stack([self._scalar_product(slot, psi) for slot in self._coupled])
         return np.asarray(products @ np.array([self.vertical[slot][:-1, -1] for slot in self._coupled]))
 
     def apply_surface(self, rows: Vector) -> Vector:
-        """Return (A x)_n on the owned degrees of freedom, shape (owned,), x given with its ghosts, (all, n+1)."""
-        products = (self._scalar_product(slot, rows @ self.vertical[slot][-1]) for slot in self._at_surface)
+        """Return (A x)_n on the owned degrees of freedom, shape (owned,), for x on them or more; collective."""
+        reached = self._reached(rows)
+        products = (self._scalar_product(slot, reached @ self.vertical[slot][-1]) for slot in self._at_surface)
         return np.asarray(sum(products))

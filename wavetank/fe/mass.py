@@ -29,7 +29,8 @@ class HorizontalMatrix:
         self._form = compile_form(form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)))
         self._matrix = fem.create_matrix(self._form)
         _, columns, pointers = owned_rows(self._matrix)  # forms on facets reach farther than the space's ghosts
-        self._rows = SparseRows(plane, columns, pointers, numbering=self._matrix.index_map(1))
+        columns = self._matrix.index_map(1).local_to_global(columns)
+        self._rows = SparseRows(columns, pointers, size=plane.size, comm=plane.comm)
         self._ksp = self._solver()
         self._in, self._out = self._rows.matrix.createVecs()
         self.update()
@@ -44,6 +45,7 @@ class HorizontalMatrix:
         else:
             ksp.setType("cg")
             ksp.getPC().setType("jacobi")
+            ksp.setNormType(PETSc.KSP.NormType.NATURAL)  # takes no reduction beyond those of the iteration
             ksp.setTolerances(rtol=1e-15, atol=1e-50, max_it=500)
         return ksp
 

@@ -72,19 +72,16 @@ class PlanMesh(NamedTuple):
         Raises ``InputError`` if there is no group ``paddle``, or if it is not one straight wall.
         """
         facets = self.facets_of("paddle").indices
-        nodes = mesh.entities_to_geometry(self.mesh, CURVE, facets)
-        ends = self._gathered(self.mesh.geometry.x[nodes.reshape(-1)])
-        behind = self._gathered(mesh.compute_midpoints(self.mesh, SURFACE, self._cells_at(facets)))
+        ends, behind = self._nodes(CURVE, facets), self._nodes(SURFACE, self._cells_at(facets))
         if not self._all_outside(facets) or not len(ends):
-            raise InputError(
-                f"{self.source}: the group 'paddle' is not a wall; it must be of cells' sides at the edge."
-            )
+            raise InputError(f"{self.source}: the group 'paddle' is no wall; it must be of cells' sides at the edge.")
         middle = ends.mean(axis=0)
         _, (along, normal) = np.linalg.svd(ends - middle)[1:]
         if np.abs((ends - middle) @ normal).max() > FLAT * np.ptp(ends @ along):
             raise InputError(f"{self.source}: the group 'paddle' is not straight; a paddle must be one straight wall.")
-        normal = np.where(np.abs(normal) < FLAT, 0.0, normal)  # of a paddle along y or x exactly so
         normal *= np.sign((behind.mean(axis=0) - middle) @ normal)
+        normal = np.where(np.abs(normal) < FLAT, 0.0, normal)
+        normal /= np.linalg.norm(normal)  # of a paddle along y or x exactly so
         return (middle @ normal) * normal, normal
 
     def _find(self, tags: mesh.MeshTags | None, dim: int, name: str) -> Entities:
@@ -106,9 +103,11 @@ class PlanMesh(NamedTuple):
         inside = np.setdiff1d(owned, mesh.exterior_facet_indices(self.mesh.topology))
         return bool(self.mesh.comm.allreduce(inside.size) == 0)
 
-    def _gathered(self, points: Vector) -> Vector:
-        """Return the different ones of all ranks' points, in an order that no number of ranks changes; collective."""
-        return np.unique(np.concatenate(self.mesh.comm.allgather(points.reshape(-1, 3)[:, :2])), axis=0)
+    def _nodes(self, dim: int, entities: Entities) -> Vector:
+        """Return (x, y) of the nodes of all ranks' entities [m], shape (N, 2), each once and sorted; collective."""
+        nodes = mesh.entities_to_geometry(self.mesh, dim, entities) if entities.size else entities  # it takes no none
+        points = self.mesh.comm.allgather(self.mesh.geometry.x[nodes.ravel(), :2])
+        return np.asarray(np.unique(np.concatenate(points), axis=0))
 
 
 def draw_plan(draw: Callable[[], None], comm: MPI.Comm) -> PlanMesh:
@@ -173,4 +172,4 @@ def _on_first(action: Callable[[], T], source: str, comm: MPI.Comm) -> T:
     found, error = comm.bcast((found, error))
     if error is not None:
         raise error
-    return found  # type: ignore[return-value]
+    return found

@@ -7,16 +7,18 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
+from wavetank.fe.cell_places import CellPlaces, Places, tabulate
 from wavetank.fe.plane import Field, Plane
 from wavetank.hamiltonian.contract import Vector
 
 Cells = NDArray[np.int32]
 
 PADDING = 1e-9  # m; a point so near to the mesh is in it
+CURVED = 0.1  # of a curved cell's arch: so near is a wall to the curve it was drawn by
 
 
 class Points:
-    """A set of points at which scalar fields are evaluated.
+    """A set of points at which scalar fields are evaluated; one at a curved wall where that is nearest.
 
     Parameters
     ----------
@@ -25,8 +27,11 @@ class Points:
     """
 
     def __init__(self, plane: Plane, points: Vector):
-        self._plane = plane
-        self._tree = geometry.bb_tree(plane.mesh, plane.mesh.topology.dim, padding=PADDING)
+        self._plane, self._places = plane, CellPlaces(plane.mesh)
+        bulge = float(self._places.arches.max(initial=0.0))  # of a side between its nodes, which boxes are made of
+        dim = plane.mesh.topology.dim
+        owned = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
+        self._tree = geometry.bb_tree(plane.mesh, dim, entities=owned, padding=PADDING + bulge)
         self._points = np.full_like(points, np.nan)
         self.move(points)
 
@@ -35,53 +40,49 @@ class Points:
         if np.array_equal(points, self._points):
             return
         self._points = points.copy()
-        cells = self._owned_cells(points)
-        mine = np.flatnonzero(cells >= 0)
-        weights, dofs = self._basis(points[mine], cells[mine])
+        mine, cells, local = self._owned(points)
+        V = self._plane.V
+        dofs = V.dofmap.list[cells]
+        weights = tabulate(V.element.basix_element, 0, local)[0]
         entries = np.repeat(mine, dofs.shape[1]), dofs.ravel()
         self._weights = sparse.csr_matrix(
-            (weights.ravel(), entries), shape=(len(points), self._plane.V.tabulate_dof_coordinates().shape[0])
+            (weights.ravel(), entries), shape=(len(points), V.tabulate_dof_coordinates().shape[0])
         )
 
-    def _owned_cells(self, points: Vector) -> Cells:
-        """Return the cell of each point, on the lowest of the ranks that are nearest; -1 on the others; collective."""
-        comm, mesh = self._plane.comm, self._plane.mesh
+    def _owned(self, points: Vector) -> tuple[NDArray[np.intp], Cells, Vector]:
+        """Return which points are evaluated here, in which cells and where in these; collective.
+
+        That is on the lowest of the ranks that are nearest.
+        """
+        cells, (local, distances) = self._nearest(points)
+        rank, size = self._plane.comm.rank, self._plane.comm.size
+        nearest = self._least(distances)
+        mine = self._least(np.where(distances == nearest, rank, size)) == rank
+        allowed = PADDING + CURVED * np.append(self._places.arches, 0.0)[cells]
+        outside = np.flatnonzero(self._least(np.where(mine, allowed - distances, np.inf)) < 0)
+        if outside.size:
+            x, y, _ = points[outside[0]]
+            raise InputError(f"the point x = {x:.6g} m, y = {y:.6g} m is outside the tank")
+        return np.flatnonzero(mine), cells[mine], local[mine]
+
+    def _least(self, values: Vector) -> Vector:
+        """Return the least of all ranks' values, one by one; collective."""
+        least = values.astype(np.float64)
+        self._plane.comm.Allreduce(MPI.IN_PLACE, least, op=MPI.MIN)
+        return least
+
+    def _nearest(self, points: Vector) -> tuple[Cells, Places]:
+        """Return the nearest of this rank's cells, and the places in it; -1 and inf where none is near."""
         near = geometry.compute_collisions_points(self._tree, points)  # of boxes, which may hold more than their cells
-        owned = mesh.topology.index_map(mesh.topology.dim).size_local
-        found = [self._nearest(points[i], [cell for cell in near.links(i) if cell < owned]) for i in range(len(points))]
-        cells = np.array([cell for cell, _ in found], dtype=np.int32)
-        distances = np.array([distance for _, distance in found])
-        nearest = distances.copy()
-        comm.Allreduce(MPI.IN_PLACE, nearest, op=MPI.MIN)
-        if np.any(nearest > PADDING**2):
-            outside = points[int(np.argmax(nearest))]
-            raise InputError(f"the point x = {outside[0]:.6g} m, y = {outside[1]:.6g} m is outside the tank")
-        holder = np.where(distances == nearest, comm.rank, comm.size)
-        comm.Allreduce(MPI.IN_PLACE, holder, op=MPI.MIN)
-        return np.where(holder == comm.rank, cells, np.int32(-1))
-
-    def _nearest(self, point: Vector, cells: list[int]) -> tuple[int, float]:
-        """Return the nearest of the cells and its squared distance; -1 and inf if there is none."""
-        if not cells:
-            return -1, np.inf
-        mesh, candidates = self._plane.mesh, np.array(cells, dtype=np.int32)
-        distances = geometry.squared_distance(mesh, mesh.topology.dim, candidates, np.tile(point, (len(cells), 1)))
-        best = int(np.argmin(distances))
-        return cells[best], float(distances[best])
-
-    def _basis(self, points: Vector, cells: Cells) -> tuple[Vector, Cells]:
-        mesh, V = self._plane.mesh, self._plane.V
-        dofs = np.array([V.dofmap.cell_dofs(cell) for cell in cells], dtype=np.int32)
-        if not len(cells):
-            return np.zeros((0, 1)), np.zeros((0, 1), dtype=np.int32)
-        corners = mesh.geometry.x[mesh.geometry.dofmap[cells]][:, :, : mesh.geometry.dim]
-        local = np.array(
-            [
-                mesh.geometry.cmap.pull_back(point[None, : mesh.geometry.dim], corner)[0]
-                for point, corner in zip(points, corners, strict=True)
-            ]
-        )
-        return V.element.basix_element.tabulate(0, local)[0, :, :, 0], dofs
+        which = np.repeat(np.arange(len(points)), np.diff(near.offsets))
+        found = self._places.find(points[which], near.array)
+        order = np.lexsort((near.array, found.distances, which))
+        seen, first = np.unique(which[order], return_index=True)
+        best = order[first]
+        cells, distances = np.full(len(points), -1, dtype=np.int32), np.full(len(points), np.inf)
+        local = np.zeros((len(points), found.local.shape[1]))
+        cells[seen], distances[seen], local[seen] = near.array[best], found.distances[best], found.local[best]
+        return cells, Places(local, distances)
 
     def evaluate(self, field: Field) -> Vector:
         """Return the field's values, shape (N,), on every rank; collective."""

@@ -5,8 +5,8 @@ from typing import Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from wavetank.meshes.blocks import Blocks, Point
-from wavetank.meshes.recipe import Box, Recipe, divisions
+from wavetank.meshes.blocks import Blocks, Point, divisions
+from wavetank.meshes.recipe import Box, Recipe
 
 
 class Bend(Recipe):
@@ -63,4 +63,4 @@ class Bend(Recipe):
         add(end, last, self.second - self.sponge_length)
         if self.sponge_length:
             add(last, self._section(angle, self.second), self.sponge_length, group="sponge")
-        blocks.finish(paddle=entrance)
+        blocks.finish(paddle=0.0)

@@ -4,8 +4,8 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from wavetank.meshes.blocks import Blocks
-from wavetank.meshes.recipe import Box, Recipe, divisions
+from wavetank.meshes.blocks import Blocks, Part
+from wavetank.meshes.recipe import Box, Recipe
 
 
 class Harbour(Recipe):
@@ -32,16 +32,13 @@ class Harbour(Recipe):
 
     def outline(self, geometry: Any, cell_size: float) -> None:
         """Draw rows of cells through fairway, corner and arm."""
+        size, top = cell_size, self.width + self.arm_length
+        fairway = Part.of(0.0, self.length - self.arm_width, size)
+        arm, width = Part.of(fairway.end, self.length, size), Part.of(0.0, self.width, size)
+        last = top - self.sponge_length
         blocks = Blocks(geometry, quadrilaterals=self.cells == "quadrilaterals")
-        corner, last = self.length - self.arm_width, self.width + self.arm_length - self.sponge_length
-
-        def add(left: float, low: float, right: float, high: float, group: str = "water") -> None:
-            cells = divisions(right - left, cell_size), divisions(high - low, cell_size)
-            blocks.add([(left, low), (right, low), (right, high), (left, high)], cells, group=group)
-
-        add(0.0, 0.0, corner, self.width)
-        add(corner, 0.0, self.length, self.width)
-        add(corner, self.width, self.length, last)
+        blocks.add_grid([fairway, arm], [width])
+        blocks.add_grid([arm], [Part.of(self.width, last, size)])
         if self.sponge_length:
-            add(corner, last, self.length, last + self.sponge_length, "sponge")
-        blocks.finish(paddle=((0.0, 0.0), (0.0, self.width)))
+            blocks.add_grid([arm], [Part.of(last, top, size)], group="sponge")
+        blocks.finish(paddle=0.0)

@@ -4,12 +4,13 @@ Curves belong to the groups ``paddle`` and ``wall``, surfaces to ``water`` and `
 """
 
 from abc import abstractmethod
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, Strict
 
 from wavetank.noun import Noun
 
+Pair = Annotated[tuple[float, float], Strict(False)]  # a list of two in a case file
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
 CURVE, SURFACE = 1, 2  # gmsh's dimensions
 
@@ -47,8 +48,3 @@ class Recipe(Noun):
             gmsh.option.setNumber("Mesh.RecombineAll", 1)
         gmsh.model.mesh.generate(SURFACE)
         gmsh.model.mesh.setOrder(self.geometry)
-
-
-def divisions(length: float, cell_size: float) -> int:
-    """Return the number of cells of about a size [m] on a length [m], at least 1."""
-    return max(1, round(length / cell_size))

@@ -1,24 +1,21 @@
-"""A rectangle, with equal cells or with finer ones where they are asked for."""
+"""A rectangle, with equal cells or with narrower rows of cells where they are asked for."""
 
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
-from pydantic import Field, Strict, model_validator
+from pydantic import Field, model_validator
 
-from wavetank.meshes.blocks import Blocks
-from wavetank.meshes.graded import draw_graded
-from wavetank.meshes.recipe import Box, Recipe, divisions
+from wavetank.meshes.blocks import Blocks, Part
+from wavetank.meshes.recipe import Box, Pair, Recipe
 from wavetank.noun import Noun
-
-Pair = Annotated[tuple[float, float], Strict(False)]  # a list of two in a case file
 
 
 class Refinement(Noun):
-    """A part of the plan with finer cells."""
+    """Where the columns of cells, the rows, or both are narrower; they are so from wall to wall."""
 
-    x: Pair = Field(description="from where to where along x [m]")
-    y: Pair = Field(description="from where to where along y [m]")
-    factor: float = Field(gt=0, lt=1, description="size of the cells there, over that elsewhere [-]")
+    x: Pair | None = Field(default=None, description="from where to where along x [m]; default: nowhere")
+    y: Pair | None = Field(default=None, description="from where to where along y [m]; default: nowhere")
+    factor: float = Field(gt=0, lt=1, description="width of the cells there, over that elsewhere [-]")
 
 
 class Rectangle(Recipe):
@@ -28,12 +25,16 @@ class Rectangle(Recipe):
     length: float = Field(gt=0, description="along x [m]")
     width: float = Field(gt=0, description="along y [m]")
     origin: Pair = Field(default=(0.0, 0.0), description="the corner of smallest x and y [m]")
-    refine: Refinement | None = Field(default=None, description="a part with finer cells; default: none")
+    refine: Refinement | None = Field(default=None, description="where cells are narrower; default: nowhere")
 
     @model_validator(mode="after")
-    def _room_for_water(self) -> Self:
+    def _fits(self) -> Self:
         if self.sponge_length >= self.length:
             raise ValueError(f"must have a sponge_length below the length, {self.length:g} m")
+        left, low, right, high = self.box
+        if self.refine is not None:
+            _check_between("x", self.refine.x, left, right)
+            _check_between("y", self.refine.y, low, high)
         return self
 
     @property
@@ -43,14 +44,26 @@ class Rectangle(Recipe):
         return x, y, x + self.length, y + self.width
 
     def outline(self, geometry: Any, cell_size: float) -> None:
-        """Draw rows of cells, or a graded mesh."""
+        """Draw columns and rows of cells."""
         left, low, right, high = self.box
-        if self.refine is not None:
-            draw_graded(geometry, self.box, cell_size, sponge_length=self.sponge_length, refine=self.refine)
-            return
+        last = right - self.sponge_length
+        fine, factor = (self.refine, self.refine.factor) if self.refine else (Refinement(factor=0.5), 1.0)
+        columns = _parts([left, last, right], fine.x, cell_size, factor=factor)
+        rows = _parts([low, high], fine.y, cell_size, factor=factor)
         blocks = Blocks(geometry, quadrilaterals=self.cells == "quadrilaterals")
-        ends = [left, right - self.sponge_length, right] if self.sponge_length else [left, right]
-        for (start, end), group in zip(pairwise(ends), ("water", "sponge"), strict=False):
-            cells = divisions(end - start, cell_size), divisions(self.width, cell_size)
-            blocks.add([(start, low), (end, low), (end, high), (start, high)], cells, group=group)
-        blocks.finish(paddle=((left, low), (left, high)))
+        blocks.add_grid([column for column in columns if column.end <= last], rows)
+        blocks.add_grid([column for column in columns if column.end > last], rows, group="sponge")
+        blocks.finish(paddle=left)
+
+
+def _check_between(axis: str, fine: Pair | None, start: float, end: float) -> None:
+    if fine is not None and not start <= fine[0] < fine[1] <= end:
+        received, allowed = f"[{fine[0]:g}, {fine[1]:g}]", f"{start:g} to {end:g} m"
+        raise ValueError(f"must have refine.{axis} = {received} ascending and in the plan, {allowed}")
+
+
+def _parts(ends: list[float], fine: Pair | None, cell_size: float, *, factor: float) -> list[Part]:
+    """Return the parts between all ends, with cells smaller by a factor in the fine one."""
+    start, end = fine or (0.0, 0.0)
+    parts = pairwise(sorted({*ends, *(fine or ())}))
+    return [Part.of(a, b, cell_size * (factor if start <= a and b <= end else 1.0)) for a, b in parts]

@@ -162,6 +162,8 @@ class SegmentedPistonWall(MovingWall):
             allowed = "needs a basin (tank.type) whose plan says how wide it is: a recipe, not a file"
             yield Problem(("wall", "type"), self.type, allowed)
             return
+        if scene.physics == "linear":
+            yield Problem(("wall", "type"), self.type, "needs nonlinear water (water.type), or must be a piston")
         yield from super().problems(scene)
         widest = self.motion.widest_segment(scene.tank)
         if self.segment is not None and self.segment > widest:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from wavetank.errors import InputError
 from wavetank.formula import Formula
 from wavetank.motions import Array
 from wavetank.noun import Noun, Problem
 from wavetank.reference.airy import group_velocity, wave_number
+from wavetank.scene.formulae import FormulaNoun, FormulaText
 from wavetank.scene.tanks import AnyTank, RingTank, SliceTank
 
 if TYPE_CHECKING:
@@ -94,24 +94,19 @@ class GroupSponge(_Profiled):
             yield Problem(("sponge", "type"), self.type, "needs a basin (tank.type), whose mesh has groups of cells")
 
 
-class FormulaSponge(Noun):
+class FormulaSponge(FormulaNoun):
     """Damping rate gamma(x, y)."""
 
     type: Literal["formula"] = "formula"
-    gamma: str = Field(min_length=1, description="damping rate gamma(x, y) [1/s], not negative")
-    where: dict[str, str] = Field(default={}, description="named parts of the formula")
+    gamma: FormulaText = Field(description="damping rate gamma(x, y) [1/s], not negative")
 
     def build(self) -> Formula:
-        """Return gamma(x, y) [1/s]; raises ``InputError`` for what is no formula."""
-        return Formula(self.gamma, where=self.where)
+        """Return gamma(x, y) [1/s]."""
+        return self.formula(self.gamma)
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:
-        """Yield a ring, which has no end, and what is no formula."""
+        """Yield a ring, which has no end."""
         yield from _ring_problems(self.type, scene)
-        try:
-            self.build()
-        except InputError as error:
-            yield Problem(("sponge", "gamma"), self.gamma, str(error).removesuffix("."))
 
 
 def _ring_problems(received: str, scene: "Scene") -> Iterator[Problem]:

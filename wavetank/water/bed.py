@@ -13,6 +13,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from wavetank.errors import InputError
+from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
 
@@ -91,13 +92,18 @@ class VaryingBed:
         self.depth = float(volume / area)
 
     def _at(self, places: Vector) -> Vector:
-        return np.asarray(self._depth(places[:, 0], places[:, 1]), dtype=np.float64)
+        depth = agreed(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
+        return np.asarray(depth, dtype=np.float64)
 
     def set_places(self, places: Vector) -> None:
         """Take where the degrees of freedom now are, (x, y) [m], shape (owned, 2); collective."""
         self.still = self._at(places)
         shallow = int(np.argmin(self.still)) if len(places) else 0
-        mine = (float(self.still[shallow]), *map(float, places[shallow])) if len(places) else (np.inf, 0.0, 0.0)
+        mine = (
+            (float(self.still[shallow]), *map(float, np.round(places[shallow], 6)))
+            if len(places)
+            else (np.inf, 0.0, 0.0)
+        )
         least, x, y = self._plane.comm.allreduce(mine, op=MPI.MIN)
         if not least > 0.0:
             where = f"x = {x:.4g} m, y = {y:.4g} m"

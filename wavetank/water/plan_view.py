@@ -12,6 +12,8 @@ from wavetank.fe.charts import Polygon, Straight
 from wavetank.fe.plan_mesh import PlanMesh
 from wavetank.water.walls import Paddle
 
+ALONG = 1e-6  # of a facet's length: a wall runs along the motion if it turns away by no more
+
 
 class Slice:
     """A straight tank of one horizontal dimension, x in [0, length], of equal cells.
@@ -33,6 +35,10 @@ class Slice:
     def cell_size(self) -> float:
         """The size of a cell [m]."""
         return self.length / self.cells
+
+    def free_reach(self, paddle: Paddle) -> float:
+        """Return how far from the paddle all walls run along its motion [m]: up to the far end."""
+        return self.length
 
     def paddle(self) -> Paddle:
         """Return the wall at x = 0; collective."""
@@ -81,3 +87,17 @@ class Basin:
         """Return the wall of the group ``paddle``; raises ``InputError`` if it is none, or not straight; collective."""
         point, normal = self.plan.paddle_line()
         return Paddle(self.plan.facets_of("paddle"), point=point, normal=normal)
+
+    def free_reach(self, paddle: Paddle) -> float:
+        """Return how far from the paddle all walls run along its motion [m]: others must not move with it; collective.
+
+        That is up to the nearest node of a wall across the motion, a round one, or a cylinder.
+        """
+        walls = mesh.exterior_facet_indices(self.mesh.topology)
+        nodes = mesh.entities_to_geometry(self.mesh, 1, walls) if walls.size else np.zeros((0, 2), dtype=np.int32)
+        places = self.mesh.geometry.x[nodes.ravel(), :2]
+        distances = paddle.distances(places).reshape(nodes.shape)
+        along = np.ptp(paddle.along(places).reshape(nodes.shape), axis=1) < ALONG * np.ptp(distances, axis=1)
+        itself = np.abs(distances).max(axis=1, initial=0.0) < ALONG * self.plan.cell_size
+        nearest = distances[~along & ~itself].min(initial=np.inf)
+        return float(self.mesh.comm.allreduce(float(nearest), op=MPI.MIN))

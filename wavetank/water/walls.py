@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 import ufl
 from dolfinx import fem, mesh
+from mpi4py import MPI
 
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
@@ -244,8 +245,8 @@ class Piston:
     motion
         X_p(t), or X_p(y, t), with its exact derivatives.
     reach
-        Where the mapping has died out [m]; the vertex at the nearest distance is taken, so that s is exact on meshes
-        with a row of vertices there.
+        Where the mapping has died out [m]; of the vertices up to there the farthest is taken, so that s is exact on
+        meshes with a row of vertices there.
     paddle
         Where the wall is.
     """
@@ -259,7 +260,7 @@ class Piston:
         )
         V = fem.functionspace(plane.mesh, ("Lagrange", 1))
         vertices = paddle.distances(plane.chart.places(V.tabulate_dof_coordinates()))
-        self.reach = self._nearest(vertices, reach)
+        self.reach = self._last(vertices, reach)
         self.s = fem.Function(V)
         self.s.x.array[:] = self._shape(vertices)
         self.axis = ufl.as_vector([float(part) for part in paddle.normal[: plane.mesh.geometry.dim]])
@@ -268,11 +269,13 @@ class Piston:
         self.J = self._mapping.J
         self.set_time(0.0)
 
-    def _nearest(self, distances: Vector, reach: float) -> float:
-        inside = distances[distances > 1e-9 * reach]
-        nearest = float(inside[np.argmin(np.abs(inside - reach))]) if inside.size else np.inf
-        found: list[float] = self._plane.comm.allgather(nearest)
-        return min(found, key=lambda one: abs(one - reach))
+    def _last(self, distances: Vector, reach: float) -> float:
+        """Return the largest of the distances up to a reach, or the smallest there is beyond it; collective."""
+        tolerance = 1e-6 * self._plane.cell_size
+        within = float(distances[distances < reach + tolerance].max(initial=0.0))
+        beyond = float(distances[distances >= reach + tolerance].min(initial=np.inf))
+        within = self._plane.comm.allreduce(within, op=MPI.MAX)
+        return within if within > tolerance else float(self._plane.comm.allreduce(beyond, op=MPI.MIN))
 
     def _shape(self, distances: Vector) -> Vector:
         return np.maximum(0.0, 1.0 - distances / self.reach)

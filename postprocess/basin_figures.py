@@ -1,0 +1,155 @@
+"""Maps of a basin's surface, seen from above: the highest crest, the highest elevation, the height of the waves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
+
+from postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
+from postprocess.figures import CM, FLAT, PADDLE, SATURATED
+from postprocess.style import picture
+from wavetank.errors import InputError
+from wavetank.rundir import RunDirectory
+from wavetank.series import GaugeSeries
+
+LEVELS = 64  # of colours
+BESIDE, BELOW = 5.2, 9.5  # width of a map [inch], the maps beside or below each other
+LONG = 0.4  # width over length of a basin up to which they are below each other
+NAMED = 12  # gauges at most that are called by their names
+PERIODS, SNAPSHOTS = 3, 6  # wave heights are those of the last periods, if there are so many snapshots in each
+RIM, DARK, LIGHT = "#444444", "#3a2c0a", "#ffffff"
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """What one map shows.
+
+    Attributes
+    ----------
+    title, label
+        What is said above it, and of its colours.
+    points
+        Where its values are, (x, y, ...) [m], shape (N, 3).
+    values
+        Shape (N,) [m].
+    limits
+        The values at which the colours end [m].
+    colours, ink
+        The name of matplotlib's colour map, and the colour of what is drawn upon it.
+    """
+
+    title: str
+    label: str
+    points: Array
+    values: Array
+    limits: tuple[float, float]
+    colours: str
+    ink: str
+
+
+def basin_figure(run: RunDirectory, path: Path) -> Path:
+    """Draw the elevation when the highest crest is there, the highest elevation, and the height of regular waves.
+
+    Over contours of the bed, with paddle and gauges; heights are crest minus trough over the last periods of a paddle
+    that has one. Returns ``path``; raises ``InputError`` for less than two snapshots.
+    """
+    surface = BasinSurface(run)
+    if surface.times.size < 2:
+        raise InputError(f"{path}: {surface.times.size} snapshots of the surface received; at least 2 are needed.")
+    came_to = history(surface)
+    paddle, high = surface.paddle(came_to.travel), came_to.extremes.high
+    title, both = f"at the highest crest, t = {came_to.crest_time:.2f} s", (-came_to.usual, came_to.usual)
+    maps = [
+        Map(title, "elevation [cm]", came_to.crest, came_to.crest[:, 2], both, "RdBu_r", DARK),
+        Map("the highest elevation reached", "elevation [cm]", surface.first, high, _limits(high), "viridis", LIGHT),
+        *_wave_heights(run, surface),
+    ]
+    with picture(path, *_size(surface, len(maps))) as figure:
+        for axes, one in zip(_panels(figure, surface, len(maps)), maps, strict=True):
+            _draw_map(figure, axes, surface, one)
+            axes.plot(*one.points[paddle, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
+            _draw_gauges(axes, run.gauges(), one.ink)
+        figure.suptitle(run.title or "Surface elevation", fontsize=13)
+    return path
+
+
+def _limits(values: Array) -> tuple[float, float]:
+    """Return where the colours of values [m] begin and end, single sharp crests left out."""
+    low, high = np.quantile(values, [1 - SATURATED, SATURATED])
+    return float(low), max(float(high), float(low) + FLAT / CM)
+
+
+def _wave_heights(run: RunDirectory, surface: BasinSurface) -> list[Map]:
+    """Return the map of crest minus trough over the last periods; none without a period, or of too few snapshots."""
+    motion = run.manifest.get("scene", {}).get("wall", {}).get("motion") or {}
+    period, end = motion.get("period"), surface.times[-1]
+    if period is None or end - surface.times[0] < 2 * PERIODS * period:  # the waves have not come yet
+        return []
+    last = np.flatnonzero(surface.times >= end - PERIODS * period)
+    if last.size < PERIODS * SNAPSHOTS:
+        return []
+    extremes = Extremes(len(surface.first))
+    for number in last:
+        extremes.add(surface.times[number], surface.snapshot(int(number))[:, 2])
+    heights = extremes.high - extremes.low
+    title = f"wave height from t = {surface.times[last[0]]:.2f} to {end:.2f} s"
+    return [Map(title, "crest minus trough [cm]", surface.first, heights, _limits(heights), "viridis", LIGHT)]
+
+
+# ---------------------------------------------------------------- the picture
+def _shape(surface: BasinSurface) -> float:
+    """Return width over length of the box around the basin."""
+    length, width = np.ptp(surface.first[:, :2], axis=0)
+    return float(width / length)
+
+
+def _size(surface: BasinSurface, maps: int) -> tuple[float, float]:
+    """Return the figure's width and height [inch]."""
+    shape = _shape(surface)
+    if shape < LONG:
+        return BELOW, 0.5 + maps * (0.8 + 0.95 * BELOW * shape)
+    return BESIDE * maps, float(np.clip(1.8 + 0.94 * BESIDE * shape, 3.5, 14.0))
+
+
+def _panels(figure: Figure, surface: BasinSurface, maps: int) -> list[Axes]:
+    grid = (maps, 1) if _shape(surface) < LONG else (1, maps)
+    return list(figure.subplots(*grid, squeeze=False, sharex=True, sharey=True).ravel())
+
+
+def _draw_map(figure: Figure, axes: Axes, surface: BasinSurface, one: Map) -> None:
+    x, y = one.points[:, 0], one.points[:, 1]
+    plan = Triangulation(x, y, _triangles(surface.pieces))
+    levels = CM * np.linspace(*one.limits, LEVELS)
+    filled = axes.tricontourf(plan, CM * one.values, levels, cmap=one.colours, extend="both")
+    bar = figure.colorbar(
+        filled, ax=axes, location="right" if _shape(surface) < LONG else "bottom", shrink=0.85, aspect=35, pad=0.02
+    )
+    bar.set_ticks(MaxNLocator(7).tick_values(levels[0], levels[-1])[1:-1])
+    bar.set_label(one.label)
+    if surface.contours.size:
+        lines = axes.tricontour(plan, surface.depth, surface.contours, colors=one.ink, linewidths=0.6)
+        axes.clabel(lines, fmt=lambda depth: f"{depth:g} m", fontsize=7)
+    rim = [one.points[np.append(loop, loop[0]), :2] for loop in surface.loops]
+    axes.add_collection(LineCollection(rim, colors=RIM, linewidths=0.8))
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=one.title)
+    axes.label_outer()
+    axes.grid(False)
+
+
+def _triangles(pieces: Indices) -> Indices:
+    """Return triangles instead of triangles or quadrilaterals, shape (F, 3)."""
+    fans = [pieces[:, [0, corner, corner + 1]] for corner in range(1, pieces.shape[1] - 1)]
+    return np.concatenate(fans)
+
+
+def _draw_gauges(axes: Axes, gauges: Sequence[GaugeSeries], ink: str) -> None:
+    few = len(gauges) <= NAMED
+    axes.plot([one.x for one in gauges], [one.y for one in gauges], "+" if few else ",", color=ink, ms=7, mew=1.2)
+    for one in gauges if few else ():
+        axes.annotate(one.name, (one.x, one.y), xytext=(4, 3), textcoords="offset points", fontsize=8, color=ink)

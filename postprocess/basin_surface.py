@@ -1,0 +1,229 @@
+"""The surface of a basin over time: one mesh, whose snapshots are read when they are needed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+import pyvista as pv
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator
+
+from postprocess.figures import CM, FLAT, SATURATED
+from wavetank.errors import InputError
+from wavetank.rundir import RunDirectory
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
+
+SAME = 1e-9  # of the basin's size: points as close are one, on the two sides of a border between ranks
+AROUND = 4  # snapshots that the surface between two of them is interpolated from
+KEPT = 8  # snapshots in memory
+SLOPING = 1e-3  # of the depth: a bed that varies less is flat
+MOVED = 1e-7  # of the basin's length: less is no paddle's motion
+CORNERS = {pv.CellType.TRIANGLE: 3, pv.CellType.QUAD: 4}
+
+
+class BasinSurface:
+    """The surface of a run in a basin: the pieces of all ranks as one mesh.
+
+    Attributes
+    ----------
+    times
+        Of the snapshots [s], shape (M,), increasing.
+    first
+        The points (x, y, eta) [m] of the first snapshot, shape (N, 3).
+    depth
+        Still-water depth d at the points [m], shape (N,).
+    pieces
+        Corners of the triangles or quadrilaterals between the points, anticlockwise, shape (F, 3) or (F, 4).
+
+    Raises ``InputError`` if the run has no snapshot, or damaged ones; so do all methods that read one.
+    """
+
+    def __init__(self, run: RunDirectory):
+        snapshots = run.fields("surface")
+        if not snapshots:
+            raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
+        times, self._files = zip(*snapshots, strict=True)
+        self.times = np.array(times)
+        if not np.all(np.diff(self.times) > 0):
+            raise InputError(f"{run.path}: its snapshots are damaged; times must increase.")
+        self._merge()
+        self.snapshot = lru_cache(KEPT)(self._snapshot)
+
+    def _merge(self) -> None:
+        """Join the pieces of the ranks."""
+        parts = _read(self._files[0])
+        flat = parts.copy()
+        flat.points = parts.points * (1.0, 1.0, 0.0)
+        # in x and y: what stands on both sides of a border is computed by both, to solver tolerance the same
+        whole = flat.clean(tolerance=SAME * parts.length, produce_merge_map=True)
+        _, self._chosen = np.unique(whole.field_data["PointMergeMap"], return_index=True)
+        self._stored = parts.n_points
+        kinds = [kind for kind in CORNERS if kind in whole.cells_dict]
+        if len(kinds) != 1 or "depth" not in parts.point_data:
+            raise InputError(f"{self._files[0]}: is no surface of triangles or quadrilaterals with their depth.")
+        self.pieces: Indices = whole.cells_dict[kinds[0]].astype(np.int64)
+        self.depth: Array = np.asarray(parts["depth"][self._chosen], float)
+        self.first: Array = np.asarray(parts.points[self._chosen], float)
+
+    def _snapshot(self, number: int) -> Array:
+        """Return the points (x, y, eta) [m] of a snapshot by its number, shape (N, 3)."""
+        parts = _read(self._files[number])
+        if parts.n_points != self._stored:
+            raise InputError(f"{self._files[number]}: {parts.n_points} points; the first snapshot has {self._stored}.")
+        return np.asarray(parts.points[self._chosen], float)
+
+    def snapshots(self) -> Iterator[tuple[float, Array]]:
+        """Yield times [s] and points (x, y, eta) [m], shape (N, 3), one after the other."""
+        for number, t in enumerate(self.times):
+            yield float(t), self._snapshot(number)
+
+    def at(self, t: float) -> Array:
+        """Return the points (x, y, eta) [m] at t [s], shape (N, 3), interpolated between the snapshots around."""
+        begin = int(np.searchsorted(self.times, t)) - AROUND // 2
+        begin = int(np.clip(begin, 0, max(0, self.times.size - AROUND)))
+        near = range(begin, min(begin + AROUND, self.times.size))
+        values = np.array([self.snapshot(number) for number in near])
+        return np.asarray(BarycentricInterpolator(self.times[near.start : near.stop], values)(t))
+
+    @property
+    def contours(self) -> Array:
+        """The still-water depths [m] that lines of the bed are drawn at; none over a flat bed."""
+        low, high = float(self.depth.min()), float(self.depth.max())
+        least = SLOPING * high
+        levels = np.array(MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+        return levels[(levels > low + least) & (levels < high - least)]
+
+    @property
+    def edges(self) -> Indices:
+        """Start and end of each piece's sides among the points, shape (E, 2)."""
+        return np.stack([self.pieces, np.roll(self.pieces, -1, axis=1)], axis=-1).reshape(-1, 2)
+
+    @cached_property
+    def loops(self) -> list[Indices]:
+        """The points of each closed line of the rim, the water on its left; the outermost first."""
+        edges = self.edges
+        low, high = edges.min(axis=1), edges.max(axis=1)
+        _, first, count = np.unique(low * len(self.first) + high, return_index=True, return_counts=True)
+        after = dict(edges[first[count == 1]].tolist())
+        loops = []
+        while after:
+            start, point = after.popitem()
+            loop = [start]
+            while point != start:
+                loop.append(point)
+                point = after.pop(point)
+            loops.append(np.array(loop))
+        return sorted(loops, key=lambda loop: -_area(self.first[loop]))
+
+    def paddle(self, travel: Array) -> Indices:
+        """Return the points of the paddle, by increasing y; none, shape (0,), if it does not move.
+
+        ``travel`` [m], shape (N,), is how far each point moves along x.
+        """
+        stroke, rim = travel.max(), self.loops[0]
+        x, y = self.first[rim, 0], self.first[rim, 1]
+        moving = travel[rim] > MOVED * np.ptp(x)
+        if not np.any(moving):
+            return np.zeros(0, np.int64)
+        # the mapping moves the side walls' points, too, but along these walls
+        ends = moving & np.roll(moving, -1) & (np.abs(np.roll(y, -1) - y) > np.abs(np.roll(x, -1) - x))
+        front = (ends | np.roll(ends, 1)) & (x <= x[moving].min() + 2 * stroke)
+        return np.asarray(rim[front][np.argsort(y[front])])
+
+
+def _area(line: Array) -> float:
+    """Return the area within a closed line (x, y, ...) [m], positive if it runs anticlockwise."""
+    x, y = line[:, 0], line[:, 1]
+    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
+
+
+def _read(file: Path) -> pv.UnstructuredGrid:
+    if not file.is_file():
+        raise InputError(f"{file}: is missing; the run directory names it.")
+    return pv.read(file)
+
+
+# ---------------------------------------------------------------- what comes of all snapshots
+Snapshot = tuple[float, Array]
+
+
+class Extremes:
+    """The highest and the lowest elevation at each point, between snapshots too.
+
+    Where a snapshot is higher than those before and after it, the crest is that of the parabola through the three: of
+    a cosine at nine snapshots a period it misses 0.5 % where the highest snapshot may miss 6 %.
+
+    Attributes
+    ----------
+    high, low
+        What was reached so far [m], shape (N,).
+    """
+
+    def __init__(self, points: int):
+        self.high, self.low = np.full(points, -np.inf), np.full(points, np.inf)
+        self._before: list[Snapshot] = []
+
+    def add(self, t: float, eta: Array) -> None:
+        """Take in the elevation [m] at t [s], shape (N,), later than those before."""
+        three = [*self._before, (t, eta)]
+        self.high, self.low = np.maximum(self.high, eta), np.minimum(self.low, eta)
+        if len(three) == 3:
+            self.high = np.maximum(self.high, _crest(*three))
+            self.low = np.minimum(self.low, -_crest(*((when, -one) for when, one in three)))
+        self._before = three[-2:]
+
+
+def _crest(first: Snapshot, second: Snapshot, third: Snapshot) -> Array:
+    """Return the tops of the parabolas through three snapshots where the second is highest; elsewhere the second."""
+    (t, a), (u, b), (v, c) = first, second, third
+    rise, fall = (b - a) / (u - t), (c - b) / (v - u)
+    bend = (fall - rise) / (v - t)
+    slope = rise + bend * (u - t)
+    higher = (b >= a) & (b >= c) & (bend < 0)
+    return np.asarray(b - np.where(higher, slope**2 / np.where(higher, 4 * bend, 1.0), 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """What the waves of a run came to.
+
+    Attributes
+    ----------
+    extremes
+        The highest and the lowest elevation at each point.
+    crest_time, crest
+        When the highest crest is there [s], and the points (x, y, eta) [m] then, shape (N, 3).
+    travel
+        How far each point moves along x [m], shape (N,).
+    usual, slope
+        The largest elevation [m] and slope [-], single sharp crests left out.
+    """
+
+    extremes: Extremes
+    crest_time: float
+    crest: Array
+    travel: Array
+    usual: float
+    slope: float
+
+
+def history(surface: BasinSurface) -> History:
+    """Return what the waves came to; reads all snapshots once, one at a time."""
+    extremes, travel = Extremes(len(surface.first)), np.zeros(len(surface.first))
+    crest_time, crest, usual, slope = float(surface.times[0]), surface.first, FLAT / CM, 0.0
+    start, end = np.unique(np.sort(surface.edges, axis=1), axis=0).T
+    for t, points in surface.snapshots():
+        extremes.add(t, points[:, 2])
+        travel = np.maximum(travel, np.abs(points[:, 0] - surface.first[:, 0]))
+        if points[:, 2].max() > crest[:, 2].max():
+            crest_time, crest = t, points
+        step = points[end] - points[start]
+        slopes = np.abs(step[:, 2]) / np.hypot(step[:, 0], step[:, 1])
+        usual = max(usual, float(np.quantile(np.abs(points[:, 2]), SATURATED)))
+        slope = max(slope, float(np.quantile(slopes, SATURATED)))
+    return History(extremes, crest_time, crest, travel, usual, slope)

@@ -1,0 +1,138 @@
+"""A basin as it is seen: its water over its bed, the paddle, the walls behind the water, and what stands in it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pyvista as pv
+
+from postprocess.basin_surface import BasinSurface, Indices, history
+from postprocess.figures import CM
+from postprocess.view_sight import DRY, ELEVATION, INK, SAND, SLAB, Array, Part, Sight, WaveSizes, curtain, sheet, ticks
+from wavetank.rundir import RunDirectory
+
+PLATE = 0.006  # thickness of the paddle, over the basin's size
+CLEAR = 0.012  # of the rulers from the box around the basin, over the basin's size
+RAISED = 0.01  # of the contours above the surface, over the height of the waves
+CONCRETE, STONE = "#c3ccd2", "#a9b2b8"
+ROUND = {"smooth_shading": True, "split_sharp_edges": True}
+
+
+class Basin:
+    """A basin of any plan.
+
+    Raises ``InputError`` if the run has no snapshot of the surface, or damaged ones; so do all methods that read one.
+    """
+
+    eye = (28.0, 36.0)
+
+    def __init__(self, run: RunDirectory):
+        self._surface = BasinSurface(run)
+        came_to = history(self._surface)
+        self.times, self.depth = self._surface.times, float(self._surface.depth.max())
+        self.waves = WaveSizes(
+            low=float(came_to.extremes.low.min()),
+            high=float(came_to.extremes.high.max()),
+            usual=came_to.usual,
+            slope=came_to.slope,
+            crest_time=came_to.crest_time,
+        )
+        self.note = _said(self._surface.contours)
+        self._paddle = self._surface.paddle(came_to.travel)
+        self._ground = self._surface.first * (1.0, 1.0, 0.0)
+        self._ground[self._paddle, 0] -= came_to.travel.max() + PLATE * self.extent
+
+    @property
+    def extent(self) -> float:
+        """The larger side of the box around the basin [m]."""
+        return float(np.ptp(self._surface.first[:, :2], axis=0).max())
+
+    def at(self, t: float) -> Sight:
+        """Return what moves, at a time t [s] of the run."""
+        points = self._surface.at(t)
+        surface = pv.PolyData.from_regular_faces(points, self._surface.pieces)
+        surface[ELEVATION] = CM * points[:, 2]
+        depth = self._surface.depth
+        sides = pv.merge([curtain(points[loop], -depth[loop]) for loop in self._surface.loops])
+        paddle = self._board(points[self._paddle]) if self._paddle.size else None
+        return Sight(surface, sides, paddle, self._contours(surface) if self._surface.contours.size else None)
+
+    def parts(self) -> Iterator[Part]:
+        """Yield the bed, the walls behind the water and what stands in it."""
+        outer, *inner = self._surface.loops
+        yield Part("bed", self.bed(), {"color": SAND, **DRY})
+        yield Part("walls", self._wall(outer), {"color": CONCRETE, "culling": "front", **DRY})
+        yield Part("rulers", self._rulers(), {"color": INK, "lighting": False})
+        for number, loop in enumerate(inner):
+            yield Part(f"island {number}", self._island(loop), {"color": STONE, **ROUND, **DRY})
+
+    def bed(self) -> pv.PolyData:
+        """Return a slab whose top is the bed, under the paddle's whole way too."""
+        points = self._ground - np.outer(self._surface.depth, (0.0, 0.0, 1.0))
+        top = pv.PolyData.from_regular_faces(points, self._surface.pieces)
+        return pv.merge([top, *(curtain(points[loop], -(1 + SLAB) * self.depth) for loop in self._surface.loops)])
+
+    def marks(self) -> tuple[Array, list[str]]:
+        """Return places beside the rulers [m], shape (K, 3), and their x or y."""
+        x, y = (ticks(*ends) for ends in self._box)
+        texts = [f"x = {x[0]:g} m", *(f"{one:g}" for one in (*x[1:], *y[:-1])), f"y = {y[-1]:g} m"]
+        return np.concatenate([self._on_rulers(3.2 * CLEAR, 0), self._on_rulers(5.2 * CLEAR, 1)]), texts
+
+    # ------------------------------------------------------------ meshes
+    @property
+    def _box(self) -> Array:
+        """Least and largest x, least and largest y [m], shape (2, 2)."""
+        plan = self._surface.first[:, :2]
+        return np.stack([plan.min(axis=0), plan.max(axis=0)], axis=1)
+
+    def _on_rulers(self, clear: float, axis: int) -> Array:
+        """Return the places of an axis' ticks [m], shape (K, 3), so far, over the basin's size, outside the box."""
+        (left, right), (low, _) = self._box
+        along = ticks(*self._box[axis])
+        beside = np.full_like(along, (low, right)[axis] + (-1, 1)[axis] * clear * self.extent)
+        places = np.stack([along, beside] if axis == 0 else [beside, along], axis=1)
+        return np.column_stack([places, np.full_like(along, -(1 + SLAB) * self.depth)])
+
+    def _rulers(self) -> pv.PolyData:
+        """Return a line with ticks along the box's front side, and one along its right side."""
+        lines = pv.PolyData()
+        for axis in (0, 1):
+            inner, outer = self._on_rulers(CLEAR, axis), self._on_rulers(2 * CLEAR, axis)
+            lines += pv.line_segments_from_points(np.stack([inner, outer], axis=1).reshape(-1, 3))
+            lines += pv.Line(inner[0], inner[-1])
+        return lines
+
+    @property
+    def _top(self) -> float:
+        """The height of walls [m], which the highest crest does not reach."""
+        return 1.3 * self.waves.high - 0.3 * self.waves.low
+
+    def _contours(self, surface: pv.PolyData) -> pv.PolyData:
+        surface["depth"] = self._surface.depth
+        lines = surface.contour(self._surface.contours, scalars="depth")
+        lines.points[:, 2] += RAISED * (self.waves.high - self.waves.low)
+        return lines
+
+    def _board(self, line: Array) -> pv.PolyData:
+        """Return the paddle behind the water's line [m], shape (N, 3)."""
+        rows = np.array([line, line])
+        rows[..., 2] = -self._surface.depth[self._paddle], np.full(len(line), self._top)
+        return sheet(rows).extrude((-PLATE * self.extent, 0.0, 0.0), capping=True)
+
+    def _wall(self, loop: Indices) -> pv.PolyData:
+        """Return the wall along a line of the rim but for the paddle; faces look at the water."""
+        line = self._ground[loop] + (0.0, 0.0, self._top)
+        wall = curtain(line, -self._surface.depth[loop])
+        moving = np.isin(loop, self._paddle)
+        return wall.remove_cells(np.flatnonzero(moving & np.roll(moving, -1)))
+
+    def _island(self, loop: Indices) -> pv.PolyData:
+        """Return what stands in the water within a line of the rim."""
+        line = self._ground[loop] - (0.0, 0.0, self.depth)
+        plan = pv.PolyData(line, faces=[len(line), *range(len(line))]).triangulate()
+        return plan.extrude((0.0, 0.0, self.depth + self._top), capping=True)
+
+
+def _said(contours: Array) -> str:
+    """Return what lines of still-water depth [m] are; nothing of none."""
+    depths = ", ".join(f"{depth:g}" for depth in contours)
+    return f"lines of still-water depth {depths} m" if depths else ""

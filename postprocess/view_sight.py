@@ -1,0 +1,144 @@
+"""What a picture needs of a tank: the water, the bed, walls and paddle as meshes in metres, at any time of the run."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+import pyvista as pv
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.rundir import RunDirectory
+
+Array = NDArray[np.float64]
+
+ELEVATION, HEIGHT = "elevation [cm]", "z [m]"
+SLAB = 0.1  # thickness of the bed, over the depth
+SAND, PAINT, GLASS, INK = "#cdb990", "#d9762b", "#9db4c4", "#1c2b3a"
+DRY = {"ambient": 0.65, "diffuse": 0.5}
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What moves, at one time: meshes in metres, z up from still water.
+
+    Attributes
+    ----------
+    surface
+        The free surface, with point data ``ELEVATION``.
+    sides
+        The water's sides, from the rim of the surface down to the bed, with point data ``HEIGHT``.
+    paddle
+        The paddle; None where no wall moves.
+    contours
+        Lines of equal still-water depth, drawn on the surface; None where there are none to be drawn.
+    """
+
+    surface: pv.PolyData
+    sides: pv.PolyData
+    paddle: pv.PolyData | None
+    contours: pv.PolyData | None = None
+
+
+@dataclass(frozen=True)
+class WaveSizes:
+    """How large the waves of a run are.
+
+    Attributes
+    ----------
+    low, high
+        The extreme elevations [m].
+    usual
+        The largest elevation, single sharp crests left out [m].
+    slope
+        The largest slope of the surface, likewise [-].
+    crest_time
+        When the highest crest is there [s].
+    """
+
+    low: float
+    high: float
+    usual: float
+    slope: float
+    crest_time: float
+
+
+@dataclass(frozen=True)
+class Part:
+    """What stands still: a mesh in metres, and how pyvista is to draw it."""
+
+    name: str
+    mesh: pv.PolyData
+    look: Mapping[str, Any] = field(default_factory=dict)
+
+
+class TankView(Protocol):
+    """A run as a picture needs it.
+
+    Attributes
+    ----------
+    times
+        Of the snapshots [s], shape (M,), increasing.
+    depth
+        Of still water, where it is deepest [m].
+    waves
+        How large they are.
+    eye
+        From where it is seen: degrees to the right of the view along y, and above.
+    note
+        What else must be said below the picture; empty if nothing.
+    """
+
+    times: Array
+    depth: float
+    waves: WaveSizes
+    eye: tuple[float, float]
+    note: str
+
+    @property
+    def extent(self) -> float:
+        """The larger horizontal size of the water [m]."""
+
+    def at(self, t: float) -> Sight:
+        """Return what moves, at a time t [s] of the run."""
+
+    def parts(self) -> Iterator[Part]:
+        """Yield what stands still: first the slab whose top is the bed, then walls and what else is worth seeing."""
+
+    def marks(self) -> tuple[Array, list[str]]:
+        """Return places [m], shape (K, 3), and what is written there."""
+
+
+def said(run: RunDirectory, key: str) -> Any:
+    """Return what the manifest says of the tank; raise ``InputError`` if it says nothing."""
+    try:
+        return run.manifest["scene"]["tank"][key]
+    except (KeyError, TypeError):
+        raise InputError(f"{run.path}: its manifest does not say the tank's {key}.") from None
+
+
+def ticks(low: float, high: float) -> Array:
+    """Return round numbers from low to high, for marks."""
+    values = np.array(MaxNLocator(nbins=8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+    slack = 1e-9 * (high - low)
+    return values[(values >= low - slack) & (values <= high + slack)]
+
+
+# ---------------------------------------------------------------- meshes
+def sheet(rows: Array) -> pv.PolyData:
+    """Return quadrilaterals between the points of rows [m], shape (R, N, 3)."""
+    index = np.arange(rows[..., 0].size).reshape(rows.shape[:2])
+    corners = (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
+    return pv.PolyData.from_regular_faces(rows.reshape(-1, 3), np.stack(corners, axis=-1).reshape(-1, 4))
+
+
+def curtain(rim: Array, low: Array | float) -> pv.PolyData:
+    """Return what hangs from a closed line [m], shape (N, 3), down to z = low [m], shape (N,) or one for all."""
+    foot = rim.copy()
+    foot[:, 2] = low
+    rows = np.array([foot, rim])
+    hanging = sheet(np.concatenate([rows, rows[:, :1]], axis=1))
+    hanging[HEIGHT] = hanging.points[:, 2]
+    return hanging

@@ -1,0 +1,297 @@
+"""Basins: a slice where nothing depends on y, the same when turned, standing waves in three dimensions, many ranks.
+
+Oracles: the slice (tested by itself), invariance under rotation, linear theory, and Stokes' expansion of standing waves
+to third order (``wavetank/reference/standing_wave.py``, tested by its residuals).
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from dolfinx import mesh
+from mpi4py import MPI
+from pydantic import ValidationError
+
+from wavetank.build import build_waves
+from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
+from wavetank.fe.points import Points
+from wavetank.integrators import INTEGRATORS
+from wavetank.motions import Ramped, Sinusoid, Uniform
+from wavetank.observers.energy import EnergyBudget, columns
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.reference.airy import angular_frequency
+from wavetank.reference.standing_wave import StandingWave
+from wavetank.run import Run
+from wavetank.scene import Scene
+from wavetank.water.linear_waves import LinearPiston, LinearWaves
+from wavetank.water.plan_view import Slice
+from wavetank.water.walls import FixedWall, Paddle, Piston
+from wavetank.water.waves import NonlinearWaves, Tolerances
+
+GRAVITY = 9.81
+TIGHT = Tolerances(stage=1e-11, interior=1e-12)
+MOTION = Ramped(Sinusoid(0.05, 1.2), 0.5)
+SLOPING = lambda x, y: 0.5 - 0.05 * x  # noqa: E731
+KINDS = {"quadrilaterals": mesh.CellType.quadrilateral, "triangles": mesh.CellType.triangle}
+
+
+def rectangle(length, width, cells, *, kind="quadrilaterals", angle=0.0, comm=MPI.COMM_WORLD):
+    """Return a plan mesh and its paddle, the side at x = 0 before the mesh is turned by an angle about (0, 0)."""
+    plan = mesh.create_rectangle(
+        comm, [[0, 0], [length, width]], cells, KINDS[kind], ghost_mode=mesh.GhostMode.shared_facet
+    )
+    facets = mesh.locate_entities_boundary(plan, 1, lambda x: np.isclose(x[0], 0.0))
+    tags = mesh.meshtags(plan, 1, facets, np.ones(facets.size, dtype=np.int32))
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    plan.geometry.x[:, :2] = plan.geometry.x[:, :2] @ turn.T
+    return plan, Paddle(tags, np.zeros(2), turn[:, 0])
+
+
+def basin(length, width, cells, *, order=3, n=4, depth=0.5, motion=None, reach=2.0, tolerances=TIGHT, **options):
+    plan, paddle = rectangle(length, width, cells, **options)
+    plane = Plane(plan, order)
+    wall = FixedWall() if motion is None else Piston(motion, plane=plane, reach=reach, paddle=paddle)
+    return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
+
+
+def run(waves, *, steps, dt, start=None, scheme="third-order"):
+    """Return the final state and the energy budget's rows."""
+    still = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned))
+    record = Memory()
+    budget = EnergyBudget(waves, record=record, schedule=EverySteps())
+    stepping = Run(waves, INTEGRATORS[scheme](), [budget], start=start or still, steps=steps, dt=dt)
+    stepping.execute()
+    return stepping.state, record.array()
+
+
+# ---------------------------------------------------------------- a slice, where nothing depends on y
+@pytest.mark.parametrize("depth", [0.5, SLOPING], ids=["flat", "sloping"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_basin_uniform_in_y_is_its_slice(kind, depth):
+    """The same elevation to the solvers' tolerance.
+
+    Triangles have another space and resolve waves of a cell's length at the paddle otherwise: compared by energy.
+    """
+    plan = Slice(3.0, 10, comm=MPI.COMM_WORLD)
+    plane = Plane(plan.mesh, 3)
+    wall = Piston(MOTION, plane=plane, reach=2.0, paddle=plan.paddle())
+    flume = NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=4, tolerances=TIGHT)
+    wide = basin(3.0, 0.6, (10, 2), depth=depth, motion=MOTION, kind=kind)
+    (narrow_end, narrow_rows), (wide_end, wide_rows) = (run(waves, steps=20, dt=0.025) for waves in (flume, wide))
+    narrow = flume.plane.function("elevation")
+    narrow.set(flume.elevation(narrow_end.q, narrow_end.p, 0.5))
+    expected = Points(flume.plane, wide.plane.coordinates() * (1, 0, 0)).evaluate(narrow)
+    found = wide.elevation(wide_end.q, wide_end.p, 0.5)
+    same = kind == "quadrilaterals"
+    assert not same or np.abs(found - expected).max() < 1e-9
+    energies = np.abs(wide_rows[:, 1:6] / 0.6 - narrow_rows[:, 1:6]).max()
+    assert energies < (1e-9 if same else 0.01 * narrow_rows[:, 3].max())
+
+
+def test_a_uniform_segmented_paddle_is_a_piston():
+    one, many = (basin(2.0, 0.6, (6, 2), motion=motion) for motion in (MOTION, Uniform(MOTION)))
+    (a, a_rows), (b, b_rows) = (run(waves, steps=10, dt=0.03) for waves in (one, many))
+    assert np.abs(a.q - b.q).max() < 1e-12
+    assert np.abs(a.p - b.p).max() < 1e-10
+    assert np.abs(a_rows - b_rows).max() < 1e-10
+
+
+def test_a_bed_without_slope_is_a_flat_bed():
+    flat, level = (basin(2.0, 0.6, (6, 2), motion=MOTION, depth=depth) for depth in (0.5, lambda x, y: 0.5 + 0 * x))
+    (a, a_rows), (b, b_rows) = (run(waves, steps=10, dt=0.03) for waves in (flat, level))
+    assert np.abs(a.q - b.q).max() < 1e-12
+    assert np.abs(a.p - b.p).max() < 1e-10
+    assert np.abs(a_rows - b_rows).max() < 1e-10
+
+
+class Oblique(Uniform):
+    """A paddle whose motion varies along it."""
+
+    def __init__(self):
+        super().__init__(MOTION)
+
+    def derivative(self, order, t, y):
+        """Return the piston's motion times a bow."""
+        return super().derivative(order, t, y) * (1 + 0.5 * np.cos(np.pi * y / 0.6))
+
+
+def uneven(x, y):
+    """Return the depth over a bed that varies in both directions, under the paddle's way, too."""
+    return 0.5 - 0.05 * x + 0.05 * np.cos(np.pi * y / 0.6)
+
+
+# ---------------------------------------------------------------- the same when turned
+def test_a_turned_basin_is_itself():
+    """The energies of a basin with segments, slope and all; its bed turned with it."""
+    angle = 0.7
+    c, s = np.cos(angle), np.sin(angle)
+    straight = basin(2.0, 0.6, (6, 2), motion=Oblique(), depth=uneven)
+    turned = basin(
+        2.0, 0.6, (6, 2), motion=Oblique(), depth=lambda x, y: uneven(c * x + s * y, c * y - s * x), angle=angle
+    )
+    (_, rows), (_, turned_rows) = (run(waves, steps=10, dt=0.03) for waves in (straight, turned))
+    assert np.abs(rows - turned_rows).max() < 1e-10
+    assert rows[-1, 3] > 1e-4  # waves have been made
+
+
+# ---------------------------------------------------------------- energy and mass
+def test_paddle_work_over_a_bed_balances_with_the_order_of_the_scheme():
+    """Segments, their metric, and a bed that moves under the reference tank: all in the explicit rate."""
+    waves = basin(2.0, 0.6, (6, 2), motion=Oblique(), depth=uneven, n=3)
+    balance, mass = (columns(2).index(name) for name in ("balance [m^5/s^2]", "mass [m^3]"))
+    steps, errors = (18, 24, 32), []
+    for count in steps:
+        _, rows = run(waves, steps=count, dt=0.6 / count)
+        errors.append(np.abs(rows[:, balance]).max() / rows[:, 3].max())
+        assert np.ptp(rows[:, mass]) < 1e-13
+    assert fitted_slope(0.6 / np.array(steps), errors) > 2.7
+    assert errors[-1] < 1e-3
+
+
+# ---------------------------------------------------------------- standing waves in three dimensions
+def rayleigh_frequency(waves, kx, ky):
+    """The frequency of cos(kx x) cos(ky y) by Rayleigh's quotient, whose error is the square of the shape's."""
+    shape = np.cos(kx * waves.plane.places[:, 0]) * np.cos(ky * waves.plane.places[:, 1])
+    still, p = waves.state(np.zeros_like(shape), shape)
+    kinetic = waves.plane.sum(p * waves.H_p(still, p, 0.0))
+    return float(np.sqrt(GRAVITY * kinetic / waves.plane.sum(p * waves.mass.apply(p))))
+
+
+def linear_basin(cells, *, order, n, kind="quadrilaterals", depth=0.5):
+    plan, _ = rectangle(1.0, 1.0, (cells, cells), kind=kind)
+    return LinearWaves(Plane(plan, order), depth=depth, wall=FixedWall(), vertical_order=n)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_standing_waves_converge_with_twice_the_order(order, kind):
+    kx, ky = 2 * np.pi, np.pi
+    exact = angular_frequency(np.hypot(kx, ky), 0.5, GRAVITY)
+    counts, errors = (6, 8, 12) if order > 1 else (8, 12, 16), []
+    for cells in counts:
+        errors.append(abs(rayleigh_frequency(linear_basin(cells, order=order, n=10, kind=kind), kx, ky) / exact - 1))
+    assert fitted_slope(1 / np.array(counts), errors) == pytest.approx(2 * order, abs=0.4)
+
+
+def test_standing_waves_converge_spectrally_in_the_vertical_order():
+    """The slope against log n steepens: faster than any power."""
+    kx, ky = 3 * np.pi, 2 * np.pi  # k d = 5.7
+    exact, orders = angular_frequency(np.hypot(kx, ky), 0.5, GRAVITY), (3, 5, 7)
+    errors = [abs(rayleigh_frequency(linear_basin(6, order=5, n=n), kx, ky) / exact - 1) for n in orders]
+    slopes = np.diff(np.log(errors)) / np.diff(np.log(orders))
+    assert slopes[1] < slopes[0] < -3.0
+
+
+def test_a_nonlinear_standing_wave_is_stokes_to_third_order():
+    """After half a period the difference from the expansion falls with the fourth power of the amplitude."""
+    amplitudes, errors = (0.03, 0.042, 0.06), []
+    for amplitude in amplitudes:
+        exact = StandingWave(amplitude=amplitude, length=1.0, width=1.0, depth=0.5, gravity=GRAVITY, modes=(1, 1))
+        waves = basin(1.0, 1.0, (3, 3), order=5, n=6, tolerances=Tolerances(stage=1e-8, interior=1e-9))
+        period, places = 2 * np.pi / exact.frequency, waves.plane.places
+        start = waves.state(*exact.surface(places[:, 0], places[:, 1], t=0.0))
+        scheme = INTEGRATORS["gauss-legendre-4"]()
+        state, steps = scheme.start(*start), 16
+        for step in range(steps):
+            state = scheme.step(waves, state, step * period / 2 / steps, period / 2 / steps)
+        eta = waves.elevation(state.q, state.p, period / 2)
+        errors.append(np.abs(eta - exact.surface(places[:, 0], places[:, 1], t=period / 2)[0]).max())
+    assert fitted_slope(amplitudes, errors) == pytest.approx(4.0, abs=0.4)
+    assert errors[0] < 0.01 * amplitudes[0]
+
+
+# ---------------------------------------------------------------- linear water
+def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
+    """The difference falls with the square of the paddle's amplitude."""
+    differences, amplitudes = [], (0.004, 0.008, 0.016)
+    for amplitude in amplitudes:
+        motion = Ramped(Sinusoid(amplitude, 1.2), 0.5)
+        nonlinear = basin(2.0, 0.6, (6, 2), motion=motion, depth=uneven, n=3)
+        plan, paddle = rectangle(2.0, 0.6, (6, 2))
+        plane = Plane(plan, 3)
+        piston = LinearPiston(motion, plane=plane, paddle=paddle)
+        linear = LinearWaves(plane, depth=uneven, wall=piston, vertical_order=3)
+        (a, _), (b, rows) = (run(waves, steps=16, dt=0.05) for waves in (nonlinear, linear))
+        eta = [waves.elevation(state.q, state.p, 0.8) for waves, state in ((nonlinear, a), (linear, b))]
+        far = nonlinear.plane.x > 0.5  # near the wall, one has it at X_p, the other at 0
+        differences.append(np.abs(eta[0] - eta[1])[far].max())
+        assert np.abs(rows[:, 6]).max() < 0.02 * rows[:, 3].max()
+    assert fitted_slope(amplitudes, differences) == pytest.approx(2.0, abs=0.15)
+
+
+# ---------------------------------------------------------------- what is wrong
+def test_a_bed_that_rises_above_still_water_is_refused_with_its_place():
+    with pytest.raises(
+        InputError, match=r"the bed: the still-water depth is -0\.1 m at x = 2 m, y = -?0 m; it must be positive"
+    ):
+        basin(2.0, 0.6, (6, 2), depth=lambda x, y: 0.5 - 0.3 * x)
+
+
+@pytest.mark.parametrize(
+    ("plan", "free"),
+    [
+        ({"type": "rectangle", "length": 4.0, "width": 2.0, "origin": (-1.0, 1.0)}, 4.0),
+        ({"type": "cylinder", "length": 6.0, "width": 4.0, "centre": (3.0, 2.0), "radius": 0.5}, 2.5),
+        ({"type": "bend", "first": 3.0, "second": 2.0, "width": 1.0, "angle": 90.0, "radius": 1.5}, 3.0),
+        ({"type": "harbour", "length": 4.0, "width": 1.0, "arm_length": 2.0, "arm_width": 1.5}, 2.5),
+    ],
+    ids=lambda value: value["type"] if isinstance(value, dict) else "",
+)
+def test_the_paddle_moves_no_wall_but_itself(plan, free):
+    """The mapping ends where the first wall stands that does not run along the motion, and may not be asked further."""
+    scene = {
+        "tank": {"type": "basin", "depth": 0.5, "plan": plan},
+        "wall": {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.01, "period": 1.0}},
+        "run": {"duration": 1.0},
+        "numerics": {"vertical_order": 1, "order": 1, "cell_size": 0.25},
+    }
+    wall = build_waves(Scene.model_validate(scene), MPI.COMM_SELF).wall
+    assert free - 0.5 < wall.reach < free + 1e-6
+    scene["wall"]["reach"] = free + 0.01
+    refused = "at most the tank's length" if plan["type"] == "rectangle" else r"wall\.reach .* does not run along"
+    with pytest.raises((InputError, ValidationError), match=refused):
+        build_waves(Scene.model_validate(scene), MPI.COMM_SELF)
+
+
+# ---------------------------------------------------------------- any number of ranks
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_basin_is_the_same_on_any_number_of_ranks(kind):
+    """Energies, work and mass of segments over a bed, to the solvers' tolerance."""
+    script = f"from test_basin import *; print_rows({kind!r})"
+    found = []
+    for ranks in (1, 2, 3):
+        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+        command = [*launcher, sys.executable, "-c", script]
+        done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parent, check=False)
+        assert done.returncode == 0, done.stderr
+        found.append(np.array([float(word) for word in done.stdout.split()]))
+    assert found[0][2] > 1e-4
+    for other in found[1:]:
+        assert np.abs(other - found[0]).max() < 1e-10
+
+
+def print_rows(kind):
+    """Print the last row of a run, on the first rank."""
+    waves = basin(2.0, 1.2, (8, 6), motion=Oblique(), depth=uneven, n=3, kind=kind)
+    _, rows = run(waves, steps=6, dt=0.03)
+    if MPI.COMM_WORLD.rank == 0:
+        print(*map(repr, rows[-1, 1:].tolist()))
+
+
+@pytest.mark.parametrize("part", ['initial.psi="sqrt(0.9 - x)"', 'tank.bed={type="formula", depth="sqrt(0.9 - x)"}'])
+def test_what_fails_on_one_rank_ends_all_with_one_message(wavetank, tmp_path, part):
+    """A formula that is no number in one half of the tank alone."""
+    case = tmp_path / "case.toml"
+    case.write_text(
+        'tank = {type="basin", depth=0.5, plan={type="rectangle", length=1.0, width=0.5}}\n'
+        'initial = {type="formula", eta="0"}\nrun.duration=1.0\n'
+    )
+    result = wavetank("run", str(case), "--set", part, "--out", str(tmp_path / "run"), ranks=2)
+    assert result.returncode == 2
+    assert (result.stderr + result.stdout).count("must be finite") == 1
+    assert "Traceback" not in result.stderr

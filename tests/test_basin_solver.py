@@ -1,0 +1,123 @@
+"""The solver in basins: exact solutions, and counts of iterations that depend neither on the mesh nor on the ranks."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from dolfinx import mesh
+from mpi4py import MPI
+
+from wavetank.fe.plane import Plane
+from wavetank.water.walls import FixedWall
+from wavetank.water.waves import NonlinearWaves, Tolerances
+
+QUADRILATERALS, TRIANGLES = mesh.CellType.quadrilateral, mesh.CellType.triangle
+LENGTH, WIDTH, DEPTH = 4.0, 3.0, 1.0
+K = np.array([2 * np.pi / LENGTH, np.pi / WIDTH])  # of a standing wave between the four walls
+
+
+def make_basin(*, cells, order, n, shape=QUADRILATERALS, depth=DEPTH, tolerance=1e-10, comm=MPI.COMM_SELF):
+    """Return waves in a rectangle of 4 m by 3 m."""
+    corners, counts = [[0.0, 0.0], [LENGTH, WIDTH]], [cells, max(1, 3 * cells // 4)]
+    plane = Plane(mesh.create_rectangle(comm, corners, counts, shape), order)
+    tolerances = Tolerances(interior=tolerance)
+    return NonlinearWaves(plane, depth=depth, wall=FixedWall(), vertical_order=n, tolerances=tolerances)
+
+
+def standing(x, y):
+    return np.cos(K[0] * x) * np.cos(K[1] * y)
+
+
+def shoal(x, y):
+    """A bed between 1 m and 0.25 m below still water."""
+    return 1.0 - 0.75 * np.exp(-((x - 2.0) ** 2 + (y - 1.5) ** 2))
+
+
+def flux_error(basin) -> float:
+    """The error of Rayleigh's quotient of the Dirichlet-Neumann operator against an exact potential's, k tanh(k d).
+
+    The potential is cos(kx x) cos(ky y) cosh(k (z + d)).
+    """
+    psi = standing(*basin.plane.places.T)
+    q, p = basin.state(0 * psi, psi)
+    k = float(np.hypot(*K))
+    quotient = basin.plane.sum(p * basin.H_p(q, p, 0.0)) / basin.plane.sum(p * basin.mass.apply(p))
+    return abs(quotient / (k * np.tanh(k * DEPTH)) - 1)
+
+
+@pytest.mark.parametrize(
+    ("shape", "order", "cells"),
+    [
+        (QUADRILATERALS, 1, (8, 16, 24)),
+        (QUADRILATERALS, 2, (4, 8, 12)),
+        (QUADRILATERALS, 3, (4, 6, 8)),
+        (TRIANGLES, 2, (4, 8, 12)),
+        (TRIANGLES, 3, (4, 6, 8)),
+    ],
+)
+def test_the_interior_potential_converges_with_twice_the_order(shape, order, cells):
+    """The quotient's error is the square of the energy norm's, which is of order p."""
+    errors = [flux_error(make_basin(cells=count, order=order, n=6, shape=shape, tolerance=1e-12)) for count in cells]
+    assert -fitted_slope(cells, errors) == pytest.approx(2 * order, abs=0.35)
+
+
+def test_the_interior_potential_converges_spectrally_in_n():
+    """The slope against log n steepens: faster than any power."""
+    orders = (1, 2, 3)
+    errors = [flux_error(make_basin(cells=6, order=4, n=n, tolerance=1e-12)) for n in orders]
+    slopes = np.diff(np.log(errors)) / np.diff(np.log(orders))
+    assert slopes[1] < slopes[0] - 1 < -3
+
+
+def first_solve(basin) -> dict:
+    """Iterations of a steep wave's first solve, and two sums over the flux that stand for the solution."""
+    x, y = basin.plane.places.T
+    k = 2 * np.pi / 1.5
+    eta = 0.3 / k * basin.bed.still * np.cos(k * x) * np.cos(k * y / 2)
+    flux = basin.H_p(*basin.state(eta, standing(x, y)), 0.0)
+    sums = [basin.plane.sum(flux * weight) for weight in (x * y**2, standing(x, y))]
+    return {"iterations": basin.potential.counters.iterations, "sums": sums}
+
+
+@pytest.mark.parametrize(
+    ("shape", "order"), [(QUADRILATERALS, 1), (QUADRILATERALS, 3), (QUADRILATERALS, 4), (TRIANGLES, 3)]
+)
+def test_iterations_do_not_grow_with_the_mesh(shape, order):
+    """A steep wave over a shoal, depth from 1 m to 0.25 m, from a cold start to 1e-10, on three meshes.
+
+    At most 19 were counted; a smoother or a coarse space that does not fit takes several times as many.
+    """
+    coarse, medium, fine = (
+        first_solve(make_basin(cells=cells // order, order=order, n=4, shape=shape, depth=shoal))["iterations"]
+        for cells in (24, 48, 96)
+    )
+    assert max(coarse, medium, fine) <= 22
+    assert fine <= max(coarse, medium) + 2
+
+
+def on_ranks(ranks: int) -> dict:
+    command = ["mpirun", "-n", str(ranks), sys.executable, __file__]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout)
+
+
+@pytest.mark.parametrize("ranks", [2, 3, pytest.param(6, marks=pytest.mark.slow)])
+def test_ranks_change_neither_solution_nor_iterations(ranks):
+    """On three ranks and more, cells of three of them meet at a vertex: rows reach beyond the ghosts of the space."""
+    alone, shared = solve_in_parallel(MPI.COMM_SELF), on_ranks(ranks)
+    assert shared["sums"] == pytest.approx(alone["sums"], rel=1e-9)  # the tolerance of the solve is 1e-11
+    assert shared["iterations"] <= alone["iterations"] + 2
+
+
+def solve_in_parallel(comm) -> dict:
+    return first_solve(make_basin(cells=16, order=3, n=4, depth=shoal, tolerance=1e-11, comm=comm))
+
+
+if __name__ == "__main__":
+    outcome = solve_in_parallel(MPI.COMM_WORLD)
+    if MPI.COMM_WORLD.rank == 0:
+        print(json.dumps(outcome))

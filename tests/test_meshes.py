@@ -1,0 +1,505 @@
+"""Plans of basins: recipes against exact areas and lengths, files read back, bad meshes in one sentence, ranks."""
+
+import json
+import re
+import subprocess
+import sys
+from types import ModuleType
+
+import numpy as np
+import pytest
+import ufl
+from conftest import CHECKOUT, fitted_slope
+from dolfinx import fem, mesh
+from mpi4py import MPI
+
+from wavetank.errors import InputError
+from wavetank.fe.plan_mesh import draw_plan, read_plan
+from wavetank.fe.plane import Plane
+from wavetank.fe.points import Points
+from wavetank.integrators import ThirdOrder
+from wavetank.meshes import Bend, Cylinder, Harbour, Rectangle
+from wavetank.water.walls import FixedWall
+from wavetank.water.waves import NonlinearWaves, Tolerances
+
+CHANNEL = {"width": 1.0, "first": 1.5, "second": 1.0, "angle": 60.0, "radius": 1.0, "sponge_length": 0.5}
+BASIN = {"length": 3.0, "width": 2.0, "sponge_length": 0.6}
+ROUND = {**BASIN, "centre": (1.2, 0.9), "radius": 0.4}
+BY = {"length": 3.0, "width": 1.0, "arm_length": 1.5, "arm_width": 1.2, "sponge_length": 0.7}
+FINER = {"x": (1.0, 2.0), "y": (0.5, 1.5), "factor": 0.4}
+ARC = np.pi / 3  # of the channel's centre line
+HALF = {**ROUND, "centre": (1.2, 0.0)}
+RECIPES = {  # name: recipe, and its exact area, lengths of paddle and wall, area of the sponge
+    "rectangle": (Rectangle, {**BASIN, "origin": (-1.0, -2.0)}, (6.0, 2.0, 8.0, 1.2)),
+    "refined": (Rectangle, {**BASIN, "refine": FINER}, (6.0, 2.0, 8.0, 1.2)),
+    "cylinder": (Cylinder, ROUND, (6.0 - np.pi * 0.16, 2.0, 8.0 + np.pi * 0.8, 1.2)),
+    "half cylinder": (Cylinder, HALF, (6.0 - np.pi * 0.08, 2.0, 8.0 - 0.8 + np.pi * 0.4, 1.2)),
+    "bend": (Bend, CHANNEL, (2.5 + ARC, 1.0, 2 * (2.5 + ARC) + 1.0, 0.5)),
+    "harbour": (Harbour, BY, (3.0 + 1.8, 1.0, 3.0 + 2.5 + 1.2 + 1.5 + 1.8, 0.84)),
+}
+CELLS = ["quadrilaterals", "triangles"]
+GEOMETRIES = [1, 2]
+
+
+def recipe_of(name, **changes):
+    kind, keys, _ = RECIPES[name]
+    return kind(**keys, **changes)
+
+
+def drawn(name, size=0.25, comm=MPI.COMM_SELF, **changes):
+    recipe = recipe_of(name, **changes)
+    return draw_plan(lambda: recipe.draw(size), comm)
+
+
+def measures(plan):
+    """Return a plan's area, the lengths of paddle and wall, and the area of the sponge."""
+    one = fem.Constant(plan.mesh, 1.0)
+    cells = plan.cells_of("sponge")
+    sponge = mesh.meshtags(plan.mesh, 2, cells, np.ones(cells.size, dtype=np.int32))
+    paddle, wall = (ufl.ds(domain=plan.mesh, subdomain_data=plan.facets_of(name))(1) for name in ("paddle", "wall"))
+    over = (ufl.dx(domain=plan.mesh), paddle, wall, ufl.dx(domain=plan.mesh, subdomain_data=sponge)(1))
+    return plan.mesh.comm.allreduce(np.array([fem.assemble_scalar(fem.form(one * part)) for part in over]))
+
+
+# ---------------------------------------------------------------- recipes
+@pytest.mark.parametrize("cells", CELLS)
+@pytest.mark.parametrize("name", ["rectangle", "refined", "harbour"])
+def test_straight_plans_have_exact_areas_and_lengths(name, cells):
+    plan = drawn(name, cells=cells)
+    assert plan.mesh.topology.cell_name() == cells.removesuffix("s")
+    assert measures(plan) == pytest.approx(RECIPES[name][2], rel=1e-12)
+
+
+@pytest.mark.parametrize("cells", CELLS)
+@pytest.mark.parametrize(("geometry", "order"), [(1, 2), (2, 4)])
+@pytest.mark.parametrize("name", ["cylinder", "half cylinder", "bend"])
+def test_areas_and_walls_of_round_plans_converge_with_the_order_of_the_geometry(name, geometry, order, cells):
+    """A chord leaves out h³/12r of a circle's area, a parabola of equal nodes some h⁵; lengths likewise."""
+    sizes, exact = np.array([0.125, 0.0625, 0.03125]), np.array(RECIPES[name][2])
+    found = np.array([measures(drawn(name, size, cells=cells, geometry=geometry)) for size in sizes])
+    errors = np.abs(found - exact)
+    assert errors[:, [1, 3]].max() < 1e-8  # paddle and sponge are straight; corners may be rounded to 1e-9 m
+    assert fitted_slope(sizes, errors[:, 0]) == pytest.approx(order, abs=0.4)
+    assert fitted_slope(sizes, errors[:, 2]) == pytest.approx(order, abs=0.4)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_cells_have_about_the_size_asked_for_and_the_box_holds_them(name):
+    recipe = recipe_of(name)
+    plan = draw_plan(lambda: recipe.draw(0.2), MPI.COMM_SELF)
+    smallest = 0.4 if name == "refined" else 0.5
+    assert 0.2 * smallest < plan.cell_size < 1.2 * 0.2
+    nodes = plan.mesh.geometry.x[:, :2]
+    assert np.allclose([*nodes.min(axis=0), *nodes.max(axis=0)], recipe.box, atol=1e-3)
+
+
+@pytest.mark.parametrize("name", RECIPES)
+def test_the_paddle_is_the_straight_wall_at_the_smallest_x(name):
+    point, normal = drawn(name).paddle_line()
+    assert np.allclose(point, [recipe_of(name).box[0], 0.0], atol=1e-12)
+    assert np.array_equal(normal, [1.0, 0.0])
+
+
+def test_a_slanting_paddle_is_found_where_it_is(tmp_path):
+    """A rectangle turned by 30 degrees about the origin, its paddle then at x cos + y sin = -1."""
+    read = written(tmp_path / "plan.msh", "rectangle")
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    turned = meshio_of(read)
+    turned.points[:, :2] = turned.points[:, :2] @ np.array([[c, s], [-s, c]])
+    turned.write(tmp_path / "turned.msh", file_format="gmsh22", binary=False)
+    point, normal = read_plan(tmp_path / "turned.msh", MPI.COMM_SELF).paddle_line()
+    assert np.allclose(normal, [c, s], atol=1e-12) and np.allclose(point, -normal, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "keys", "sentence"),
+    [
+        (Rectangle, {**BASIN, "sponge_length": 3.0}, "sponge_length below the length, 3 m"),
+        (
+            Cylinder,
+            {**ROUND, "radius": 1.0},
+            "at least 0.3 radii, 0.3 m, from walls and sponge, or its axis on a side wall",
+        ),
+        (Bend, {**CHANNEL, "radius": 0.5}, "radius of more than half the width, 0.5 m"),
+        (Bend, {**CHANNEL, "sponge_length": 1.0}, "sponge_length below the second leg's length, 1 m"),
+        (Harbour, {**BY, "arm_width": 3.0}, "arm_width below the fairway's length, 3 m"),
+        (Harbour, {**BY, "sponge_length": 1.5}, "sponge_length below the arm's length, 1.5 m"),
+    ],
+)
+def test_plans_that_cannot_be_drawn_say_why(kind, keys, sentence):
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        kind(**keys)
+
+
+def test_what_gmsh_cannot_mesh_is_said():
+    def draw():
+        raise Exception("Wrong topology of boundary mesh")
+
+    with pytest.raises(InputError, match=r"^the plan: gmsh cannot mesh it \(Wrong topology of boundary mesh\)\.$"):
+        draw_plan(draw, MPI.COMM_SELF)
+
+
+# ---------------------------------------------------------------- files
+def written(path, name, *, version=4.1, binary=False, **changes):
+    """Draw a recipe and have gmsh write it."""
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Terminal", 0)
+    recipe_of(name, **changes).draw(0.25)
+    gmsh.option.setNumber("Mesh.MshFileVersion", version)
+    gmsh.option.setNumber("Mesh.Binary", binary)
+    gmsh.write(str(path))
+    gmsh.finalize()
+    return path
+
+
+def meshio_of(path):
+    import meshio
+
+    return meshio.read(path)
+
+
+@pytest.mark.parametrize("binary", [False, True], ids=["ascii", "binary"])
+@pytest.mark.parametrize("version", [2.2, 4.1])
+@pytest.mark.parametrize("name", RECIPES)
+def test_files_of_gmsh_are_read_back_the_same(name, version, binary, tmp_path):
+    cells = CELLS[version > 3]
+    path = written(tmp_path / "plan.msh", name, version=version, binary=binary, cells=cells)
+    plan, known = read_plan(path, MPI.COMM_SELF), drawn(name, cells=cells)
+    assert measures(plan) == pytest.approx(measures(known), rel=1e-12)
+    assert plan.mesh.geometry.cmap.degree == known.mesh.geometry.cmap.degree
+
+
+def as_arrays(read):
+    """Return a mesh whose groups are arrays on its cells, 1 in the group."""
+    import meshio
+
+    groups = [name for name in read.cell_sets if not name.startswith("gmsh:")]
+    data = {name: [np.zeros(len(block.data), dtype=np.int32) for block in read.cells] for name in groups}
+    for name, arrays in data.items():
+        for array, members in zip(arrays, read.cell_sets[name], strict=True):
+            array[members] = 1
+    return meshio.Mesh(read.points, read.cells, cell_data=data)
+
+
+def as_sets(read):
+    """Return a mesh whose groups are sets of cells, all cells of a kind in one block."""
+    import meshio
+
+    read = as_arrays(read)
+    kinds = sorted({block.type for block in read.cells})
+    join = lambda rows, kind: [row for row, block in zip(rows, read.cells, strict=True) if block.type == kind]  # noqa: E731
+    cells = [(kind, np.concatenate(join([block.data for block in read.cells], kind))) for kind in kinds]
+    sets = {
+        name: [np.flatnonzero(np.concatenate(join(arrays, kind))) for kind in kinds]
+        for name, arrays in read.cell_data.items()
+    }
+    return meshio.Mesh(read.points, cells, cell_sets=sets)
+
+
+def as_numbers(read):
+    """Return the mesh as it is: groups are numbers on the cells, and a table of names."""
+    return read
+
+
+@pytest.mark.parametrize("name", ["cylinder", "harbour"])
+@pytest.mark.parametrize(
+    ("file", "groups", "geometry", "options"),
+    [
+        ("plan.vtu", as_arrays, 2, {}),
+        ("plan.vtk", as_arrays, 2, {}),
+        ("plan.xdmf", as_arrays, 1, {"data_format": "XML"}),
+        ("plan.inp", as_sets, 1, {}),
+        ("plan.msh", as_numbers, 2, {"file_format": "gmsh22", "binary": False}),
+        ("plan.msh", as_numbers, 2, {"file_format": "gmsh", "binary": True}),
+        ("plan.mesh.vtk", as_arrays, 2, {}),
+    ],
+    ids=["vtu", "vtk", "xdmf", "abaqus", "gmsh 2.2", "gmsh 4.1", "two dots"],
+)
+def test_files_of_meshio_are_read_back_the_same(file, groups, geometry, options, name, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "h5py", ModuleType("h5py"))  # meshio's writer wants it, even where it is not used
+    groups(meshio_of(written(tmp_path / "gmsh.msh", name, geometry=geometry))).write(tmp_path / file, **options)
+    plan, known = read_plan(tmp_path / file, MPI.COMM_SELF), drawn(name, geometry=geometry)
+    assert measures(plan) == pytest.approx(measures(known), rel=1e-7)  # a format may keep 8 digits
+
+
+def test_groups_may_share_cells(tmp_path):
+    """A sponge within the water: the sponge's cells belong to both."""
+    read = as_arrays(meshio_of(written(tmp_path / "gmsh.msh", "rectangle")))
+    read.cell_data["water"] = [np.ones(len(block.data), dtype=np.int32) for block in read.cells]
+    read.write(tmp_path / "plan.vtu")
+    plan = read_plan(tmp_path / "plan.vtu", MPI.COMM_SELF)
+    assert plan.cells_of("water").size == plan.mesh.topology.index_map(2).size_local > plan.cells_of("sponge").size > 0
+
+
+# ---------------------------------------------------------------- bad meshes
+SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (2.0, 1.0, 0.0)]
+PAIR = [("quad", [[0, 1, 4, 3], [1, 2, 5, 4]])]
+LEFT = ("line", [[0, 3]])
+
+
+def moved(number, place):
+    return [place if n == number else point for n, point in enumerate(SQUARE)]
+
+
+BAD = {  # name: points, cells, and the sentence
+    "3d": ([*SQUARE, (0.0, 0.0, 1.0)], [("tetra", [[0, 1, 3, 6]])], "has cells of three dimensions; a plan has two"),
+    "lines": (SQUARE, [LEFT], "has no triangles or quadrilaterals"),
+    "off": (moved(5, (2.0, 1.0, 0.25)), [LEFT, *PAIR], r"has points up to 0.25 m off the plane z = 0"),
+    "mixed": (SQUARE, [("triangle", [[0, 1, 4], [0, 4, 3]]), ("quad", [[1, 2, 5, 4]])], r"kinds \(Triangle 3, "),
+    "inverted": (SQUARE, [LEFT, ("triangle", [[0, 1, 4], [0, 4, 3], [1, 5, 2]])], "1 cell is inverted or degenerate"),
+    "folded": (moved(5, (1.2, 0.1, 0.0)), [LEFT, *PAIR], "1 cell is inverted or degenerate, the first about x = 1.3"),
+    "flat": (moved(5, (1.5, 0.5, 0.0)), [LEFT, *PAIR], "1 cell is inverted or degenerate"),
+    "serendipity": (
+        [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0.5, 0, 0), (1, 0.5, 0), (0.5, 1, 0), (0, 0.5, 0)],
+        [("quad8", [[0, 1, 2, 3, 4, 5, 6, 7]])],
+        "cells of the kind Quadrilateral 8",
+    ),
+}
+NO_PADDLE = {
+    "crooked": (moved(3, (0.2, 1.0, 0.0)), [("line", [[0, 3], [0, 1]]), *PAIR], "'paddle' is not straight"),
+    "inside": (SQUARE, [("line", [[1, 4]]), *PAIR], "'paddle' is no wall"),
+}
+
+
+def bad_file(folder, name):
+    import meshio
+
+    points, cells, _ = {**BAD, **NO_PADDLE}[name]
+    groups = [np.full(len(block), int(kind == "line"), dtype=np.int32) for kind, block in cells]
+    path = folder / f"{name}.vtu"
+    meshio.Mesh(np.array(points, dtype=float), cells, cell_data={"paddle": groups}).write(path)
+    return path
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_bad_mesh_is_one_sentence(name, tmp_path):
+    path = bad_file(tmp_path, name)
+    with pytest.raises(InputError, match=BAD[name][2]) as raised:
+        read_plan(path, MPI.COMM_SELF)
+    assert str(raised.value).startswith(f"{path}: ") and str(raised.value).endswith(".")
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("name", NO_PADDLE)
+def test_a_paddle_that_cannot_move_is_one_sentence(name, tmp_path):
+    plan = read_plan(bad_file(tmp_path, name), MPI.COMM_SELF)
+    with pytest.raises(InputError, match=NO_PADDLE[name][2]):
+        plan.paddle_line()
+
+
+def test_groups_that_are_missing_are_said_with_those_there_are(tmp_path):
+    plan = drawn("rectangle")
+    with pytest.raises(InputError, match="the plan: has no group of curves named 'quay'; .*: paddle, wall"):
+        plan.facets_of("quay")
+    with pytest.raises(InputError, match="the plan: has no group of surfaces named 'beach'; .*: sponge, water"):
+        plan.cells_of("beach")
+    import meshio
+
+    meshio.Mesh(np.array(SQUARE), PAIR).write(tmp_path / "bare.vtu")
+    with pytest.raises(InputError, match=r"bare.vtu: has no group of curves named 'paddle'; .*: none\."):
+        read_plan(tmp_path / "bare.vtu", MPI.COMM_SELF).paddle_line()
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "sentence"),
+    [
+        ("nothing.msh", None, "is no file; a mesh is needed"),
+        ("notes.msh", "Dear reader", r"is not in gmsh's mesh format, which begins with \$MeshFormat"),
+        ("half.msh", "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 1", ""),
+        ("notes.vtu", "Dear reader", "meshio cannot read it"),
+        ("notes.txt", "Dear reader", "meshio cannot read it"),
+    ],
+)
+def test_a_file_that_is_no_mesh_is_one_sentence(file, content, sentence, tmp_path, capfd):
+    path = tmp_path / file
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(InputError, match=f"{re.escape(str(path))}: .*{sentence}") as raised:
+        read_plan(path, MPI.COMM_SELF)
+    assert "\n" not in str(raised.value)
+    out, err = capfd.readouterr()
+    assert out + err == ""
+    assert draw_plan(lambda: recipe_of("rectangle").draw(0.5), MPI.COMM_SELF).mesh is not None  # gmsh has been ended
+
+
+def read_on_ranks(folder):
+    """Read every bad mesh; print what the ranks met."""
+    met = []
+    for path in sorted(folder.iterdir()):
+        try:
+            read_plan(path, MPI.COMM_WORLD).paddle_line()
+        except InputError as error:
+            met.append(str(error))
+    every = MPI.COMM_WORLD.gather(met)
+    if every:
+        print(json.dumps(every), flush=True)
+
+
+def on_ranks(ranks, call, *arguments):
+    """Run a function of this file under mpirun and return what it prints."""
+    code = f"import sys, test_meshes; import pathlib; test_meshes.{call}(*map(pathlib.Path, sys.argv[1:]))"
+    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", code, *map(str, arguments)]
+    result = subprocess.run(command, capture_output=True, text=True, cwd=CHECKOUT / "tests", check=False, timeout=300)
+    assert result.returncode == 0, result.stderr
+    return json.loads(result.stdout)
+
+
+def test_a_bad_mesh_is_raised_on_all_ranks(tmp_path):
+    names = sorted({**BAD, **NO_PADDLE})
+    paths = [bad_file(tmp_path, name) for name in names]
+    first, second = on_ranks(2, "read_on_ranks", tmp_path)
+    assert first == second and len(first) == len(names)
+    for path, met, name in zip(paths, first, names, strict=True):
+        assert met.startswith(f"{path}: ") and re.search({**BAD, **NO_PADDLE}[name][2], met)
+
+
+CASE = """
+[tank]
+type = "basin"
+depth = 0.5
+plan = {{ type = "file", file = "{file}" }}
+[wall]
+type = "piston"
+motion = {{ type = "sinusoid", amplitude = 0.01, period = 1.0 }}
+[run]
+duration = 0.1
+"""
+
+
+@pytest.mark.parametrize(("name", "ranks"), [("crooked", 1), ("folded", 2)])
+def test_the_command_line_says_it_once_and_ends_with_2(wavetank, name, ranks, tmp_path):
+    case = tmp_path / "case.toml"
+    case.write_text(CASE.format(file=bad_file(tmp_path, name)))
+    result = wavetank("run", str(case), "--out", str(tmp_path / "run"), ranks=ranks)
+    assert result.returncode == 2, result.stderr
+    assert result.stderr.count("wavetank:") == 1 and "Traceback" not in result.stderr
+    assert re.search({**BAD, **NO_PADDLE}[name][2], result.stderr)
+
+
+# ---------------------------------------------------------------- points
+def smooth(x, y):
+    return np.sin(1.3 * x) * np.cos(0.9 * y + 0.2)
+
+
+def evaluated(plan, function, places, *, order=3):
+    plane = Plane(plan.mesh, order)
+    field = plane.function("f")
+    field.set(function(*plane.places.T))
+    return Points(plane, plane.chart.place(places)).evaluate(field)
+
+
+def around(centre, radius, angles):
+    return np.asarray(centre) + radius * np.column_stack([np.sin(angles), -np.cos(angles)])
+
+
+WALLS = {  # places on curved walls, and within
+    "cylinder": [around((1.2, 0.9), radius, np.linspace(0.0, 6.2, 61)) for radius in (0.4, 0.43, 0.55)],
+    "bend": [around((1.5, 1.5), radius, np.linspace(0.01, ARC - 0.01, 41)) for radius in (0.5, 0.52, 1.46, 1.5)],
+}
+
+
+@pytest.mark.parametrize("cells", CELLS)
+@pytest.mark.parametrize("name", RECIPES)
+def test_cubics_are_evaluated_exactly_in_straight_cells(name, cells):
+    plan = drawn(name, cells=cells, geometry=1)
+    nodes = plan.mesh.geometry.x[:, :2]  # walls and corners of cells
+    middles = mesh.compute_midpoints(plan.mesh, 2, np.arange(plan.cells.indices.size, dtype=np.int32))[:, :2]
+    places = np.concatenate([nodes, 0.3 * nodes[: len(middles)] + 0.7 * middles[: len(nodes)], middles])
+    places = places[: len(nodes)] if name != "rectangle" else places
+    cubic = lambda x, y: 1 + x - 0.4 * x * y + 0.2 * x**3 - 0.1 * x * y**2  # noqa: E731
+    assert np.abs(evaluated(plan, cubic, places) - cubic(*places.T)).max() < 1e-11
+
+
+@pytest.mark.parametrize("cells", CELLS)
+@pytest.mark.parametrize("name", WALLS)
+def test_points_at_and_near_curved_walls_converge(name, cells):
+    """With cubics on geometry of order 2 the values' error falls as h⁴, the walls' places likewise."""
+    places, sizes = np.concatenate(WALLS[name]), np.array([0.125, 0.0625, 0.03125])
+    exact = smooth(*places.T)
+    plans = [drawn(name, size, cells=cells) for size in sizes]
+    errors = [np.abs(evaluated(plan, smooth, places) - exact).max() for plan in plans]
+    assert fitted_slope(sizes, errors) > 3.3
+    assert errors[-1] < 1e-5
+
+
+@pytest.mark.parametrize("name", WALLS)
+def test_points_behind_curved_walls_are_refused(name):
+    inside, beyond = {"cylinder": ((1.2, 0.9), 0.39), "bend": ((1.5, 1.5), 1.51)}[name]
+    for place in around(inside, beyond, np.linspace(0.02, ARC - 0.02, 9)):
+        with pytest.raises(InputError, match="is outside the tank"):
+            evaluated(drawn(name), smooth, place[None])
+
+
+# ---------------------------------------------------------------- waves
+FEW = [
+    "rectangle, quadrilaterals, 1",
+    "refined, triangles, 1",
+    "cylinder, quadrilaterals, 2",
+    "half cylinder, triangles, 2",
+]
+FEW += ["bend, triangles, 2", "harbour, quadrilaterals, 1"]
+ALL = [f"{name}, {cells}, {geometry}" for name in RECIPES for cells in CELLS for geometry in GEOMETRIES]
+
+
+def stepped(which, *, steps, comm=MPI.COMM_SELF):
+    """Return what 0.16 s of steep waves on a coarse plan come to: energy, its and the mass's error, places' heights."""
+    name, cells, geometry = which.split(", ")
+    plan = drawn(name, 0.5, comm, cells=cells, geometry=int(geometry))
+    plane, tolerances, scheme = Plane(plan.mesh, 2), Tolerances(stage=1e-11, interior=1e-12), ThirdOrder()
+    waves = NonlinearWaves(plane, depth=0.6, wall=FixedWall(), vertical_order=2, tolerances=tolerances)
+    x, y = plane.places.T
+    state, dt = scheme.start(*waves.state(0.05 * np.cos(x + 0.5 * y), 0.1 * np.sin(x - y))), 0.16 / steps
+    energies, mass = [waves.energy(state.q, state.p, 0.0)], waves.total_mass(state.q)
+    for step in range(steps):
+        state = scheme.step(waves, state, step * dt, dt)
+        energies.append(waves.energy(state.q, state.p, 0.0))
+    eta = plane.function("elevation")
+    eta.set(waves.elevation(state.q, state.p, 0.0))
+    at_paddle = np.array([recipe_of(name).box[:2]]) + [0.0, 0.5]
+    places = np.concatenate(WALLS[name]) if which in CURVED else at_paddle
+    return {
+        "energy": energies[-1],
+        "energy error": max(abs(energy / energies[0] - 1) for energy in energies),
+        "mass error": abs(waves.total_mass(state.q) / mass - 1),
+        "heights": Points(plane, plane.chart.place(places)).evaluate(eta).tolist(),
+    }
+
+
+def keeps_mass_and_energy(which):
+    coarse, fine = (stepped(which, steps=steps) for steps in (4, 8))
+    assert max(coarse["mass error"], fine["mass error"]) < 1e-14
+    assert coarse["energy error"] < 2e-4
+    return coarse["energy error"] / fine["energy error"] == pytest.approx(8, abs=4)  # the scheme is of third order
+
+
+@pytest.mark.parametrize("which", FEW)
+def test_waves_keep_mass_to_round_off_and_energy_to_the_order_of_the_scheme(which):
+    assert keeps_mass_and_energy(which)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("which", sorted({*ALL} - {*FEW}))
+def test_waves_keep_mass_and_energy_on_every_plan(which):
+    assert keeps_mass_and_energy(which)
+
+
+CURVED = ["cylinder, quadrilaterals, 2", "bend, triangles, 2"]
+
+
+def curved_on_ranks():
+    found = [stepped(which, steps=1, comm=MPI.COMM_WORLD) for which in CURVED]
+    if MPI.COMM_WORLD.rank == 0:
+        print(json.dumps(found), flush=True)
+
+
+def test_waves_and_gauges_at_walls_are_the_same_on_any_number_of_ranks():
+    """To the tolerance of the solves."""
+    alone = [stepped(which, steps=1) for which in CURVED]
+    for ranks in (2, 3):
+        together = on_ranks(ranks, "curved_on_ranks")
+        for one, many in zip(alone, together, strict=True):
+            assert many["energy"] == pytest.approx(one["energy"], rel=1e-10)
+            assert many["heights"] == pytest.approx(one["heights"], abs=1e-9)
+            assert many["mass error"] < 1e-14

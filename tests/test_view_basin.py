@@ -1,0 +1,338 @@
+"""Views and maps of basins: oracles are the waves, walls and beds that were put in, and where a camera shows them."""
+
+import numpy as np
+import pytest
+import typer
+from matplotlib import rc_context
+from matplotlib.image import imread
+from typer.testing import CliRunner
+
+from postprocess import basin_figures, view, view_command
+from postprocess.basin_surface import BasinSurface, Extremes, history
+from postprocess.figures import draw_run
+from postprocess.view_basin import Basin
+from postprocess.view_sight import ELEVATION, HEIGHT
+from wavetank.errors import InputError
+from wavetank.rundir import RunDirectory, RunWriter
+from wavetank.vtu_series import Cells, VtuSeries
+
+LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
+PERIOD, STEPS = 1.6, 20  # snapshots of one period [s]
+WAVE, REACH, STROKE = 2.0, 2.0, 0.05  # m
+TIMES = PERIOD / STEPS * np.arange(2 * STEPS + 1)
+SIZE = (640, 360)
+SHOAL = (5.0, 2.0)
+
+
+class Rank:
+    """What a series of fields knows of MPI; the ranks here write one after the other."""
+
+    def __init__(self, rank, size):
+        self.rank, self.size = rank, size
+
+    def allgather(self, value):
+        return [value]
+
+
+def travelling(x, y, t):
+    return HEIGHT_OF_WAVES / 2 * np.cos(2 * np.pi * (x / WAVE - t / PERIOD))
+
+
+def flat(x, y):
+    return np.full_like(x, DEPTH)
+
+
+def shoal(x, y):
+    return DEPTH - 0.3 * np.exp(-((x - SHOAL[0]) ** 2) - (y - SHOAL[1]) ** 2)
+
+
+def swinging(y, t):
+    """Return the place of a paddle that is turned about its middle as it moves."""
+    return STROKE * np.sin(2 * np.pi * t / PERIOD) * (1 + (y - WIDTH / 2) / WIDTH)
+
+
+def mesh(kept, triangles):
+    """Return places, shape (N, 2), and pieces of a lattice, of which cells with middles (x, y) are kept."""
+    x, y = np.linspace(0.0, LENGTH, 49), np.linspace(0.0, WIDTH, 25)
+    places = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
+    first = (np.arange(48)[:, None] * 25 + np.arange(24)).ravel()
+    pieces = np.stack([first, first + 25, first + 26, first + 1], axis=1)
+    pieces = pieces[kept(*places[pieces].mean(axis=1).T)]
+    return places, np.concatenate([pieces[:, [0, 1, 2]], pieces[:, [0, 2, 3]]]) if triangles else pieces
+
+
+def record(
+    path,
+    *,
+    elevation=travelling,
+    depth=flat,
+    paddle=None,
+    ranks=1,
+    kept=lambda x, y: x > 0,
+    triangles=False,
+    times=TIMES,
+    motion=None,
+):
+    """Write a run directory of a basin with an elevation(x, y, t), a depth(x, y) and a paddle's place(y, t) [m]."""
+    plan = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
+    scene = {"title": "A basin", "tank": {"type": "basin", "depth": DEPTH, "plan": plan}, "wall": {"motion": motion}}
+    places, pieces = mesh(kept, triangles)
+    with RunWriter(path, {"scene": scene}) as writer:
+        gauges = writer.gauges([("mast", 3.0, 1.0)])
+        energy = writer.table("energy.csv", ["t [s]", "kinetic [m^5/s^2]"])
+        for t in times[:1]:
+            gauges.append([t, 0.0]), energy.append([t, 1.0])
+    for rank in reversed(range(ranks)):  # the first one tells of all
+        series = VtuSeries(path, "surface", comm=Rank(rank, ranks))
+        own = pieces[(places[pieces].mean(axis=1)[:, 0] * ranks // LENGTH).astype(int) == rank]
+        points, corners = np.unique(own, return_inverse=True)
+        x, y = places[points].T
+        for t in times:
+            moved = x + (0.0 if paddle is None else np.maximum(0.0, 1 - x / REACH) * paddle(y, t))
+            eta = elevation(moved, y, t)
+            arrays = {"elevation": eta, "surface potential": 0 * eta, "depth": depth(x, y)}
+            cells = Cells.flat(corners.reshape(own.shape).astype(np.int32))
+            series.append(float(t), np.column_stack([moved, y, eta]), cells=cells, arrays=arrays)
+    return RunDirectory(path)
+
+
+def around(x, y):
+    """Keep the cells around a square island, 4 m < x < 5 m and 1 m < y < 2 m."""
+    return ~((abs(x - 4.5) < 0.5) & (abs(y - 1.5) < 0.5))
+
+
+def l_shaped(x, y):
+    return (x > 6.0) | ((x > 2.0) & (y < 1.0))
+
+
+def pixel(picture, pixels, point):
+    column, row = np.round(picture.place(np.array([point]))[0]).astype(int)
+    return pixels[row, column] / 255
+
+
+# ---------------------------------------------------------------- the surface over time
+@pytest.mark.parametrize("triangles", [False, True])
+def test_the_surface_goes_on_between_snapshots(tmp_path, triangles):
+    surface = BasinSurface(record(tmp_path / "run", paddle=swinging, triangles=triangles))
+    for t in (TIMES[0] + 0.03, TIMES[20] + 0.05, TIMES[-1] - 0.01):
+        x, y, eta = surface.at(t).T
+        # cubic through four: at most (omega dt)^4 / 24 of each, 4e-4, at the ends; a straight line's is 1.2e-2
+        assert eta == pytest.approx(travelling(x, y, t), abs=5e-4 * HEIGHT_OF_WAVES)
+        assert x[np.abs(surface.first[:, 0]) < 1e-9] == pytest.approx(swinging(np.unique(y), t), abs=5e-4 * STROKE)
+
+
+def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
+    def told(ranks):
+        surface = BasinSurface(record(tmp_path / str(ranks), paddle=swinging, depth=shoal, kept=around, ranks=ranks))
+        came_to = history(surface)
+        place = surface.first[:, :2].round(9)
+        order = np.lexsort(place.T)
+        columns = [surface.at(0.7), surface.depth, came_to.travel, came_to.extremes.high, came_to.crest]
+        loops = [sorted(map(tuple, place[loop])) for loop in surface.loops]
+        sizes = [came_to.usual, came_to.slope, came_to.crest_time, len(surface.pieces)]
+        return np.column_stack(columns)[order], loops, sizes, place[surface.paddle(came_to.travel)].tolist()
+
+    alone, others = told(1), [told(ranks) for ranks in (2, 3)]
+    for other in others:
+        assert other[0] == pytest.approx(alone[0], abs=1e-12)
+        assert other[1] == alone[1] and other[3] == alone[3]
+        assert other[2] == pytest.approx(alone[2], rel=1e-12)
+
+
+def test_the_rim_is_the_walls_then_the_islands(tmp_path):
+    outer, island = BasinSurface(record(tmp_path / "run", kept=around)).loops
+    assert len(outer) == 2 * (48 + 24) and len(island) == 4 * 6
+
+
+def test_the_paddle_is_the_wall_that_moves_across_its_plane(tmp_path):
+    surface = BasinSurface(record(tmp_path / "run", paddle=swinging, kept=around))
+    line = surface.first[surface.paddle(history(surface).travel)]
+    assert line[:, 1] == pytest.approx(np.linspace(0.0, WIDTH, 25))
+    assert np.all(np.abs(line[:, 0]) < 1e-9)
+    still = BasinSurface(record(tmp_path / "still"))
+    assert not still.paddle(history(still).travel).size
+
+
+def test_crests_between_snapshots_are_found():
+    t = PERIOD / 9 * np.arange(20)  # nine snapshots a period
+    phase = np.linspace(0.0, 2 * np.pi, 200)
+    extremes = Extremes(200)
+    for one in t:
+        extremes.add(float(one), np.cos(2 * np.pi * one / PERIOD + phase))
+    snapshots = np.cos(2 * np.pi * t[:, None] / PERIOD + phase).max(axis=0)
+    assert snapshots.min() == pytest.approx(np.cos(np.pi / 9), abs=1e-3)  # 6 % too low
+    # halfway between two, (cos 20, cos 20, cos 60 degrees) have a parabola of height 0.9946
+    assert extremes.high == pytest.approx(1.0, abs=0.0055)
+    assert extremes.low == pytest.approx(-1.0, abs=0.0055)
+
+
+# ---------------------------------------------------------------- what is seen
+def test_the_water_reaches_from_the_bed_to_the_surface_with_the_crest_where_it_is(tmp_path):
+    tank = Basin(record(tmp_path / "run", depth=shoal, kept=around))
+    sight = tank.at(PERIOD / 2)
+    assert sight.surface[ELEVATION] == pytest.approx(100 * sight.surface.points[:, 2], abs=1e-5)
+    x, _, z = sight.surface.points.T
+    assert np.abs(x[z > 0.99 * z.max()] % WAVE - WAVE / 2).max() < 0.1  # crests at 1, 3, 5 and 7 m
+    x, y, z = sight.sides.points.T
+    foot = z < -0.1
+    assert z[foot] == pytest.approx(-shoal(x[foot], y[foot]), abs=1e-6)
+    assert z[~foot] == pytest.approx(travelling(x[~foot], 0, PERIOD / 2), abs=1e-6)
+    assert sight.sides[HEIGHT] == pytest.approx(z)
+    assert np.hypot(x - 4.5, y - 1.5).min() == pytest.approx(0.5)  # the island's, too
+    assert tank.depth == pytest.approx(DEPTH, abs=1e-6)
+
+
+def test_the_paddle_stands_at_its_moving_place_over_the_bed(tmp_path):
+    tank = Basin(record(tmp_path / "run", paddle=swinging))
+    bed = next(part for part in tank.parts() if part.name == "bed").mesh
+    for t in (PERIOD / 4, 3 * PERIOD / 4):
+        sight = tank.at(t)
+        low, high = sorted((swinging(0.0, t), swinging(WIDTH, t)))
+        assert sight.paddle.bounds[1] == pytest.approx(high, abs=1e-6)
+        assert sight.paddle.bounds[0] == pytest.approx(low - 0.006 * tank.extent, abs=1e-6)
+        assert sight.paddle.bounds[4] == pytest.approx(-DEPTH) and sight.paddle.bounds[5] > HEIGHT_OF_WAVES / 2
+        assert sight.surface.bounds[0] == pytest.approx(low, abs=1e-6)
+        assert bed.bounds[0] <= sight.paddle.bounds[0] + 1e-6
+    assert Basin(record(tmp_path / "still")).at(0.5).paddle is None
+
+
+def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
+    tank = Basin(record(tmp_path / "run", depth=shoal))
+    assert tank.note == "lines of still-water depth 0.25, 0.3, 0.35, 0.4, 0.45 m"
+    lines = tank.at(0.3).contours.points
+    x, y, z = lines.T
+    depths = shoal(x, y)
+    levels = np.array([0.25, 0.3, 0.35, 0.4, 0.45])
+    # the lattice's linear interpolation of the bed: h^2 / 8 |d''|, with h = 1/6 m and |d''| < 1.2 / m
+    assert np.abs(depths[:, None] - levels).min(axis=1).max() < 0.005
+    assert z == pytest.approx(travelling(x, y, 0.3), abs=0.05 * HEIGHT_OF_WAVES)
+    assert np.all(z > travelling(x, y, 0.3) - 0.04 * HEIGHT_OF_WAVES)
+    even = Basin(record(tmp_path / "even"))
+    assert even.at(0.3).contours is None and not even.note
+
+
+def test_walls_leave_the_paddle_out_and_an_island_stands_above_the_crests(tmp_path):
+    tank = Basin(record(tmp_path / "run", paddle=swinging, kept=around))
+    parts = {part.name: part.mesh for part in tank.parts()}
+    assert parts["walls"].n_cells == 2 * 48 + 24  # both sides and the far end
+    assert parts["island 0"].bounds[:5] == pytest.approx((4.0, 5.0, 1.0, 2.0, -DEPTH))
+    assert parts["island 0"].bounds[5] > HEIGHT_OF_WAVES / 2
+    assert "walls" in {part.name for part in Basin(record(tmp_path / "still")).parts()}
+
+
+def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_path):
+    def humps(x, y, t):
+        return HEIGHT_OF_WAVES * (np.exp(-((x - 6.5) ** 2) - (y - 2) ** 2) - np.exp(-((x - 2.5) ** 2) - (y - 2) ** 2))
+
+    run = record(tmp_path / "run", elevation=humps, paddle=swinging, kept=around)
+    picture = view.View(tank := Basin(run), "", size=(960, 540))
+    pixels = picture.pixels(PERIOD)
+    crest, trough = (pixel(picture, pixels, place) for place in ((6.5, 2.0, 0.1), (2.5, 2.0, -0.1)))
+    still = pixel(picture, pixels, (4.5, 3.7, 0.0))
+    assert crest.mean() > still.mean() + 0.2 > trough.mean() + 0.4
+    assert still == pytest.approx(view.SURFACE(0.5)[:3], abs=0.06)  # as in a slice's picture
+    top = next(part for part in tank.parts() if part.name == "island 0").mesh.bounds[5]
+    lid = pixel(picture, pixels, (4.5, 1.5, top))
+    assert np.ptp(lid) < 0.1 and lid.mean() > 0.5  # a light grey
+    board = pixel(picture, pixels, (0.0, 2.0, 0.5 * HEIGHT_OF_WAVES))
+    assert board[0] > 1.8 * board[2]  # orange
+    picture.close()
+
+
+def test_two_ranks_give_the_same_picture(tmp_path):
+    pictures = []
+    for ranks in (1, 2):
+        run = record(tmp_path / str(ranks), paddle=swinging, depth=shoal, ranks=ranks, times=TIMES[:6])
+        picture = view.View(Basin(run), "", size=SIZE)
+        pictures.append(picture.pixels(0.2).astype(int))
+        picture.close()
+    # another order of points may change roundings of colours at single pixels, but no seam is seen
+    assert np.abs(pictures[0] - pictures[1]).max() <= 12
+    assert np.abs(pictures[0] - pictures[1]).mean() < 0.01
+
+
+@pytest.mark.parametrize(
+    "kept, x, side", [(around, ["x = 0 m", *"12345678"], "right"), (l_shaped, ["x = 2 m", *"345678"], "left")]
+)
+def test_marks_are_in_the_picture_and_the_title_where_there_is_room(tmp_path, kept, x, side):
+    picture = view.View(tank := Basin(record(tmp_path / "run", kept=kept, times=TIMES[:2])), "A basin", size=SIZE)
+    places, texts = tank.marks()
+    assert texts == [*x, "0", "0.5", "1", "1.5", "2", "2.5", "3", "3.5", "y = 4 m"]
+    columns, rows = picture.place(places).T
+    assert min(columns.min(), rows.min()) > 0 and columns.max() < SIZE[0] and rows.max() < SIZE[1]
+    assert picture.plotter.actors["title"].prop.justification_horizontal == side
+    assert picture.plotter.actors["note"].input.startswith("vertical exaggeration")
+    picture.close()
+
+
+# ---------------------------------------------------------------- maps
+def words(run, tmp_path):
+    with rc_context({"svg.fonttype": "none"}):
+        return basin_figures.basin_figure(run, tmp_path / "map.svg").read_text()
+
+
+def test_the_maps_say_what_they_show(tmp_path):
+    text = words(record(tmp_path / "run", depth=shoal, paddle=swinging), tmp_path)
+    for word in ("A basin", "at the highest crest, t = ", "the highest elevation reached", "elevation [cm]"):
+        assert word in text
+    for word in (">x [m]<", ">y [m]<", ">mast<", ">0.25 m<", ">0.45 m<"):
+        assert word in text
+    assert "crest minus trough" not in text  # no period is known
+
+
+def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):
+    regular = {"type": "sinusoid", "period": PERIOD}
+    times = PERIOD / 8 * np.arange(6 * 8 + 1)
+    run = record(tmp_path / "run", motion=regular, times=times)
+    (heights,) = basin_figures._wave_heights(run, BasinSurface(run))
+    assert heights.values == pytest.approx(HEIGHT_OF_WAVES, rel=0.01)  # eight snapshots a period
+    assert heights.title == "wave height from t = 4.80 to 9.60 s"
+    assert "crest minus trough [cm]" in words(run, tmp_path)
+    early = record(tmp_path / "early", motion=regular, times=times[:-1])
+    seldom = record(tmp_path / "seldom", motion=regular, times=times[::4])
+    assert not basin_figures._wave_heights(early, BasinSurface(early))
+    assert not basin_figures._wave_heights(seldom, BasinSurface(seldom))
+
+
+def test_quadrilaterals_are_drawn_as_the_triangles_they_are_made_of():
+    assert basin_figures._triangles(np.array([[4, 5, 6, 7]])).tolist() == [[4, 5, 6], [4, 6, 7]]
+    assert basin_figures._triangles(np.array([[4, 5, 6]])).tolist() == [[4, 5, 6]]
+
+
+# ---------------------------------------------------------------- the commands
+def command(*arguments):
+    app = typer.Typer()
+    app.command()(view_command.view)
+    return CliRunner().invoke(app, list(map(str, arguments)))
+
+
+def test_a_basin_is_drawn_after_its_run_and_viewed_like_a_slice(tmp_path):
+    run = record(tmp_path / "run", paddle=swinging, times=TIMES[:4])
+    assert [picture.name for picture in draw_run(run)] == ["surface.png"]  # gauges and energy have one row
+    (run.path / "surface.png").unlink()
+    done = command(run.path, "--diagram", "--time", 0.1, "--film", tmp_path / "film.gif", "--size", "320x180")
+    assert done.exit_code == 0, done.output
+    assert imread(run.path / "view.png").shape[:2] == (180, 320)
+    assert imread(run.path / "surface.png")[..., :3].std() > 0.05
+    assert (tmp_path / "film.gif").stat().st_size > 10_000
+
+
+def test_a_run_killed_early_has_no_maps(tmp_path):
+    for count in (0, 1):
+        run = record(tmp_path / str(count), times=TIMES[:count])
+        assert draw_run(run) == []
+
+
+def test_basins_that_cannot_be_viewed_are_refused(tmp_path):
+    run = record(tmp_path / "run", times=TIMES[:3])
+    with pytest.raises(InputError, match="allowed is 0 to 0.16 s"):
+        view.still(run, tmp_path / "a.png", t=1.0)
+    with pytest.raises(InputError, match="1 snapshots of the surface received; at least 2"):
+        basin_figures.basin_figure(record(tmp_path / "one", times=TIMES[:1]), tmp_path / "a.png")
+    (run.path / "fields" / "surface_000001.pvtu").unlink()
+    with pytest.raises(InputError, match=r"surface_000001\.pvtu: is missing"):
+        view.still(run, tmp_path / "a.png")
+    (run.path / "surface.pvd").unlink()
+    with pytest.raises(InputError, match=r"no readable surface\.pvd"):
+        view.still(run, tmp_path / "a.png")
+    assert not (tmp_path / "a.png").exists()

@@ -1,0 +1,24 @@
+"""From a scene to a system, a scheme and a run: the only package that sees every layer."""
+
+from wavetank.build.runs import (
+    Records,
+    build_filters,
+    build_observers,
+    build_run,
+    build_watch,
+    initial_state,
+    time_step,
+)
+from wavetank.build.waters import Waves, build_waves
+
+__all__ = [
+    "Records",
+    "Waves",
+    "build_filters",
+    "build_observers",
+    "build_run",
+    "build_watch",
+    "build_waves",
+    "initial_state",
+    "time_step",
+]

@@ -1,0 +1,81 @@
+"""From a scene to the tank with its water."""
+
+from collections.abc import Callable
+
+from mpi4py import MPI
+
+from wavetank import scene as nouns
+from wavetank.build.plans import PlanView, build_plan
+from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
+from wavetank.motions import Motion
+from wavetank.scene import Physics, Scene
+from wavetank.scene.moving_wall import MovingWall
+from wavetank.water.bed import Depth
+from wavetank.water.linear_waves import LinearPiston, LinearWaves
+from wavetank.water.plan_view import Basin, Ring, Slice
+from wavetank.water.walls import FixedWall, Paddle, Piston, Wall
+from wavetank.water.waves import NonlinearWaves, Tolerances
+
+Waves = NonlinearWaves | LinearWaves
+
+
+def build_waves(scene: Scene, comm: MPI.Comm) -> Waves:
+    """Return the tank with its water; collective."""
+    return fill(scene, build_plan(scene, comm))
+
+
+def fill(scene: Scene, plan: PlanView) -> Waves:
+    """Return a plan view with the scene's water in it; collective."""
+    return WATERS[scene.physics](scene, plan, Plane(plan.mesh, scene.numerics.order, plan.chart))
+
+
+def _depth(scene: Scene) -> float | Depth:
+    return scene.tank.depth if scene.tank.bed is None else scene.tank.bed.build()
+
+
+def _driven(scene: Scene, plan: PlanView) -> Slice | Basin | None:
+    """Return the plan if one of its walls moves."""
+    return None if isinstance(plan, Ring) or isinstance(scene.wall, nouns.FixedWall) else plan
+
+
+def _reach(scene: Scene, plan: Slice | Basin, paddle: Paddle) -> float:
+    """Return where the wall's mapping has died out [m], before any wall that must not move; collective."""
+    free, asked = plan.free_reach(paddle), scene.reach
+    if isinstance(scene.wall, MovingWall) and scene.wall.reach is not None and asked > free * (1 + 1e-9):
+        what = "where a wall stands that does not run along the paddle's motion"
+        raise InputError(f"wall.reach = {asked:g}: must be at most {free:.4g} m, {what}.")
+    return min(free, asked)
+
+
+def _nonlinear(scene: Scene, plan: PlanView, plane: Plane) -> NonlinearWaves:
+    numerics = scene.numerics
+    wall: Wall = FixedWall()
+    if driven := _driven(scene, plan):
+        paddle = driven.paddle()
+        wall = Piston(scene.motion(), plane=plane, reach=_reach(scene, driven, paddle), paddle=paddle)
+    return NonlinearWaves(
+        plane,
+        depth=_depth(scene),
+        gravity=scene.tank.gravity,
+        wall=wall,
+        vertical_order=numerics.vertical_order,
+        tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
+    )
+
+
+def _linear(scene: Scene, plan: PlanView, plane: Plane) -> LinearWaves:
+    wall, motion = FixedWall(), scene.motion()
+    if (driven := _driven(scene, plan)) and isinstance(motion, Motion):
+        wall = LinearPiston(motion, plane=plane, paddle=driven.paddle())
+    return LinearWaves(
+        plane,
+        depth=_depth(scene),
+        gravity=scene.tank.gravity,
+        wall=wall,
+        vertical_order=scene.numerics.vertical_order,
+        tolerance=scene.numerics.tolerance,
+    )
+
+
+WATERS: dict[Physics, Callable[[Scene, PlanView, Plane], Waves]] = {"nonlinear": _nonlinear, "linear": _linear}
