@@ -129,7 +129,8 @@ class OrderMultigrid:
             return np.asarray(self._plane.comm.allreduce((a * b).sum(axis=0)))
 
         v = np.repeat(np.sin(1e5 * self._plane.coordinates() @ [1.0, np.sqrt(2.0), 0.0])[:, None], modes, axis=1)
-        v, before, beta = v / np.sqrt(inner(v, v)), np.zeros_like(v), np.zeros(modes)
+        v, before = v / np.sqrt(inner(v, v)), np.zeros_like(v)
+        beta: Vector = np.zeros(modes)
         projected = np.zeros((modes, self.lanczos, self.lanczos))
         for k in range(self.lanczos):
             w = scale * self._product(scale * v) - beta * before

@@ -58,7 +58,6 @@ class InteriorPotential:
         self.counters = SolveCounters()
         self._operator, self._phi, self._n = operator, phi, vertical.n
         self._modes = DecoupledModes(operator, vertical.eigenvalues, plane)
-        self._argument = plane.layered_function(vertical.n, "interior argument")
         self._recall = Recall(inputs, plane.owned * vertical.n, comm=plane.comm)
         self._fresh_iterations: int | None = None
         self._ksp = self._solver(plane, tolerance)
@@ -79,8 +78,7 @@ class InteriorPotential:
 
     def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Apply A_II: what PETSc calls for the shell matrix."""
-        self._argument.set(x.array_r.reshape(-1, self._n))
-        y.array = self._operator.apply_interior(self._argument.rows).ravel()
+        y.array = self._operator.apply_interior(x.array_r.reshape(-1, self._n)).ravel()
 
     def solve(self, wall: Vector, inputs: Vector) -> None:
         """Set phi_I for the surface potential in phi, the operator as assembled and the wall's vector; collective.
