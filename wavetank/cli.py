@@ -3,7 +3,6 @@
 import os
 import sys
 import traceback
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,13 +10,13 @@ import typer
 from mpi4py import MPI
 from rich.console import Console
 
+from postprocess.compare_command import compare
 from postprocess.view_command import view
 from wavetank import data
 from wavetank.errors import WavetankError
 from wavetank.plan.command import plan
 from wavetank.rundir import ENERGY, RunDirectory
 from wavetank.scene import Scene
-from wavetank.series import GaugeSeries
 from wavetank.study.command import study
 
 app = typer.Typer(
@@ -30,13 +29,13 @@ data_app = typer.Typer(help="Benchmark data: download with checksum, or use a lo
 app.add_typer(data_app, name="data")
 app.command()(study)
 app.command()(view)
+app.command()(compare)
 verify_app = typer.Typer(help="Recompute what the literature says of the method.", no_args_is_help=True)
 app.add_typer(verify_app, name="verify")
 
 app.command()(plan)
 
 CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
-RunPath = Annotated[Path, typer.Argument(help="run directory", metavar="RUN")]
 
 
 def console() -> Console:
@@ -69,38 +68,6 @@ def _draw(directory: Path, terminal: Console) -> None:
 
     for picture in draw_run(RunDirectory(directory)):
         terminal.print(f"wrote {picture}", highlight=False)
-
-
-@app.command()
-def compare(
-    run: RunPath,
-    reference: Annotated[str, typer.Option("--with", metavar="DATA|RUN", help="data set or other run directory")],
-    out: Annotated[Path | None, typer.Option(help="where to write; default: the run directory")] = None,
-) -> None:
-    """Compare a run's gauges with measurements, or with another run: a table and a figure."""
-    from postprocess.compare import compare as compare_series
-    from postprocess.compare import comparison_table, write_comparison
-    from postprocess.figures import gauges_figure
-
-    computed = RunDirectory(run).gauges()
-    measured, published = _reference(reference)
-    folder = run if out is None else out
-    folder.mkdir(parents=True, exist_ok=True)
-    comparisons = compare_series(computed, measured)
-    write_comparison(folder / "compare.csv", comparisons)
-    gauges_figure(measured, computed, published, folder / "compare.png")
-    terminal = console()
-    terminal.print(comparison_table(comparisons))
-    terminal.print(f"wrote {folder / 'compare.csv'} and {folder / 'compare.png'}", highlight=False)
-
-
-def _reference(name: str) -> tuple[list[GaugeSeries], list[GaugeSeries]]:
-    """Return the series to compare with, and a published computation's if there is one."""
-    if name not in data.DATASETS and Path(name).is_dir():
-        return [replace(gauge, source=Path(name).name) for gauge in RunDirectory(Path(name)).gauges()], []
-    series = data.gauge_series(name)
-    published = [one for kind, records in series.items() if kind != "measured" for one in records]
-    return list(series["measured"]), published
 
 
 @data_app.command("list")
