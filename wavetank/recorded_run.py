@@ -13,7 +13,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.build import Records, Waves, build_observers, build_run, build_watch
-from wavetank.errors import WavetankError
+from wavetank.fe.agreed import on_first
 from wavetank.observers.energy import columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar
@@ -35,7 +35,8 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
     asked, scene = scene, planned(scene, comm, lambda text: console.print(text, highlight=False))
     run, waves = build_run(scene, comm)  # before the directory is touched: refused input leaves an earlier run alone
     built, busy = time.monotonic(), time.process_time()
-    writer = _open(_described(asked, scene, comm), out, comm)
+    description = _described(asked, scene, comm)
+    writer = on_first(comm, lambda: RunWriter(out, description))
     with writer or nullcontext():
         dimensions = waves.plane.mesh.topology.dim
         records = _records(scene, writer, dimensions=dimensions)
@@ -57,21 +58,6 @@ def _described(asked: Scene, scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
     """Return what the manifest says of a run from its start: the scene asked for, and what has been planned of it."""
     plan = {} if scene is asked else {"planned": scene.model_dump(mode="json", include={"water", "numerics"})}
     return {"scene": asked.model_dump(mode="json"), **plan, "ranks": comm.size, **environment()}
-
-
-def _open(description: dict[str, Any], out: Path, comm: MPI.Comm) -> RunWriter | None:
-    """Return the root's writer; every rank raises what the root's opening raised; collective."""
-    writer: RunWriter | None = None
-    error: WavetankError | None = None
-    if comm.rank == 0:
-        try:
-            writer = RunWriter(out, description)
-        except WavetankError as caught:
-            error = caught
-    error = comm.bcast(error)
-    if error is not None:
-        raise error
-    return writer
 
 
 def _records(scene: Scene, writer: RunWriter | None, *, dimensions: int) -> Records:

@@ -6,7 +6,7 @@ gmsh runs on the first rank alone. What it meets is raised on all of them.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 import ufl
@@ -15,6 +15,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
+from wavetank.fe.agreed import on_first
 from wavetank.fe.gmsh_model import CURVE, FLAT, SURFACE, Groups, check, regroup
 from wavetank.fe.mesh_file import open_mesh
 from wavetank.hamiltonian.contract import Vector
@@ -24,7 +25,6 @@ try:
 except ImportError:  # its name up to dolfinx 0.9
     from dolfinx.io.gmshio import model_to_mesh
 
-T = TypeVar("T")
 Entities = NDArray[np.int32]
 
 
@@ -130,11 +130,12 @@ def _plan(fill: Callable[[Any], None], source: str, comm: MPI.Comm) -> PlanMesh:
     with _empty_model(comm) as gmsh:
 
         def prepare() -> Groups:
-            fill(gmsh)
-            check(gmsh, source)
-            return regroup(gmsh)
+            with _explained(source):
+                fill(gmsh)
+                check(gmsh, source)
+                return regroup(gmsh)
 
-        groups = _on_first(prepare, source, comm)
+        groups: Groups = comm.bcast(on_first(comm, prepare))
         partitioner = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
         model = None if gmsh is None else gmsh.model
         plan, cells, facets = model_to_mesh(model, comm, 0, gdim=2, partitioner=partitioner)[:3]
@@ -158,18 +159,12 @@ def _empty_model(comm: MPI.Comm) -> Iterator[Any]:
         gmsh.finalize()
 
 
-def _on_first(action: Callable[[], T], source: str, comm: MPI.Comm) -> T:
-    """Return what the first rank finds, or raise what it meets, on all ranks; collective."""
-    found: T | None = None
-    error: InputError | None = None
-    if comm.rank == 0:
-        try:
-            found = action()
-        except InputError as met:
-            error = met
-        except Exception as met:  # gmsh raises nothing more special
-            error = InputError(f"{source}: gmsh cannot mesh it ({str(met).strip()}).")
-    found, error = comm.bcast((found, error))
-    if error is not None:
-        raise error
-    return found
+@contextmanager
+def _explained(source: str) -> Iterator[None]:
+    """Say in a sentence what gmsh raises, which is nothing more special than an ``Exception``."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{source}: gmsh cannot mesh it ({str(error).strip()}).") from None
