@@ -259,28 +259,29 @@ def test_the_paddle_moves_no_wall_but_itself(plan, free):
 
 
 # ---------------------------------------------------------------- any number of ranks
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_basin_is_the_same_on_any_number_of_ranks(kind):
+@pytest.mark.parametrize(("kind", "ranks"), [("quadrilaterals", 2), ("quadrilaterals", 3), ("triangles", 3)])
+def test_a_basin_is_the_same_on_any_number_of_ranks(kind, ranks):
     """Energies, work and mass of segments over a bed, to the solvers' tolerance."""
-    script = f"from test_basin import *; print_rows({kind!r})"
-    found = []
-    for ranks in (1, 2, 3):
-        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        command = [*launcher, sys.executable, "-c", script]
-        done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parent, check=False)
-        assert done.returncode == 0, done.stderr
-        found.append(np.array([float(word) for word in done.stdout.split()]))
-    assert found[0][2] > 1e-4
-    for other in found[1:]:
-        assert np.abs(other - found[0]).max() < 1e-10
+    command = ["mpirun", "-n", str(ranks), sys.executable, "-c", f"from test_basin import *; print_rows({kind!r})"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parent, check=False)
+    assert done.returncode == 0, done.stderr
+    alone = last_row(kind, MPI.COMM_SELF)
+    assert alone[2] > 1e-4
+    assert np.abs(np.array([float(word) for word in done.stdout.split()]) - alone).max() < 1e-10
+
+
+def last_row(kind, comm):
+    """Return the last row of a run."""
+    waves = basin(2.0, 1.2, (8, 6), motion=Oblique(), depth=uneven, n=3, kind=kind, comm=comm)
+    _, rows = run(waves, steps=4, dt=0.03)
+    return rows[-1, 1:]
 
 
 def print_rows(kind):
-    """Print the last row of a run, on the first rank."""
-    waves = basin(2.0, 1.2, (8, 6), motion=Oblique(), depth=uneven, n=3, kind=kind)
-    _, rows = run(waves, steps=6, dt=0.03)
+    """Print the last row of a run on all ranks together, on the first one."""
+    row = last_row(kind, MPI.COMM_WORLD)
     if MPI.COMM_WORLD.rank == 0:
-        print(*map(repr, rows[-1, 1:].tolist()))
+        print(*map(repr, row.tolist()))
 
 
 @pytest.mark.parametrize("part", ['initial.psi="sqrt(0.9 - x)"', 'tank.bed={type="formula", depth="sqrt(0.9 - x)"}'])

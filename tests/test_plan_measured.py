@@ -77,7 +77,7 @@ def run(scene: Scene) -> Measured:
     began = time.process_time()
     running.execute()
     cpu = time.process_time() - began
-    exact, _ = scene.initial.surface(scene.tank, waves.plane.x)
+    exact, _ = scene.initial.surface(scene.tank, *waves.plane.places.T)
     error = waves.elevation(running.state.q, running.state.p, running.t) - exact
     size = exact @ waves.mass.apply(exact) or 1.0
     rows = gauges.array()
