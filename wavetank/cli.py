@@ -3,6 +3,7 @@
 import os
 import sys
 import traceback
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
@@ -85,37 +86,30 @@ def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metav
     console().print(f"{name} is in {folder}", highlight=False)
 
 
-@verify_app.command("integrators")
-def verify_integrators(
-    out: Annotated[Path, typer.Option(help="folder for the tables and pictures")] = Path("runs/integrators"),
-) -> None:
-    """Recompute every table and figure on the integrators: orders, stability, dispersion, damping, forcing, work."""
-    from wavetank.verify.integrators import verify_integrators as write_all
-
-    if MPI.COMM_WORLD.rank == 0:
-        write_all(out, console())
+VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verify_NAME(folder, console): its help
+    "integrators": "Recompute every table and figure on the integrators: orders, stability, dispersion, damping, work.",
+    "extremes": "Measure the extremes: growing modes and their cure, steepness to 95 %, depths, shapes; half an hour.",
+    "sponge": "Measure what a sponge reflects: lengths, depths, wave periods and strengths; two minutes.",
+    "cylinder": "Hold the run-up around a cylinder against McCamy and Fuchs, on finer and finer meshes; some minutes.",
+    "directional_focus": "Hold waves that meet from many directions against linear theory; some minutes.",
+}
 
 
-@verify_app.command("sponge")
-def verify_sponge(
-    out: Annotated[Path, typer.Option(help="folder for the tables and pictures")] = Path("runs/sponge"),
-) -> None:
-    """Measure what a sponge reflects: lengths, depths, wave periods and strengths; two minutes."""
-    from wavetank.verify.sponge import verify_sponge as write_all
+def _add_verification(name: str, meaning: str) -> None:
+    shown = name.replace("_", "-")
 
-    if MPI.COMM_WORLD.rank == 0:
-        write_all(out, console())
+    def verify(
+        out: Annotated[Path | None, typer.Option(help=f"folder for tables and pictures; default runs/{shown}")] = None,
+    ) -> None:
+        module = import_module(f"wavetank.verify.{name}")
+        if MPI.COMM_WORLD.rank == 0:
+            getattr(module, f"verify_{name}")(Path("runs") / shown if out is None else out, console())
+
+    verify_app.command(shown, help=meaning)(verify)
 
 
-@verify_app.command("extremes")
-def verify_extremes(
-    out: Annotated[Path, typer.Option(help="folder for the tables and pictures")] = Path("runs/extremes"),
-) -> None:
-    """Measure the extremes: growing modes and their cure, steepness up to 95 %, depths and shapes; half an hour."""
-    from wavetank.verify.extremes import verify_extremes as write_all
-
-    if MPI.COMM_WORLD.rank == 0:
-        write_all(out, console())
+for _name, _meaning in VERIFICATIONS.items():
+    _add_verification(_name, _meaning)
 
 
 def main(arguments: list[str] | None = None) -> int:
