@@ -64,7 +64,9 @@ def test_stepping_back_returns_to_the_start(make_tank, name):
     assert np.abs(tank.mass.solve(state.q - start.q)).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * name.endswith("adjoint")) for name in SCHEMES]
+)
 def test_energy_of_a_steep_standing_wave_does_not_drift(make_tank, name):
     """Symplecticity: the error oscillates, its mean over the last periods is that of the first ones."""
     drift, spread = energy_drift(make_tank, name, periods=25)
@@ -106,7 +108,14 @@ def driven(make_tank, name, dt, *, duration=8.0):
     return record.array()
 
 
-@pytest.mark.parametrize(("name", "order"), [("stormer-verlet", 2), ("stormer-verlet-adjoint", 2), ("third-order", 3)])
+@pytest.mark.parametrize(
+    ("name", "order"),
+    [
+        ("stormer-verlet", 2),
+        pytest.param("stormer-verlet-adjoint", 2, marks=pytest.mark.slow),
+        ("third-order", 3),
+    ],
+)
 def test_paddle_work_balances_the_energy_to_the_order_of_the_scheme(make_tank, name, order):
     steps = (0.04, 0.02, 0.01)
     budgets = [driven(make_tank, name, dt) for dt in steps]

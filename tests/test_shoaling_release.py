@@ -47,6 +47,7 @@ class Envelope:
         return np.sqrt([(highest**2).mean(), (lowest**2).mean()])
 
 
+@pytest.mark.slow
 def test_it_is_the_same_on_any_number_of_ranks(wavetank, tmp_path):
     changes = ["run.duration=0.4", "numerics.cell_size=0.5", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]
     overrides = [word for change in changes for word in ("--set", change)]
