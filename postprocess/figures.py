@@ -194,16 +194,22 @@ def _draw_paddle(axes: Axes, diagram: Axes, surface: Surface) -> None:
 
 
 # ---------------------------------------------------------------- gauges
+PANELS = 24  # of gauges in one picture
+
+
 def gauges_overview(gauges: Sequence[GaugeSeries], path: Path, *, title: str = "") -> Path:
-    """Draw every gauge's record, all on one scale, from the paddle outwards; return ``path``.
+    """Draw the gauges' records, all on one scale, from the paddle outwards; return ``path``.
+
+    Of more than ``PANELS`` gauges every second, third ... is drawn.
 
     Raises ``InputError`` if there is no gauge.
     """
     if not gauges:
         raise InputError(f"{path}: there is no gauge to draw.")
-    with picture(path, 10, 1.2 + 1.25 * len(gauges)) as figure:
-        panels = figure.subplots(len(gauges), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
-        for gauge, panel in zip(sorted(gauges, key=lambda gauge: gauge.x), panels, strict=True):
+    shown = sorted(gauges, key=lambda gauge: gauge.x)[:: -(-len(gauges) // PANELS)]
+    with picture(path, 10, 1.2 + 1.25 * len(shown)) as figure:
+        panels = figure.subplots(len(shown), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
+        for gauge, panel in zip(shown, panels, strict=True):
             panel.plot(gauge.t, CM * gauge.eta, color=COMPUTED)
             panel.axhline(0.0, color="#888888", lw=0.6, zorder=0)
             panel.set_title(f"gauge {gauge.name}, x = {gauge.x:g} m", pad=2)
