@@ -13,11 +13,13 @@ from mpi4py import MPI
 
 from wavetank.build import build_run
 from wavetank.fe.plane import Plane
+from wavetank.observers.schedule import EverySteps
+from wavetank.reference.airy import wave_number
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
 from wavetank.verify.growth import Setting, row
-from wavetank.water.breaking import ONSET, CrestSpeeds, Moving
+from wavetank.water.breaking import ONSET, CrestSpeeds, Moving, crest_speeds
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linearised import LinearisedFlow
 from wavetank.water.plan_view import Ring
@@ -181,7 +183,32 @@ def test_crests_are_followed_at_their_speed_and_new_ones_are_not_mistaken():
     assert speeds.follow([Crest(6.5, 0.2, 1.0)], 0.5) == []
 
 
-GROUP = ["cases/focusing.toml", "--no-plots", "--set", "wall.motion.amplitude=0.16", "--set", "numerics.dt=0.02"]
+def test_crests_that_rest_between_coarse_cells_are_not_slow_ones():
+    """Oracle: the phase speed of regular waves, k a = 0.16, over cells of a quarter of a wave."""
+    wall = {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.0242, "period": 1.0, "ramp": 4.0}}
+    scene = {
+        "tank": {"length": 10.0, "depth": 0.45},
+        "wall": wall,
+        "sponge": {"type": "end", "length": 3.5},
+        "run": {"duration": 8.0},
+        "numerics": {"cell_size": 0.4, "order": 4, "vertical_order": 4, "dt": 0.04},
+    }
+    run, waves = build_run(Scene.model_validate(scene), MPI.COMM_WORLD)
+    flow, seen = SurfaceFlow(waves), list[Moving]()
+
+    class Looking:
+        speeds, schedule = crest_speeds(waves, ends=(0.0, 6.5)), EverySteps(1)
+
+        def observe(self, moment):
+            seen.extend(one for one in self.speeds.look(flow, moment.q, moment.p, moment.t) if moment.t > 6.0)
+
+    run.observers.append(Looking())
+    run.execute()
+    k = wave_number(2 * np.pi, 0.45, waves.gravity)
+    assert len(seen) > 50 and all(0.75 < one.speed / (2 * np.pi / k) < 1.25 for one in seen)
+
+
+GROUP = ["cases/focusing.toml", "--no-plots", "--set", "wall.motion.amplitude=0.16", "--set", "numerics.dt=0.01"]
 
 
 @pytest.mark.slow
@@ -196,7 +223,7 @@ def test_an_over_steep_group_stops_where_it_breaks_or_goes_on_with_less_energy(w
     assert going.returncode == 0, going.stderr
     energy = RunDirectory(tmp_path / "go").energy()
     assert energy["dissipated [m^4/s^2]"][-1] > 0.01 * energy["total [m^4/s^2]"][-1]
-    assert abs(energy["balance [m^4/s^2]"][-1]) < 0.02 * energy["dissipated [m^4/s^2]"][-1]
+    assert abs(energy["balance [m^4/s^2]"][-1]) < 0.005 * energy["dissipated [m^4/s^2]"][-1]
     assert energy["mass [m^2]"][-1] == pytest.approx(energy["mass [m^2]"][0], rel=1e-12)
 
 
