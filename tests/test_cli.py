@@ -74,7 +74,7 @@ def test_the_main_job_leaves_its_pictures_and_a_focused_wave(tmp_path):
     assert surface.t[highest[0]] == pytest.approx(20.0, abs=0.6)
 
 
-def test_gauges_are_the_same_on_any_number_of_ranks(wavetank, tmp_path):
+def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetank, tmp_path):
     case, *changes = DRIVEN
     overrides = [word for change in changes for word in ("--set", change)]
     records = []
@@ -84,6 +84,7 @@ def test_gauges_are_the_same_on_any_number_of_ranks(wavetank, tmp_path):
         assert result.returncode == 0, result.stderr
         records.append(np.array([gauge.eta for gauge in RunDirectory(out).gauges()]))
         assert RunDirectory(out).manifest["ranks"] == ranks
+        assert re.search(r"\nt = .*s left, .*iterations a step\n", result.stdout), result.stdout
     assert np.abs(records[0]).max() > 0.05
     for other in records[1:]:
         assert np.abs(other - records[0]).max() < 1e-9 * np.abs(records[0]).max()

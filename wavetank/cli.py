@@ -40,8 +40,12 @@ CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE
 
 
 def console() -> Console:
-    """Return where messages go: standard output, of rank 0 alone."""
-    return Console(quiet=MPI.COMM_WORLD.rank != 0, soft_wrap=True)
+    """Return where messages go: standard output, of rank 0 alone.
+
+    Open MPI gives its ranks a terminal that passes on whole lines only: no bar would be seen there.
+    """
+    terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
+    return Console(quiet=MPI.COMM_WORLD.rank != 0, soft_wrap=True, force_terminal=terminal)
 
 
 @app.command()
