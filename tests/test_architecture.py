@@ -9,6 +9,8 @@ PACKAGE = Path(__file__).resolve().parents[1] / "wavetank"
 
 ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "errors": set(),
+    "console": set(),
+    "memory": set(),
     "series": set(),
     "reference": {"errors"},
     "motions": {"errors", "reference"},

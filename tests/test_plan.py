@@ -11,6 +11,7 @@ from wavetank.build import Records, build_observers, build_run
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
+from wavetank.observers.contract import Moment
 from wavetank.observers.record import Memory
 from wavetank.plan import cost_model
 from wavetank.plan.cost_model import CostModel
@@ -18,6 +19,7 @@ from wavetank.plan.dispersion import Cells, Mesh, step_errors, wave_errors
 from wavetank.plan.error_model import ErrorModel, Settings
 from wavetank.plan.plan import make_plan, own_plan
 from wavetank.plan.requirements import requirements, stokes
+from wavetank.plan.trial import Stopwatch
 from wavetank.reference import airy
 from wavetank.reference.wavemaker import piston_transfer
 from wavetank.rundir import RunDirectory
@@ -413,6 +415,34 @@ def test_the_command_proposes_and_judges(wavetank):
     refused = wavetank("plan", "cases/wavemaker.toml", "--accuracy", "2")
     assert refused.returncode == 2
     assert "accuracy = 2: must be between 0 and 1" in refused.stderr
+
+
+def test_of_a_basin_the_command_says_what_its_own_steps_cost(wavetank, tmp_path):
+    """Oracle of the solves a step: the counters of a run of the same steps."""
+    short = ("cases/bend.toml", "--set", "run.duration=0.6")
+    tried = wavetank("plan", *short, ranks=2)
+    assert tried.returncode == 0, tried.stderr
+    assert "6162 unknowns; 14 steps" in tried.stdout
+    solves, seconds = (
+        float(re.search(pattern, tried.stdout)[1]) for pattern in (r"([\d.]+) interior solves", r"run: (\d+) seconds")
+    )
+    assert wavetank("run", *short, "--no-plots", "--out", str(tmp_path / "run")).returncode == 0
+    counters = RunDirectory(tmp_path / "run").manifest["counters"]
+    assert 0.5 * counters["interior_solves"] / 14 < solves < counters["interior_solves"] / 14
+    assert 0 < seconds < 60
+
+
+def test_of_a_basin_no_plan_is_made(wavetank):
+    refused = wavetank("plan", "cases/bend.toml", "--accuracy", "0.1")
+    assert refused.returncode == 2 and "plans are made for slices and rings with a flat bed" in refused.stderr
+
+
+def test_a_stopwatch_leaves_out_the_first_steps():
+    watch, solved = Stopwatch(lambda: solved.pop(0)), [0, 9, 15, 18, 20, 23]
+    for step in range(6):
+        watch.observe(Moment(step, 0.1 * step, np.zeros(1), np.zeros(1)))
+    assert watch.per_step(after=3)[2] == 2.5
+    assert watch.per_step(after=9)[2] == 3.0  # a run that short: of its last step
 
 
 def test_a_run_uses_the_plan_of_its_accuracy_on_any_number_of_ranks(wavetank, tmp_path):

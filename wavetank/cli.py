@@ -14,6 +14,7 @@ from rich.console import Console
 from postprocess.compare_command import compare
 from postprocess.view_command import view
 from wavetank import data
+from wavetank.console import console
 from wavetank.errors import WavetankError
 from wavetank.plan.command import plan
 from wavetank.rundir import ENERGY, RunDirectory
@@ -37,15 +38,6 @@ app.add_typer(verify_app, name="verify")
 app.command()(plan)
 
 CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
-
-
-def console() -> Console:
-    """Return where messages go: standard output, of rank 0 alone.
-
-    Open MPI gives its ranks a terminal that passes on whole lines only: no bar would be seen there.
-    """
-    terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
-    return Console(quiet=MPI.COMM_WORLD.rank != 0, soft_wrap=True, force_terminal=terminal)
 
 
 @app.command()

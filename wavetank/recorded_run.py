@@ -1,19 +1,16 @@
 """A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
 
-import re
-import resource
-import sys
 import time
-from contextlib import nullcontext, suppress
-from math import inf
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.build import Records, Waves, build_observers, build_run, build_watch
+from wavetank.build import Records, Waves, build_observers, build_run, build_watch, summary
 from wavetank.fe.agreed import on_first
+from wavetank.memory import peak_memory
 from wavetank.observers.energy import columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar
@@ -44,7 +41,7 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
         run.observers += build_observers(scene, waves, records, sinks=run.sinks)
         run.observers += build_watch(scene, run, waves, lambda text: console.print(text, style="bold red"))
         if root:
-            console.print(_summary(scene, run, waves), highlight=False)
+            console.print(summary(scene, run, waves), highlight=False)
         progress = ProgressBar(scene.run.duration, lambda: _cost(waves), console=console) if root else nullcontext()
         with Interruption(comm) as interruption, progress as bar:
             run.observers += [interruption] if bar is None else [interruption, bar]
@@ -73,17 +70,6 @@ def _cost(waves: Waves) -> tuple[int, int]:
     return counters.solves, counters.iterations
 
 
-def _summary(scene: Scene, run: Run, waves: Waves) -> str:
-    unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
-    bound = f" of {limit:g}" if limit < inf else ", stable at any"
-    cells = waves.plane.mesh.topology.index_map(waves.plane.mesh.topology.dim).size_global
-    return (
-        f"{scene.title or 'untitled'}: {cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
-        f"{unknowns} unknowns; {run.steps} steps of {run.dt:g} s ({run.integrator.name}, "
-        f"dt omega_max = {run.dt * waves.largest_frequency:.2f}{bound})"
-    )
-
-
 def _usage(comm: MPI.Comm, *, began: float, built: float, busy: float) -> dict[str, dict[str, float]]:
     """Return what the manifest says of time and memory, those of all ranks together; collective."""
     now, spent = time.monotonic(), time.process_time() - busy
@@ -93,20 +79,8 @@ def _usage(comm: MPI.Comm, *, began: float, built: float, busy: float) -> dict[s
             "stepping_s": now - built,
             "stepping_cpu_s": comm.allreduce(spent),
         },
-        "memory": {"peak_mib": comm.allreduce(_peak_memory())},
+        "memory": {"peak_mib": comm.allreduce(peak_memory() / 2**20)},
     }
-
-
-def _peak_memory() -> float:
-    """Return the most memory this rank has held [MiB].
-
-    Linux tells it of the process itself; getrusage tells that of the process it was started from, if that is more.
-    """
-    with suppress(OSError):
-        if found := re.search(r"VmHWM:\s*(\d+) kB", Path("/proc/self/status").read_text(encoding="utf-8")):
-            return int(found[1]) / 1024
-    unit = 2**20 if sys.platform == "darwin" else 2**10
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
 
 
 def _figures(run: Run, waves: Waves) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from wavetank.build.runs import (
     build_run,
     build_watch,
     initial_state,
+    summary,
     time_step,
 )
 from wavetank.build.waters import Waves, build_waves
@@ -20,5 +21,6 @@ __all__ = [
     "build_watch",
     "build_waves",
     "initial_state",
+    "summary",
     "time_step",
 ]

@@ -1,7 +1,7 @@
 """From a scene to a run: its scheme, step, start, filters and observers."""
 
 from collections.abc import Callable, Sequence
-from math import ceil, floor, log10
+from math import ceil, floor, inf, log10
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,6 +96,18 @@ def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, Waves]:
     steps = ceil(scene.run.duration / dt * (1 - 1e-9))
     filters = build_filters(scene, waves, dt)
     return Run(waves, integrator, [], start=initial_state(scene, waves), steps=steps, dt=dt, filters=filters), waves
+
+
+def summary(scene: Scene, run: Run, waves: Waves) -> str:
+    """Return what a run is, in a line."""
+    unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
+    bound = f" of {limit:g}" if limit < inf else ", stable at any"
+    cells = waves.plane.mesh.topology.index_map(waves.plane.mesh.topology.dim).size_global
+    return (
+        f"{scene.title or 'untitled'}: {cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
+        f"{unknowns} unknowns; {run.steps} steps of {run.dt:g} s ({run.integrator.name}, "
+        f"dt omega_max = {run.dt * waves.largest_frequency:.2f}{bound})"
+    )
 
 
 def build_filters(scene: Scene, waves: Waves, dt: float) -> list[Filter]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
     from wavetank.plan.cost_model import CostModel
@@ -26,29 +27,66 @@ def plan(
     """Say what a case requires, and propose the numerics that reach an accuracy at least cost.
 
     Where numerics.accuracy stands in the case, what is set beside it is kept; else the case's own numerics are judged
-    beside the proposed ones.
+    beside the proposed ones. Of basins and tanks over a bed no plan is made: some steps are run, also under mpirun, and
+    timed.
     """
+    from wavetank.console import console
+    from wavetank.plan.requirements import unplanned
+    from wavetank.scene import Scene
+
+    scene, terminal = Scene.from_toml(case, overrides or []), console()
+    why = unplanned(scene)
+    if why is not None and accuracy is None and scene.numerics.accuracy is None:
+        _try(scene, why, terminal)
+    else:
+        _plan(scene, scene.title or case.stem, accuracy, terminal)
+
+
+def _try(scene: "Scene", why: str, terminal: "Console") -> None:
+    """Say what the case as it stands costs; collective."""
     from mpi4py import MPI
-    from rich.console import Console
+
+    from wavetank.plan.trial import trial
+
+    terminal.print(f"{why}; timing some steps of this one", highlight=False)
+    seen = trial(scene, MPI.COMM_WORLD)
+    ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
+    for line in (
+        seen.summary,
+        f"  a step: {seen.step:.2g} s on {ranks}, {seen.solves:.1f} interior solves",
+        f"  the run: {_spelt(seen.duration)}, and up to half as much again where waves are steep",
+        f"  memory: {seen.memory / 1e6:.0f} MB",
+    ):
+        terminal.print(line, highlight=False)
+
+
+def _spelt(seconds: float) -> str:
+    """Return a duration in the unit that suits it."""
+    for unit, size in (("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} seconds"
+
+
+def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console") -> None:
+    """Propose numerics for the accuracy, that of the case, or the default."""
+    from mpi4py import MPI
 
     from wavetank.errors import InputError
     from wavetank.plan.cost_model import cost_model
     from wavetank.plan.plan import make_plan
-    from wavetank.scene import Scene
 
     if MPI.COMM_WORLD.size > 1:
         raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a plan is made without mpirun.")
-    console = Console(soft_wrap=True)
-    scene = Scene.from_toml(case, overrides or [])
     wanted = (scene.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
-    costs = cost_model(lambda text: console.print(text, highlight=False))
+    costs = cost_model(lambda text: terminal.print(text, highlight=False))
     proposed = make_plan(scene, wanted, costs=costs)
-    console.print(f"{scene.title or case.stem}, to a relative error of the elevation of {wanted:g}:", highlight=False)
+    terminal.print(f"{name}, to a relative error of the elevation of {wanted:g}:", highlight=False)
     for reason in proposed.reasons:
-        console.print(f"  {reason}", highlight=False)
-    console.print(_table(proposed, _own(scene, wanted, costs)))
+        terminal.print(f"  {reason}", highlight=False)
+    terminal.print(_table(proposed, _own(scene, wanted, costs)))
     if scene.numerics.accuracy is None:
-        console.print(
+        terminal.print(
             f"numerics.accuracy = {wanted:g} in the case makes `wavetank run` use this plan.", highlight=False
         )
 

@@ -9,7 +9,6 @@ driven by a paddle) and scheme are fitted to timed runs of waves of k a = 0.1 wi
 
 import json
 import platform
-import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -24,11 +23,10 @@ from scipy.optimize import nnls
 from wavetank.build import Records, Waves, build_filters, build_observers, build_waves, initial_state
 from wavetank.hamiltonian.contract import Vector
 from wavetank.integrators import INTEGRATORS
-from wavetank.observers.contract import Moment
 from wavetank.observers.energy import Sink
 from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
 from wavetank.plan.error_model import Settings
+from wavetank.plan.trial import STEPS, WARM_UP, Stopwatch
 from wavetank.run import Run
 from wavetank.scene import Scene
 
@@ -41,7 +39,6 @@ PRODUCTS = {  # dt omega_max of the steps that are timed
     "stormer-verlet-adjoint": (0.3, 0.8),
     "gauss-legendre-4": (0.6, 2.2),
 }
-WARM_UP, STEPS = 5, 8
 BASE = 185e6  # bytes: Python with dolfinx and PETSc, and a tank of ten cells; largest resident size, x86-64
 PER_ENTRY = {"linear": 130.0, "nonlinear": 185.0, "driven": 185.0}  # bytes per E, from (p, n) = (3, 8) and (5, 5)
 
@@ -158,24 +155,13 @@ def _scene(kind: str, cells: int, order: int, n: int) -> Scene:
     )
 
 
-class _Stopwatch:
-    """Notes the CPU time at each step."""
-
-    def __init__(self) -> None:
-        self.schedule = EverySteps()
-        self.times: list[float] = []
-
-    def observe(self, moment: Moment) -> None:
-        self.times.append(time.process_time())
-
-
 def _time_a_step(scene: Scene, waves: Waves, name: str, dt_omega_max: float) -> float:
     """Return the CPU seconds of a step; the start values of the solves need some steps of history first."""
-    dt, watch = dt_omega_max / waves.largest_frequency, _Stopwatch()
+    dt, watch = dt_omega_max / waves.largest_frequency, Stopwatch()
     filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)
     sinks = [one for one in filters if isinstance(one, Sink)]
     observers = [*build_observers(scene, waves, records, sinks=sinks), watch]
     scheme: Any = INTEGRATORS[name]()
     start = initial_state(scene, waves)
     Run(waves, scheme, observers, start=start, steps=WARM_UP + STEPS, dt=dt, filters=filters).execute()
-    return (watch.times[-1] - watch.times[WARM_UP]) / STEPS
+    return watch.per_step(after=WARM_UP)[1]

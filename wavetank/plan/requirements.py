@@ -153,15 +153,23 @@ class Requirements:
         return "driven" if self.driven and self.physics == "nonlinear" else self.physics
 
 
+def unplanned(scene: Scene) -> str | None:
+    """Return why no plan can be made of a scene's tank, or None where one can."""
+    tank = scene.tank
+    if not isinstance(tank, nouns.BasinTank) and tank.bed is None:
+        return None
+    what = f'tank.type = "{tank.type}"' if tank.bed is None else f'tank.bed.type = "{tank.bed.type}"'
+    return f"{what}: plans are made for slices and rings with a flat bed"
+
+
 def requirements(scene: Scene, accuracy: float) -> Requirements:
     """Return what a scene requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
 
     Raises ``InputError`` for a scene in which nothing moves, or whose tank or initial state is not known here.
     """
     tank = scene.tank
-    if isinstance(tank, nouns.BasinTank) or tank.bed is not None:
-        what = f'tank.type = "{tank.type}"' if tank.bed is None else f'tank.bed.type = "{tank.bed.type}"'
-        raise InputError(f"{what}: plans are made for slices and rings with a flat bed; give the numerics instead.")
+    if why := unplanned(scene):
+        raise InputError(f"{why}; give the numerics instead.")
     waves, crest, form = _all_waves(scene, accuracy)
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
