@@ -1,7 +1,7 @@
 """Meshes from files: gmsh's own format, and through meshio any other it reads.
 
 In other formats groups are meshio's cell sets; or integer arrays on the cells that are called as in ``NAMES`` and are
-not 0 in the group; or numbers on the cells, where the format has a table of their names as gmsh's.
+not 0 in the group; or numbers on the cells, where the format has a table of their names as gmsh's and MED have.
 """
 
 from collections import defaultdict
@@ -103,3 +103,7 @@ def _groups(read: Any) -> Iterator[tuple[str, Members]]:
     for name, (number, dim) in read.field_data.items():
         blocks = zip(read.cell_data.get("gmsh:physical", []), read.cells, strict=False)
         yield name, [(np.ravel(block) == number) & (cells.dim == dim) for block, cells in blocks]
+    families: dict[int, list[str]] = getattr(read, "cell_tags", {})  # MED's: cells of the same groups have a number
+    for name in sorted({name for names in families.values() for name in names}):
+        numbers = [number for number, names in families.items() if name in names]
+        yield name, [np.isin(np.ravel(block), numbers) for block in read.cell_data["cell_tags"]]
