@@ -18,6 +18,7 @@ from wavetank.errors import InputError
 from wavetank.fe.agreed import on_first
 from wavetank.fe.gmsh_model import CURVE, FLAT, SURFACE, Groups, check, regroup
 from wavetank.fe.mesh_file import open_mesh
+from wavetank.fe.partition import cell_partitioner
 from wavetank.hamiltonian.contract import Vector
 
 try:
@@ -136,9 +137,8 @@ def _plan(fill: Callable[[Any], None], source: str, comm: MPI.Comm) -> PlanMesh:
                 return regroup(gmsh)
 
         groups: Groups = comm.bcast(on_first(comm, prepare))
-        partitioner = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)
         model = None if gmsh is None else gmsh.model
-        plan, cells, facets = model_to_mesh(model, comm, 0, gdim=2, partitioner=partitioner)[:3]
+        plan, cells, facets = model_to_mesh(model, comm, 0, gdim=2, partitioner=cell_partitioner())[:3]
     return PlanMesh(plan, cells, facets, groups, source)
 
 

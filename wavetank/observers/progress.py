@@ -26,7 +26,7 @@ class ProgressBar:
     def __init__(self, duration: float, cost: Callable[[], tuple[int, int]], *, console: Console):
         self.schedule = EverySteps()
         self._duration, self._cost, self._console = duration, cost, console
-        self._began, self._reported = time.monotonic(), 0.0
+        self._began, self._reported, self._set_up = time.monotonic(), 0.0, cost()
         self._bar = Progress(
             TextColumn("t = {task.completed:.2f} / {task.total:g} s"),
             BarColumn(),
@@ -47,10 +47,10 @@ class ProgressBar:
 
     def observe(self, moment: Moment) -> None:
         """Show the moment."""
-        solves, iterations = self._cost()
-        per_step = (
-            f"{solves / max(1, moment.step):.1f} solves, {iterations / max(1, moment.step):.1f} iterations a step"
+        solves, iterations = (
+            (now - before) / max(1, moment.step) for now, before in zip(self._cost(), self._set_up, strict=True)
         )
+        per_step = f"{solves:.1f} solves, {iterations:.1f} iterations a step"
         self._bar.update(self._task, completed=min(moment.t, self._duration), description=per_step)
         if not self._console.is_terminal and moment.t >= self._reported + self._duration / self.plain_lines:
             self._reported = moment.t

@@ -9,6 +9,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 
 from wavetank.fe.charts import Polygon, Straight
+from wavetank.fe.partition import cell_partitioner
 from wavetank.fe.plan_mesh import PlanMesh
 from wavetank.water.walls import Paddle
 
@@ -67,8 +68,8 @@ class Ring:
         corner = np.arange(cells if comm.rank == 0 else 0)
         edges = np.column_stack([corner, (corner + 1) % cells])
         edge = basix.ufl.element("Lagrange", "interval", 1, shape=(2,))
-        partitioner = mesh.create_cell_partitioner(mesh.GhostMode.shared_facet)  # as of a slice
-        self.mesh = mesh.create_mesh(comm, edges, self.chart.corners()[corner], edge, partitioner)
+        corners = self.chart.corners()[corner]
+        self.mesh = mesh.create_mesh(comm, edges, x=corners, e=edge, partitioner=cell_partitioner())  # as of a slice
 
 
 class Basin:
