@@ -167,11 +167,13 @@ class OrderMultigrid:
 
 
 class LinearModes:
-    """The problems' projection on elements of order 1, and one cycle of algebraic multigrid for it."""
+    """The problems' projection on elements of order 1, and one cycle of algebraic multigrid for it.
+
+    Nothing of PETSc's is made twice: what Python lets go of there is kept, on several ranks, until all of them collect.
+    """
 
     def __init__(self, operator: KroneckerOperator, eigenvalues: Vector, fine: Plane):
-        self._operator, self._eigenvalues = operator, eigenvalues
-        self._fine, self._plane = fine, Plane(fine.mesh, 1)
+        self._plane = Plane(fine.mesh, 1)
         numbering = self._plane.V.dofmap.index_map
         self._halo = Halo(numbering, eigenvalues.size)
         self._interpolation = interpolation_matrix(self._plane.V, fine.V)
@@ -181,18 +183,22 @@ class LinearModes:
         self._prolongation = sparse.csr_matrix((weights, here, pointers), shape=(fine.owned, self._halo.size))
         self._restriction = self._prolongation.T.tocsr()
 
-    def _projected(self, rows: SparseRows, values: Vector) -> tuple[Any, Any, Vector]:
-        rows.set(values)
-        projected: tuple[Any, Any, Vector] = rows.matrix.ptap(self._interpolation).getValuesCSR()
-        return projected
+        columns = operator.numbering.local_to_global(operator.columns)
+        self._rows = SparseRows(columns, operator.row_pointers, size=fine.size, comm=fine.comm)
+        self._rows.set(np.ones(columns.size))
+        self._projected = self._rows.matrix.ptap(self._interpolation)
+        pointers, columns, _ = self._projected.getValuesCSR()
+        modes = InterlacedModes(columns, pointers, eigenvalues, self._plane)
+        self._solver = ModeSolver(modes, self._plane, cycles=1)
+
+    def _project(self, values: Vector) -> Vector:
+        self._rows.set(values)
+        self._rows.matrix.ptap(self._interpolation, self._projected)
+        return np.asarray(self._projected.getValuesCSR()[2])
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
         """Project S_uu and S_ww, given by the entries of the owned rows; collective."""
-        columns = self._operator.numbering.local_to_global(self._operator.columns)
-        rows = SparseRows(columns, self._operator.row_pointers, size=self._fine.size, comm=self._fine.comm)
-        (pointers, columns, stiffness), (_, _, mass) = (self._projected(rows, values) for values in (S_u, S_w))
-        modes = InterlacedModes(columns, pointers, self._eigenvalues, self._plane)
-        self._solver = ModeSolver(modes, stiffness, mass, self._plane, cycles=1)
+        self._solver.assemble(self._project(S_u), self._project(S_w))
 
     def correction(self, residual: Vector) -> Vector:
         """Return what elements of order 1 make of a residual, both of shape (owned, m); collective."""
@@ -201,7 +207,7 @@ class LinearModes:
 
 
 class ModeSolver:
-    """Direct (slice) or multigrid (basin) solve of decoupled problems whose matrices stay as they are.
+    """Direct (slice) or multigrid (basin) solve of decoupled problems, once their matrices are assembled.
 
     Parameters
     ----------
@@ -209,16 +215,20 @@ class ModeSolver:
         Of multigrid: the second is cheap against the evaluations of an implicit stage that it saves.
     """
 
-    def __init__(self, modes: Problems, S_u: Vector, S_w: Vector, plane: Plane, *, cycles: int = 2):
-        modes.assemble(S_u, S_w)
+    def __init__(self, modes: Problems, plane: Plane, *, cycles: int = 2):
+        self._modes = modes
         self._ksp = PETSc.KSP().create(plane.comm)
         self._ksp.setOperators(modes.matrix)
         self._ksp.setType("richardson")
         self._ksp.setNormType(PETSc.KSP.NormType.NONE)
         self._ksp.setTolerances(max_it=1 if plane.mesh.topology.dim == 1 else cycles)
         choose_factorisation(self._ksp.getPC(), plane)
-        self._ksp.setUp()
         self._in, self._out = modes.matrix.createVecs()
+
+    def assemble(self, S_u: Vector, S_w: Vector) -> None:
+        """Take over the entries of the owned rows of S_uu and S_ww; collective."""
+        self._modes.assemble(S_u, S_w)
+        self._ksp.setUp()
 
     def solve(self, right: Vector) -> Vector:
         """Return a for r, both of shape (owned, m); collective."""

@@ -258,7 +258,8 @@ class DirectPotential:
         self.counters = SolveCounters(factorisations=1)
         self._plane = plane
         self._b = vertical.moment(0, vertical.values, vertical.values)[:-1, -1]
-        self._solver = ModeSolver(DecoupledModes(operator, vertical.eigenvalues, plane), *still, plane)
+        self._solver = ModeSolver(DecoupledModes(operator, vertical.eigenvalues, plane), plane)
+        self._solver.assemble(*still)
         self._field = plane.function("surface potential")
         size = (plane.owned, self._field.rows.shape[0])
         self._S_u = sparse.csr_matrix((still[0], operator.columns, operator.row_pointers), shape=size)

@@ -57,7 +57,8 @@ class StillWaterWaves:
         if key not in self._solvers:
             waves = self._waves
             eigenvalues, modes = waves.vertical.robin_modes(waves.depth / (weight**2 * waves.gravity))
-            solver = ModeSolver(DecoupledModes(waves.operator, eigenvalues, waves.plane), *self._still, waves.plane)
+            solver = ModeSolver(DecoupledModes(waves.operator, eigenvalues, waves.plane), waves.plane)
+            solver.assemble(*self._still)
             self._solvers[key] = solver, modes[-1]
         return self._solvers[key]
 
