@@ -25,6 +25,7 @@ from dolfinx import fem
 from wavetank.fe.forms import compile_form, owned_rows, taylor_coefficient
 from wavetank.fe.halo import Halo
 from wavetank.fe.plane import Plane
+from wavetank.fe.products import Products
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Vector
 
@@ -82,9 +83,21 @@ class KroneckerOperator:
         # what couples interior and surface is one vertical column: few terms, one component each
         self._coupled = [slot for slot, G in enumerate(self.vertical) if np.any(G[:n, n])]
         self._at_surface = [slot for slot, G in enumerate(self.vertical) if np.any(G[n])]
+        self._owned, size = plane.owned, plane.owned + self.numbering.num_ghosts
         self._halos = {components: Halo(self.numbering, components) for components in (1, n, n + 1)}
+        self._products = {
+            components: Products(
+                self.columns,
+                self.row_pointers,
+                size=size,
+                terms=len(self.terms),
+                numbers=components,
+                comm=plane.comm,
+            )
+            for components in (n, n + 1)
+        }
         self._scalar = sparse.csr_matrix(
-            (np.zeros(self.columns.size), self.columns, self.row_pointers), shape=(plane.owned, self._halos[1].size)
+            (np.zeros(self.columns.size), self.columns, self.row_pointers), shape=(plane.owned, size)
         )
 
     @staticmethod
@@ -107,25 +120,20 @@ class KroneckerOperator:
         )
         self._form = compile_form(form)
         self._matrix = fem.create_matrix(self._form)
-        values, self.columns, self.row_pointers = owned_rows(self._matrix)
+        self._entries, self.columns, self.row_pointers = owned_rows(self._matrix)
         self.numbering = self._matrix.index_map(1)
-        count = len(self.terms)
-        self._csr = sparse.csr_matrix(
-            (
-                np.zeros(values.shape[0] * count),
-                (self.columns[:, None] * count + np.arange(count, dtype=np.int32)).ravel(),
-                self.row_pointers * count,
-            ),
-            shape=(plane.owned, (plane.owned + self.numbering.num_ghosts) * count),
-        )
 
     def assemble(self) -> None:
         """Assemble the S_k for the present water column; collective."""
         self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
-        self.values = owned_rows(self._matrix)[0][:, : len(self.terms)]
-        self._csr.data.reshape(self.values.shape)[:] = self.values
+        self._entries = owned_rows(self._matrix)[0]
+
+    @property
+    def values(self) -> Vector:
+        """The entries of the owned rows of the S_k, shape (entries, terms)."""
+        return self._entries[:, : len(self.terms)]
 
     def still(self, kind: str) -> Vector:
         """Return the entries of the zeta^0 matrix S_uu or S_ww of the owned rows, ``kind`` being "u" or "w"."""
@@ -133,12 +141,10 @@ class KroneckerOperator:
         return np.ascontiguousarray(self.values[:, slot])
 
     def _reached(self, rows: Vector) -> Vector:
-        owned = self._csr.shape[0]
-        return self._halos[rows.shape[1]].fetch(rows[:owned])
+        return self._halos[rows.shape[1]].fetch(rows[: self._owned])
 
     def _apply(self, vertical: Vector, rows: Vector) -> Vector:
-        components = vertical.shape[0]
-        return np.asarray(self._csr @ (self._reached(rows) @ vertical).reshape(-1, components))
+        return self._products[vertical.shape[0]](self._entries, self._reached(rows) @ vertical)
 
     def apply(self, rows: Vector) -> Vector:
         """Return A x on the owned degrees of freedom, shape (owned, n+1), for x on them or more; collective."""

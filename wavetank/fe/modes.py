@@ -17,6 +17,7 @@ from wavetank.fe.chebyshev import chebyshev
 from wavetank.fe.halo import Halo
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.plane import Plane
+from wavetank.fe.products import Products
 from wavetank.fe.sparse_rows import SparseRows
 from wavetank.hamiltonian.contract import Vector
 
@@ -105,6 +106,14 @@ class OrderMultigrid:
     def __init__(self, operator: KroneckerOperator, eigenvalues: Vector, plane: Plane):
         self._plane, self._operator, self._eigenvalues = plane, operator, eigenvalues
         self._halo = Halo(operator.numbering, eigenvalues.size)
+        self._sum = Products(
+            operator.columns,
+            operator.row_pointers,
+            size=self._halo.size,
+            terms=2,
+            numbers=eigenvalues.size,
+            comm=plane.comm,
+        )
         self._coarse = LinearModes(operator, eigenvalues, plane)
         sizes = (plane.owned * eigenvalues.size, plane.size * eigenvalues.size)
         self.matrix = PETSc.Mat().createPython((sizes, sizes), context=self, comm=plane.comm)
@@ -114,8 +123,9 @@ class OrderMultigrid:
         """Take over the entries of the owned rows of S_uu and S_ww; collective."""
         columns, row_pointers = self._operator.columns, self._operator.row_pointers
         shape = (self._plane.owned, self._halo.size)
-        self._S_u, self._S_w = (sparse.csr_matrix((S, columns, row_pointers), shape=shape) for S in (S_u, S_w))
-        diagonals = self._S_u.diagonal()[:, None] + self._S_w.diagonal()[:, None] * self._eigenvalues
+        self._entries = np.column_stack([S_u, S_w])
+        of_u, of_w = (sparse.csr_matrix((S, columns, row_pointers), shape=shape).diagonal() for S in (S_u, S_w))
+        diagonals = of_u[:, None] + of_w[:, None] * self._eigenvalues
         self._inverse_diagonals = 1.0 / diagonals
         largest = self.margin * self._largest_eigenvalue()
         self._bounds = largest / self.spread, largest
@@ -146,9 +156,7 @@ class OrderMultigrid:
     def _product(self, x: Vector) -> Vector:
         """Return the problems' matrices times their columns of x, shape (owned, m); collective."""
         rows = self._halo.fetch(x)
-        product: Vector = self._S_w @ (rows * self._eigenvalues)
-        product += self._S_u @ rows
-        return product
+        return self._sum(self._entries, np.concatenate([rows, rows * self._eigenvalues], axis=1))
 
     def _smoothed(self, right: Vector) -> Vector:
         return chebyshev(self._product, self._inverse_diagonals, right, bounds=self._bounds, steps=self.steps)

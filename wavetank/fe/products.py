@@ -1,0 +1,124 @@
+"""Products of sparse matrices S_t of one sparsity with rows of m numbers, y_i = sum_k sum_t S_t[i, k] x_t[k]: one pass.
+
+SciPy takes a matrix at a time and knows neither count when it is compiled; a kernel that knows both reads each entry
+once and keeps y_i in registers (``make bench`` has the ratio). Kernels are compiled where they are first needed, as
+forms are, and kept in the user's cache.
+"""
+
+import hashlib
+import importlib.util
+import os
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cffi
+import numpy as np
+import pooch
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.fe.agreed import on_first
+from wavetank.hamiltonian.contract import Vector
+
+DECLARATION = "void product(int, const int *, const int *, const double *, int, const double *, double *);"
+KERNEL = """
+void product(int rows, const int *restrict pointers, const int *restrict columns, const double *restrict entries,
+             int stride, const double *restrict x, double *restrict y)
+{
+    for (int i = 0; i < rows; ++i) {
+        double sum[NUMBERS] = {0.0};
+        for (int k = pointers[i]; k < pointers[i + 1]; ++k) {
+            const double *entry = entries + (long)k * stride;
+            const double *row = x + (long)columns[k] * (TERMS * NUMBERS);
+            for (int t = 0; t < TERMS; ++t)
+                #pragma omp simd
+                for (int j = 0; j < NUMBERS; ++j)
+                    sum[j] += entry[t] * row[t * NUMBERS + j];
+        }
+        for (int j = 0; j < NUMBERS; ++j)
+            y[(long)i * NUMBERS + j] = sum[j];
+    }
+}
+"""
+FLAGS = ["-O3", "-march=native", "-ffast-math", "-fopenmp-simd"]
+
+
+class Products:
+    """The product for a sparsity, a number of matrices and of numbers in a row.
+
+    Parameters
+    ----------
+    columns, row_pointers
+        Of the rows.
+    size
+        Number of columns.
+    terms
+        How many matrices.
+    numbers
+        m.
+    """
+
+    def __init__(
+        self,
+        columns: NDArray[np.integer],
+        row_pointers: NDArray[np.integer],
+        *,
+        size: int,
+        terms: int,
+        numbers: int,
+        comm: MPI.Comm,
+    ):
+        self._module = _loaded(comm.bcast(on_first(comm, lambda: _compiled(terms, numbers))))
+        self._columns, self._pointers = (
+            np.ascontiguousarray(places, dtype=np.int32) for places in (columns, row_pointers)
+        )
+        self._shape, self._numbers = (size, terms * numbers), numbers
+
+    def __call__(self, entries: Vector, x: Vector) -> Vector:
+        """Return y, shape (rows, m), for entries of the S_t side by side and x_t side by side, (size, terms m).
+
+        ``entries`` has a row for each place of the sparsity, which may be longer than there are matrices.
+        """
+        if x.shape != self._shape or len(entries) != self._columns.size:
+            raise ValueError(f"{x.shape} numbers and {len(entries)} entries do not fit {self._shape}")
+        y = np.empty((self._pointers.size - 1, self._numbers))
+        cast = self._module.ffi.from_buffer
+        self._module.lib.product(
+            len(y),
+            cast("int *", self._pointers),
+            cast("int *", self._columns),
+            cast("double *", entries),
+            entries.shape[1],
+            cast("double *", np.ascontiguousarray(x)),
+            cast("double *", y),
+        )
+        return y
+
+
+def _compiled(terms: int, numbers: int) -> str:
+    """Return the file of a kernel, compiled unless it is kept."""
+    source = f"#define TERMS {terms}\n#define NUMBERS {numbers}\n{KERNEL}"
+    name = "product_" + hashlib.sha256("".join([source, *FLAGS]).encode()).hexdigest()[:16]
+    folder = Path(pooch.os_cache("wavetank")) / "kernels"
+    kept = folder / f"{name}{importlib.machinery.EXTENSION_SUFFIXES[0]}"
+    if not kept.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        builder = cffi.FFI()
+        builder.cdef(DECLARATION)
+        builder.set_source(name, source, extra_compile_args=FLAGS)
+        with TemporaryDirectory(dir=folder) as scratch:
+            os.replace(builder.compile(tmpdir=scratch), kept)  # whole or not at all, whoever else compiles it
+    return str(kept)
+
+
+@cache
+def _loaded(file: str) -> Any:
+    """Return the module of a compiled kernel."""
+    spec = importlib.util.spec_from_file_location(Path(file).name.split(".")[0], file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{file}: is no module")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
