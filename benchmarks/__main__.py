@@ -110,7 +110,7 @@ def where_the_time_goes(steps: int) -> None:
 
 
 GROUPS = {
-    "horizontal sparse products": ("csr_matvec",),
+    "horizontal sparse products": ("csr_matvec", "products.py", "built-in method product_"),
     "vertical products and copies around them": ("kronecker.py",),
     "KSP's own: preconditioners, mass matrix, vectors": ("'solve' of 'petsc4py.PETSc.KSP'",),
     "assembling the horizontal matrices": ("_assemble_matrix_csr",),
