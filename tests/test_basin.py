@@ -229,7 +229,7 @@ def test_a_bed_that_rises_above_still_water_is_refused_with_its_place():
     with pytest.raises(
         InputError, match=r"the bed: the still-water depth is -0\.1 m at x = 2 m, y = -?0 m; it must be positive"
     ):
-        basin(2.0, 0.6, (6, 2), depth=lambda x, y: 0.5 - 0.3 * x)
+        basin(2.0, 0.6, (6, 2), depth=lambda x, y: 0.5 - 0.3 * x + 0.01 * y)
 
 
 @pytest.mark.parametrize(
