@@ -22,7 +22,6 @@ from rich.table import Table
 
 from wavetank.fe.modes import InterlacedModes
 from wavetank.fe.plane import Plane
-from wavetank.fe.products import Products
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Vector
 from wavetank.memory import peak_memory
@@ -170,9 +169,7 @@ def against_scipy() -> None:
     for terms, modes in ((count, 4), (count, 8), (2, 4), (2, 8)):
         entries = np.ascontiguousarray(operator.values[:, :terms])
         x = np.random.default_rng(1).standard_normal((size, terms * modes))
-        products = Products(
-            operator.columns, operator.row_pointers, size=size, terms=terms, numbers=modes, comm=MPI.COMM_SELF
-        )
+        products = operator.products(terms, modes)
         columns = (operator.columns[:, None] * terms + np.arange(terms, dtype=np.int32)).ravel()
         joined = sparse.csr_matrix((entries.ravel(), columns, operator.row_pointers * terms))
         theirs = least_time(lambda joined=joined, x=x, modes=modes: joined @ x.reshape(-1, modes))

@@ -27,3 +27,9 @@ def agreed(comm: MPI.Comm, evaluate: Callable[[], T]) -> T:
 def on_first(comm: MPI.Comm, action: Callable[[], T]) -> T | None:
     """Return what ``action`` gives on the first rank, None on the others; raise its error on all; collective."""
     return agreed(comm, lambda: action() if comm.rank == 0 else None)
+
+
+def from_first(comm: MPI.Comm, action: Callable[[], T]) -> T:
+    """Return on all ranks what ``action`` gives on the first one; raise its error on all; collective."""
+    found: T = comm.bcast(on_first(comm, action))
+    return found

@@ -18,8 +18,9 @@ from ufl.algorithms.transformer import strip_variables
 
 from wavetank.hamiltonian.contract import Vector
 
+COMPILER_FLAGS = ["-O3", "-march=native", "-ffast-math"]
 JIT_OPTIONS = {
-    "cffi_extra_compile_args": ["-O3", "-march=native", "-ffast-math"],
+    "cffi_extra_compile_args": COMPILER_FLAGS,
     "timeout": 300,  # the second of two jobs waits for the first one's compiler
 }
 

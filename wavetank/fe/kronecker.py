@@ -83,22 +83,17 @@ class KroneckerOperator:
         # what couples interior and surface is one vertical column: few terms, one component each
         self._coupled = [slot for slot, G in enumerate(self.vertical) if np.any(G[:n, n])]
         self._at_surface = [slot for slot, G in enumerate(self.vertical) if np.any(G[n])]
-        self._owned, size = plane.owned, plane.owned + self.numbering.num_ghosts
+        self._owned, self._comm = plane.owned, plane.comm
         self._halos = {components: Halo(self.numbering, components) for components in (1, n, n + 1)}
-        self._products = {
-            components: Products(
-                self.columns,
-                self.row_pointers,
-                size=size,
-                terms=len(self.terms),
-                numbers=components,
-                comm=plane.comm,
-            )
-            for components in (n, n + 1)
-        }
+        self._products = {components: self.products(len(self.terms), components) for components in (n, n + 1)}
         self._scalar = sparse.csr_matrix(
-            (np.zeros(self.columns.size), self.columns, self.row_pointers), shape=(plane.owned, size)
+            (np.zeros(self.columns.size), self.columns, self.row_pointers), shape=(plane.owned, self._halos[1].size)
         )
+
+    def products(self, terms: int, numbers: int) -> Products:
+        """Return the product of so many matrices of this sparsity with rows of so many numbers; collective."""
+        size = self._halos[1].size
+        return Products(self.columns, self.row_pointers, size=size, terms=terms, numbers=numbers, comm=self._comm)
 
     @staticmethod
     def _hessian(energy: Any, a: Any, test: Any, b: Any, trial: Any) -> Any:
@@ -120,7 +115,7 @@ class KroneckerOperator:
         )
         self._form = compile_form(form)
         self._matrix = fem.create_matrix(self._form)
-        self._entries, self.columns, self.row_pointers = owned_rows(self._matrix)
+        self._entries, self.columns, self.row_pointers = owned_rows(self._matrix)  # views, whatever is assembled
         self.numbering = self._matrix.index_map(1)
 
     def assemble(self) -> None:
@@ -128,7 +123,6 @@ class KroneckerOperator:
         self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
-        self._entries = owned_rows(self._matrix)[0]
 
     @property
     def values(self) -> Vector:

@@ -17,7 +17,6 @@ from wavetank.fe.chebyshev import chebyshev
 from wavetank.fe.halo import Halo
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.plane import Plane
-from wavetank.fe.products import Products
 from wavetank.fe.sparse_rows import SparseRows
 from wavetank.hamiltonian.contract import Vector
 
@@ -104,16 +103,11 @@ class OrderMultigrid:
     margin = 1.1  # over what they see
 
     def __init__(self, operator: KroneckerOperator, eigenvalues: Vector, plane: Plane):
-        self._plane, self._operator, self._eigenvalues = plane, operator, eigenvalues
+        self._plane, self._eigenvalues = plane, eigenvalues
         self._halo = Halo(operator.numbering, eigenvalues.size)
-        self._sum = Products(
-            operator.columns,
-            operator.row_pointers,
-            size=self._halo.size,
-            terms=2,
-            numbers=eigenvalues.size,
-            comm=plane.comm,
-        )
+        self._sum = operator.products(2, eigenvalues.size)
+        rows = np.repeat(np.arange(plane.owned), np.diff(operator.row_pointers))
+        self._diagonal = np.flatnonzero(operator.columns == rows)  # its entries, one a row
         self._coarse = LinearModes(operator, eigenvalues, plane)
         sizes = (plane.owned * eigenvalues.size, plane.size * eigenvalues.size)
         self.matrix = PETSc.Mat().createPython((sizes, sizes), context=self, comm=plane.comm)
@@ -121,12 +115,9 @@ class OrderMultigrid:
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
         """Take over the entries of the owned rows of S_uu and S_ww; collective."""
-        columns, row_pointers = self._operator.columns, self._operator.row_pointers
-        shape = (self._plane.owned, self._halo.size)
         self._entries = np.column_stack([S_u, S_w])
-        of_u, of_w = (sparse.csr_matrix((S, columns, row_pointers), shape=shape).diagonal() for S in (S_u, S_w))
-        diagonals = of_u[:, None] + of_w[:, None] * self._eigenvalues
-        self._inverse_diagonals = 1.0 / diagonals
+        of_u, of_w = self._entries[self._diagonal].T
+        self._inverse_diagonals = 1.0 / (of_u[:, None] + of_w[:, None] * self._eigenvalues)
         largest = self.margin * self._largest_eigenvalue()
         self._bounds = largest / self.spread, largest
         self._coarse.assemble(S_u, S_w)

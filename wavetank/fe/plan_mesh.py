@@ -15,7 +15,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.fe.agreed import on_first
+from wavetank.fe.agreed import from_first
 from wavetank.fe.gmsh_model import CURVE, FLAT, SURFACE, Groups, check, regroup
 from wavetank.fe.mesh_file import open_mesh
 from wavetank.fe.partition import cell_partitioner
@@ -136,7 +136,7 @@ def _plan(fill: Callable[[Any], None], source: str, comm: MPI.Comm) -> PlanMesh:
                 check(gmsh, source)
                 return regroup(gmsh)
 
-        groups: Groups = comm.bcast(on_first(comm, prepare))
+        groups = from_first(comm, prepare)
         model = None if gmsh is None else gmsh.model
         plan, cells, facets = model_to_mesh(model, comm, 0, gdim=2, partitioner=cell_partitioner())[:3]
     return PlanMesh(plan, cells, facets, groups, source)

@@ -6,6 +6,7 @@ forms are, and kept in the user's cache.
 """
 
 import hashlib
+import importlib.machinery
 import importlib.util
 import os
 from functools import cache
@@ -19,7 +20,8 @@ import pooch
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.fe.agreed import on_first
+from wavetank.fe.agreed import from_first
+from wavetank.fe.forms import COMPILER_FLAGS
 from wavetank.hamiltonian.contract import Vector
 
 DECLARATION = "void product(int, const int *, const int *, const double *, int, const double *, double *);"
@@ -42,7 +44,7 @@ void product(int rows, const int *restrict pointers, const int *restrict columns
     }
 }
 """
-FLAGS = ["-O3", "-march=native", "-ffast-math", "-fopenmp-simd"]
+FLAGS = [*COMPILER_FLAGS, "-fopenmp-simd"]
 
 
 class Products:
@@ -70,7 +72,7 @@ class Products:
         numbers: int,
         comm: MPI.Comm,
     ):
-        self._module = _loaded(comm.bcast(on_first(comm, lambda: _compiled(terms, numbers))))
+        self._module = _loaded(from_first(comm, lambda: _compiled(terms, numbers)))
         self._columns, self._pointers = (
             np.ascontiguousarray(places, dtype=np.int32) for places in (columns, row_pointers)
         )

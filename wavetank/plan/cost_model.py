@@ -164,4 +164,4 @@ def _time_a_step(scene: Scene, waves: Waves, name: str, dt_omega_max: float) -> 
     scheme: Any = INTEGRATORS[name]()
     start = initial_state(scene, waves)
     Run(waves, scheme, observers, start=start, steps=WARM_UP + STEPS, dt=dt, filters=filters).execute()
-    return watch.per_step(after=WARM_UP)[1]
+    return watch.per_step(after=WARM_UP).cpu

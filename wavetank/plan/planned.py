@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 from mpi4py import MPI
 
-from wavetank.errors import WavetankError
+from wavetank.fe.agreed import from_first
 from wavetank.plan.cost_model import cost_model
 from wavetank.plan.plan import make_plan
 from wavetank.scene import Scene
@@ -19,13 +19,4 @@ def planned(scene: Scene, comm: MPI.Comm, say: Callable[[str], None]) -> Scene:
     accuracy = scene.numerics.accuracy
     if accuracy is None:
         return scene
-    found: Scene | WavetankError | None = None
-    if comm.rank == 0:
-        try:
-            found = make_plan(scene, accuracy, costs=cost_model(say)).applied_to(scene)
-        except WavetankError as error:
-            found = error
-    found = comm.bcast(found)
-    if isinstance(found, WavetankError):
-        raise found
-    return found or scene
+    return from_first(comm, lambda: make_plan(scene, accuracy, costs=cost_model(say)).applied_to(scene))

@@ -45,6 +45,14 @@ class Trial(NamedTuple):
         return self.steps * self.step
 
 
+class PerStep(NamedTuple):
+    """Wall time and this rank's CPU time [s] of a step, and its interior solves."""
+
+    wall: float
+    cpu: float
+    solves: float
+
+
 class Stopwatch:
     """Notes the wall time, this rank's CPU time [s] and the count of solves at each step."""
 
@@ -56,11 +64,11 @@ class Stopwatch:
         """Note the time."""
         self.notes.append((time.monotonic(), time.process_time(), self._solves()))
 
-    def per_step(self, *, after: int) -> tuple[float, ...]:
-        """Return wall time, CPU time and solves of a step, the mean of those after so many."""
+    def per_step(self, *, after: int) -> PerStep:
+        """Return the mean of the steps after so many."""
         first = min(after, len(self.notes) - 2)
         began, ended = self.notes[first], self.notes[-1]
-        return tuple((b - a) / (len(self.notes) - 1 - first) for a, b in zip(began, ended, strict=True))
+        return PerStep(*((b - a) / (len(self.notes) - 1 - first) for a, b in zip(began, ended, strict=True)))
 
 
 def trial(scene: Scene, comm: MPI.Comm) -> Trial:
@@ -72,5 +80,5 @@ def trial(scene: Scene, comm: MPI.Comm) -> Trial:
     run.observers += [*build_observers(scene, waves, records, sinks=run.sinks), watch]
     run.steps = min(steps, WARM_UP + STEPS)
     run.execute()
-    wall, _, solves = watch.per_step(after=WARM_UP)
-    return Trial(line, steps, comm.allreduce(wall, op=MPI.MAX), solves, comm.allreduce(peak_memory()))
+    each = watch.per_step(after=WARM_UP)
+    return Trial(line, steps, comm.allreduce(each.wall, op=MPI.MAX), each.solves, comm.allreduce(peak_memory()))

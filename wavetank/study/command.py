@@ -27,8 +27,8 @@ def study(
     tolerance.
     """
     from mpi4py import MPI
-    from rich.console import Console
 
+    from wavetank.console import console
     from wavetank.errors import InputError
     from wavetank.study.study import Study
 
@@ -42,5 +42,5 @@ def study(
         marked=mark or [],
         reference=reference,
         at_once=at_once,
-        console=Console(soft_wrap=True),
+        console=console(),
     ).execute()
