@@ -142,6 +142,8 @@ def test_the_run_warns_before_it_breaks_down(wavetank, tmp_path):
     assert result.stdout.index("warning: t = 0 s") < result.stdout.index("t = 1.12")
     run = RunDirectory(tmp_path / "run")
     assert run.manifest["status"] == "failed" and run.surface().t[-1] > 4.0
+    (said,) = run.manifest["warnings"]  # once more after the run
+    assert said.startswith("t = 0 s") and result.stdout.count(f"warning: {said}") == 2
     text = (tmp_path / "run" / "energy.csv").read_text() + json.dumps(run.manifest)
     assert "nan" not in text.lower() and np.isfinite(run.surface().eta).all()
 

@@ -1,7 +1,7 @@
 """A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
 
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,38 @@ from wavetank.scene import Scene
 from wavetank.vtu_series import VtuSeries
 
 
+class Warnings:
+    """Sentences that whoever reads a run's results must know; each is kept once.
+
+    Attributes
+    ----------
+    sentences
+        In the order in which they were found; the manifest's ``warnings``.
+    """
+
+    def __init__(self, console: Console):
+        self.sentences: list[str] = []
+        self._console = console
+
+    def add(self, sentence: str) -> None:
+        """Keep a sentence, to be printed after the run."""
+        if sentence not in self.sentences:
+            self.sentences.append(sentence)
+
+    def at_once(self, sentence: str) -> None:
+        """Keep a sentence and print it now, too: what a run may soon break down of."""
+        self.add(sentence)
+        self._print(sentence)
+
+    def show(self) -> None:
+        """Print all of them."""
+        for sentence in self.sentences:
+            self._print(sentence)
+
+    def _print(self, sentence: str) -> None:
+        self._console.print(f"warning: {sentence}", style="bold red", markup=False, highlight=False)
+
+
 def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> None:
     """Run a scene into the directory ``out``; collective.
 
@@ -32,14 +64,17 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
     asked, scene = scene, planned(scene, comm, lambda text: console.print(text, highlight=False))
     run, waves = build_run(scene, comm)  # before the directory is touched: refused input leaves an earlier run alone
     built, busy = time.monotonic(), time.process_time()
-    description = _described(asked, scene, comm)
+    warnings = Warnings(console)
+    description = {**_described(asked, scene, comm), "warnings": warnings.sentences}  # those found until it is written
     writer = on_first(comm, lambda: RunWriter(out, description))
-    with writer or nullcontext():
+    with ExitStack() as at_the_end:
+        at_the_end.callback(warnings.show)
+        at_the_end.enter_context(writer or nullcontext())
         dimensions = waves.plane.mesh.topology.dim
         records = _records(scene, writer, dimensions=dimensions)
         records = records._replace(fields=lambda name: VtuSeries(out, name, comm=comm))
         run.observers += build_observers(scene, waves, records, sinks=run.sinks)
-        run.observers += build_watch(scene, run, waves, lambda text: console.print(text, style="bold red"))
+        run.observers += build_watch(scene, run, waves, warnings.at_once)
         if root:
             console.print(summary(scene, run, waves), highlight=False)
         progress = ProgressBar(scene.run.duration, lambda: _cost(waves), console=console) if root else nullcontext()

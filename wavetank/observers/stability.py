@@ -71,7 +71,7 @@ class StabilityWatch:
         if found > DANGEROUS * self._limit >= self.largest:
             step = 0.8 * self._limit / found * self._dt
             self._warn(
-                f"warning: t = {moment.t:.6g} s: under the steepest crest dt omega_max = {found:.3g}, for a scheme "
+                f"t = {moment.t:.6g} s: under the steepest crest dt omega_max = {found:.3g}, for a scheme "
                 f"stable below {self._limit:.4g}: short waves may soon grow; a step of {step:.2g} s would do"
             )
         self.largest = max(self.largest, found)
