@@ -3,11 +3,12 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
-STYLE = {
+STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take any
     "font.size": 10,
     "axes.grid": True,
     "grid.alpha": 0.25,
