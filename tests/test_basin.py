@@ -23,7 +23,6 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.motions import Ramped, Sinusoid, Uniform
 from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
 from wavetank.reference.airy import angular_frequency
 from wavetank.reference.standing_wave import StandingWave
 from wavetank.run import Run
@@ -63,7 +62,7 @@ def run(waves, *, steps, dt, start=None, scheme="third-order"):
     """Return the final state and the energy budget's rows."""
     still = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned))
     record = Memory()
-    budget = EnergyBudget(waves, record=record, schedule=EverySteps())
+    budget = EnergyBudget(waves, record=record)
     stepping = Run(waves, INTEGRATORS[scheme](), [budget], start=start or still, steps=steps, dt=dt)
     stepping.execute()
     return stepping.state, record.array()

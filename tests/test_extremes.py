@@ -144,6 +144,9 @@ def test_the_run_warns_before_it_breaks_down(wavetank, tmp_path):
     assert run.manifest["status"] == "failed" and run.surface().t[-1] > 4.0
     (said,) = run.manifest["warnings"]  # once more after the run
     assert said.startswith("t = 0 s") and result.stdout.count(f"warning: {said}") == 2
+    assert 4.0 < run.manifest["numerics"]["steps_taken"] * 0.0621 < 22.0
+    assert run.manifest["counters"]["interior_solves"] > 3 * run.manifest["numerics"]["steps_taken"]
+    assert run.manifest["timings"]["stepping_cpu_s"] > 0.0 and run.manifest["memory"]["peak_mib"] > 0.0
     text = (tmp_path / "run" / "energy.csv").read_text() + json.dumps(run.manifest)
     assert "nan" not in text.lower() and np.isfinite(run.surface().eta).all()
 

@@ -222,7 +222,7 @@ def test_energy_balances_the_work_of_the_paddle(make_linear, name, order):
     for count in steps:
         waves = make_linear(length=2.0, cells=8, n=4, motion=Ramped(Sinusoid(1.0, 1.5), 1.0))
         record = Memory()
-        budget = EnergyBudget(waves, record=record, schedule=EverySteps())
+        budget = EnergyBudget(waves, record=record)
         rest, scheme, dt = np.zeros(waves.plane.owned), INTEGRATORS[name](), 2.0 / count
         state = scheme.start(*waves.state(rest, rest))
         budget.observe(Moment(0, 0.0, state.q, state.p))

@@ -11,7 +11,6 @@ from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
 
 SCHEMES = sorted(INTEGRATORS)
 BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
@@ -95,10 +94,10 @@ def energy_drift(make_tank, name, *, periods):
     return parts[-1].mean() - parts[0].mean(), np.ptp(errors)
 
 
-def driven(make_tank, name, dt, *, duration=8.0):
+def driven(make_tank, name, dt, *, duration=8.0, every=1):
     tank = make_tank(length=6.0, cells=18, n=4, motion=piston(), reach=4.0)
     scheme, record = INTEGRATORS[name](), Memory()
-    budget = EnergyBudget(tank, record=record, schedule=EverySteps())
+    budget = EnergyBudget(tank, record=record, every=every)
     rest = np.zeros(tank.plane.owned)
     state = scheme.start(*tank.state(rest, rest))
     budget.observe(Moment(0, 0.0, state.q, state.p))
@@ -122,6 +121,14 @@ def test_paddle_work_balances_the_energy_to_the_order_of_the_scheme(make_tank, n
     balances = [np.abs(budget[:, BALANCE]).max() for budget in budgets]
     assert fitted_slope(steps, balances) == pytest.approx(order, abs=0.35)
     assert balances[-1] < 1e-3 * budgets[-1][-1, 3]
+
+
+def test_the_balance_does_not_depend_on_how_often_it_is_recorded(make_tank):
+    """Rows of every fourth and sixteenth step against those of all steps."""
+    rows = driven(make_tank, "third-order", 0.04, duration=2.6)
+    for every in (4, 16):
+        few = driven(make_tank, "third-order", 0.04, duration=2.6, every=every)
+        assert few == pytest.approx(rows[::every], abs=1e-13)
 
 
 @pytest.mark.parametrize("name", SCHEMES)

@@ -23,7 +23,6 @@ from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
 from wavetank.reference.airy import angular_frequency
 from wavetank.scene import Scene
 from wavetank.scene.sponges import EndSponge, GroupSponge, paddle_period
@@ -145,7 +144,7 @@ def driven(make_tank, *, steps):
     waves = make_tank(length=3.0, cells=6, order=3, n=4, motion=motion, reach=1.0)
     sponge = Absorbing(ThirdOrder(), profile(waves.plane.x - 1.0, width=2.0, strength=3.0))
     record, dt = Memory(), 2.0 / steps
-    budget = EnergyBudget(waves, record=record, schedule=EverySteps(), sinks=[sponge])
+    budget = EnergyBudget(waves, record=record, sinks=[sponge])
     state = sponge.start(*waves.state(0.05 * np.cos(np.pi * waves.plane.x / 3), 0 * waves.plane.x))
     for step in range(steps + 1):
         budget.observe(Moment(step, step * dt, state.q, state.p))

@@ -24,6 +24,10 @@ class RunError(WavetankError):
     """A run could not go on; everything up to then is kept."""
 
 
+class RecordError(RunError):
+    """A record could not be written: what one rank meets alone, without the others."""
+
+
 class ConvergenceError(RunError):
     """A linear or nonlinear solve did not reach its tolerance."""
 

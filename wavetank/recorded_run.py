@@ -1,6 +1,7 @@
 """A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
 
 import time
+from collections.abc import Callable
 from contextlib import ExitStack, nullcontext
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.build import Records, Waves, build_observers, build_run, build_watch, summary
+from wavetank.errors import RecordError, RunError
 from wavetank.fe.agreed import on_first
 from wavetank.memory import peak_memory
 from wavetank.observers.energy import columns
@@ -67,6 +69,12 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
     warnings = Warnings(console)
     description = {**_described(asked, scene, comm), "warnings": warnings.sentences}  # those found until it is written
     writer = on_first(comm, lambda: RunWriter(out, description))
+
+    def note() -> None:
+        figures = _figures(run, waves) | _usage(comm, began=began, built=built, busy=busy)
+        if writer is not None:
+            writer.note(figures)
+
     with ExitStack() as at_the_end:
         at_the_end.callback(warnings.show)
         at_the_end.enter_context(writer or nullcontext())
@@ -80,10 +88,21 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
         progress = ProgressBar(scene.run.duration, lambda: _cost(waves), console=console) if root else nullcontext()
         with Interruption(comm) as interruption, progress as bar:
             run.observers += [interruption] if bar is None else [interruption, bar]
-            run.execute()
-        usage = _usage(comm, began=began, built=built, busy=busy)
+            _execute(run, note)
         if writer is not None:
-            writer.finish("finished", {**_figures(run, waves), **usage})
+            writer.finish("finished", {})
+
+
+def _execute(run: Run, note: Callable[[], None]) -> None:
+    """Step to the end, and take note of what that has cost, however it ends; collective."""
+    try:
+        run.execute()
+    except RecordError:  # this rank's alone: the others do not come to add up their share
+        raise
+    except RunError:
+        note()
+        raise
+    note()
 
 
 def _described(asked: Scene, scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
@@ -119,12 +138,13 @@ def _usage(comm: MPI.Comm, *, began: float, built: float, busy: float) -> dict[s
 
 
 def _figures(run: Run, waves: Waves) -> dict[str, Any]:
-    """Return what the manifest says of a finished run's numerics and counters."""
+    """Return what the manifest says of a run's numerics and counters, as far as it got."""
     stages, solves = waves.stages.counters, waves.potential.counters
     return {
         "numerics": {
             "dt": run.dt,
             "steps": run.steps,
+            "steps_taken": run.step,
             "degrees_of_freedom": waves.plane.size,
             "largest_frequency": waves.largest_frequency,
         },

@@ -34,7 +34,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, RecordError, RunError
 from wavetank.series import GaugeSeries
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ class _Record:
             self._file.write(content)
             self._file.flush()
         except OSError as error:
-            raise RunError(f"{self._path}: cannot be written ({error.strerror}).") from None
+            raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
 
     def close(self) -> None:
         """End the record; nothing is held back."""
@@ -235,6 +235,10 @@ class RunWriter:
         writer = SurfaceWriter(self.path / SURFACE)
         self._records.append(writer)
         return writer
+
+    def note(self, figures: dict[str, Any]) -> None:
+        """Take figures into the manifest, with its last word, whichever that will be."""
+        self._manifest |= figures
 
     def finish(self, status: str, figures: dict[str, Any]) -> None:
         """Close all files and write the manifest's last word, ``"finished"``, or ``"failed"`` with its cause.

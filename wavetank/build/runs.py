@@ -142,7 +142,7 @@ def build_observers(scene: Scene, waves: Waves, records: Records, *, sinks: Sequ
     """Return a scene's gauges, energy budget (of what its sinks take, too) and snapshots; collective."""
     output = scene.output
     observers: list[Observer] = [
-        EnergyBudget(waves, record=records.energy, schedule=EverySteps(output.energy_every), sinks=sinks),
+        EnergyBudget(waves, record=records.energy, every=output.energy_every, sinks=sinks),
     ]
     if waves.plane.mesh.topology.dim == 1:
         snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))

@@ -4,8 +4,9 @@ The paddle's power is exact for the discrete Hamiltonian: along the flow dH/dt =
 
     E(t) - E(0) = int_0^t dH/dt|explicit dt' - [W]_0^t  =  paddle work,
 
-integrated over the recorded moments by Adams-Moulton's rule of order 4. What is dissipated between steps its sinks
-count themselves. The balance, E - E(0) - work + dissipated, is then the error of the time integrator.
+integrated over all steps by Adams-Moulton's rule of order 4, however few of them are recorded. What is dissipated
+between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then the error of the time
+integrator.
 """
 
 from collections.abc import Sequence
@@ -49,22 +50,24 @@ class EnergyBudget:
     ----------
     record
         Where rows of ``columns`` go.
-    schedule
-        In steps: the work is integrated from the recorded moments.
+    every
+        Steps between rows; the work is integrated from all of them.
     sinks
         What dissipates.
     """
 
-    def __init__(self, waves: ObservedWaves, *, record: Record, schedule: EverySteps, sinks: Sequence[Sink] = ()):
-        self._waves, self._record, self.schedule, self._sinks = waves, record, schedule, sinks
+    def __init__(self, waves: ObservedWaves, *, record: Record, every: int = 1, sinks: Sequence[Sink] = ()):
+        self.schedule, self._recorded = EverySteps(), EverySteps(every)
+        self._waves, self._record, self._sinks = waves, record, sinks
         self._rates: list[float] = []
         self._supplied = self._t = 0.0
 
     def observe(self, moment: Moment) -> None:
-        """Append one row; collective."""
+        """Add to the paddle's work, and append a row where one is due; collective."""
+        self._integrate(moment.t, self._waves.explicit_rate(moment.q, moment.p, moment.t))
+        if not self._recorded.due(moment.step):
+            return
         now = self._waves.energies(moment.q, moment.p, moment.t)
-        rate = self._waves.explicit_rate(moment.q, moment.p, moment.t)
-        self._integrate(moment.t, rate)
         if moment.step == 0:
             self._start = now
         work = self._supplied - (now.wall - self._start.wall)

@@ -9,7 +9,7 @@ class EverySteps:
 
     every: int = 1
 
-    def due(self, step: int, dt: float) -> bool:
+    def due(self, step: int, dt: float = 0.0) -> bool:
         """Return whether to act at this step."""
         return step % self.every == 0
 

@@ -43,7 +43,7 @@ class WallForms(Protocol):
         """Return W; collective."""
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
-        """Return dH/dt at fixed (Q, psi), ``mu`` giving M_J^-1 H_h; collective."""
+        """Return dH/dt at fixed (Q, psi); ``mu`` evaluates that point and gives M_J^-1 H_h there; collective."""
 
 
 class StandingWallForms:
@@ -101,9 +101,9 @@ class PistonForms:
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
+        self._mu.set(mu())
         places = self._plane.places
         self._bed.set_velocities(self._wall.to_physical(places), self._wall.mesh_velocities(places))
-        self._mu.set(mu())
         return self._power.assemble() + self._flux.assemble()
 
 

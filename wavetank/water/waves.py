@@ -130,6 +130,7 @@ class NonlinearWaves:
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._t = np.nan
+        self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._set_up_stages(tolerances)
 
     # ------------------------------------------------------------------------------------------ forms
@@ -162,6 +163,7 @@ class NonlinearWaves:
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         self._H_p = self.operator.apply_surface(self.phi.rows) + wall[:, -1]
+        self._H_q = None
         self._q, self._p, self._t = q.copy(), p.copy(), t
 
     def _set_time(self, t: float) -> None:
@@ -195,7 +197,9 @@ class NonlinearWaves:
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,); collective."""
         self.evaluate(q, p, t)
-        return self.mass.solve(self._h_derivative.assemble())
+        if self._H_q is None:
+            self._H_q = self.mass.solve(self._h_derivative.assemble())
+        return self._H_q
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
@@ -210,7 +214,6 @@ class NonlinearWaves:
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
-        self.evaluate(q, p, t)
         return self._wall_forms.explicit_rate(lambda: self.H_q(q, p, t))
 
     # ------------------------------------------------------------------------------------------ states
