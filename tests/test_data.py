@@ -27,7 +27,7 @@ def sha256(content):
 def places(tmp_path, monkeypatch):
     """An empty world: a folder for $WAVETANK_DATA and a cache; nothing beside the checkout."""
     monkeypatch.setenv("WAVETANK_DATA", str(tmp_path / "chosen"))
-    monkeypatch.setattr(data, "cache", lambda: tmp_path / "cache")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(data, "__file__", str(tmp_path / "beside" / "checkout" / "wavetank" / "data.py"))
     return tmp_path
 
@@ -70,7 +70,7 @@ def put(folder, text="0 0\n1 1\n2 2\n3 3\n"):
 
 
 def test_find_looks_in_the_chosen_folder_then_beside_the_checkout_then_in_the_cache(places):
-    cached = put(places / "cache" / "set")
+    cached = put(places / "cache/wavetank/data/set")
     assert data.find("set", "a.dat") == cached
     beside = put(places / "beside" / "shared" / "data" / "set")
     assert data.find("set", "a.dat") == beside
@@ -81,7 +81,7 @@ def test_find_looks_in_the_chosen_folder_then_beside_the_checkout_then_in_the_ca
 def test_what_is_not_found_says_where_it_looked_and_what_to_do(places):
     with pytest.raises(InputError) as error:
         data.find("marin-202002", "WAVE_1.dat")
-    for place in ("chosen", "beside/shared/data", "cache"):
+    for place in ("chosen", "beside/shared/data", "cache/wavetank/data"):
         assert str(places / place / "marin-202002" / "WAVE_1.dat") in str(error.value)
     assert "'wavetank data fetch marin-202002' downloads it" in str(error.value)
     with pytest.raises(InputError, match="the files of marin-202002 are: PistonMotion.dat"):

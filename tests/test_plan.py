@@ -482,14 +482,14 @@ def test_costs_of_a_fit_are_recovered():
 
 def test_costs_are_kept_and_read_again(tmp_path, monkeypatch):
     made = []
-    monkeypatch.setattr(cost_model, "cache_file", lambda: tmp_path / "cache" / "cost.json")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(cost_model, "calibrate", lambda: made.append(1) or CostModel(cost_model.machine(), {}))
     said = []
     first, second = cost_model.cost_model(said.append), cost_model.cost_model(said.append)
     assert first == second
     assert len(made) == len(said) == 1
     assert "once" in said[0]
-    (tmp_path / "cache" / "cost.json").write_text("not JSON")
+    (tmp_path / "wavetank" / "cost.json").write_text("not JSON")
     cost_model.cost_model(said.append)
     assert len(made) == 2
 

@@ -16,6 +16,7 @@ import numpy as np
 import pooch
 from numpy.typing import NDArray
 
+from wavetank.cache import places, writable
 from wavetank.errors import InputError, WavetankError
 from wavetank.motions.record_file import read_record
 from wavetank.series import GaugeSeries
@@ -335,6 +336,7 @@ _BERKHOFF = Dataset(
     ),
 )
 
+PART = "data"  # of the cache
 DATASETS: dict[str, Dataset] = {dataset.name: dataset for dataset in (_MARIN, _BERKHOFF)}
 
 
@@ -345,16 +347,11 @@ def dataset(name: str) -> Dataset:
     return DATASETS[name]
 
 
-def cache() -> Path:
-    """Return the user's cache, to which ``fetch`` downloads."""
-    return Path(pooch.os_cache("wavetank")) / "data"
-
-
 def folders() -> list[Path]:
     """Return the folders in which data sets are looked for, in that order."""
     chosen = os.environ.get("WAVETANK_DATA")
     beside = Path(__file__).resolve().parents[2] / "shared" / "data"
-    return [*([Path(chosen)] if chosen else []), beside, cache()]
+    return [*([Path(chosen)] if chosen else []), beside, *places(PART)]
 
 
 def find(name: str, file: str) -> Path:
@@ -396,8 +393,9 @@ def fetch(name: str) -> Path:
     Raises ``InputError`` for an unknown name, ``WavetankError`` if a file cannot be had with the right checksum from
     any of its addresses.
     """
-    folder = cache() / name
-    download(dataset(name), folder)
+    data = dataset(name)
+    folder = writable(PART) / name
+    download(data, folder)
     return folder
 
 

@@ -6,28 +6,46 @@ of the kernels and changes results by round-off only.
 
 from collections.abc import Callable
 from math import factorial
+from pathlib import Path
 from typing import Any
 
+import ffcx
 import numpy as np
 import ufl
-from dolfinx import fem, la, mesh
+from dolfinx import default_scalar_type, fem, jit, la, mesh
+from ffcx.naming import compute_signature
 from mpi4py import MPI
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.algorithms.transformer import strip_variables
 
+from wavetank.fe.compiled import COMPILER_FLAGS, compiled
 from wavetank.hamiltonian.contract import Vector
 
-COMPILER_FLAGS = ["-O3", "-march=native", "-ffast-math"]
-JIT_OPTIONS = {
-    "cffi_extra_compile_args": COMPILER_FLAGS,
-    "timeout": 300,  # the second of two jobs waits for the first one's compiler
-}
+JIT_OPTIONS = {"cffi_extra_compile_args": COMPILER_FLAGS, "cffi_debug": False, "cffi_libraries": None}
 
 
 def compile_form(form: ufl.Form) -> Any:
     """Return the compiled form; collective."""
-    return fem.form(form, jit_options=JIT_OPTIONS)
+    return fem.form(form, jit_options=_kept(form, form.ufl_domain().ufl_cargo().comm))
+
+
+def compile_expression(expression: Any, points: Vector, comm: MPI.Comm) -> fem.Expression:
+    """Return the compiled expression at points of the reference cell, shape (N, dimensions); collective."""
+    return fem.Expression(expression, points, jit_options=_kept((expression, points), comm))
+
+
+def _kept(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
+    """Return options with which dolfinx finds a form or expression, compiled now if it is not kept; collective."""
+    scalar = {"scalar_type": default_scalar_type}
+
+    def build(folder: Path) -> None:
+        jit.ffcx_jit(
+            MPI.COMM_SELF, ufl_object, form_compiler_options=scalar, jit_options={**JIT_OPTIONS, "cache_dir": folder}
+        )
+
+    signature = compute_signature([ufl_object], f"{JIT_OPTIONS} {sorted(ffcx.get_options(scalar).items())}")
+    return {**JIT_OPTIONS, "cache_dir": compiled(comm, signature, build=build)}
 
 
 def taylor_coefficient(f: Callable[[Any], Any], power: int, plan_mesh: mesh.Mesh) -> Any:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from wavetank.errors import InputError
 from wavetank.fe.agreed import from_first
+from wavetank.fe.forms import ScalarForm
 from wavetank.fe.gmsh_model import CURVE, FLAT, SURFACE, Groups, check, regroup
 from wavetank.fe.mesh_file import open_mesh
 from wavetank.fe.partition import cell_partitioner
@@ -53,9 +54,9 @@ class PlanMesh(NamedTuple):
     @property
     def cell_size(self) -> float:
         """The size of a usual cell [m]: the root of the mean one's area; collective."""
-        area = fem.assemble_scalar(fem.form(fem.Constant(self.mesh, 1.0) * ufl.dx(domain=self.mesh)))
+        area = ScalarForm(fem.Constant(self.mesh, 1.0) * ufl.dx(domain=self.mesh), self.mesh.comm).assemble()
         cells = self.mesh.topology.index_map(SURFACE).size_global
-        return float(np.sqrt(self.mesh.comm.allreduce(area) / cells))
+        return float(np.sqrt(area / cells))
 
     def cells_of(self, name: str) -> Entities:
         """Return this rank's cells of a group, shape (N,); raises ``InputError`` if there is no such group."""

@@ -8,6 +8,7 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 
 from wavetank.fe.charts import Chart, Straight
+from wavetank.fe.forms import ScalarForm
 from wavetank.hamiltonian.contract import Vector
 
 
@@ -69,7 +70,7 @@ class Plane:
     def cell_size(self) -> float:
         """The size of a usual cell [m]: length, or square root of the area, of the mean one; collective."""
         one = fem.Constant(self.mesh, 1.0)
-        measure = self.comm.allreduce(fem.assemble_scalar(fem.form(one * ufl.dx(domain=self.mesh))))
+        measure = ScalarForm(one * ufl.dx(domain=self.mesh), self.comm).assemble()
         dim = self.mesh.topology.dim
         return float((measure / self.mesh.topology.index_map(dim).size_global) ** (1 / dim))
 

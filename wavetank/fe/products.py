@@ -5,23 +5,18 @@ once and keeps y_i in registers (``make bench`` has the ratio). Kernels are comp
 forms are, and kept in the user's cache.
 """
 
-import hashlib
-import importlib.machinery
-import importlib.util
-import os
 from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import cffi
 import numpy as np
-import pooch
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.fe.agreed import from_first
-from wavetank.fe.forms import COMPILER_FLAGS
+from wavetank.fe.compiled import COMPILER_FLAGS, compiled
 from wavetank.hamiltonian.contract import Vector
 
 DECLARATION = "void product(int, const int *, const int *, const double *, int, const double *, double *);"
@@ -72,7 +67,7 @@ class Products:
         numbers: int,
         comm: MPI.Comm,
     ):
-        self._module = _loaded(from_first(comm, lambda: _compiled(terms, numbers)))
+        self._module = _kernel(terms, numbers, comm)
         self._columns, self._pointers = (
             np.ascontiguousarray(places, dtype=np.int32) for places in (columns, row_pointers)
         )
@@ -99,28 +94,26 @@ class Products:
         return y
 
 
-def _compiled(terms: int, numbers: int) -> str:
-    """Return the file of a kernel, compiled unless it is kept."""
-    source = f"#define TERMS {terms}\n#define NUMBERS {numbers}\n{KERNEL}"
-    name = "product_" + hashlib.sha256("".join([source, *FLAGS]).encode()).hexdigest()[:16]
-    folder = Path(pooch.os_cache("wavetank")) / "kernels"
-    kept = folder / f"{name}{importlib.machinery.EXTENSION_SUFFIXES[0]}"
-    if not kept.exists():
-        folder.mkdir(parents=True, exist_ok=True)
+def _kernel(terms: int, numbers: int, comm: MPI.Comm) -> Any:
+    """Return the module of a kernel, compiled unless it is kept; collective."""
+    name, source = f"product_{terms}_{numbers}", f"#define TERMS {terms}\n#define NUMBERS {numbers}\n{KERNEL}"
+
+    def build(folder: Path) -> None:
         builder = cffi.FFI()
         builder.cdef(DECLARATION)
         builder.set_source(name, source, extra_compile_args=FLAGS)
-        with TemporaryDirectory(dir=folder) as scratch:
-            os.replace(builder.compile(tmpdir=scratch), kept)  # whole or not at all, whoever else compiles it
-    return str(kept)
+        builder.compile(tmpdir=str(folder))
+
+    folder = compiled(comm, f"{name} {DECLARATION} {source} {FLAGS}", build=build)
+    return _loaded(folder / f"{name}{EXTENSION_SUFFIXES[0]}")
 
 
 @cache
-def _loaded(file: str) -> Any:
-    """Return the module of a compiled kernel."""
-    spec = importlib.util.spec_from_file_location(Path(file).name.split(".")[0], file)
+def _loaded(file: Path) -> Any:
+    """Return a compiled module."""
+    spec = spec_from_file_location(file.name.split(".")[0], file)
     if spec is None or spec.loader is None:
         raise ImportError(f"{file}: is no module")
-    module = importlib.util.module_from_spec(spec)
+    module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module

@@ -12,15 +12,14 @@ import platform
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from itertools import product
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pooch
 from mpi4py import MPI
 from scipy.optimize import nnls
 
 from wavetank.build import Records, Waves, build_filters, build_observers, build_waves, initial_state
+from wavetank.cache import places, writable
 from wavetank.hamiltonian.contract import Vector
 from wavetank.integrators import INTEGRATORS
 from wavetank.observers.energy import Sink
@@ -30,7 +29,8 @@ from wavetank.plan.trial import STEPS, WARM_UP, Stopwatch
 from wavetank.run import Run
 from wavetank.scene import Scene
 
-VERSION = 4  # of what is kept in the cache
+FILE = "cost.json"  # of the cache
+VERSION = 4  # of what is kept there
 TANKS = tuple(product((40, 280), ((2, 3), (3, 8), (4, 14))))  # cells, (p, n): few (p, n), each compiles forms
 KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}
 PRODUCTS = {  # dt omega_max of the steps that are timed
@@ -94,23 +94,18 @@ def machine() -> str:
     return f"{platform.node()} {platform.machine()} {platform.processor()}".strip()
 
 
-def cache_file() -> Path:
-    """Return where constants are kept."""
-    return Path(pooch.os_cache("wavetank")) / "cost.json"
-
-
 def cost_model(say: Callable[[str], None]) -> CostModel:
     """Return this machine's constants, from the cache, or measured now, which ``say`` is told, and kept there."""
-    try:
-        kept = json.loads(cache_file().read_text())
-        if kept["machine"] == machine() and kept["version"] == VERSION:
-            return CostModel(**kept)
-    except (OSError, ValueError, KeyError, TypeError):
-        pass  # nothing kept, or nothing that can be read: it is measured anew
+    for folder in places():
+        try:
+            kept = json.loads((folder / FILE).read_text())
+            if kept["machine"] == machine() and kept["version"] == VERSION:
+                return CostModel(**kept)
+        except (OSError, ValueError, KeyError, TypeError):
+            continue  # nothing kept, or nothing that can be read
     say("measuring what a step costs on this machine, once: about a minute")
     model = calibrate()
-    cache_file().parent.mkdir(parents=True, exist_ok=True)
-    cache_file().write_text(json.dumps(asdict(model), indent=1))
+    (writable() / FILE).write_text(json.dumps(asdict(model), indent=1))
     return model
 
 

@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 from wavetank.errors import InputError
 from wavetank.fe.agreed import agreed
+from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
 
@@ -86,7 +87,7 @@ class VaryingBed:
         self.set_places(plane.places)
         measure = {"quadrature_degree": plane.order}
         volume, area = (
-            plane.comm.allreduce(fem.assemble_scalar(fem.form(part * ufl.dx(domain=plane.mesh, metadata=measure))))
+            ScalarForm(part * ufl.dx(domain=plane.mesh, metadata=measure), plane.comm).assemble()
             for part in (self.d, fem.Constant(plane.mesh, 1.0))
         )
         self.depth = float(volume / area)

@@ -8,10 +8,9 @@ from typing import NamedTuple
 import basix
 import numpy as np
 import ufl
-from dolfinx import fem
 from mpi4py import MPI
 
-from wavetank.fe.forms import JIT_OPTIONS
+from wavetank.fe.forms import compile_expression
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.waves import NonlinearWaves
 
@@ -51,7 +50,7 @@ class SurfaceVelocity:
     def _set_up(self) -> None:
         slope, velocity = (self._waves.wall.gradient(field.function) for field in (self._eta, self._psi))
         speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + ufl.inner(slope, slope))
-        self._expression = fem.Expression(speed, self._points, jit_options=JIT_OPTIONS)
+        self._expression = compile_expression(speed, self._points, self._comm)
 
     def update(self, q: Vector, p: Vector) -> None:
         """Take the surface of a state, the wall where it stands; nothing to do for the state last taken."""
@@ -80,8 +79,9 @@ class SurfaceFlow(SurfaceVelocity):
         ahead = plane.chart.direction(plane.mesh)
         slopes = [ufl.inner(wall.gradient(field.function), ahead) for field in (self._eta, self._psi)]
         place = ufl.SpatialCoordinate(plane.mesh)
-        self._expression = fem.Expression(ufl.as_vector([self._eta.function, *slopes]), points)
-        places = fem.Expression(place, points).eval(plane.mesh, self._cells).reshape(-1, plane.mesh.geometry.dim)
+        self._expression = compile_expression(ufl.as_vector([self._eta.function, *slopes]), points, self._comm)
+        places = compile_expression(place, points, self._comm).eval(plane.mesh, self._cells)
+        places = places.reshape(-1, plane.mesh.geometry.dim)
         coordinates = np.zeros((len(places), 3))
         coordinates[:, : places.shape[1]] = places
         x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, -1))

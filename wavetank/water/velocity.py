@@ -10,7 +10,7 @@ import ufl
 from dolfinx import fem, la
 from scipy.interpolate import barycentric_interpolate
 
-from wavetank.fe.forms import JIT_OPTIONS
+from wavetank.fe.forms import compile_expression
 from wavetank.fe.plane import LayeredField
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.waves import NonlinearWaves
@@ -37,7 +37,7 @@ class Velocity:
         if plane.mesh.topology.dim == 2:
             across = ufl.inner(along, ufl.perp(plane.chart.direction(plane.mesh)))
         nodes = plane.V.element.basix_element.points
-        self._expression = fem.Expression(ufl.as_vector([ahead, across, upward]), nodes, jit_options=JIT_OPTIONS)
+        self._expression = compile_expression(ufl.as_vector([ahead, across, upward]), nodes, plane.comm)
         self._set_up_mean(plane.layered_function(3, "velocity"), plane.V.dofmap.list)
 
     def _set_up_mean(self, field: LayeredField, dofs: Vector) -> None:

@@ -1,0 +1,133 @@
+"""Compiled code is whole or not there, whoever compiles, is killed or may not write.
+
+Oracle: the form's value, 1, and the compiler's own record of how often it ran.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from time import sleep
+
+import pytest
+from mpi4py import MPI
+
+from wavetank.fe import compiled
+
+FORM = """
+import ufl
+from dolfinx import fem, mesh
+from mpi4py import MPI
+from wavetank.fe.forms import ScalarForm
+line = mesh.create_unit_interval(MPI.COMM_WORLD, 4)
+print(ScalarForm(fem.Constant(line, 1.0) * ufl.dx, MPI.COMM_WORLD).assemble())
+"""
+KERNEL = """
+import numpy as np
+from mpi4py import MPI
+from wavetank.fe.products import Products
+product = Products(np.array([0]), np.array([0, 1]), size=1, terms=1, numbers=1, comm=MPI.COMM_WORLD)
+print(product(np.ones((1, 1)), np.ones((1, 1)))[0, 0])
+"""
+CODE = pytest.mark.parametrize("code", [FORM, KERNEL], ids=["form", "kernel"])
+
+
+@pytest.fixture
+def world(tmp_path):
+    """Return the environment of a fresh user, whose compiler writes a line in ``compiled`` each time it runs."""
+    compiler = tmp_path / "cc"
+    compiler.write_text(f'#!/bin/sh\necho "$*" >>{tmp_path}/compiled\n[ -z "$SLOW" ] || sleep 300\nexec gcc "$@"\n')
+    compiler.chmod(0o755)
+    (tmp_path / "tmp").mkdir()
+    return {**os.environ, "XDG_CACHE_HOME": f"{tmp_path}/cache", "TMPDIR": f"{tmp_path}/tmp", "CC": str(compiler)}
+
+
+def start(code, world, *, ranks=1, **variables):
+    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    return subprocess.Popen(
+        [*launcher, sys.executable, "-c", code],
+        env={**world, **variables},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+
+def compilations(folder: Path) -> int:
+    return sum(" -c " in line for line in (folder / "compiled").read_text().splitlines())
+
+
+@CODE
+def test_who_is_killed_while_compiling_hinders_nobody(code, world, tmp_path):
+    killed = start(code, world, SLOW="yes")
+    while not (tmp_path / "compiled").exists():
+        assert killed.poll() is None
+        sleep(0.05)
+    killed.kill()
+    killed.wait()
+    try:
+        out, err = start(code, world).communicate()
+        assert out == "1.0\n", err
+        assert not list((tmp_path / "cache" / "wavetank" / "compiled").glob("*.*"))  # no lock, nothing half done
+    finally:
+        os.killpg(killed.pid, signal.SIGKILL)
+
+
+@CODE
+def test_two_at_once_and_a_later_one_compile_once(code, world, tmp_path):
+    both = [start(code, world) for _ in range(2)]
+    for one in both:
+        out, err = one.communicate()
+        assert out == "1.0\n", err
+    start(code, world).communicate()
+    assert compilations(tmp_path) == 1
+
+
+def test_a_cache_that_cannot_be_written_is_replaced_with_a_word(world, tmp_path):
+    (tmp_path / "cache").write_text("a file in the folder's place")
+    out, err = start(FORM + KERNEL, world, ranks=2).communicate()
+    assert out.count("1.0") == 4, err  # lines of two ranks may run into one another
+    assert err.count("set XDG_CACHE_HOME to a folder that can be written.") == 1
+    assert compilations(tmp_path) == 2
+    out, err = start(FORM + KERNEL, world).communicate()
+    assert (out, err) == ("1.0\n1.0\n", "")
+
+
+def test_where_nothing_can_be_kept_and_where_nothing_compiles_all_ranks_say_so(world, tmp_path):
+    (tmp_path / "cache").write_text("a file in the folder's place")
+    code = f"""
+from wavetank.errors import WavetankError
+try:
+    exec({FORM!r})
+except WavetankError as error:
+    print("rank", MPI.COMM_WORLD.rank, error)
+"""
+    (tmp_path / "tmp" / f"wavetank-{os.getuid()}").write_text("another's")
+    out, _ = start(code, world, ranks=2).communicate()
+    assert out.count("XDG_CACHE_HOME must name a folder that can be written.") == out.count("rank") == 2
+    out, _ = start(code, world, ranks=2, XDG_CACHE_HOME=f"{tmp_path}/other", CC="false").communicate()
+    assert out.count("a C compiler is needed") == out.count("rank") == 2
+    assert not list((tmp_path / "other" / "wavetank" / "compiled").glob("*.part-*"))
+
+
+def test_code_for_this_processor_is_not_another_s(tmp_path, monkeypatch):
+    kinds = [
+        "model name\t: Intel\nflags\t\t: fpu sse2 avx512f",
+        "model name\t: Intel\nflags\t\t: fpu sse2",
+        "Features : sve",
+    ]
+    for number, kind in enumerate(kinds):
+        (tmp_path / str(number)).write_text(f"processor\t: 0\n{kind}\ncpu MHz\t: {number}\n\nprocessor\t: 1\n")
+    (tmp_path / "warmer").write_text(f"processor\t: 0\n{kinds[0]}\ncpu MHz\t: 99\n")
+    found = [compiled.processor(tmp_path / name) for name in ("0", "1", "2", "missing", "warmer")]
+    assert len({*found}) == 4
+    assert found[4] == found[0]
+
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    folders = set()
+    for kind in found:
+        monkeypatch.setattr(compiled, "processor", lambda kind=kind: kind)
+        folders.add(compiled.compiled(MPI.COMM_SELF, "code", build=lambda folder: None))
+    assert len(folders) == 4
