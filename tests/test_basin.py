@@ -16,6 +16,7 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from wavetank.build import build_waves
+from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
@@ -63,7 +64,7 @@ def run(waves, *, steps, dt, start=None, scheme="third-order"):
     still = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned))
     record = Memory()
     budget = EnergyBudget(waves, record=record)
-    stepping = Run(waves, INTEGRATORS[scheme](), [budget], start=start or still, steps=steps, dt=dt)
+    stepping = Run(waves, INTEGRATORS[scheme](), [budget], start=start or still, clock=Clock(dt, steps))
     stepping.execute()
     return stepping.state, record.array()
 

@@ -12,6 +12,7 @@ from conftest import fitted_slope
 from mpi4py import MPI
 
 from wavetank.build import build_run
+from wavetank.clock import Clock
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import EverySteps
 from wavetank.reference.airy import wave_number
@@ -164,8 +165,7 @@ def test_the_limit_on_still_water_holds_for_ten_thousand_steps(part, stable):
         }
     )
     run, waves = build_run(scene, MPI.COMM_SELF)
-    run.dt, run.filters = part * run.integrator.stability_limit / waves.largest_frequency, ()
-    run.steps = 10_000
+    run.clock, run.filters = Clock(part * run.integrator.stability_limit / waves.largest_frequency, 10_000), ()
     largest = 0.0
     try:
         run.execute()

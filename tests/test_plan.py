@@ -183,6 +183,22 @@ def test_a_group_gets_as_high_as_it_is_meant_to():
     assert required.physics == "nonlinear"
 
 
+def test_rows_of_gauges_count_as_their_gauges_do():
+    """The farthest gauge decides how far waves are followed, and where the highest crest is looked for."""
+    case = {
+        "tank": {"length": 20.0, "depth": 1.0},
+        "wall": {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.02, "period": 1.6}},
+        "run": {"duration": 20.0},
+    }
+    row = {"gauges": [1.0], "gauge_lines": [{"name": "row", "start": [4.0, 0.0], "end": [16.0, 0.0], "count": 4}]}
+    found = [requirements(Scene.model_validate(case | g), 1e-2) for g in (row, {"gauges": [1.0, 4.0, 8.0, 12.0, 16.0]})]
+    for one, other in zip(*(required.waves for required in found), strict=True):
+        assert np.array_equal(one, other)
+    assert found[0].steepness == found[1].steepness
+    near = requirements(Scene.model_validate(case | {"gauges": [1.0]}), 1e-2)
+    assert found[0].waves.age.max() > 5 * near.waves.age.max()
+
+
 def test_steepness_decides_between_linear_and_nonlinear():
     physics = [requirements(standing(1.0, 2, amplitude=amplitude)[0], 1e-2).physics for amplitude in (1e-4, 1e-1)]
     assert physics == ["linear", "nonlinear"]

@@ -85,7 +85,7 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
         run.observers += build_watch(scene, run, waves, warnings.at_once)
         if root:
             console.print(summary(scene, run, waves), highlight=False)
-        progress = ProgressBar(scene.run.duration, lambda: _cost(waves), console=console) if root else nullcontext()
+        progress = ProgressBar(run.clock.end, lambda: _cost(waves), console=console) if root else nullcontext()
         with Interruption(comm) as interruption, progress as bar:
             run.observers += [interruption] if bar is None else [interruption, bar]
             _execute(run, note)
@@ -142,8 +142,8 @@ def _figures(run: Run, waves: Waves) -> dict[str, Any]:
     stages, solves = waves.stages.counters, waves.potential.counters
     return {
         "numerics": {
-            "dt": run.dt,
-            "steps": run.steps,
+            "dt": run.clock.dt,
+            "steps": run.clock.steps,
             "steps_taken": run.step,
             "degrees_of_freedom": waves.plane.size,
             "largest_frequency": waves.largest_frequency,

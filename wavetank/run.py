@@ -1,8 +1,9 @@
-"""The time loop, the only one: t = n dt, never accumulated."""
+"""The time loop, the only one."""
 
 from collections.abc import Sequence
 from typing import Any
 
+from wavetank.clock import Clock
 from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
@@ -15,8 +16,8 @@ class Run:
 
     Parameters
     ----------
-    steps, dt
-        Number of steps and their size [s].
+    clock
+        When its steps are.
     start
         Coordinates and momenta at t = 0.
     filters
@@ -30,12 +31,11 @@ class Run:
         observers: Sequence[Observer],
         *,
         start: tuple[Vector, Vector],
-        steps: int,
-        dt: float,
+        clock: Clock,
         filters: Sequence[Filter] = (),
     ):
         self.system, self.integrator, self.observers = system, integrator, list(observers)
-        self.steps, self.dt, self.filters = steps, dt, filters
+        self.clock, self.filters = clock, filters
         self._stepper = Filtered(integrator, filters)
         self.step = 0
         self.state = integrator.start(*start)
@@ -43,7 +43,7 @@ class Run:
     @property
     def t(self) -> float:
         """The time reached [s]."""
-        return self.step * self.dt
+        return self.clock.time(self.step)
 
     @property
     def sinks(self) -> list[Sink]:
@@ -53,13 +53,13 @@ class Run:
     def execute(self) -> None:
         """Step to the end; collective. Raises ``RunError`` where it breaks down, with everything before recorded."""
         self._observe()
-        while self.step < self.steps:
-            self.state = self._stepper.step(self.system, self.state, self.t, self.dt)
+        while self.step < self.clock.steps:
+            self.state = self._stepper.step(self.system, self.state, self.t, self.clock.dt)
             self.step += 1
             self._observe()
 
     def _observe(self) -> None:
         moment = Moment(self.step, self.t, self.state.q, self.state.p)
         for observer in self.observers:
-            if observer.schedule.due(self.step, self.dt):
+            if observer.schedule.due(self.step, self.clock.dt):
                 observer.observe(moment)

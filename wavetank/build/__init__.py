@@ -2,19 +2,20 @@
 
 from wavetank.build.runs import (
     Records,
+    build_clock,
     build_filters,
     build_observers,
     build_run,
     build_watch,
     initial_state,
     summary,
-    time_step,
 )
 from wavetank.build.waters import Waves, build_waves
 
 __all__ = [
     "Records",
     "Waves",
+    "build_clock",
     "build_filters",
     "build_observers",
     "build_run",
@@ -22,5 +23,4 @@ __all__ = [
     "build_waves",
     "initial_state",
     "summary",
-    "time_step",
 ]

@@ -1,7 +1,7 @@
 """From a scene to a run: its scheme, step, start, filters and observers."""
 
 from collections.abc import Callable, Sequence
-from math import ceil, floor, inf, log10
+from math import inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,6 +10,7 @@ from mpi4py import MPI
 from wavetank.build.plans import build_plan
 from wavetank.build.sponges import build_sponge
 from wavetank.build.waters import Waves, fill
+from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.contract import Vector
@@ -59,25 +60,24 @@ def initial_state(scene: Scene, waves: Waves) -> tuple[Vector, Vector]:
     return waves.state(*agreed(waves.plane.comm, lambda: scene.initial.surface(scene.tank, x, y)))
 
 
-def time_step(scene: Scene, largest_frequency: float, integrator: Integrator[Any]) -> float:
-    """Return the scene's step [s], or one from accuracy and stability, for the largest frequency of its mesh [rad/s].
+def build_clock(scene: Scene, largest_frequency: float, integrator: Integrator[Any]) -> Clock:
+    """Return the scene's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
 
     The default keeps 0.6 of the stability limit on still water and a relative frequency error below 1e-4 for waves of a
-    quarter of the largest frequency, rounded down to two digits. Raises ``InputError`` for an unstable step.
+    quarter of the largest frequency, and divides the duration. A given step is kept: its last one ends beyond the
+    duration, or before it where a recorded motion ends. Raises ``InputError`` for an unstable step.
     """
     limit = integrator.stability_limit / largest_frequency
     if scene.numerics.dt is None:
         coefficient, power = integrator.frequency_error
         accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
-        step = min(0.6 * limit, accurate, scene.run.duration)
-        digit = 10.0 ** (floor(log10(step)) - 1)
-        return float(floor(step / digit * (1 + 1e-12)) * digit)
+        return Clock.dividing(scene.run.duration, min(0.6 * limit, accurate))
     if scene.numerics.dt > limit:
         raise InputError(
             f"numerics.dt = {scene.numerics.dt:g}: must be below {limit:.4g} s, where {integrator.name} gets unstable "
             f"on this mesh (largest frequency {largest_frequency:.4g} rad/s)."
         )
-    return scene.numerics.dt
+    return Clock.covering(scene.run.duration, scene.numerics.dt, until=scene.motion().duration)
 
 
 def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, Waves]:
@@ -92,10 +92,9 @@ def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, Waves]:
     integrator: Integrator[Any] = INTEGRATORS[scene.numerics.integrator]()
     if scene.sponge is not None:
         integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, plan, waves))
-    dt = time_step(scene, waves.largest_frequency, integrator)
-    steps = ceil(scene.run.duration / dt * (1 - 1e-9))
-    filters = build_filters(scene, waves, dt)
-    return Run(waves, integrator, [], start=initial_state(scene, waves), steps=steps, dt=dt, filters=filters), waves
+    clock = agreed(comm, lambda: build_clock(scene, waves.largest_frequency, integrator))
+    filters = build_filters(scene, waves, clock.dt)
+    return Run(waves, integrator, [], start=initial_state(scene, waves), clock=clock, filters=filters), waves
 
 
 def summary(scene: Scene, run: Run, waves: Waves) -> str:
@@ -105,8 +104,8 @@ def summary(scene: Scene, run: Run, waves: Waves) -> str:
     cells = waves.plane.mesh.topology.index_map(waves.plane.mesh.topology.dim).size_global
     return (
         f"{scene.title or 'untitled'}: {cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
-        f"{unknowns} unknowns; {run.steps} steps of {run.dt:g} s ({run.integrator.name}, "
-        f"dt omega_max = {run.dt * waves.largest_frequency:.2f}{bound})"
+        f"{unknowns} unknowns; {run.clock.steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
+        f"dt omega_max = {run.clock.dt * waves.largest_frequency:.2f}{bound})"
     )
 
 
@@ -135,7 +134,7 @@ def build_watch(scene: Scene, run: Run, waves: Waves, warn: Callable[[str], None
     if isinstance(waves, LinearWaves):
         return []  # the limit is known before the run, and kept
     size, limit = waves.plane.cell_size, run.integrator.stability_limit
-    return [StabilityWatch(waves, surface_of(waves), cell_size=size, dt=run.dt, limit=limit, warn=warn)]
+    return [StabilityWatch(waves, surface_of(waves), cell_size=size, dt=run.clock.dt, limit=limit, warn=warn)]
 
 
 def build_observers(scene: Scene, waves: Waves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:

@@ -23,6 +23,11 @@ class SegmentedMotion(ABC):
     """
 
     @property
+    def start(self) -> float:
+        """When the paddle begins to move [s], at the earliest."""
+        return 0.0
+
+    @property
     def duration(self) -> float:
         """Until when the motion is known [s]; ``inf`` where it never ends."""
         return np.inf

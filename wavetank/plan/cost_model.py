@@ -20,6 +20,7 @@ from scipy.optimize import nnls
 
 from wavetank.build import Records, Waves, build_filters, build_observers, build_waves, initial_state
 from wavetank.cache import places, writable
+from wavetank.clock import Clock
 from wavetank.hamiltonian.contract import Vector
 from wavetank.integrators import INTEGRATORS
 from wavetank.observers.energy import Sink
@@ -84,7 +85,7 @@ class CostModel:
 
     def run(self, kind: str, settings: Settings, *, duration: float, dt_omega_max: float) -> Cost:
         """Return the cost of a run of ``duration`` seconds."""
-        steps = np.ceil(duration / settings.dt * (1 - 1e-9))
+        steps = Clock.covering(duration, settings.dt).steps
         memory = BASE + PER_ENTRY[kind] * _entries(settings.order, settings.cells, settings.vertical_order)
         return Cost(float(steps * self.step(kind, settings, dt_omega_max)), memory)
 
@@ -158,5 +159,5 @@ def _time_a_step(scene: Scene, waves: Waves, name: str, dt_omega_max: float) -> 
     observers = [*build_observers(scene, waves, records, sinks=sinks), watch]
     scheme: Any = INTEGRATORS[name]()
     start = initial_state(scene, waves)
-    Run(waves, scheme, observers, start=start, steps=WARM_UP + STEPS, dt=dt, filters=filters).execute()
+    Run(waves, scheme, observers, start=start, clock=Clock(dt, WARM_UP + STEPS), filters=filters).execute()
     return watch.per_step(after=WARM_UP).cpu

@@ -17,7 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.build import time_step
+from wavetank.build import build_clock
+from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.cost_model import Cost, CostModel
@@ -197,7 +198,7 @@ class _Search:
             order=numerics.order,
             cells=cells,
             vertical_order=numerics.vertical_order,
-            dt=time_step(self._scene, mesh.largest_frequency, INTEGRATORS[name]()),
+            dt=build_clock(self._scene, mesh.largest_frequency, INTEGRATORS[name]()).dt,
             integrator=name,
         )
 
@@ -222,7 +223,7 @@ class _Search:
             accuracy=required.accuracy,
             error=self._errors.predict(settings),
             cost=self.cost(settings, costs),
-            steps=ceil(required.duration / settings.dt * (1 - 1e-9)),
+            steps=Clock.covering(required.duration, settings.dt).steps,
             cell_size=mesh.cells.size,
             dt_omega_max=settings.dt * mesh.largest_frequency,
             reasons=(*required.reasons, self._penalty_reason(mesh)),

@@ -331,7 +331,7 @@ def _crest(scene: Scene, lines: _Lines) -> float:
     """Return the largest elevation [m] between the paddle and the farthest gauge."""
     count = 2 * (lines.omega.size + 1)
     spectra = np.zeros((PLACES, count // 2 + 1), dtype=complex)
-    places = np.linspace(0.0, max((gauge.x for gauge in scene.gauges), default=scene.tank.length), PLACES)
+    places = np.linspace(0.0, max((gauge.x for gauge in scene.all_gauges), default=scene.tank.length), PLACES)
     spectra[:, 1:-1] = lines.elevation * np.exp(-1j * np.outer(places, lines.k)) * (count / 2)
     return float(np.abs(np.fft.irfft(spectra, count)).max())
 
@@ -353,7 +353,7 @@ def _age(scene: Scene, k: Vector) -> tuple[Vector, Vector]:
     """
     duration = scene.run.duration
     speed = airy.group_velocity(k, scene.tank.depth, scene.tank.gravity)
-    times = np.divide.outer(np.array([gauge.x for gauge in scene.gauges]), speed)
+    times = np.divide.outer(np.array([gauge.x for gauge in scene.all_gauges]), speed)
     if not np.any(times < duration):
         return np.asarray(np.minimum(duration, scene.tank.length / speed)), np.ones_like(k)
     age = np.where(times < duration, times, -np.inf).max(axis=0)

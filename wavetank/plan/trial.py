@@ -7,6 +7,7 @@ from typing import NamedTuple
 from mpi4py import MPI
 
 from wavetank.build import Records, build_observers, build_run, summary
+from wavetank.clock import Clock
 from wavetank.memory import peak_memory
 from wavetank.observers.contract import Moment
 from wavetank.observers.record import Memory
@@ -74,11 +75,11 @@ class Stopwatch:
 def trial(scene: Scene, comm: MPI.Comm) -> Trial:
     """Return what the first steps of a scene's run show; collective. Raises what a run raises."""
     run, waves = build_run(scene, comm)
-    steps, line = run.steps, summary(scene, run, waves)
+    steps, line = run.clock.steps, summary(scene, run, waves)
     watch = Stopwatch(lambda: waves.potential.counters.solves)
     records = Records(Memory(), Memory(), None)
     run.observers += [*build_observers(scene, waves, records, sinks=run.sinks), watch]
-    run.steps = min(steps, WARM_UP + STEPS)
+    run.clock = Clock(run.clock.dt, min(steps, WARM_UP + STEPS))
     run.execute()
     each = watch.per_step(after=WARM_UP)
     return Trial(line, steps, comm.allreduce(each.wall, op=MPI.MAX), each.solves, comm.allreduce(peak_memory()))

@@ -127,6 +127,9 @@ class Scene(Noun):
         if motion.duration < self.run.duration:
             allowed = f"must be at most {motion.duration:g} s, where the recorded motion ends"
             yield Problem(("run", "duration"), self.run.duration, allowed)
+        if motion.start >= self.run.duration:
+            allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
+            yield Problem(("run", "duration"), self.run.duration, allowed)
         end = min(self.run.duration, motion.duration)
         positions = self._of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
         stroke = np.abs(positions).max()

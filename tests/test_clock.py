@@ -1,0 +1,73 @@
+"""When steps are: they end where the duration, or a record of the paddle, ends. The oracle is arithmetic."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mpi4py import MPI
+
+from wavetank.build import build_run
+from wavetank.clock import Clock
+from wavetank.errors import InputError
+from wavetank.integrators import INTEGRATORS
+from wavetank.scene import Scene
+
+times = st.floats(1e-3, 1e3)
+
+
+@given(duration=times, part=st.floats(1e-4, 3.0))
+def test_default_steps_divide_the_duration(duration, part):
+    clock = Clock.dividing(duration, part * duration)
+    assert clock.end == pytest.approx(duration, rel=1e-12)
+    assert clock.dt <= part * duration * (1 + 1e-8)
+    assert clock.steps == 1 or duration / (clock.steps - 1) > part * duration  # none fewer would do
+
+
+@given(duration=times, part=st.floats(1e-4, 3.0))
+def test_given_steps_cover_the_duration(duration, part):
+    clock = Clock.covering(duration, part * duration)
+    assert clock.dt == part * duration
+    assert duration * (1 - 1e-8) <= clock.end < duration + clock.dt
+
+
+@given(steps=st.integers(1, 100_000), dt=times)
+def test_a_step_that_divides_the_duration_does_so_despite_rounding(steps, dt):
+    assert Clock.covering(steps * dt, dt, until=steps * dt).steps == steps
+
+
+def recorded(folder, *, first=0.0, last=10.0, **numerics):
+    """A short tank of linear waves, ten seconds long, whose paddle follows a record."""
+    t = np.linspace(first, last, 101)
+    np.savetxt(folder / "paddle.dat", np.column_stack([t, 0.01 * np.sin(t - first) ** 2]), fmt="%.17g")
+    case = folder / "case.toml"
+    case.write_text(
+        "[tank]\nlength = 2.0\ndepth = 1.0\n[wall]\ntype = 'piston'\n"
+        "motion = { type = 'recorded', position = 'paddle.dat' }\n[water]\ntype = 'linear'\n[run]\nduration = 10.0\n"
+        "[numerics]\ncells = 4\norder = 2\nvertical_order = 3\n"
+        + "".join(f"{key} = {value!r}\n" for key, value in numerics.items())
+    )
+    return case
+
+
+@pytest.mark.parametrize("integrator", sorted(INTEGRATORS))
+@pytest.mark.parametrize(("numerics", "end"), [({}, 10.0), ({"dt": 0.03}, 9.99)], ids=["default", "given"])
+def test_a_run_as_long_as_its_record_gets_to_its_end(tmp_path, integrator, numerics, end):
+    """A given step is kept, and the one that the record does not cover left out."""
+    scene = Scene.from_toml(recorded(tmp_path, integrator=integrator, **numerics))
+    run, _ = build_run(scene, MPI.COMM_SELF)
+    run.execute()
+    assert run.t == pytest.approx(end, rel=1e-12)
+
+
+def test_a_step_beyond_the_whole_record_is_refused_before_the_run(tmp_path):
+    scene = Scene.from_toml(recorded(tmp_path, dt=11.0, integrator="gauss-legendre-4"))
+    with pytest.raises(InputError, match=r"numerics.dt = 11: must be at most 10 s, where the recorded motion ends"):
+        build_run(scene, MPI.COMM_SELF)
+
+
+def test_a_record_of_another_time_is_refused(wavetank, tmp_path):
+    case = recorded(tmp_path, first=100.0, last=103.0)
+    result = wavetank("run", str(case), "--out", str(tmp_path / "run"))
+    assert result.returncode == 2 and not (tmp_path / "run").exists()
+    line = f"{case}, line 10: run.duration = 10.0: must be more than 100 s, where the recorded motion begins."
+    assert result.stderr.strip() == f"wavetank: {line}"

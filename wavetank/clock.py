@@ -1,0 +1,53 @@
+"""When the steps of a run are: t_n = n dt, n = 0 ... steps, made once and never accumulated."""
+
+from dataclasses import dataclass
+from math import ceil, inf
+
+from wavetank.errors import InputError
+
+ROUNDING = 1e-9  # relative, by which a number of steps may miss a whole one
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Equal steps from t = 0.
+
+    Attributes
+    ----------
+    dt
+        The step [s].
+    steps
+        How many.
+    """
+
+    dt: float
+    steps: int
+
+    @property
+    def end(self) -> float:
+        """When the last step ends [s]."""
+        return self.time(self.steps)
+
+    def time(self, step: int) -> float:
+        """Return t_n [s]."""
+        return step * self.dt
+
+    @classmethod
+    def dividing(cls, duration: float, longest: float) -> "Clock":
+        """Return the longest steps of at most ``longest`` [s] that divide a duration [s]."""
+        steps = max(1, ceil(duration / longest * (1 - ROUNDING)))
+        return cls(duration / steps, steps)
+
+    @classmethod
+    def covering(cls, duration: float, dt: float, *, until: float = inf) -> "Clock":
+        """Return steps of ``dt`` [s] up to the first that ends at the duration [s] or beyond it.
+
+        Where that would be beyond ``until`` [s], at least the duration, it is left out: schemes look no further.
+        Raises ``InputError`` if no step is left.
+        """
+        steps = ceil(duration / dt * (1 - ROUNDING))
+        if steps * dt > until * (1 + ROUNDING):
+            steps -= 1
+        if steps < 1:
+            raise InputError(f"numerics.dt = {dt:g}: must be at most {until:g} s, where the recorded motion ends.")
+        return cls(dt, steps)
