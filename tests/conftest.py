@@ -1,15 +1,21 @@
 """Tanks and runs that several tests need."""
 
+import io
+import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
+from ranks import CHECKOUT, Crews, launch
 
-CHECKOUT = Path(__file__).resolve().parents[1]
+
+def pytest_configure(config: pytest.Config) -> None:
+    """End as by Ctrl-C where the suite is told to end: with all it has begun."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 @pytest.fixture
@@ -50,11 +56,42 @@ def wavetank() -> Callable[..., subprocess.CompletedProcess]:
     """Return a function that runs the command line, optionally on several ranks."""
 
     def run(*arguments: str, ranks: int = 1, cwd: Path = CHECKOUT) -> subprocess.CompletedProcess:
-        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        command = [*launcher, sys.executable, "-m", "wavetank", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, cwd=cwd, check=False)
+        return launch([sys.executable, "-m", "wavetank", *arguments], ranks=ranks, cwd=cwd)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def on_ranks() -> Iterator[Callable[..., list]]:
+    """Return a function that calls another, of a module, on some ranks, and returns what each has returned."""
+    crews = Crews()
+    yield crews.call
+    crews.end()
+
+
+@pytest.fixture
+def recorded_on_ranks(on_ranks, tmp_path) -> Callable[..., tuple]:
+    """Return a function that records a case with some changes on one rank and on three: both run directories."""
+    from wavetank.rundir import RunDirectory
+
+    def run(case: str | Path, *changes: str) -> tuple[RunDirectory, RunDirectory]:
+        alone, together = tmp_path / "1", tmp_path / "3"
+        recorded(case, changes, alone)
+        on_ranks(recorded, case, changes, together)
+        return RunDirectory(alone), RunDirectory(together)
+
+    return run
+
+
+def recorded(case: str | Path, changes: tuple[str, ...], out: Path) -> None:
+    """Record a case with some changes in a run directory; collective."""
+    from rich.console import Console
+
+    from wavetank.recorded_run import record_run
+    from wavetank.scene import Scene
+
+    scene = Scene.from_toml(CHECKOUT / case, list(changes))
+    record_run(scene, out, comm=MPI.COMM_WORLD, console=Console(file=io.StringIO()))
 
 
 def fitted_slope(sizes, errors) -> float:

@@ -1,9 +1,6 @@
 """The solver in basins: exact solutions, and counts of iterations that depend neither on the mesh nor on the ranks."""
 
-import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -100,41 +97,32 @@ def test_iterations_do_not_grow_with_the_mesh(shape, order):
     assert fine <= max(coarse, medium) + 2
 
 
-def on_ranks(ranks: int) -> dict:
-    command = ["mpirun", "-n", str(ranks), sys.executable, __file__]
-    run = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-    assert run.returncode == 0, run.stderr
-    return json.loads(run.stdout)
-
-
-@pytest.mark.parametrize("ranks", [2, 3, pytest.param(6, marks=pytest.mark.slow)])
-def test_ranks_change_neither_solution_nor_iterations(ranks):
+@pytest.mark.parametrize("ranks", [3, pytest.param(6, marks=pytest.mark.slow)])
+def test_ranks_change_neither_solution_nor_iterations(on_ranks, ranks):
     """On three ranks and more, cells of three of them meet at a vertex: rows reach beyond the ghosts of the space."""
-    alone, shared = first_solve(parallel_basin(MPI.COMM_SELF)), on_ranks(ranks)
-    assert shared["sums"] == pytest.approx(alone["sums"], rel=1e-9)  # the tolerance of the solve is 1e-11
-    assert shared["iterations"] <= alone["iterations"] + 2
-    assert shared["grown"] < 4e6  # 38 and 49 MB where each preconditioner made its matrices anew
+    alone = first_solve(parallel_basin())
+    for shared in on_ranks(solved_and_renewed, ranks=ranks):
+        assert shared["sums"] == pytest.approx(alone["sums"], rel=1e-9)  # the tolerance of the solve is 1e-11
+        assert shared["iterations"] <= alone["iterations"] + 2
+        assert shared["grown"] < 2e6  # 20 MB and more where each preconditioner made its matrices anew
 
 
-def parallel_basin(comm):
-    return make_basin(cells=16, order=3, n=4, depth=shoal, tolerance=1e-11, comm=comm)
+def parallel_basin():
+    return make_basin(cells=16, order=3, n=4, depth=shoal, tolerance=1e-11, comm=MPI.COMM_WORLD)
+
+
+def solved_and_renewed() -> dict:
+    basin = parallel_basin()
+    return {**first_solve(basin), "grown": grown_by_renewals(basin)}
 
 
 def grown_by_renewals(basin) -> float:
-    """Memory [bytes] that 40 renewals of the preconditioner keep."""
+    """Memory [bytes] that 20 renewals of the preconditioner keep."""
     basin.potential.patience = -1000  # every second solve renews it
     held = []
-    for renewal in range(100):
+    for renewal in range(60):
         basin.H_p(*basin.state(0.01 * np.cos(renewal + basin.plane.places[:, 0]), basin.plane.places[:, 1]), 0.0)
-        if renewal in (19, 99):
+        if renewal in (19, 59):
             held.append(1024 * int(re.search(r"VmRSS:\s*(\d+)", Path("/proc/self/status").read_text())[1]))
-    assert basin.potential.counters.factorisations >= 50
+    assert basin.potential.counters.factorisations >= 30
     return held[1] - held[0]
-
-
-if __name__ == "__main__":
-    basin = parallel_basin(MPI.COMM_WORLD)
-    outcome = first_solve(basin)
-    outcome["grown"] = grown_by_renewals(basin)
-    if MPI.COMM_WORLD.rank == 0:
-        print(json.dumps(outcome))

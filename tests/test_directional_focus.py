@@ -7,7 +7,6 @@ is ``ReflectedFocus.elevation``, itself tested in tests/test_segmented_motion.py
 import numpy as np
 import pytest
 
-from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
 from wavetank.verify.directional_focus import CASE, HALF, SEEN, SMALL, Focus, row
 
@@ -60,7 +59,7 @@ def test_the_steep_crest_is_higher_and_its_troughs_are_flatter():
 
 
 @pytest.mark.slow
-def test_it_is_the_same_on_any_number_of_ranks(wavetank, tmp_path):
+def test_it_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
     """Segments, reflected waves and gauges to the tolerance of the solves."""
     changes = [
         *HALF,
@@ -70,12 +69,7 @@ def test_it_is_the_same_on_any_number_of_ranks(wavetank, tmp_path):
         "numerics.tolerance=1e-11",
         "gauges=[{name='near', x=0.3, y=0.4}]",
     ]
-    overrides = [word for change in changes for word in ("--set", change)]
-    gauges = []
-    for ranks in (1, 3):
-        out = tmp_path / str(ranks)
-        result = wavetank("run", str(CASE), *overrides, "--no-plots", "--out", str(out), ranks=ranks)
-        assert result.returncode == 0, result.stderr
-        gauges.append(np.array([gauge.eta for gauge in RunDirectory(out).gauges()]))
-    assert np.ptp(gauges[0][0]) > 1e-3
-    assert np.abs(gauges[1] - gauges[0]).max() < 1e-9
+    runs = recorded_on_ranks(CASE, *changes)
+    alone, together = (np.array([gauge.eta for gauge in run.gauges()]) for run in runs)
+    assert np.ptp(alone[0]) > 1e-3
+    assert np.abs(together - alone).max() < 1e-9

@@ -1,8 +1,5 @@
 """Linear waves against Airy, against nonlinear ones of small amplitude, against Biésel, and against themselves."""
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from conftest import fitted_slope
@@ -20,7 +17,6 @@ from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.reference.airy import angular_frequency, group_velocity
 from wavetank.reference.wavemaker import piston_transfer
-from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
 from wavetank.water.linear_waves import LinearPiston, LinearWaves
 from wavetank.water.plan_view import Ring, Slice
@@ -146,20 +142,12 @@ def test_a_case_has_the_water_it_asks_for():
     assert fitted_slope(strokes, differences) == pytest.approx(2, abs=0.15)
 
 
-def test_a_linear_case_runs_with_its_pictures_on_any_number_of_ranks(wavetank, tmp_path):
-    records = []
-    for ranks in (1, 2, 3):
-        out = tmp_path / str(ranks)
-        changes = ["--set", "water.type=linear", "--set", "gauges.0=0.5", "--set", "run.duration=2.0"]
-        plots = "--plots" if ranks == 1 else "--no-plots"
-        result = wavetank("run", "cases/wavemaker.toml", *changes, plots, "--out", str(out), ranks=ranks)
-        assert result.returncode == 0, result.stderr
-        records.append(np.array([gauge.eta for gauge in RunDirectory(out).gauges()]))
-    assert all((tmp_path / "1" / picture).exists() for picture in ("surface.png", "gauges.png", "energy.png"))
-    assert RunDirectory(tmp_path / "1").manifest["scene"]["water"] == {"type": "linear"}
-    assert np.abs(records[0]).max() > 2e-4
-    for other in records[1:]:
-        assert np.abs(other - records[0]).max() < 1e-9 * np.abs(records[0]).max()
+def test_a_linear_case_is_recorded_the_same_on_any_number_of_ranks(recorded_on_ranks):
+    runs = recorded_on_ranks("cases/wavemaker.toml", "water.type=linear", "gauges.0=0.5", "run.duration=2.0")
+    assert runs[0].manifest["scene"]["water"] == {"type": "linear"}
+    alone, together = (np.array([gauge.eta for gauge in run.gauges()]) for run in runs)
+    assert np.abs(alone).max() > 2e-4
+    assert np.abs(together - alone).max() < 1e-9 * np.abs(alone).max()
 
 
 # ------------------------------------------------------------------------------------------------ the nonlinear limit
@@ -324,39 +312,23 @@ def test_one_factorisation_serves_the_run(make_linear):
     assert waves.potential.counters.solves <= 10 + 2  # one a step, the first, and the paddle's
 
 
-RANKS = """
-import numpy as np
-from mpi4py import MPI
-from wavetank.fe.plane import Plane
-from wavetank.integrators import INTEGRATORS
-from wavetank.motions import Sinusoid
-from wavetank.water.linear_waves import LinearPiston, LinearWaves
-from wavetank.water.plan_view import Slice
-
-plan = Slice(4.0, 12, comm=MPI.COMM_WORLD)
-plane = Plane(plan.mesh, 3)
-wall = LinearPiston(Sinusoid(0.1, 1.3), plane=plane, paddle=plan.paddle())
-waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=5)
-x = plane.coordinates()[:, 0]
-for name, scheme in sorted(INTEGRATORS.items()):
-    scheme = scheme()
-    state = scheme.start(*waves.state(np.cos(np.pi * x), 0 * x))
-    for step in range(20):
-        state = scheme.step(waves, state, step * 0.02, 0.02)
-    figures = [plane.sum(state.q * np.cos(x)), plane.sum(state.p * np.sin(x)), waves.energy(state.q, state.p, 0.4)]
-    figures.append(waves.largest_frequency)
-    if plane.comm.rank == 0:
-        print(*(f"{figure:.17g}" for figure in figures))
-"""
+def moments_of_all_schemes():
+    """Return two moments, the energy and the largest frequency after twenty steps of each scheme; collective."""
+    plan = Slice(4.0, 12, comm=MPI.COMM_WORLD)
+    plane = Plane(plan.mesh, 3)
+    wall = LinearPiston(Sinusoid(0.1, 1.3), plane=plane, paddle=plan.paddle())
+    waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=5)
+    x, rows = plane.x, []
+    for name in sorted(INTEGRATORS):
+        _, end = run(waves, INTEGRATORS[name](), waves.state(np.cos(np.pi * x), 0 * x), steps=20, dt=0.02)
+        moments = plane.sum(end.q * np.cos(x)), plane.sum(end.p * np.sin(x)), waves.energy(end.q, end.p, 0.4)
+        rows.append([*moments, waves.largest_frequency])
+    return np.array(rows)
 
 
-def test_ranks_agree():
-    """One, two and three ranks, to round-off accumulated over twenty steps."""
-    results = []
-    for ranks in (1, 2, 3):
-        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        done = subprocess.run([*launcher, sys.executable, "-c", RANKS], capture_output=True, text=True, check=True)
-        results.append(np.array([[float(figure) for figure in line.split()] for line in done.stdout.splitlines()]))
-    for other in results[1:]:
-        assert np.allclose(other[:, :3], results[0][:, :3], rtol=1e-10, atol=1e-10)
-        assert np.allclose(other[:, 3], results[0][:, 3], rtol=1e-6)  # Lanczos starts from another vector
+def test_ranks_agree(on_ranks):
+    """To round-off accumulated over twenty steps."""
+    alone = moments_of_all_schemes()
+    for together in on_ranks(moments_of_all_schemes):
+        assert np.allclose(together[:, :3], alone[:, :3], rtol=1e-10, atol=1e-10)
+        assert np.allclose(together[:, 3], alone[:, 3], rtol=1e-6)  # Lanczos starts from another vector

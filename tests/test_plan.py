@@ -462,14 +462,10 @@ def test_a_stopwatch_leaves_out_the_first_steps():
     assert watch.per_step(after=9)[2] == 3.0  # a run that short: of its last step
 
 
-def test_a_run_uses_the_plan_of_its_accuracy_on_any_number_of_ranks(wavetank, tmp_path):
-    for ranks in (1, 2):
-        out = tmp_path / str(ranks)
-        changes = ["--set", "run.duration=3.0", "--set", "numerics.order=4"]
-        result = wavetank("run", "cases/planned.toml", *changes, "--no-plots", "--out", str(out), ranks=ranks)
-        assert result.returncode == 0, result.stderr
-    one, two = (RunDirectory(tmp_path / ranks).manifest for ranks in ("1", "2"))
-    assert one["planned"] == two["planned"]
+def test_a_run_uses_the_plan_of_its_accuracy_on_any_number_of_ranks(recorded_on_ranks):
+    runs = recorded_on_ranks("cases/planned.toml", "run.duration=3.0", "numerics.order=4")
+    one, many = (run.manifest for run in runs)
+    assert one["planned"] == many["planned"]
     assert one["scene"]["numerics"] == {"accuracy": 1e-2, "order": 4}
     assert one["planned"]["numerics"]["order"] == 4
     assert one["numerics"]["dt"] == one["planned"]["numerics"]["dt"]

@@ -4,9 +4,6 @@ Oracles: the damped oscillator's exact solution, conservation, linear waves in t
 numbers of ranks and in another plan view.
 """
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from conftest import fitted_slope
@@ -34,6 +31,7 @@ from wavetank.water.plan_view import Slice
 from wavetank.water.sponge import checked, distance_from_edge, profile, width_of
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.walls import FixedWall
+from wavetank.water.waves import NonlinearWaves, Tolerances
 
 SCHEMES = (StormerVerlet(), ThirdOrder(), GaussLegendre4())
 BALANCE, TAKEN, TOTAL = (COLUMNS.index(f"{name} [m^4/s^2]") for name in ("balance", "dissipated", "total"))
@@ -259,46 +257,27 @@ def test_a_basin_with_a_sponge_is_the_slice_with_it():
     assert np.abs(np.subtract(*surfaces)).max() < 1e-9
 
 
-RANKS = """
-import numpy as np
-from dolfinx import mesh
-from mpi4py import MPI
-from wavetank.fe.plane import Plane
-from wavetank.integrators import ThirdOrder
-from wavetank.integrators.absorbing import Absorbing
-from wavetank.water.plan_view import Slice
-from wavetank.water.sponge import distance_from_edge, profile, width_of
-from wavetank.water.walls import FixedWall
-from wavetank.water.waves import NonlinearWaves, Tolerances
-comm = MPI.COMM_WORLD
-plan = Slice(3.0, 12, comm=comm)
-plane = Plane(plan.mesh, 3, plan.chart)
-waves = NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=4, tolerances=Tolerances(1e-12, 1e-13))
-scheme = Absorbing(ThirdOrder(), profile(plane.x - 1.0, width=2.0, strength=2.0))
-state = scheme.start(*waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x))
-for step in range(10):
-    state = scheme.step(waves, state, 0.03 * step, 0.03)
-moment = plane.sum(state.q * np.cos(plane.x))
-basin = mesh.create_rectangle(comm, [[0.0, 0.0], [4.0, 1.0]], [8, 4], mesh.CellType.triangle)
-inside = lambda x: (x[0] > 2.5 - 1e-9) & (x[1] > 0.5 - 1e-9)
-space = Plane(basin, 2)
-distance = distance_from_edge(space, mesh.locate_entities(basin, 2, inside))
-total, width = space.sum(distance * np.cos(space.x)), width_of(space, distance)
-if comm.rank == 0:
-    print(scheme.energy_taken, moment, total, width)
-"""
+def figures_of_sponges():
+    """Return the energy taken and a moment of nonlinear waves; a moment of distances in a corner, and its width."""
+    plan = Slice(3.0, 12, comm=MPI.COMM_WORLD)
+    plane = Plane(plan.mesh, 3, plan.chart)
+    tolerances = Tolerances(stage=1e-12, interior=1e-13)
+    waves = NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=4, tolerances=tolerances)
+    scheme = Absorbing(ThirdOrder(), profile(plane.x - 1.0, width=2.0, strength=2.0))
+    state = ends(waves, scheme, waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x), steps=10, dt=0.03)
+    space = Plane(mesh.create_rectangle(MPI.COMM_WORLD, [[0.0, 0.0], [4.0, 1.0]], [8, 4], mesh.CellType.triangle), 2)
+    corner = mesh.locate_entities(space.mesh, 2, lambda x: (x[0] > 2.5 - 1e-9) & (x[1] > 0.5 - 1e-9))
+    distance = distance_from_edge(space, corner)
+    moments = plane.sum(state.q * np.cos(plane.x)), space.sum(distance * np.cos(space.x))
+    return [scheme.energy_taken, *moments, width_of(space, distance)]
 
 
-def test_a_sponge_is_the_same_on_any_number_of_ranks():
+def test_a_sponge_is_the_same_on_any_number_of_ranks(on_ranks):
     """Energy taken and elevation of nonlinear waves to the solves' tolerance; distances in a corner group exactly."""
-    results = []
-    for ranks in (1, 2, 3):
-        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        done = subprocess.run([*launcher, sys.executable, "-c", RANKS], capture_output=True, text=True, check=True)
-        results.append([float(figure) for figure in done.stdout.split()])
-    assert results[0][0] > 1e-3 and results[0][3] == pytest.approx(0.5)
-    assert results[1] == pytest.approx(results[0], rel=1e-9)
-    assert results[2] == pytest.approx(results[0], rel=1e-9)
+    alone = figures_of_sponges()
+    assert alone[0] > 1e-3 and alone[3] == pytest.approx(0.5)
+    for together in on_ranks(figures_of_sponges):
+        assert together == pytest.approx(alone, rel=1e-9)
 
 
 # ---------------------------------------------------------------- in a scene

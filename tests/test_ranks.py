@@ -1,0 +1,45 @@
+"""The helper of the tests on several ranks: whatever happens, nothing stays behind, and what happened is said."""
+
+import sys
+
+import pytest
+from mpi4py import MPI
+from ranks import Crew, begun, members
+
+
+def alone_in_a_barrier():
+    """Leave on the first rank; wait for it on the others."""
+    if MPI.COMM_WORLD.rank:
+        MPI.COMM_WORLD.Barrier()
+
+
+def wrong_on_the_first():
+    if MPI.COMM_WORLD.rank == 0:
+        raise ValueError("on one alone")
+    MPI.COMM_WORLD.Barrier()
+
+
+def test_a_crew_calls_on_every_rank():
+    crew = Crew(2)
+    assert crew.call(divmod, 7, 2) == [(3, 1), (3, 1)]
+    crew.end()
+    assert not crew.at_work and not members(crew.session)
+
+
+@pytest.mark.parametrize(
+    ("function", "said"),
+    [(wrong_on_the_first, "on rank 0: (.|\n)*ValueError: on one alone"), (alone_in_a_barrier, "rank 1 has ended")],
+)
+def test_what_one_rank_raises_or_waits_for_ends_the_crew(function, said):
+    crew = Crew(2, limit=1)
+    with pytest.raises(RuntimeError, match=said):
+        crew.call(function)
+    assert not crew.at_work and not members(crew.session)
+
+
+def test_a_process_in_a_group_of_its_own_that_outlives_its_parent_is_ended():
+    orphan = "import subprocess; print(subprocess.Popen(['sleep', '1000'], stdout=2, process_group=0).pid)"
+    with begun([sys.executable, "-c", orphan], stdout=-1, stderr=-1) as process:
+        assert int(process.stdout.readline()) in members(process.pid)
+        process.wait()
+    assert not members(process.pid)
