@@ -86,7 +86,9 @@ def test_two_at_once_and_a_later_one_compile_once(code, world, tmp_path):
 
 
 def test_a_cache_that_cannot_be_written_is_replaced_with_a_word(world, tmp_path):
-    (tmp_path / "cache").write_text("a file in the folder's place")
+    (tmp_path / "file").touch()  # where root cannot write either
+    world["HOME"] = f"{tmp_path}/file"
+    del world["XDG_CACHE_HOME"]
     out, err = start(FORM + KERNEL, world, ranks=2).communicate()
     assert out.count("1.0") == 4, err  # lines of two ranks may run into one another
     assert err.count("set XDG_CACHE_HOME to a folder that can be written.") == 1

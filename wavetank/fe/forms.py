@@ -4,6 +4,7 @@ GCC's -O2 takes a minute where -O3 takes seconds on forms with many vertical com
 of the kernels and changes results by round-off only.
 """
 
+import os
 from collections.abc import Callable
 from math import factorial
 from pathlib import Path
@@ -35,8 +36,19 @@ def compile_expression(expression: Any, points: Vector, comm: MPI.Comm) -> fem.E
     return fem.Expression(expression, points, jit_options=_kept((expression, points), comm))
 
 
+def _look_for_settings_within_reach() -> None:
+    """Where the user's home cannot be entered, FFCx and dolfinx, which fail there, look for settings here alone."""
+    try:
+        (Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "ffcx").stat()
+    except FileNotFoundError:
+        pass
+    except OSError:
+        os.environ["XDG_CONFIG_HOME"] = os.getcwd()
+
+
 def _kept(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
     """Return options with which dolfinx finds a form or expression, compiled now if it is not kept; collective."""
+    _look_for_settings_within_reach()
     scalar = {"scalar_type": default_scalar_type}
 
     def build(folder: Path) -> None:
