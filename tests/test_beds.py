@@ -1,12 +1,15 @@
 """Beds from Python and from gridded data, and the nouns that say them; smooth functions are the oracle."""
 
+import resource
+
 import numpy as np
 import pytest
 import xarray
 from conftest import fitted_slope
+from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 
-from wavetank.beds import Gridded, load, read_grid
+from wavetank.beds import Gridded, Survey, load, read_bed
 from wavetank.errors import InputError
 from wavetank.scene import Scene, SceneError
 from wavetank.scene.beds import Bed, FormulaBed, GriddedBed, PythonBed
@@ -90,21 +93,21 @@ def grid():
 def test_netcdf_is_read_whatever_its_order(grid, tmp_path):
     grid.to_netcdf(tmp_path / "bed.nc")
     grid.transpose("y", "x").isel(y=slice(None, None, -1)).to_netcdf(tmp_path / "turned.nc")
-    bed = read_grid(tmp_path / "bed.nc")
+    bed = read_bed(tmp_path / "bed.nc")
     np.testing.assert_allclose(bed(X, Y), smooth(X, Y), atol=1e-4)
-    np.testing.assert_array_equal(read_grid(tmp_path / "turned.nc")(X, Y), bed(X, Y))
+    np.testing.assert_array_equal(read_bed(tmp_path / "turned.nc")(X, Y), bed(X, Y))
 
 
 def test_csv_is_read_whatever_its_order(grid, tmp_path):
     table = grid.depth.to_dataframe().reset_index().sample(frac=1.0, random_state=2)
     table[["y", "depth", "x"]].to_csv(tmp_path / "bed.csv", index=False)
     grid.to_netcdf(tmp_path / "bed.nc")
-    np.testing.assert_array_equal(read_grid(tmp_path / "bed.csv")(X, Y), read_grid(tmp_path / "bed.nc")(X, Y))
+    np.testing.assert_array_equal(read_bed(tmp_path / "bed.csv")(X, Y), read_bed(tmp_path / "bed.nc")(X, Y))
 
 
 def test_a_profile_holds_for_every_y(tmp_path):
     (tmp_path / "bed.csv").write_text("# measured\nx, depth\n0, 0.4\n8, 0.4\n4, 0.2\n")
-    bed = read_grid(tmp_path / "bed.csv", interpolation="linear")
+    bed = read_bed(tmp_path / "bed.csv", interpolation="linear")
     np.testing.assert_allclose(bed(np.array([1.0, 6.0]), np.array([0.0, 7.0])), [0.35, 0.3])
 
 
@@ -113,22 +116,35 @@ def test_elevations_of_the_bed_are_positive_up(grid, tmp_path, attribute, key):
     grid["elevation"] = -grid.depth.assign_attrs(grid.depth.attrs)
     grid.elevation.attrs = {"positive": attribute} if attribute else {}
     grid.to_netcdf(tmp_path / "bed.nc")
-    bed = read_grid(tmp_path / "bed.nc", variable="elevation", positive=key)
-    np.testing.assert_array_equal(bed(X, Y), read_grid(tmp_path / "bed.nc", variable="depth")(X, Y))
+    bed = read_bed(tmp_path / "bed.nc", variable="elevation", positive=key)
+    np.testing.assert_array_equal(bed(X, Y), read_bed(tmp_path / "bed.nc", variable="depth")(X, Y))
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("x,y,depth\n0,0,1\n0,1,1\n1,0,1\n", "1 of 4 depths are missing or not finite; all are needed."),
-        ("x,depth\n0,1\n1,nan\n2,1\n", "1 of 3 depths are missing or not finite; all are needed."),
+        ("x,depth\n0,nan\n1,nan\n", "none of its 2 depths is a finite number."),
+        ("x,depth\n0,-1\n1,-2\n", "no depth is positive; with positive = 'up' all are."),
+        (
+            "x,y,depth\n0,0,1\n1,1,1\n2,2,1\n",
+            "3 survey points span no triangle; three that are not in line are needed.",
+        ),
+        ("x,y,depth\n0,0,1\n1,1,1\n2,,1\n", "values of x and y must be finite."),
         ("x,depth\n0,1\n0,2\n", "cannot be read (two rows have the same x)."),
         ("x,y,depth\n0,0,1\n0,0,2\n", "cannot be read (two rows have the same x and y)."),
         ("x,depth\n0,1\n1,deep\n", "cannot be read (could not convert string to float: 'deep')."),
-        ("0,1\n1,2\n", "cannot be read (it needs a column x, or x and y; it has: 0, 1)."),
+        (
+            "0,1\n1,2\n",
+            "cannot be read (it needs a column x, or x and y; it has: 0, 1; "
+            "its first line must name its columns, e.g. x,y,depth).",
+        ),
         ("x,depth,rock\n0,1,2\n", "one variable must be named, of: depth, rock."),
         ("x\n0\n", "one variable must be named, of: none."),
-        ("y,depth\n0,1\n1,1\n", "coordinates of 'depth' must be x, or x and y; they are: y."),
+        (
+            "y,depth\n0,1\n1,1\n",
+            "cannot be read (it needs a column x, or x and y; it has: y, depth; "
+            "its first line must name its columns, e.g. x,y,depth).",
+        ),
         ("x,depth\n0,1\n", "1 values of x; linear needs at least 2."),
         ("x,depth\n0,1\n,1\n", "values of x must be finite and differ from one another."),
         ("", "cannot be read (No columns to parse from file)."),
@@ -137,24 +153,31 @@ def test_elevations_of_the_bed_are_positive_up(grid, tmp_path, attribute, key):
 def test_csv_is_refused(tmp_path, text, sentence):
     path = tmp_path / "bed.csv"
     path.write_text(text)
-    assert refused(read_grid, path, interpolation="linear") == f"{path}: {sentence}"
+    assert refused(read_bed, path, interpolation="linear") == f"{path}: {sentence}"
 
 
 def test_cubic_needs_four_values(tmp_path):
     path = tmp_path / "bed.csv"
     path.write_text("x,depth\n0,1\n1,1\n2,1\n")
-    assert refused(read_grid, path) == f"{path}: 3 values of x; cubic needs at least 4."
+    assert refused(read_bed, path) == f"{path}: 3 values of x; cubic needs at least 4."
 
 
 def test_netcdf_is_refused(grid, tmp_path):
     path = tmp_path / "bed.nc"
-    assert refused(read_grid, path) == f"{path}: cannot be read (No such file or directory)."
+    assert refused(read_bed, path) == f"{path}: cannot be read (No such file or directory)."
     path.write_text("no NetCDF")
-    assert refused(read_grid, path) == f"{path}: cannot be read (NetCDF: Unknown file format)."
+    assert refused(read_bed, path) == f"{path}: cannot be read (NetCDF: Unknown file format)."
+    elsewhere = "survey points go into a file of CSV or XYZ."
     cases = {
         "has no variable 'd'; it has: depth.": (grid, "d"),
-        "coordinates of 'depth' must be x, or x and y; they are: east, y.": (grid.rename(x="east"), None),
-        "coordinates of 'depth' must be x, or x and y; they are: x, y.": (grid.drop_vars("x"), None),
+        f"coordinates of 'depth' must be x, or x and y; they are: east, y; {elsewhere}": (
+            grid.rename(x="east"),
+            None,
+        ),
+        f"coordinates of 'depth' must be x, or x and y; they are: x, y; {elsewhere}": (
+            grid.drop_vars("x"),
+            None,
+        ),
         "'depth' is in 'cm'; must be in metres, 'm'.": (grid.assign(depth=grid.depth.assign_attrs(units="cm")), None),
         "'depth' is positive 'north'; must be positive 'down' or 'up'.": (
             grid.assign(depth=grid.depth.assign_attrs(positive="north")),
@@ -164,10 +187,115 @@ def test_netcdf_is_refused(grid, tmp_path):
     for n, (sentence, (content, variable)) in enumerate(cases.items()):
         other = tmp_path / f"{n}.nc"
         content.to_netcdf(other)
-        assert refused(read_grid, other, variable=variable) == f"{other}: {sentence}"
-    assert refused(read_grid, tmp_path / "bed.xyz") == (
-        f"{tmp_path / 'bed.xyz'}: must end in .nc or .csv, which is how gridded data are known."
+        assert refused(read_bed, other, variable=variable) == f"{other}: {sentence}"
+    assert refused(read_bed, tmp_path / "bed.tif") == (
+        f"{tmp_path / 'bed.tif'}: must end in .nc, .csv, .xyz, which is how measured beds are known; "
+        "gdal_translate -of XYZ makes one of a raster."
     )
+
+
+# ---------------------------------------------------------------- gaps
+@pytest.mark.parametrize("across", [False, True], ids=["along x", "over x and y"])
+def test_gaps_matter_only_where_there_is_water(across):
+    """Oracle: a plane, which a bed must keep up to the edge of what is known of it."""
+    x, y = np.linspace(0.0, 4.0, 21), np.linspace(-1.0, 2.0, 16)
+    axes, places = ({"x": x, "y": y}, np.meshgrid(x, y, indexing="ij")) if across else ({"x": x}, [x, 0.0 * x])
+
+    def plane(x, y):
+        return 1.0 - 0.1 * x + (0.2 * y if across else 0.0)
+
+    land = places[0] > 3.0
+    bed = Gridded(axes, np.where(land, np.nan, plane(*places)), source="bay.nc")
+    wet = X <= 3.0
+    np.testing.assert_allclose(bed(X[wet], Y[wet]), plane(X[wet], Y[wet]), rtol=1e-12)
+    where = "x = 3.05 m, y = 0.5 m" if across else "x = 3.05 m"
+    assert refused(bed, np.array([1.0, 3.05]), np.array([0.5, 0.5])) == (
+        f"bay.nc: has no depth at {where}, where there is water; {land.sum()} of {land.size} depths are missing."
+    )
+
+
+@pytest.mark.parametrize("physics", ["nonlinear", "linear"])
+def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
+    from wavetank.build import build_waves, told_of_bed
+
+    bed = {"type": "formula", "depth": "1 - 0.4*x", "minimum_depth": 0.2}  # reached at x = 2, dry from x = 2.5
+    content = {"tank": {"length": 8.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}}
+    scene = Scene.model_validate({**content, "water": {"type": physics}, "numerics": {"cells": 16}})
+    assert Scene.model_validate(scene.model_dump(mode="json")) == scene
+    waves = build_waves(scene, MPI.COMM_SELF)
+    np.testing.assert_allclose(waves.bed.still, np.maximum(0.2, 1.0 - 0.4 * waves.plane.x), rtol=1e-12)
+    told = told_of_bed(scene, waves)
+    assert told.startswith("tank.bed.minimum_depth = 0.2 m holds for ")
+    assert float(told.split()[-5]) == pytest.approx(75, abs=3)  # the rest, to a third of a cell
+    bed["minimum_depth"] = 0.0
+    with pytest.raises(ValidationError, match="minimum_depth\n.*greater than 0"):
+        Scene.model_validate(content)
+
+
+# ---------------------------------------------------------------- survey points
+def points(count, *, seed=7):
+    """Return places all around those that are asked for, and a little more."""
+    random = np.random.default_rng(seed)
+    return random.uniform(-0.3, 4.3, count), random.uniform(-1.3, 2.3, count)
+
+
+def test_triangulated_depths_converge():
+    """Piecewise linear ones are of order 2 in the points' distance; so are cubic ones, whose slopes are of order 1."""
+    counts, errors = np.array([500, 2000, 8000]), {"linear": [], "cubic": []}
+    for interpolation, found in errors.items():
+        for count in counts:
+            x, y = points(count)
+            error = Survey(x, y, smooth(x, y), interpolation=interpolation)(X, Y) - smooth(X, Y)
+            found.append(np.sqrt(np.mean(error**2)))
+        assert -fitted_slope(np.sqrt(counts), found) == pytest.approx(2, abs=0.3)
+    assert (4 * np.array(errors["cubic"]) < errors["linear"]).all()
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".xyz"])
+def test_sixty_thousand_survey_points_take_a_moment_and_no_memory(tmp_path, suffix):
+    x, y = points(60_000)
+    table = np.column_stack([x + 3e5, y + 5e6, smooth(x, y)])  # as far from the origin as maps are
+    names, delimiter = ("x,y,depth", ",") if suffix == ".csv" else ("", " ")
+    np.savetxt(tmp_path / f"bed{suffix}", table, fmt="%.6f", delimiter=delimiter, header=names, comments="")
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    bed = read_bed(tmp_path / f"bed{suffix}")
+    np.testing.assert_allclose(bed(X + 3e5, Y + 5e6), smooth(X, Y), atol=1e-4)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 200 * 1024  # KiB; a grid of them has 28 GB
+
+
+def test_survey_points_may_repeat_or_have_no_depth():
+    x, y = points(2000)
+    again = [np.concatenate([one, one]) for one in (x, y)]
+    d = np.concatenate([smooth(x, y) + 0.1, smooth(x, y) - 0.1])
+    lost = np.random.default_rng(1).permutation(d.size // 2)[:200]
+    d[lost] = d[lost + 2000] = np.nan
+    kept = np.setdiff1d(np.arange(2000), lost)
+    expected = Survey(x[kept], y[kept], smooth(x[kept], y[kept]))(X, Y)
+    np.testing.assert_allclose(Survey(*again, d)(X, Y), expected, rtol=1e-9)
+
+
+def test_survey_points_end_level_and_not_far_off(tmp_path):
+    (tmp_path / "bed.xyz").write_text("# x y depth\n0 0 1\n10 0.1 1\n0.2 4 2\n10.1 4.1 2\n5 2 1.5\n")
+    bed = read_bed(tmp_path / "bed.xyz", interpolation="linear")
+    np.testing.assert_allclose(bed(np.array([-0.5, 0.0]), np.array([-0.5, 0.0])), 1.0, rtol=1e-6)
+    assert refused(bed, np.array([-4.0]), np.array([0.0])) == (
+        f"{tmp_path / 'bed.xyz'}: asked at x = -4 m, y = 0 m; its points end 4 m from there and are 2.82 m apart."
+    )
+    assert "asked at x = nan m" in refused(bed, np.array([np.nan]), np.zeros(1))
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("x y depth\n0 0 1\n", "cannot be read (could not convert string to float: 'x')."),
+        ("0 0\n1 1\n", "cannot be read (its rows must be x, y and depth, with blanks between; they have 2 columns)."),
+        ("", "cannot be read (No columns to parse from file)."),
+    ],
+)
+def test_xyz_is_refused(tmp_path, text, sentence):
+    path = tmp_path / "bed.xyz"
+    path.write_text(text)
+    assert refused(read_bed, path) == f"{path}: {sentence}"
 
 
 # ---------------------------------------------------------------- Python

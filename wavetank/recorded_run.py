@@ -9,7 +9,7 @@ from typing import Any
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.build import Records, Waves, build_observers, build_run, build_watch, summary
+from wavetank.build import Records, Waves, build_observers, build_run, build_watch, summary, told_of_bed
 from wavetank.errors import RecordError, RunError
 from wavetank.fe.agreed import on_first
 from wavetank.memory import peak_memory
@@ -83,8 +83,11 @@ def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> 
         records = records._replace(fields=lambda name: VtuSeries(out, name, comm=comm))
         run.observers += build_observers(scene, waves, records, sinks=run.sinks)
         run.observers += build_watch(scene, run, waves, warnings.at_once)
+        told = told_of_bed(scene, waves)
         if root:
             console.print(summary(scene, run, waves), highlight=False)
+            if told:
+                console.print(told, highlight=False)
         progress = ProgressBar(run.clock.end, lambda: _cost(waves), console=console) if root else nullcontext()
         with Interruption(comm) as interruption, progress as bar:
             run.observers += [interruption] if bar is None else [interruption, bar]

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 from scipy.interpolate import RectBivariateSpline, make_interp_spline
+from scipy.ndimage import distance_transform_edt
 
 from wavetank.errors import InputError
 from wavetank.formula import Array
@@ -26,13 +27,14 @@ class Gridded:
     axes
         Coordinates of the grid [m], ascending, by name: x, shape (A,), or x and y, shapes (A,) and (B,).
     d
-        Depths [m], shape (A,) or (A, B); those along x alone hold for every y.
+        Depths [m], shape (A,) or (A, B); those along x alone hold for every y. They may be missing, NaN, where nobody
+        asks for one: beside such a gap the spline sees the depths around it go on as they come, in line.
     interpolation
         ``"cubic"`` has continuous slopes; ``"linear"`` never overshoots.
     source
         Where the data come from, for errors.
 
-    Raises ``InputError`` where the data are too few, not finite, or their coordinates do not ascend.
+    Raises ``InputError`` where the data are too few, all missing, or their coordinates do not ascend.
     """
 
     def __init__(
@@ -46,14 +48,23 @@ class Gridded:
                 )
             if not (np.diff(axis) > 0).all():
                 raise InputError(f"{source}: values of {name} must be finite and differ from one another.")
-        if missing := int((~np.isfinite(d)).sum()):
-            raise InputError(f"{source}: {missing} of {d.size} depths are missing or not finite; all are needed.")
+        missing = ~np.isfinite(d)
+        if missing.all():
+            raise InputError(f"{source}: none of its {d.size} depths is a finite number.")
+        self._missing = f"{missing.sum()} of {d.size} depths are missing"
+        self._gap: Callable[..., Any] | None = None
+        if missing.any():
+            d, self._gap = _continued(d, missing), SPLINES[d.ndim](*axes.values(), 1.0 * missing, 1)
         self._spline: Callable[..., Any] = SPLINES[d.ndim](*axes.values(), d, degree)
 
     def __call__(self, x: Array, y: Array) -> Array:
-        """Return d [m] at places x, y [m], each of shape (N,); raise ``InputError`` outside the data's range."""
+        """Return d [m] at places x, y [m], each of shape (N,); raise ``InputError`` where there are no data."""
         places = {"x": x, "y": y}
         inside = [self._inside(name, places[name]) for name in self._axes]
+        if self._gap is not None:
+            for n in np.flatnonzero(self._gap(*inside) > ROUND_OFF)[:1]:
+                where = ", ".join(f"{name} = {places[name][n]:.6g} m" for name in self._axes)
+                raise InputError(f"{self._source}: has no depth at {where}, where there is water; {self._missing}.")
         return np.asarray(self._spline(*inside), dtype=np.float64)
 
     def _inside(self, name: str, place: Array) -> Array:
@@ -64,6 +75,15 @@ class Gridded:
             reach = f"its data reach from {first:g} to {last:g} m"
             raise InputError(f"{self._source}: asked at {name} = {outside[0]:.6g} m; {reach}.")
         return np.asarray(np.clip(place, first, last), dtype=np.float64)
+
+
+def _continued(d: Array, missing: Array) -> Array:
+    """Return depths, the missing ones from the nearest known one k and its mirror image m: 2 d_k - d_m, or d_k."""
+    known = distance_transform_edt(missing, return_distances=False, return_indices=True)
+    mirror = 2 * known - np.indices(d.shape)
+    beyond = [(place < 0) | (place >= count) for place, count in zip(mirror, d.shape, strict=True)]
+    nearest, mirrored = d[tuple(known)], d[tuple(np.where(beyond, known, mirror))]
+    return np.where(missing & np.isfinite(mirrored), 2 * nearest - mirrored, nearest)
 
 
 def _along(x: Array, d: Array, degree: int) -> Any:

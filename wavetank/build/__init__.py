@@ -10,7 +10,7 @@ from wavetank.build.runs import (
     initial_state,
     summary,
 )
-from wavetank.build.waters import Waves, build_waves
+from wavetank.build.waters import Waves, build_waves, told_of_bed
 
 __all__ = [
     "Records",
@@ -23,4 +23,5 @@ __all__ = [
     "build_waves",
     "initial_state",
     "summary",
+    "told_of_bed",
 ]

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 from mpi4py import MPI
 
 from wavetank import scene as nouns
@@ -32,6 +33,16 @@ def fill(scene: Scene, plan: PlanView) -> Waves:
 
 def _depth(scene: Scene) -> float | Depth:
     return scene.tank.depth if scene.tank.bed is None else scene.tank.bed.build()
+
+
+def told_of_bed(scene: Scene, waves: Waves) -> str:
+    """Return how much of the tank the bed's minimum depth touches, or nothing if it has none; collective."""
+    minimum = None if scene.tank.bed is None else scene.tank.bed.minimum_depth
+    if minimum is None:
+        return ""
+    touched = np.asarray(waves.bed.still == minimum, dtype=np.float64)
+    wet, whole = (waves.plane.sum(waves.mass.apply(part)) for part in (touched, np.ones_like(touched)))
+    return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / whole:.3g} % of the tank"
 
 
 def _driven(scene: Scene, plan: PlanView) -> Slice | Basin | None:

@@ -108,7 +108,8 @@ class VaryingBed:
         least, x, y = self._plane.comm.allreduce(mine, op=MPI.MIN)
         if not least > 0.0:
             where = f"x = {x:.4g} m, y = {y:.4g} m"
-            raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; it must be positive.")
+            allowed = "it must be positive, which tank.bed.minimum_depth sees to"
+            raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; {allowed}.")
         self._field.set(self.still)
 
     def set_velocities(self, places: Vector, velocities: Vector) -> None:
