@@ -60,7 +60,7 @@ def test_the_crest_and_its_velocity_are_those_of_the_exact_wave(cells):
     waves, length, wave = steep(1.0, 0.5, cells=cells, n=4)
     flow = SurfaceFlow(waves)
     x = (waves.plane.x - 1.0) % length
-    flow.update(*waves.state(*wave.surface(np.where(x > length / 2, x - length, x))))
+    flow.update(*waves.state(*wave.surface(np.where(x > length / 2, x - length, x))), 0.0)
     (crest,) = flow.crests()
     e = 1e-5
     _, (behind, ahead) = wave.surface(np.array([-e, e]))

@@ -289,8 +289,7 @@ def test_the_operator_is_the_nonlinear_one_on_still_water(make_linear, make_tank
     q, p = linear.state(0 * x, np.sin(x))
     ours, theirs = (waves.energies(q, p, 0.0) for waves in (linear, nonlinear))
     assert ours.kinetic == pytest.approx(theirs.kinetic, rel=1e-9)
-    s = nonlinear.wall.s.x.array  # theirs has the mapping's term, X_p' int psi d/dX (s h) dX, in W and in H_psi
-    assert s.max() == 1.0
+    # theirs has the mapping's term, X_p' int psi d/dX (s h) dX, in W and in H_psi
     mapped = nonlinear.H_p(q, p, 0.0) - linear.H_p(q, p, 0.0)
     assert abs(np.sum(mapped) + motion.velocity(0.0)) < 1e-9
 

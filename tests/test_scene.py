@@ -200,7 +200,7 @@ def test_a_scene_is_frozen():
         ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
         ("wall.piston=3", "wall.piston = 3: is an unknown key; allowed are: motion, reach, type"),
         ("wall.type=fixed", "wall.motion = {"),
-        ("wall.reach=0.01", "wall.reach = 0.01: must be more than 0.04"),
+        ("wall.reach=0.01", "wall.reach = 0.01: must be more than 0.06087 m, 4/3 of"),
         ("wall.reach=30", "wall.reach = 30.0: must be at most the tank's length, 24 m"),
         ("wall.motion.type=sinusiod", "wall.motion.type = \"sinusiod\": is an unknown type; did you mean 'sinusoid'?"),
         ("wall.motion.focus_time=9", "wall.motion.focus_time = 9.0: must be at least"),

@@ -121,7 +121,7 @@ def build_filters(scene: Scene, waves: Waves, dt: float) -> list[Filter]:
         ends = (-np.inf, np.inf) if isinstance(scene.tank, RingTank) else (0.0, scene.tank.length)
         if scene.run.on_breaking == "stop":
             filters.append(StopAtBreaking(waves, flow, ends=ends))
-        else:
+        elif scene.run.on_breaking == "dissipate":
             filters.append(BreakingDissipation(waves, flow, ends=ends, dt=dt))
     if scene.numerics.edge_penalty > 0:
         size, strength = waves.plane.cell_size, scene.numerics.edge_penalty

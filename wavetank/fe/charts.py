@@ -24,6 +24,9 @@ class Chart(Protocol):
     def continued(self, x: Vector) -> Vector:
         """Return x of points cell by cell, shape (cells, points), continuous within each cell."""
 
+    def apart(self, x: Vector, place: float) -> Vector:
+        """Return how far places x are from another, the shorter way round [m], shape (N,)."""
+
 
 class Straight:
     """x and y are the first two coordinates."""
@@ -43,6 +46,10 @@ class Straight:
     def continued(self, x: Vector) -> Vector:
         """Return x."""
         return x
+
+    def apart(self, x: Vector, place: float) -> Vector:
+        """Return |x - place|."""
+        return np.abs(x - place)
 
 
 class Polygon:
@@ -93,3 +100,7 @@ class Polygon:
         """Return x with the first corner at the end of the last edge, where it belongs to that."""
         last = np.ptp(x, axis=1, keepdims=True) > 1.5 * self._edge
         return np.asarray(np.where(last & (x < 0.5 * self.length), x + self.length, x))
+
+    def apart(self, x: Vector, place: float) -> Vector:
+        """Return the distances along the shorter way round."""
+        return np.abs((x - place + 0.5 * self.length) % self.length - 0.5 * self.length)

@@ -9,7 +9,7 @@ from wavetank.integrators.contract import Integrator, S
 
 
 class Filter(Protocol):
-    """What takes something out of a state; linear in the coordinates and in the momenta."""
+    """What takes something out of a state; affine in the coordinates, linear in the momenta."""
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether there is anything to do at t; collective, the same on all ranks."""

@@ -62,7 +62,7 @@ class StabilityWatch:
 
     def observe(self, moment: Moment) -> None:
         """Look at the surface; collective."""
-        self._flow.update(moment.q, moment.p)
+        self._flow.update(moment.q, moment.p, moment.t)
         estimate = self._dt * (self._flow.largest_velocity * self._k + self._intrinsic)
         if moment.step < self._next or estimate < SUSPICIOUS * self._limit:
             return

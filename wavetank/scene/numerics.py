@@ -34,7 +34,9 @@ class Run(Noun):
     """How long is computed."""
 
     duration: float = Field(gt=0, description="simulated time [s]")
-    on_breaking: Literal["stop", "dissipate"] = Field(default="stop", description="what to do when a wave breaks")
+    on_breaking: Literal["stop", "dissipate", "ignore"] = Field(
+        default="stop", description="what to do when a wave breaks; ignore: do not look"
+    )
 
 
 IntegratorName = Literal["third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]

@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, Strict, model_validator
 from pydantic_core import PydanticCustomError
 
 from wavetank import motions
+from wavetank.motions.mapping import STEEPEST, largest_stroke
 from wavetank.noun import Noun, Problem, SceneError
 from wavetank.scene.directional import SegmentedPistonWall
 from wavetank.scene.gauge_lines import GaugeLine
@@ -133,8 +134,8 @@ class Scene(Noun):
         end = min(self.run.duration, motion.duration)
         positions = self._of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
         stroke = np.abs(positions).max()
-        if stroke >= self.reach:
-            allowed = f"must be more than {stroke:.4g} m, the paddle's largest distance from rest"
+        if stroke >= largest_stroke(self.reach):
+            allowed = f"must be more than {STEEPEST * stroke:.4g} m, 4/3 of the paddle's largest distance from rest"
             yield Problem(("wall", "reach"), self.reach, allowed)
 
     @model_validator(mode="after")

@@ -59,7 +59,7 @@ def row(setting: Setting) -> Row:
     waves = NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=setting.n, tolerances=tolerances)
     q, psi = waves.state(*wave.surface(plane.x))
     flow, size, period = SurfaceFlow(waves), length / setting.cells, length / wave.speed
-    flow.update(q, psi)
+    flow.update(q, psi, 0.0)
     criterion = flow.largest_velocity**2 * shortest_wave_number(waves, size) / waves.gravity
     A = LinearisedFlow(waves, q, psi, 0.0).matrix()
     free, damped = (np.linalg.eigvals(matrix) for matrix in (A, A - penalty(waves, flow, size)))

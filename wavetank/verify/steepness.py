@@ -72,7 +72,7 @@ class PhaseAndCrest:
 
     def observe(self, moment: Moment) -> None:
         """Append a row; on one rank."""
-        self._flow.update(moment.q, moment.p)
+        self._flow.update(moment.q, moment.p, moment.t)
         crest = max((one.height for one in self._flow.crests()), default=np.nan)
         phase = float(np.angle(((moment.q - self._still) * self._wave).sum()))
         energy = self._waves.energies(moment.q, moment.p, moment.t).total

@@ -5,9 +5,9 @@ W. L. Peirson, F. Fedele, M. Allis, F. Dias, J. Fluid Mech. 841, 2018: of the wa
 B = u/c = 0.85-0.86 recovered). What is done then is one of two: stop, or an eddy viscosity around the crest, in the
 manner of Z. Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010),
 
-    (M + dt N) v' = M v,     N = int nu du/dx dv/dx dX,     nu = alpha c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
+    (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
 
-for h and psi, with the crest's place x_c, speed c and height H and R a few H, until B has fallen below 0.6. It
+for eta and psi, with the crest's place x_c, speed c and height H and R a few H, until B has fallen below 0.6. It
 conserves mass to round-off, and the energy it takes is counted.
 """
 
@@ -63,7 +63,7 @@ class CrestSpeeds:
 
     def look(self, flow: SurfaceFlow, q: Vector, p: Vector, t: float) -> list[Moving]:
         """Return the moving crests of a state that may break, or still break, with their speeds; collective."""
-        flow.update(q, p)
+        flow.update(q, p, t)
         return self.follow(flow.crests(faster=RECOVERED * self._slowest), t)
 
     def follow(self, crests: list[Crest], t: float) -> list[Moving]:
@@ -154,7 +154,8 @@ class BreakingDissipation(Smoothing):
         self._active: list[float] = []  # where crests broke at the last look
         self.began: list[tuple[float, float]] = []
         nu = self._nu.function
-        super().__init__(waves, lambda u, v: nu * ufl.inner(ufl.grad(u), ufl.grad(v)) * plane.dx)
+        gradient, J = waves.wall.gradient, waves.wall.J
+        super().__init__(waves, lambda u, v: nu * ufl.inner(gradient(u), gradient(v)) * J * plane.dx)
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
@@ -169,16 +170,18 @@ class BreakingDissipation(Smoothing):
 
     def _broke(self, one: Moving) -> bool:
         """Return whether a crest did break at the last look: whether it is where one did."""
-        return any(abs(one.crest.x - x) < REACH * one.crest.height for x in self._active)
+        apart = self._waves.plane.chart.apart(np.array(self._active), one.crest.x)
+        return bool(np.any(apart < REACH * one.crest.height))
 
     def _breaks(self, one: Moving) -> bool:
         limit = RECOVERED if self._broke(one) else ONSET
         return one.overtaking > limit
 
     def _place(self, breaking: list[Moving]) -> None:
-        x, nu = self._waves.plane.x, np.zeros(self._waves.plane.owned)
+        plane = self._waves.plane
+        x, nu = self._waves.wall.to_physical(plane.places)[:, 0], np.zeros(plane.owned)
         for (place, height, _), speed in breaking:
-            distance = np.minimum(np.abs(x - place) / (REACH * height), 1.0)
+            distance = np.minimum(plane.chart.apart(x, place) / (REACH * height), 1.0)
             nu += ALPHA * abs(speed) * height * np.cos(np.pi / 2 * distance) ** 2
         self._nu.set(self._dt * nu)
         self.update()

@@ -1,18 +1,21 @@
-"""Continuous interior penalty: takes the kinks between cells out of h and psi, where they would grow.
+"""Continuous interior penalty: takes the kinks between cells out of eta and psi, where they would grow.
 
-    (M + kappa S) v' = M v,     S = sum over facets of [[dv/dn]] [[du/dn]],     kappa = epsilon dt omega_g l³ / p⁴
+    (M_J + kappa S) v' = M_J v,     S = sum over facets of [[dv/dn]] [[du/dn]],     kappa = epsilon dt omega_g l³ / p⁴
 
-with the cell size l and the frequency omega_g of the shortest wave on it, k_g = pi p / l. Where the current u under a
-steep crest overtakes short waves, k > g / u², those have negative energy, and the kinks of elements that are only
-continuous couple them to the others: both grow, whatever the time step. On a smooth field of order p kinks vanish like
-l^p, so that what the penalty takes vanishes like l^(2 p). Elements of order 1 need none. Measured in docs/extremes.md:
-with this scaling one strength serves p = 2 to 5, kd = 0.5 to 8, and 12 to 128 cells a wave.
+for v = eta and psi, the derivatives those in physical space (water/walls.py): where the mapping of a moving wall has a
+kink, a smooth surface has one in the reference tank, and must keep it. l is the cell size and omega_g the frequency of
+the shortest wave on it, k_g = pi p / l. Where the current u under a steep crest overtakes short waves, k > g / u²,
+those have negative energy, and the kinks of elements that are only continuous couple them to the others: both grow,
+whatever the time step. On a smooth field of order p kinks vanish like l^p, so that what the penalty takes vanishes like
+l^(2 p). Elements of order 1 need none. Measured in docs/extremes.md: with this scaling one strength serves p = 2 to 5,
+kd = 0.5 to 8, and 12 to 128 cells a wave.
 """
 
 from typing import Any
 
 import numpy as np
 import ufl
+from dolfinx import fem
 
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.smoothing import Smoothing
@@ -54,11 +57,12 @@ class EdgePenalty(Smoothing):
     ):
         plane, k = waves.plane, shortest_wave_number(waves, cell_size)
         rate, n = shortest_wave_frequency(waves, cell_size), ufl.FacetNormal(plane.mesh)
-        kappa = strength * abs(dt) * rate * cell_size**3 / plane.order**4
+        kappa = fem.Constant(plane.mesh, strength * abs(dt) * rate * cell_size**3 / plane.order**4)
+        facets = ufl.dS(domain=plane.mesh, metadata={"quadrature_degree": 2 * plane.order})
 
         def penalty(u: Any, v: Any) -> ufl.Form:
-            jumps = ufl.jump(ufl.grad(u), n) * ufl.jump(ufl.grad(v), n)
-            return kappa * jumps * ufl.dS(domain=plane.mesh)
+            one, other = (ufl.jump(waves.wall.gradient(f), n) for f in (u, v))
+            return kappa * one * other * facets
 
         super().__init__(waves, penalty)
         self._flow, self._short = flow, waves.gravity / k
@@ -68,13 +72,16 @@ class EdgePenalty(Smoothing):
         """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective."""
         if self._waves.plane.order == 1:
             return False
-        self._flow.update(q, p)
-        return self._flow.largest_velocity**2 / self._short > self._threshold
+        self._flow.update(q, p, t)
+        needed = self._flow.largest_velocity**2 / self._short > self._threshold
+        if needed and self._waves.wall.moves:
+            self.update()
+        return needed
 
     def generator(self) -> Vector:
         """Return M^-1 kappa S as a dense matrix, on one rank: for small tanks only."""
         units = np.eye(self._waves.plane.owned)
-        return np.array([self._mass.solve(self._form.apply(unit)) for unit in units]).T
+        return np.array([self._waves.mass.solve(self._form.apply(unit)) for unit in units]).T
 
 
 def shortest_wave_number(waves: NonlinearWaves, cell_size: float) -> float:

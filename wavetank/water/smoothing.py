@@ -12,7 +12,9 @@ from wavetank.water.waves import NonlinearWaves
 
 
 class Smoothing:
-    """v' = (M + N)^-1 M v for the column h and the surface potential psi, N symmetric with zero row sums.
+    """v' = (M_J + N)^-1 M_J v for the elevation eta and the surface potential psi, N symmetric with zero row sums.
+
+    It is the elevation that is smoothed, not the column: still water over any bed stays still.
 
     Parameters
     ----------
@@ -28,23 +30,23 @@ class Smoothing:
     """
 
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form]):
-        plane = waves.plane
-        self._waves, self._mass = waves, HorizontalMatrix(plane, lambda u, v: u * v * plane.dx)
-        self._form = HorizontalMatrix(plane, form)
-        self._implicit = HorizontalMatrix(plane, lambda u, v: u * v * plane.dx + form(u, v))
+        plane, J = waves.plane, waves.wall.J
+        self._waves, self._form = waves, HorizontalMatrix(plane, form)
+        self._implicit = HorizontalMatrix(plane, lambda u, v: J * u * v * plane.dx + form(u, v))
         self.energy_taken = 0.0
 
     def update(self) -> None:
-        """Assemble N for the present values of what its form depends on; collective."""
+        """Assemble N for the present values of what its form depends on, the wall among them; collective."""
         self._form.update()
         self._implicit.update()
 
     def _smoothed(self, v: Vector) -> Vector:
-        return self._implicit.solve(self._mass.apply(v))
+        return self._implicit.solve(self._waves.mass.apply(v))
 
     def coordinate(self, q: Vector) -> Vector:
-        """Return Q - N h': its sum, the mass, is that of Q; collective."""
-        return np.asarray(q - self._form.apply(self._smoothed(self._waves.mass.solve(q))))
+        """Return Q - N eta': its sum, the mass, is that of Q; collective."""
+        eta = self._waves.mass.solve(q) - self._waves.bed.still
+        return np.asarray(q - self._form.apply(self._smoothed(eta)))
 
     def momentum(self, p: Vector) -> Vector:
         """Return psi'; collective."""

@@ -46,17 +46,19 @@ class SurfaceVelocity:
         self._set_up()
         self._q: Vector | None = None
         self._p: Vector | None = None
+        self._t = np.nan
 
     def _set_up(self) -> None:
         slope, velocity = (self._waves.wall.gradient(field.function) for field in (self._eta, self._psi))
         speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + ufl.inner(slope, slope))
         self._expression = compile_expression(speed, self._points, self._comm)
 
-    def update(self, q: Vector, p: Vector) -> None:
-        """Take the surface of a state, the wall where it stands; nothing to do for the state last taken."""
-        if q is self._q and p is self._p:
+    def update(self, q: Vector, p: Vector, t: float) -> None:
+        """Take the surface of a state at t [s]; nothing to do for the state last taken."""
+        if q is self._q and p is self._p and t == self._t:
             return
-        self._q, self._p = q, p
+        self._q, self._p, self._t = q, p, t
+        self._waves.set_time(t)
         self._eta.set(self._waves.mass.solve(q) - self._waves.bed.still)
         self._psi.set(p)
         self._take(self._expression.eval(self._waves.plane.mesh, self._cells))
@@ -87,7 +89,7 @@ class SurfaceFlow(SurfaceVelocity):
         x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, -1))
         self._turned = x[:, 0] > x[:, -1]  # cells that run backwards
         self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
-        self._x = self._sorted(x)
+        self._reference = self._sorted(x)
         self._cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
     def _sorted(self, values: Vector) -> Vector:
@@ -97,6 +99,7 @@ class SurfaceFlow(SurfaceVelocity):
 
     def _take(self, values: Vector) -> None:
         rows = values.reshape(self._cells.size, -1, 3)
+        self._x = self._waves.wall.to_physical(np.column_stack([self._reference, 0 * self._reference]))[:, 0]
         self._height, self._slope, self._psi_x = (self._sorted(rows[:, :, i]) for i in range(3))
 
     @property

@@ -1,9 +1,10 @@
 """The wall at x = 0 and the mapping of the moving tank to the fixed reference tank.
 
-    x = X + a s(X) X_p(y, t),   J = 1 + a . grad(s X_p),   mesh velocity = a s X_p',   s = max(0, 1 - xi / reach)
+    x = X + a s(X) X_p(y, t),   J = 1 + a . grad(s X_p),   mesh velocity = a s X_p'
 
-with the paddle's unit normal a into the water, the distance xi of X from the paddle's rest position and y along the
-paddle. Its matrix is F = 1 + a (x) grad(s X_p), so that the physical gradient is
+with the paddle's unit normal a into the water, s falling smoothly from 1 at the paddle's rest position to 0 at the
+mapping's reach (motions/mapping.py), and y along the paddle. Its matrix is F = 1 + a (x) grad(s X_p), so that the
+physical gradient is
 
     F^-T grad f = grad f - grad(s X_p) (a . grad f) / J.
 
@@ -19,9 +20,10 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
-from wavetank.fe.plane import Plane
+from wavetank.fe.plane import Field, Plane
 from wavetank.hamiltonian.contract import Vector
 from wavetank.motions import Motion, SegmentedMotion
+from wavetank.motions.mapping import largest_stroke, share, unmapped
 
 
 class Mapping(Protocol):
@@ -40,9 +42,13 @@ class Wall(Mapping, Protocol):
 
     Attributes
     ----------
+    moves
+        Whether it can move.
     velocities
         Velocities that tell its motion at one time from that at another [m/s], shape (m,).
     """
+
+    moves: bool
 
     @property
     def velocities(self) -> Vector:
@@ -61,6 +67,7 @@ class Wall(Mapping, Protocol):
 class FixedWall:
     """A wall that stands still: the identity."""
 
+    moves = False
     velocities = np.zeros(1)
 
     def __init__(self) -> None:
@@ -110,7 +117,9 @@ class Paddle(NamedTuple):
 
 
 class Travel(Protocol):
-    """How far a paddle has gone, and how fast: X_p, X_p' and X_p'' in UFL, in m, m/s, m/s².
+    """How far a paddle carries the water, and how fast: s X_p, s X_p' and s X_p'' in UFL, in m, m/s, m/s².
+
+    All are in the horizontal space, so that x is, and uniform flow is exact on any mesh.
 
     Attributes
     ----------
@@ -143,31 +152,35 @@ class UniformTravel:
     ----------
     motion
         X_p(t) with its exact derivatives.
+    s
+        A field of the horizontal space.
     """
 
-    def __init__(self, motion: Motion, *, plane: Plane):
+    def __init__(self, motion: Motion, *, plane: Plane, s: Field):
         self._motion = motion
-        self.position, self.speed, self.acceleration = (fem.Constant(plane.mesh, 0.0) for _ in range(3))
+        self._position, self._speed, self._acceleration = (fem.Constant(plane.mesh, 0.0) for _ in range(3))
+        self.position, self.speed = s.function * self._position, s.function * self._speed
+        self.acceleration = s.function * self._acceleration
 
     @property
     def velocities(self) -> Vector:
         """The paddle's velocity [m/s], shape (1,)."""
-        return np.array([float(self.speed.value)])
+        return np.array([float(self._speed.value)])
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether its position has changed."""
-        position, before = self._motion.position(t), float(self.position.value)
-        self.position.value, self.speed.value = position, self._motion.velocity(t)
-        self.acceleration.value = self._motion.acceleration(t)
+        position, before = self._motion.position(t), float(self._position.value)
+        self._position.value, self._speed.value = position, self._motion.velocity(t)
+        self._acceleration.value = self._motion.acceleration(t)
         return bool(position != before)
 
     def positions(self, y: Vector) -> Vector:
         """Return X_p, the same for all y, shape (N,)."""
-        return np.full(len(y), float(self.position.value))
+        return np.full(len(y), float(self._position.value))
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p', the same for all y, shape (N,)."""
-        return np.full(len(y), float(self.speed.value))
+        return np.full(len(y), float(self._speed.value))
 
 
 class SegmentedTravel:
@@ -177,17 +190,19 @@ class SegmentedTravel:
     ----------
     motion
         X_p(y, t) with its exact derivatives.
+    s
+        A field of the horizontal space.
     """
 
-    def __init__(self, motion: SegmentedMotion, *, plane: Plane, paddle: Paddle):
-        self._motion, self._t = motion, np.nan
+    def __init__(self, motion: SegmentedMotion, *, plane: Plane, paddle: Paddle, s: Field):
+        self._motion, self._t, self._s = motion, np.nan, s.owned.copy()
         self._y, self._place = np.unique(np.round(paddle.along(plane.places), 9), return_inverse=True)
-        self._fields = [plane.function(name) for name in ("X_p", "X_p'", "X_p''")]
+        self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''")]
         self.position, self.speed, self.acceleration = (field.function for field in self._fields)
 
     @property
     def velocities(self) -> Vector:
-        """The paddle's velocities at the y of all degrees of freedom [m/s], shape (owned,)."""
+        """S X_p' at the degrees of freedom [m/s], shape (owned,)."""
         return self._fields[1].owned
 
     def set_time(self, t: float) -> bool:
@@ -197,7 +212,7 @@ class SegmentedTravel:
         self._t = t
         derivatives = (self._motion.position, self._motion.velocity, self._motion.acceleration)
         for field, derivative in zip(self._fields, derivatives, strict=True):
-            field.set(derivative(t, self._y)[self._place])
+            field.set(self._s * derivative(t, self._y)[self._place])
         return True
 
     def positions(self, y: Vector) -> Vector:
@@ -245,24 +260,25 @@ class Piston:
     motion
         X_p(t), or X_p(y, t), with its exact derivatives.
     reach
-        Where the mapping has died out [m]; of the vertices up to there the farthest is taken, so that s is exact on
-        meshes with a row of vertices there.
+        Where the mapping has died out [m]; of the vertices up to there the farthest is taken, so that s is
+        smooth within cells on meshes with a row of vertices there.
     paddle
         Where the wall is.
     """
 
+    moves = True
+
     def __init__(self, motion: Motion | SegmentedMotion, *, plane: Plane, reach: float, paddle: Paddle):
         self.paddle, self._plane = paddle, plane
+        vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
+        self.reach = self._last(paddle.distances(plane.chart.places(vertices)), reach)
+        s = plane.function("s")
+        s.set(self._share(paddle.distances(plane.places)))
         self.travel: Travel = (
-            UniformTravel(motion, plane=plane)
+            UniformTravel(motion, plane=plane, s=s)
             if isinstance(motion, Motion)
-            else SegmentedTravel(motion, plane=plane, paddle=paddle)
+            else SegmentedTravel(motion, plane=plane, paddle=paddle, s=s)
         )
-        V = fem.functionspace(plane.mesh, ("Lagrange", 1))
-        vertices = paddle.distances(plane.chart.places(V.tabulate_dof_coordinates()))
-        self.reach = self._last(vertices, reach)
-        self.s = fem.Function(V)
-        self.s.x.array[:] = self._shape(vertices)
         self.axis = ufl.as_vector([float(part) for part in paddle.normal[: plane.mesh.geometry.dim]])
         self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=paddle.facets)(1)
         self._mapping = self.after(0.0)
@@ -277,8 +293,13 @@ class Piston:
         within = self._plane.comm.allreduce(within, op=MPI.MAX)
         return within if within > tolerance else float(self._plane.comm.allreduce(beyond, op=MPI.MIN))
 
-    def _shape(self, distances: Vector) -> Vector:
-        return np.maximum(0.0, 1.0 - distances / self.reach)
+    def _share(self, distances: Vector) -> Vector:
+        return share(np.asarray(distances / self.reach))
+
+    @property
+    def largest_stroke(self) -> float:
+        """How far it can go into the water before the mapping folds [m]."""
+        return largest_stroke(self.reach)
 
     @property
     def velocities(self) -> Vector:
@@ -291,7 +312,7 @@ class Piston:
 
     def after(self, dt: Any) -> Shift:
         """Return the mapping when the paddle has gone on for dt [s], as it moves now; dt in UFL."""
-        return Shift(self.axis, self.s * (self.travel.position + dt * self.travel.speed))
+        return Shift(self.axis, self.travel.position + dt * self.travel.speed)
 
     def gradient(self, f: Any) -> Any:
         """Return the horizontal gradient in physical space, in UFL."""
@@ -300,26 +321,26 @@ class Piston:
     @property
     def stretching(self) -> Any:
         """The rate at which J changes [1/s], in UFL."""
-        return ufl.inner(self.axis, ufl.grad(self.s * self.travel.speed))
+        return ufl.inner(self.axis, ufl.grad(self.travel.speed))
 
     def flux(self, speed: Any, *, psi: Any, h: Any, wall_flux: Any) -> Any:
-        """Return int psi a . grad(s v h) dX + int v h phi dzeta at the paddle, for a velocity v [m/s] in UFL."""
-        carried = ufl.inner(self.axis, ufl.grad(self.s * speed * h))
+        """Return int psi a . grad(s v h) dX + int v h phi dzeta at the paddle, for s v [m/s] in UFL; there s = 1."""
+        carried = ufl.inner(self.axis, ufl.grad(speed * h))
         return psi * carried * self._plane.dx + speed * wall_flux * self._on_paddle
 
     def to_reference(self, places: Vector) -> Vector:
         """Return X with X + a s(X) X_p = x, places of shape (N, 2) [m]."""
         positions = self.travel.positions(self.paddle.along(places))
         distances = self.paddle.distances(places)
-        back = np.where(distances < self.reach, (distances - positions) / (1.0 - positions / self.reach), distances)
+        back = self.reach * unmapped(np.asarray(distances / self.reach), np.asarray(positions / self.reach))
         return np.asarray(places + np.outer(back - distances, self.paddle.normal))
 
     def to_physical(self, places: Vector) -> Vector:
         """Return X + a s(X) X_p, places of shape (N, 2) [m]."""
-        shift = self._shape(self.paddle.distances(places)) * self.travel.positions(self.paddle.along(places))
+        shift = self._share(self.paddle.distances(places)) * self.travel.positions(self.paddle.along(places))
         return np.asarray(places + np.outer(shift, self.paddle.normal))
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return a s X_p' at reference places [m/s], shape (N, 2)."""
-        speeds = self._shape(self.paddle.distances(places)) * self.travel.speeds(self.paddle.along(places))
+        speeds = self._share(self.paddle.distances(places)) * self.travel.speeds(self.paddle.along(places))
         return np.asarray(np.outer(speeds, self.paddle.normal))

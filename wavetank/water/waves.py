@@ -151,7 +151,7 @@ class NonlinearWaves:
         known = t == self._t and np.array_equal(q, self._q) and np.array_equal(p, self._p)
         if self.plane.comm.allreduce(int(not known)) == 0:
             return
-        self._set_time(t)
+        self.set_time(t)
         self.h.set(self.mass.solve(q))
         self._check_column(t)
         self.phi.owned[:, -1] = p
@@ -166,7 +166,10 @@ class NonlinearWaves:
         self._H_q = None
         self._q, self._p, self._t = q.copy(), p.copy(), t
 
-    def _set_time(self, t: float) -> None:
+    def set_time(self, t: float) -> None:
+        """Move the wall to where it stands at t [s], and with it the mass matrix and the bed; collective."""
+        if t != self._t:
+            self._t = np.nan  # what was evaluated last belongs to another time
         if self.wall.set_time(t):
             self.mass.update()
             self.bed.set_places(self.wall.to_physical(self.plane.places))
@@ -219,7 +222,7 @@ class NonlinearWaves:
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
         """Return (Q, psi) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
-        self._set_time(t)
+        self.set_time(t)
         return self.mass.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:

@@ -1,0 +1,147 @@
+"""The mapping of a moving wall, and what acts between steps under it: uniform flow, gauges, smooth surfaces.
+
+Oracles: the energy of uniform flow; the laboratory, which knows of no reach; still water, which stays still.
+"""
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from dolfinx import mesh
+from hypothesis import given
+from hypothesis import strategies as st
+from mpi4py import MPI
+
+from wavetank.clock import Clock
+from wavetank.fe.plane import Plane
+from wavetank.integrators import ThirdOrder
+from wavetank.motions import Ramped, Sinusoid
+from wavetank.motions.mapping import STEEPEST, largest_stroke, share, unmapped
+from wavetank.observers.gauges import Gauges
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.run import Run
+from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.walls import Paddle, Piston
+from wavetank.water.waves import NonlinearWaves, Tolerances
+
+TIGHT = Tolerances(stage=1e-12, interior=1e-13)
+
+
+class Shear:
+    """A segmented paddle as a smooth function: X_p = (a + b y) sin(t)."""
+
+    duration = np.inf
+
+    def position(self, t, y):
+        return (0.15 + 0.2 * y) * np.sin(t)
+
+    def velocity(self, t, y):
+        return (0.15 + 0.2 * y) * np.cos(t)
+
+    def acceleration(self, t, y):
+        return -(0.15 + 0.2 * y) * np.sin(t)
+
+
+# ---------------------------------------------------------------- its shape
+@given(r=st.floats(-0.5, 1.5), moved=st.floats(-3.0, 0.74))
+def test_the_inverse_of_the_shape_is_its_inverse(r, moved):
+    (back,) = unmapped(np.array([r + float(share(np.array([r]))[0]) * moved]), np.array([moved]))
+    assert back == pytest.approx(r, abs=1e-12)
+
+
+def test_the_shape_is_1_at_the_wall_and_ends_without_a_kink_and_stretches_by_no_more_than_it_says():
+    r = np.linspace(0.0, 1.2, 120_001)
+    s = share(r)
+    slope = np.diff(s) / np.diff(r)
+    assert s[0] == 1.0 and np.all(s[r >= 1.0] == 0.0)
+    assert np.abs(np.diff(slope)).max() < 1e-4  # 1e-5 apart: no jump
+    assert -slope.min() == pytest.approx(STEEPEST, rel=1e-6)
+    assert 1.0 + slope.min() * largest_stroke(1.0) == pytest.approx(0.0, abs=1e-6)
+
+
+# ---------------------------------------------------------------- energy
+def uniform_flow(waves, t, a, b):
+    """Return K of phi = a x + b y under a wave, at time t, and (a² + b²) / 2 times the volume [m^5/s²]."""
+    q, p = waves.state(0.05 * np.cos(3 * waves.plane.x), 0 * waves.plane.x, t)
+    waves.evaluate(q, p, t)
+    x, y = waves.wall.to_physical(waves.plane.places).T
+    waves.phi.owned[:] = 0.0
+    waves.phi.owned[:, -1] = a * x + b * y  # the mode that does not vanish at the surface is uniform in z
+    waves.phi.function.x.scatter_forward()
+    kinetic = 0.5 * waves.plane.sum(waves.phi.owned * waves.operator.apply(waves.phi.rows))
+    return kinetic, 0.5 * (a**2 + b**2) * waves.total_mass(q)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_uniform_flow_has_its_kinetic_energy_under_the_mapping_of_a_slice(make_tank, order):
+    tank = make_tank(length=3.0, cells=6, order=order, n=2, motion=Sinusoid(0.5, 2 * np.pi), reach=2.0)
+    found, expected = uniform_flow(tank, 1.1, 0.3, 0.0)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["triangle", "quadrilateral"])
+def test_uniform_flow_has_its_kinetic_energy_under_the_mapping_of_a_segmented_paddle(kind):
+    """The shear of the mapping, where the paddle is not straight, included; s ends within cells."""
+    plan = mesh.create_rectangle(MPI.COMM_WORLD, [[0, 0], [3.0, 1.0]], (7, 3), mesh.CellType[kind])
+    facets = mesh.locate_entities_boundary(plan, 1, lambda x: np.isclose(x[0], 0.0))
+    paddle = Paddle(mesh.meshtags(plan, 1, facets, np.ones(facets.size, dtype=np.int32)), np.zeros(2), np.eye(2)[0])
+    plane = Plane(plan, 3)
+    wall = Piston(Shear(), plane=plane, reach=2.0, paddle=paddle)
+    waves = NonlinearWaves(plane, depth=0.7, wall=wall, vertical_order=2, tolerances=TIGHT)
+    found, expected = uniform_flow(waves, 1.1, 0.3, -0.4)
+    assert found == pytest.approx(expected, rel=1e-12)
+
+
+# ---------------------------------------------------------------- the laboratory knows of no reach
+def test_gauges_near_a_paddle_of_large_stroke_do_not_depend_on_the_reach(make_tank):
+    """A stroke of 0.6 depths, gauges as near as 0.6 depths: what they see differs by the mesh's error alone."""
+    motion, records = Ramped(Sinusoid(0.3, 4.0), 4.0), []
+    for reach in (2.0, 4.0, 8.0):
+        tank = make_tank(length=8.0, cells=32, n=4, motion=motion, reach=reach, tolerance=1e-9)
+        run = Run(tank, ThirdOrder(), [], start=tank.state(*np.zeros((2, tank.plane.owned))), clock=Clock(0.04, 110))
+        record = Memory()
+        places = np.array([[0.6, 0.0], [1.0, 0.0], [1.7, 0.0], [3.0, 0.0]])
+        run.observers.append(Gauges(tank, places, record=record, schedule=EverySteps()))
+        run.execute()
+        records.append(record.array()[:, 1:])
+    highest = np.abs(records[0]).max()
+    for other in records[:2]:
+        assert np.abs(other - records[2]).max() < 3e-4 * highest
+    assert highest > 0.15
+
+
+# ---------------------------------------------------------------- what acts between steps
+def test_a_smooth_surface_is_smooth_to_the_penalty_wherever_the_paddle_stands(make_tank):
+    """Oracle: what the penalty changes falls with the cells by more than order 3, as with the paddle at rest."""
+    sizes, changes = [], []
+    for cells in (16, 32, 64):
+        tank = make_tank(length=8.0, cells=cells, n=2, motion=Sinusoid(1.0, 4.0), reach=4.0)
+        tank.set_time(1.0)  # X_p = 1 m
+        x = tank.wall.to_physical(tank.plane.places)[:, 0]
+        psi = np.cos(np.pi * (x - 1.0) / 7.0 * 3)
+        penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=8.0 / cells, dt=0.01, threshold=0.0)
+        assert penalty.needed(*tank.state(0 * psi, psi, 1.0), 1.0)
+        sizes.append(8.0 / cells)
+        changes.append(np.abs(penalty.momentum(psi) - psi).max())
+    assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
+
+
+def test_a_filter_takes_the_wall_where_it_stands_at_the_end_of_the_step(make_tank):
+    """Gauss-Legendre's last evaluation is within the step: the mass matrix then is that of another time."""
+    tank = make_tank(length=4.0, cells=16, n=3, motion=Sinusoid(0.5, 2.0), reach=2.0)
+    q, p = tank.state(0.05 * np.cos(tank.plane.x), 0 * tank.plane.x, 0.3)
+    tank.set_time(0.2)
+    flow = SurfaceFlow(tank)
+    flow.update(q, p, 0.3)
+    (crest,) = flow.crests()
+    expected = tank.elevation(q, p, 0.3).max()
+    assert crest.height == pytest.approx(expected, rel=1e-3)
+    assert crest.x == pytest.approx(tank.wall.to_physical(np.zeros((1, 2)))[0, 0], abs=0.05)
+
+
+def test_a_new_step_needs_no_compilation(make_tank):
+    tank = make_tank(length=2.0, cells=4, n=2)
+    one, other = (EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=dt) for dt in (0.01, 0.02))
+    modules = [penalty._implicit._form.module.__name__ for penalty in (one, other)]
+    assert modules[0] == modules[1]

@@ -1,0 +1,43 @@
+"""How a paddle's displacement dies out in the water: the shape of the mapping x = X + s(X) X_p of docs/method.md.
+
+    s(r) = (1 - r)² (1 + r)  for r = xi / reach in [0, 1],  0 beyond
+
+with the distance xi from the paddle's rest position. Where it ends, s has no kink; of the cubics of which that is true
+and which begin at 1 this one stretches least, |s'| <= 4/3: the wall itself may have any slope, no water lies behind it.
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
+
+
+def largest_stroke(reach: float) -> float:
+    """Return how far a paddle can go into the water, from rest, before the mapping folds [m]: J = 1 + s' X_p > 0."""
+    return reach / STEEPEST
+
+
+def share(r: Array) -> Array:
+    """Return s(r), shape (N,); before the wall the line that it begins with, for places that the wall has passed."""
+    within = np.clip(r, 0.0, 1.0)
+    return np.where(r < 0.0, 1.0 - r, (1.0 - within) ** 2 * (1.0 + within))
+
+
+def unmapped(r: Array, moved: Array) -> Array:
+    """Return R with R + s(R) moved = r, lengths in reaches, all of shape (N,), for moved < 3/4.
+
+    Newton's method, started where it converges from one side: at an end where the map is flattest inside, at r = 1/3,
+    or at that place where it is steepest there.
+    """
+    third = np.full_like(r, 1 / 3)
+    end = np.where(r > third + share(third) * moved, 1.0, 0.0)
+    R = np.where(moved > 0.0, end, third)
+    for _ in range(100):
+        change = (R + share(R) * moved - r) / (1.0 - np.maximum((1.0 - R) * (1.0 + 3.0 * R), 0.0) * moved)
+        R = np.clip(R - change, 0.0, 1.0)
+        if not np.any(np.abs(change) > 1e-14):
+            break
+    before = (r - moved) / (1.0 - moved)
+    return np.where(r >= 1.0, r, np.where(before < 0.0, before, R))
