@@ -2,8 +2,10 @@
 
 A stage z = c + a f(z) is handed over as its residual r(z) = z - c - a f(z). With the system's own preconditioner P
 (the identity, or the still-water wave operator for the coupled stage of (23)) the equation solved is P^-1 r(z) = 0,
-in unknowns scaled to metres, so that the norm that is judged is close to the error of the surface itself. Anderson
-mixing needs one evaluation of f an iteration; each is an elliptic solve on the tank.
+in unknowns scaled to metres, so that the norm that is judged is close to the error of the surface itself. It is judged
+against the waves there are, not against the depth of the water below them: a stage of small waves is as accurate,
+relative to these, as one of large waves. Anderson mixing needs one evaluation of f an iteration; each is an elliptic
+solve on the tank.
 """
 
 from collections.abc import Callable
@@ -18,6 +20,10 @@ from wavetank.hamiltonian.contract import Stage, Vector
 from wavetank.hamiltonian.start_values import Extrapolation
 
 Preconditioner = Callable[[Stage, Vector], Vector]
+Size = Callable[[], float]
+
+MEMORY = 0.95  # of the waves' size, from one step to the next: a standing wave has moments without elevation
+ROUND_OFF = 30 * np.finfo(float).eps  # of the solution, below which no residual is asked for
 
 
 def identity(stage: Stage, residual: Vector) -> Vector:
@@ -49,9 +55,12 @@ class SnesStageSolver:
     scale
         What one unit of the scaled unknowns is, per owned unknown, shape (n,).
     tolerance
-        Largest root mean square of the preconditioned, scaled residual, relative to the largest solution so far.
+        Largest root mean square of the preconditioned, scaled residual, relative to the size of the last solutions.
+    size
+        Returns, after an evaluation of a residual, how far from rest that point is, as a root mean square in scaled
+        units; collective. Default: the distance from zero.
     floor
-        Root mean square below which a solution counts as zero [scaled units].
+        What round-off is a part of even where the solution is zero [scaled units].
     precondition
         Approximate inverse of the stage's derivative.
     diagnose
@@ -66,6 +75,7 @@ class SnesStageSolver:
         scale: Vector,
         *,
         tolerance: float,
+        size: Size | None = None,
         floor: float = 1e-6,
         precondition: Preconditioner = identity,
         diagnose: Callable[[Stage], str] = no_diagnosis,
@@ -73,12 +83,12 @@ class SnesStageSolver:
         self.counters = StageCounters()
         self._error: WavetankError | None = None
         self._comm, self._scale = comm, scale
-        self._tolerance, self._floor = tolerance, floor
-        self._precondition, self._diagnose = precondition, diagnose
+        self._tolerance, self._size = tolerance, size or (lambda: self._rms(self._x.array_r * self._scale))
+        self._floor, self._precondition, self._diagnose = floor, precondition, diagnose
         self._extrapolations: dict[str, Extrapolation] = {}
-        self._largest: dict[str, float] = {}
+        self._sizes: dict[str, float] = {}
         self._x = PETSc.Vec().createMPI((scale.size, None), comm=comm)
-        self._size = self._x.getSize()
+        self._root_of_length = np.sqrt(self._x.getSize())
         self._anderson = self._snes("anderson")
         self._anderson.setOptionsPrefix("stage_")
         options = PETSc.Options()
@@ -101,6 +111,7 @@ class SnesStageSolver:
             self._comm,
             np.tile(self._scale, copies),
             tolerance=self._tolerance,
+            size=self._size,
             floor=self._floor,
             precondition=precondition,
             diagnose=self._diagnose,
@@ -123,7 +134,7 @@ class SnesStageSolver:
 
     def _rms(self, z: Vector) -> float:
         total = self._comm.allreduce(float(np.sum((z / self._scale) ** 2)))
-        return float(np.sqrt(total / self._size))
+        return float(np.sqrt(total)) / self._root_of_length
 
     def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
         """Return z with residual(z) = 0, shape (n,); collective.
@@ -134,8 +145,7 @@ class SnesStageSolver:
         predicted = earlier.predict(stage.t, stage.dt)
         guess = start if predicted is None else predicted
         self._stage, self._residual = stage, residual
-        self._largest[stage.name] = max(self._rms(guess), self._largest.get(stage.name, self._floor))
-        target = self._tolerance * self._largest[stage.name] * np.sqrt(self._size)
+        target = self._target(guess)
         self.counters.solves += 1
         if not self._run(self._anderson, guess, target):
             self.counters.newton_solves += 1
@@ -143,7 +153,17 @@ class SnesStageSolver:
                 self._fail(stage, target)
         solution: Vector = self._x.array_r * self._scale
         earlier.record(stage.t, solution)
+        self._sizes[stage.name] = max(self._size(), MEMORY * self._sizes[stage.name])
         return solution
+
+    def _target(self, guess: Vector) -> float:
+        """Return the norm to which a residual is to fall [scaled units]; collective."""
+        if self._stage.name not in self._sizes:
+            self._x.array = guess / self._scale
+            self._evaluate(self._anderson, self._x, self._x.duplicate())
+            self._sizes[self._stage.name] = self._size()
+        wanted = self._tolerance * self._sizes[self._stage.name]
+        return float(max(wanted, ROUND_OFF * max(self._rms(guess), self._floor)) * self._root_of_length)
 
     def _run(self, snes: PETSc.SNES, guess: Vector, target: float) -> bool:
         snes.setTolerances(rtol=self._tolerance, atol=target, stol=0.0, max_it=self.max_iterations)
@@ -156,7 +176,7 @@ class SnesStageSolver:
         return bool(snes.getConvergedReason() > 0)
 
     def _fail(self, stage: Stage, target: float) -> None:
-        unit = np.sqrt(self._size)
+        unit = self._root_of_length
         raise ConvergenceError(
             f"t = {stage.t:.6g} s: the stage '{stage.name}' did not converge: residual "
             f"{self._newton.getFunctionNorm() / unit:.3g}, wanted {target / unit:.3g}; {self._diagnose(stage)}."

@@ -187,6 +187,11 @@ class LinearWaves:
         self._set_column(q)
         return np.asarray(self.h.owned - self.bed.still)
 
+    def size(self) -> float:
+        """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
+        eta, psi = self.h.owned - self.bed.still, self._p / np.sqrt(self.gravity * self.depth)
+        return float(np.sqrt(self.plane.sum(eta**2 + psi**2) / (2 * self.plane.size)))
+
     def total_mass(self, q: Vector) -> float:
         """Return the water's volume beyond the paddle's rest position [m³, m²], which follows X_p; collective."""
         return self.plane.sum(q)
@@ -322,7 +327,9 @@ class LinearStages:
         """
         counters, inverse, sizes = StageCounters(), StillWaterWaves(waves), np.concatenate(scales(waves))
         explicit = LinearStage(identity, counters)
-        iterative = SnesStageSolver(waves.plane.comm, sizes, tolerance=tolerance, precondition=inverse)
+        iterative = SnesStageSolver(
+            waves.plane.comm, sizes, tolerance=tolerance, size=waves.size, floor=waves.depth, precondition=inverse
+        )
         return cls(explicit, explicit, LinearStage(inverse, counters) if direct else iterative, counters, iterative)
 
     def coupled(self, pairs: int) -> SnesStageSolver:

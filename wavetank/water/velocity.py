@@ -28,7 +28,7 @@ class Velocity:
 
     def __init__(self, waves: NonlinearWaves):
         plane = waves.plane
-        self._mesh, self._vertical, self._phi = plane.mesh, waves.vertical, waves.phi
+        self._mesh, self._vertical, self._waves = plane.mesh, waves.vertical, waves
         self._zeta = fem.Constant(plane.mesh, 0.0)
         self._values, self._slopes = (fem.Constant(plane.mesh, np.zeros(waves.vertical.n + 1)) for _ in range(2))
         u, w = (ufl.dot(weights, waves.phi.function) for weights in (self._values, self._slopes))
@@ -68,4 +68,4 @@ class Velocity:
 
     def potential(self, zeta: float) -> Vector:
         """Return phi [m²/s] at zeta in [0, 1], of all degrees of freedom this rank sees, shape (owned + ghosts,)."""
-        return np.asarray(self._phi.rows @ self._vertical.at(np.array([zeta]))[0])
+        return np.asarray(self._waves.phi.rows @ self._vertical.at(np.array([zeta]))[0] + self._waves.level)

@@ -9,7 +9,7 @@ derivative of the one discrete functional K(phi, h) + V(h) + W(phi, h; t), becau
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import ufl
@@ -39,7 +39,7 @@ class Tolerances:
     Attributes
     ----------
     stage
-        Of an implicit stage: root mean square error relative to that of the solution.
+        Of an implicit stage: root mean square error relative to that of the waves, elevation and potential.
     interior
         Of an interior potential: residual in the energy norm, relative to the right-hand side.
     """
@@ -91,6 +91,9 @@ class NonlinearWaves:
         The bed, with the depth at the degrees of freedom.
     densities
         Of energy and velocity, in UFL.
+    phi, level
+        The potential of the point last evaluated and the mean of psi there, which it leaves out [m²/s]: what a
+        potential is counted from drifts without end (Bernoulli), and would take the solves' accuracy with it.
     """
 
     def __init__(
@@ -130,6 +133,7 @@ class NonlinearWaves:
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._t = np.nan
+        self.level = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._set_up_stages(tolerances)
 
@@ -154,12 +158,13 @@ class NonlinearWaves:
         self.set_time(t)
         self.h.set(self.mass.solve(q))
         self._check_column(t)
-        self.phi.owned[:, -1] = p
+        self.level = self.plane.sum(p) / self.plane.size
+        self.phi.owned[:, -1] = p - self.level
         self.phi.function.x.scatter_forward()
         self.operator.assemble()
         wall = self._wall_forms.vector()
         try:
-            self.potential.solve(wall, self._inputs(p))
+            self.potential.solve(wall, self._inputs())
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         self._H_p = self.operator.apply_surface(self.phi.rows) + wall[:, -1]
@@ -174,10 +179,19 @@ class NonlinearWaves:
             self.mass.update()
             self.bed.set_places(self.wall.to_physical(self.plane.places))
 
-    def _inputs(self, p: Vector) -> Vector:
+    def _inputs(self) -> Vector:
         speed, velocities = np.sqrt(self.gravity * self.depth), self.wall.velocities
         weight = np.sqrt(self.plane.owned / max(1, velocities.size)) * self.depth / speed
-        return np.concatenate([self.h.owned - self.bed.still, p / speed, weight * velocities])
+        return np.concatenate([self._deviation(), weight * velocities])
+
+    def _deviation(self) -> Vector:
+        """Return how far from rest the point last evaluated is: eta, and psi in metres, shape (2 owned,)."""
+        speed = np.sqrt(self.gravity * self.depth)
+        return np.concatenate([self.h.owned - self.bed.still, self.phi.owned[:, -1] / speed])
+
+    def size(self) -> float:
+        """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
+        return float(np.sqrt(self.plane.sum(self._deviation() ** 2) / (2 * self.plane.size)))
 
     def _check_column(self, t: float) -> None:
         column = np.concatenate([self.h.owned, [np.inf]])  # a rank may own nothing
@@ -237,17 +251,16 @@ class NonlinearWaves:
     # ------------------------------------------------------------------------------------------ stages and frequencies
     def _set_up_stages(self, tolerances: Tolerances) -> None:
         column, speed = scales(self)
-        coordinate, momentum = (
-            SnesStageSolver(self.plane.comm, scale, tolerance=tolerances.stage, diagnose=self._diagnose)
-            for scale in (column, speed)
-        )
-        pair = SnesStageSolver(
+        solver = partial(
+            SnesStageSolver,
             self.plane.comm,
-            np.concatenate([column, speed]),
             tolerance=tolerances.stage,
-            precondition=StillWaterWaves(self),
+            size=self.size,
+            floor=self.depth,
             diagnose=self._diagnose,
         )
+        coordinate, momentum = solver(column), solver(speed)
+        pair = solver(np.concatenate([column, speed]), precondition=StillWaterWaves(self))
         self.stages = SnesStages(coordinate, momentum, pair)
 
     def _diagnose(self, stage: Stage) -> str:

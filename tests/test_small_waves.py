@@ -1,0 +1,59 @@
+"""Waves are computed as accurately, relative to themselves, however small they are and however deep the water.
+
+Oracle: linear waves on the same mesh, which nonlinear ones come to as their amplitude goes to zero.
+"""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from wavetank.build import build_run
+from wavetank.scene import Scene
+
+LENGTH = 1.0  # m; of a tank with one half of a wave in it
+
+
+def standing(water, *, depth, amplitude, integrator="third-order", periods=1.0):
+    """Return the run of a standing wave, 70 steps a period, at default tolerances, and the waves in it."""
+    k = np.pi / LENGTH
+    period = 2 * np.pi / np.sqrt(9.81 * k * np.tanh(k * depth))
+    scene = {
+        "tank": {"length": LENGTH, "depth": depth},
+        "water": {"type": water},
+        "initial": {"type": "standing-wave", "amplitude": amplitude, "mode": 1},
+        "run": {"duration": periods * period},
+        "numerics": {"cells": 4, "vertical_order": 4, "dt": period / 70, "integrator": integrator},
+    }
+    return build_run(Scene.model_validate(scene), MPI.COMM_SELF)
+
+
+def elevations(run, waves, *, level=0.0):
+    """Return the elevation after each step, shape (steps, dofs), for a potential counted from another level [m²/s]."""
+    scheme, (q, p) = run.integrator, (run.state.q, run.state.p)
+    state, found = scheme.start(q, p + level), []
+    for step in range(run.steps):
+        state = scheme.step(waves, state, step * run.dt, run.dt)
+        found.append(waves.elevation(state.q, state.p, (step + 1) * run.dt))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(
+    ("integrator", "depth"), [("third-order", 1.0), ("third-order", 10.0), ("stormer-verlet", 10.0)]
+)
+def test_what_nonlinear_waves_differ_by_from_linear_ones_falls_with_their_amplitude(integrator, depth):
+    """From a millimetre to a micrometre: beyond their nonlinearity, some k a, nothing but 1e-5."""
+    linear = elevations(*standing("linear", depth=depth, amplitude=1e-3, integrator=integrator)) / 1e-3
+    for amplitude in (1e-3, 1e-4, 1e-6):
+        found = elevations(*standing("nonlinear", depth=depth, amplitude=amplitude, integrator=integrator)) / amplitude
+        assert np.abs(found - linear).max() < 1.5 * np.pi / LENGTH * amplitude + 1e-5
+
+
+def test_what_the_potential_is_counted_from_changes_neither_waves_nor_cost():
+    """It drifts without end, dpsi/dt = -g eta - ..., and is a thousand times the waves' own in the end."""
+    found, costs = [], []
+    for level in (0.0, 1e3):
+        run, waves = standing("nonlinear", depth=1.0, amplitude=0.05)
+        found.append(elevations(run, waves, level=level))
+        costs.append(waves.potential.counters.iterations)
+    assert np.abs(found[1] - found[0]).max() < 1e-7 * 0.05
+    assert costs[1] <= 1.05 * costs[0]
