@@ -31,9 +31,9 @@ def elevations(run, waves, *, level=0.0):
     """Return the elevation after each step, shape (steps, dofs), for a potential counted from another level [m²/s]."""
     scheme, (q, p) = run.integrator, (run.state.q, run.state.p)
     state, found = scheme.start(q, p + level), []
-    for step in range(run.steps):
-        state = scheme.step(waves, state, step * run.dt, run.dt)
-        found.append(waves.elevation(state.q, state.p, (step + 1) * run.dt))
+    for step in range(run.clock.steps):
+        state = scheme.step(waves, state, step * run.clock.dt, run.clock.dt)
+        found.append(waves.elevation(state.q, state.p, (step + 1) * run.clock.dt))
     return np.array(found)
 
 

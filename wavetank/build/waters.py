@@ -10,6 +10,7 @@ from wavetank.build.plans import PlanView, build_plan
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.motions import Motion
+from wavetank.motions.mapping import largest_stroke
 from wavetank.scene import Physics, Scene
 from wavetank.scene.moving_wall import MovingWall
 from wavetank.water.bed import Depth
@@ -59,12 +60,24 @@ def _reach(scene: Scene, plan: Slice | Basin, paddle: Paddle) -> float:
     return min(free, asked)
 
 
+def _piston(scene: Scene, plan: Slice | Basin, plane: Plane) -> Piston:
+    """Return the wall that moves; collective. Raises ``InputError`` where it goes too far for its mapping's reach."""
+    motion, paddle = scene.motion(), plan.paddle()
+    wall = Piston(motion, plane=plane, reach=_reach(scene, plan, paddle), paddle=paddle)
+    stroke, allowed = scene.stroke(motion), largest_stroke(wall.reach)
+    if stroke >= allowed:
+        raise InputError(
+            f"wall.motion: goes {stroke:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which "
+            f"its mapping dies out, which is {wall.reach:.4g} m on this mesh and before any wall that stands still."
+        )
+    return wall
+
+
 def _nonlinear(scene: Scene, plan: PlanView, plane: Plane) -> NonlinearWaves:
     numerics = scene.numerics
     wall: Wall = FixedWall()
     if driven := _driven(scene, plan):
-        paddle = driven.paddle()
-        wall = Piston(scene.motion(), plane=plane, reach=_reach(scene, driven, paddle), paddle=paddle)
+        wall = _piston(scene, driven, plane)
     return NonlinearWaves(
         plane,
         depth=_depth(scene),

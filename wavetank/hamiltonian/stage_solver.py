@@ -88,7 +88,7 @@ class SnesStageSolver:
         self._extrapolations: dict[str, Extrapolation] = {}
         self._sizes: dict[str, float] = {}
         self._x = PETSc.Vec().createMPI((scale.size, None), comm=comm)
-        self._root_of_length = np.sqrt(self._x.getSize())
+        self._root_of_length = float(np.sqrt(self._x.getSize()))
         self._anderson = self._snes("anderson")
         self._anderson.setOptionsPrefix("stage_")
         options = PETSc.Options()

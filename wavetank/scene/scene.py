@@ -131,12 +131,16 @@ class Scene(Noun):
         if motion.start >= self.run.duration:
             allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
             yield Problem(("run", "duration"), self.run.duration, allowed)
-        end = min(self.run.duration, motion.duration)
-        positions = self._of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
-        stroke = np.abs(positions).max()
+        stroke = self.stroke(motion)
         if stroke >= largest_stroke(self.reach):
             allowed = f"must be more than {STEEPEST * stroke:.4g} m, 4/3 of the paddle's largest distance from rest"
             yield Problem(("wall", "reach"), self.reach, allowed)
+
+    def stroke(self, motion: motions.Motion | motions.SegmentedMotion) -> float:
+        """Return the paddle's largest distance from rest in the run [m]."""
+        end = min(self.run.duration, motion.duration)
+        positions = self._of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
+        return float(np.abs(positions).max())
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
