@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import track
 
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory
@@ -34,7 +33,9 @@ def view(
         if time is not None or out is not None or not (film or diagram or window):
             yield drawing.still(directory, out or run / "view.png", t=time, **given)
         if film is not None:
-            watched = partial(track, description="film", console=console, transient=True)
+            from postprocess.view_film import followed  # with its packages, which may not be here
+
+            watched = partial(followed, console=console)
             yield drawing.film(directory, film, watched=watched, **given)
         if diagram:
             yield drawing.diagram(directory)

@@ -1,14 +1,18 @@
-"""Film files: what a format holds, and how frames are written into it."""
+"""Film files: what a format holds, how frames are written into it, and how far that is."""
 
-from collections.abc import Callable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from imageio_ffmpeg import write_frames
 from numpy.typing import NDArray
 from PIL import Image
+from rich.console import Console
+from rich.progress import track
 
 from wavetank.errors import InputError
 
@@ -17,6 +21,8 @@ Pixels = NDArray[np.uint8]
 SHORTEST = 4.0  # s; a shorter run is shown slower than it was
 QUALITY = 7  # of an MP4, out of 10
 PALETTE = 5  # frames of a GIF that its colours are chosen from
+LINES = 10  # of progress where there is no terminal
+Frame = TypeVar("Frame")
 
 
 @dataclass(frozen=True)
@@ -76,3 +82,16 @@ def film_format(path: Path) -> FilmFormat:
     if (suffix := path.suffix.lower()) not in FORMATS:
         raise InputError(f"{path}: a film of suffix {suffix!r} received; allowed are {', '.join(FORMATS)}.")
     return FORMATS[suffix]
+
+
+def followed(frames: Sequence[Frame], console: Console) -> Iterable[Frame]:
+    """Yield frames one by one, and show how far that is: a bar in a terminal, plain lines elsewhere."""
+    if console.is_terminal:
+        yield from track(frames, description="film", console=console, transient=True)
+        return
+    began, some = time.monotonic(), -(-len(frames) // LINES)
+    for done, frame in enumerate(frames):
+        if done % some == 0:
+            left = f", {(time.monotonic() - began) * (len(frames) / done - 1):.0f} s left" if done else ""
+            console.print(f"film: {done} of {len(frames)} frames{left}", highlight=False)
+        yield frame

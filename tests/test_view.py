@@ -1,5 +1,8 @@
 """Views of runs: oracles are the waves that were put in, and where a camera must show them."""
 
+import io
+import re
+
 import numpy as np
 import pytest
 import typer
@@ -228,6 +231,17 @@ def test_a_film_lasts_as_long_as_the_run_within_reason(form):
     assert form.frames(6.0) == round(6.0 * form.rate) + 1
     assert form.frames(600.0) == round(form.longest * form.rate) + 1 <= 201
     assert form.frames(0.1) == round(view_film.SHORTEST * form.rate) + 1
+
+
+@pytest.mark.parametrize(("count", "lines"), [(201, 10), (3, 3)])
+def test_a_film_says_how_far_it_is_without_a_terminal(count, lines):
+    said = io.StringIO()
+    assert list(view_film.followed(range(count), Console(file=said))) == list(range(count))
+    told = said.getvalue().splitlines()
+    assert len(told) == lines
+    assert told[0] == f"film: 0 of {count} frames"
+    for line in told[1:]:
+        assert re.fullmatch(rf"film: \d+ of {count} frames, \d+ s left", line)
 
 
 # ---------------------------------------------------------------- the command
