@@ -35,8 +35,9 @@ READY = {  # how each command of the README is run here
     "make test-slow": "make -n test-slow",
     "make bench": "./env python -m benchmarks --only baseline --only profile --steps 1",
     "./env wavetank run cases/standing-wave.toml --set numerics.dt=0.02 --out runs/standing": None,
-    "./env mpirun -n 2 wavetank run cases/wavemaker.toml --out runs/wavemaker": (
-        "./env mpirun -n 2 wavetank run cases/wavemaker.toml --out runs/wavemaker --set run.duration=2"
+    "./env mpirun -n 2 wavetank run cases/berkhoff-1982.toml --out runs/shoal": (
+        "./env mpirun -n 2 wavetank run cases/berkhoff-1982.toml --out runs/shoal"
+        " --no-plots --set run.duration=0.1 --set numerics.cell_size=2.5"
     ),
     "./env wavetank run cases/marin-202002.toml --out runs/marin": "elsewhere",  # tests/test_marin.py
     "./env wavetank compare runs/marin --with marin-202002": "elsewhere",
