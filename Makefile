@@ -1,10 +1,11 @@
 # make run, make test: nothing else is needed beforehand; ./env sets up what is missing.
-RUN ?= runs/focusing
+# make run RUN=DIRECTORY: there; without it runs/focusing, then runs/focusing-2 and so on.
+RUN ?=
 
 .PHONY: run test test-slow lint format bench
 
 run:
-	./env wavetank run cases/focusing.toml --out $(RUN)
+	./env wavetank run cases/focusing.toml $(if $(RUN),--out $(RUN))
 
 test:
 	./env pytest -q

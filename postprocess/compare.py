@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rich.box import SIMPLE
-from rich.markup import escape
 from rich.table import Table
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
@@ -176,7 +175,7 @@ def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[objec
 def comparison_table(comparisons: Sequence[GaugeComparison]) -> Table:
     """Return the comparison as a table for the terminal."""
     names = ("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "crest [m]", "reference")
-    table = Table(*map(escape, names), box=SIMPLE, padding=0)  # a unit's brackets are no markup
+    table = Table(*names, box=SIMPLE, padding=0)
     for one in comparisons:
         numbers = (one.nrms, one.nrms_fitted, one.gain, one.shift, one.correlation)
         crests = (f"{one.crest_computed:.4f}", f"{one.crest_reference:.4f}")

@@ -25,7 +25,7 @@ def compare(
         table = _compare_gauges(directory, *_gauges(reference), folder=folder)
     else:
         table = _compare_heights(directory, known, data.height_series(reference), folder=folder)
-    console = Console(soft_wrap=True)
+    console = Console(soft_wrap=True, markup=False)
     console.print(table)
     console.print(f"wrote {folder / 'compare.csv'} and {folder / 'compare.png'}", highlight=False)
 

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from rich.box import SIMPLE
-from rich.markup import escape
 from rich.table import Table
 from scipy.interpolate import CubicSpline
 
@@ -174,7 +173,7 @@ def write_heights(path: Path, comparisons: Sequence[SectionComparison]) -> None:
 def heights_table(comparisons: Sequence[SectionComparison]) -> Table:
     """Return the comparison as a table for the terminal."""
     names = ("section", "line", "measured", "points", "nrms", "bias", "own H0", "max", "measured")
-    table = Table(*map(escape, names), box=SIMPLE, padding=0)
+    table = Table(*names, box=SIMPLE, padding=0)
     for one in comparisons:
         own = "" if one.nrms_incident is None else f"{one.nrms_incident:.3f}"
         misfits = (f"{one.nrms:.3f}", f"{one.bias:+.3f}", own)

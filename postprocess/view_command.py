@@ -26,7 +26,7 @@ def view(
     size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
 ) -> None:
     """View a run in three dimensions: a still (the default), a film, a window; or draw its space-time diagram."""
-    drawing, directory, console = _drawing(), RunDirectory(run), Console(soft_wrap=True)
+    drawing, directory, console = _drawing(), RunDirectory(run), Console(soft_wrap=True, markup=False)
     given = {} if size is None else {"size": _pixels(size)}
 
     def made() -> Iterator[Path]:

@@ -23,13 +23,16 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "meshes": {"errors", "noun"},
     "scene": {"errors", "data", "motions", "reference", "case_file", "noun", "formula", "beds", "meshes"},
     "case_file": {"errors", "noun", "scene"},
-    "rundir": {"errors", "series"},
+    "run_lock": {"errors"},
+    "run_log": set(),
+    "run_place": {"errors"},
+    "rundir": {"errors", "run_lock", "run_place", "series"},
     "vtu_series": {"errors", "rundir"},
     "hamiltonian": {"errors"},
     "fe": {"errors", "hamiltonian", "cache"},
     "integrators": {"errors", "hamiltonian"},
     "water": {"errors", "motions", "fe", "hamiltonian"},
-    "observers": {"errors", "fe", "hamiltonian", "rundir", "vtu_series", "water"},
+    "observers": {"errors", "fe", "hamiltonian", "run_log", "rundir", "vtu_series", "water"},
     "run": {"errors", "clock", "hamiltonian", "integrators", "observers"},
 }
 SEES_ALL = {"build", "plan", "study", "recorded_run", "cli", "__main__", "__init__", "verify"}

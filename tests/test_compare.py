@@ -78,7 +78,7 @@ def test_the_table_is_written(tmp_path: Path):
 
 
 def test_pictures_of_a_run_are_drawn(tmp_path: Path):
-    writer = RunWriter(tmp_path / "run", {"scene": {"title": "a group", "tank": {"depth": 1.0}}})
+    writer = RunWriter(tmp_path / "run", {"scene": {"title": "a group", "tank": {"depth": 1.0}}}).begin()
     columns = ["t [s]", "kinetic [u]", "potential [u]", "total [u]", "paddle_work [u]", "balance [u]", "mass [u]"]
     gauges, energy, surface = writer.gauges([("1", 5.0)]), writer.table("energy.csv", columns), writer.surface()
     x = np.linspace(0, 20, 81)
@@ -192,7 +192,7 @@ def test_records_that_cannot_be_compared_are_bad_input():
 
 
 def test_the_table_shows_units_gain_and_shift_in_a_narrow_terminal():
-    console = Console(width=80, file=StringIO())
+    console = Console(width=80, file=StringIO(), markup=False)
     console.print(comparison_table([against(waves(T), 1.1 * waves(T - 0.2))]))
     shown = console.file.getvalue()
     assert all(word in shown for word in ("x [m]", "shift [s]", "correlation", "1.100", "0.200"))

@@ -17,6 +17,7 @@ from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.schedule import EverySteps
+from wavetank.run_place import Place
 from wavetank.rundir import RunDirectory, RunWriter
 from wavetank.vtu_series import VtuSeries
 from wavetank.water.bed import VaryingBed
@@ -94,7 +95,7 @@ def record(waves, path, *, snapshots=1):
     """Record surface and velocity of water that stands still."""
     comm, every = waves.plane.comm, EverySteps()
     if comm.rank == 0:
-        RunWriter(path, {})
+        RunWriter(path, {}).begin().release()
     comm.barrier()
     observers = [
         SurfaceFields(waves, VtuSeries(path, "surface", comm=comm), schedule=every),
@@ -215,7 +216,7 @@ def test_the_velocity_of_a_solved_standing_wave_is_exact_to_the_order_of_the_ele
 
 def test_levels_may_be_chosen(tmp_path):
     waves = water(basin(comm=MPI.COMM_SELF))
-    RunWriter(tmp_path, {})
+    RunWriter(tmp_path, {}).begin().release()
     series = VtuSeries(tmp_path, "velocity", comm=MPI.COMM_SELF)
     VelocityFields(waves, series, schedule=EverySteps(), levels=np.array([0.5, 1.0])).observe(Moment(0, 0.0, 0, 0))
     below = read(tmp_path, "velocity")
@@ -294,7 +295,7 @@ def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_pa
 
 
 def test_a_rank_without_cells_has_an_empty_piece(tmp_path):
-    RunWriter(tmp_path, {})
+    RunWriter(tmp_path, {}).begin().release()
     series = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF)
     cells = vtu_series.Cells.flat(np.zeros((0, 4), dtype=np.int32))
     series.append(0.0, np.zeros((0, 3)), cells=cells, arrays={"elevation": np.zeros(0)})
@@ -304,7 +305,8 @@ def test_a_rank_without_cells_has_an_empty_piece(tmp_path):
 def test_a_new_run_takes_the_fields_of_the_old_one_away_and_nothing_else(tmp_path):
     record(water(basin(comm=MPI.COMM_SELF)), tmp_path)
     (tmp_path / "fields" / "mine.vtu").write_text("precious")
-    RunWriter(tmp_path, {})
+    with RunWriter(Place(tmp_path, overwrite=True), {}):
+        pass
     assert sorted(str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")) == [
         "fields",
         "fields/mine.vtu",
@@ -314,7 +316,7 @@ def test_a_new_run_takes_the_fields_of_the_old_one_away_and_nothing_else(tmp_pat
 
 @pytest.mark.parametrize("content", ["", "<VTKFile>", '<VTKFile><DataSet timestep="soon" file="x"/></VTKFile>'])
 def test_a_missing_or_damaged_index_is_bad_input(content, tmp_path):
-    RunWriter(tmp_path, {})
+    RunWriter(tmp_path, {}).begin().release()
     if content:
         Path(tmp_path / "surface.pvd").write_text(content)
     with pytest.raises(InputError, match=r"surface\.pvd"):

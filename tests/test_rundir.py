@@ -12,11 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavetank.errors import InputError, RunError
+from wavetank.run_place import Place
 from wavetank.rundir import RunDirectory, RunWriter, environment
 
 
 def written(path, rows=5, points=4):
-    writer = RunWriter(path, {"scene": {"title": "case"}})
+    writer = RunWriter(path, {"scene": {"title": "case"}}).begin()
     gauges, energy, surface = (
         writer.gauges([("1", 10.0), ("b", 49.5)]),
         writer.table("energy.csv", ["t [s]", "E"]),
@@ -147,7 +148,7 @@ def test_a_run_that_is_really_killed_keeps_every_row(tmp_path):
 import os, signal, numpy as np
 from pathlib import Path
 from wavetank.rundir import RunWriter
-writer = RunWriter(Path({str(path)!r}), {{}})
+writer = RunWriter(Path({str(path)!r}), {{}}).begin()
 gauges, surface = writer.gauges([("1", 1.0)]), writer.surface()
 for n in range(100):
     gauges.append([n * 0.1, 0.5])
@@ -156,7 +157,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -signal.SIGKILL
     run = RunDirectory(path)
-    assert run.manifest["status"] == "running"
+    assert (run.manifest["status"], run.status) == ("running", "killed")
     assert run.gauges()[0].t.size == run.surface().t.size == 100
 
 
@@ -213,8 +214,8 @@ def test_a_file_in_the_way_is_bad_input(tmp_path):
 
 def test_an_earlier_run_is_replaced_in_its_own_files_only(complete_run):
     (complete_run / "notes.txt").write_text("mine")
-    with RunWriter(complete_run, {"scene": {"title": "Again"}}):
-        assert sorted(os.listdir(complete_run)) == ["manifest.json", "notes.txt"]
+    with RunWriter(Place(complete_run, overwrite=True), {"scene": {"title": "Again"}}):
+        assert sorted(os.listdir(complete_run)) == [".lock", "manifest.json", "notes.txt"]
         assert RunDirectory(complete_run).manifest["status"] == "running"
 
 

@@ -2,22 +2,24 @@
 
 import os
 import sys
+import time
 import traceback
+from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from mpi4py import MPI
-from rich.console import Console
 
 from postprocess.compare_command import compare
 from postprocess.view_command import view
 from wavetank import data
-from wavetank.console import console
+from wavetank.console import console, drain
 from wavetank.errors import WavetankError
 from wavetank.plan.command import plan
-from wavetank.rundir import ENERGY, RunDirectory
+from wavetank.run_place import Place
+from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
 from wavetank.study.command import study
 
@@ -40,10 +42,17 @@ app.command()(plan)
 CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
 
 
+PATIENCE = 60.0  # s in which all ranks must have come to the same end
+OVERWRITE = "replace what an earlier command has written there"
+
+
 @app.command()
 def run(
     case: CasePath,
-    out: Annotated[Path | None, typer.Option(help="run directory; default runs/ and the case's name")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="run directory; default runs/ and the case's name, numbered where taken")
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
     plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
 ) -> None:
@@ -51,20 +60,14 @@ def run(
     from wavetank.recorded_run import record_run  # dolfinx takes a second to load
 
     scene = Scene.from_toml(case, overrides or [])
-    directory = Path("runs") / case.stem if out is None else out
-    terminal = console()
-    try:
-        record_run(scene, directory, comm=MPI.COMM_WORLD, console=terminal)
-    finally:  # what a broken-down run has left is worth seeing, too
-        if plots and MPI.COMM_WORLD.rank == 0 and (directory / ENERGY).exists():
-            _draw(directory, terminal)
+    place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite)
+    record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=_draw if plots else None)
 
 
-def _draw(directory: Path, terminal: Console) -> None:
-    from postprocess.figures import draw_run
+def _draw(directory: RunDirectory) -> list[Path]:
+    from postprocess.figures import draw_run  # matplotlib takes a second to load
 
-    for picture in draw_run(RunDirectory(directory)):
-        terminal.print(f"wrote {picture}", highlight=False)
+    return draw_run(directory)
 
 
 @data_app.command("list")
@@ -95,11 +98,15 @@ def _add_verification(name: str, meaning: str) -> None:
     shown = name.replace("_", "-")
 
     def verify(
-        out: Annotated[Path | None, typer.Option(help=f"folder for tables and pictures; default runs/{shown}")] = None,
+        out: Annotated[
+            Path | None, typer.Option(help=f"folder for tables, pictures; default runs/{shown}, numbered where taken")
+        ] = None,
+        overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     ) -> None:
         module = import_module(f"wavetank.verify.{name}")
         if MPI.COMM_WORLD.rank == 0:
-            getattr(module, f"verify_{name}")(Path("runs") / shown if out is None else out, console())
+            folder = Place.of(out, Path("runs") / shown, overwrite=overwrite).folder()
+            getattr(module, f"verify_{name}")(folder, console())
 
     verify_app.command(shown, help=meaning)(verify)
 
@@ -119,21 +126,32 @@ def main(arguments: list[str] | None = None) -> int:
         if debug:
             raise
         return _report(str(error), error.exit_code)
+    except MemoryError as error:
+        _abort(error)
+        return _report("there is not enough memory for this; a smaller case is needed, or a larger machine.", 1)
     except SystemExit as stop:
         return int(stop.code or 0)
     except Exception as error:
         _abort(error)
         raise
+    finally:
+        drain()
     return 0
 
 
 def _report(message: str, code: int) -> int:
+    """Print why all ranks end, and wait for the first: mpirun kills the others as soon as one has ended so."""
+    drain()
     if MPI.COMM_WORLD.rank == 0:
-        print(f"wavetank: {message}", file=sys.stderr)
+        with suppress(OSError):  # nobody may read it
+            print(f"wavetank: {message}", file=sys.stderr, flush=True)
+    printed, give_up = MPI.COMM_WORLD.Ibarrier(), time.monotonic() + PATIENCE
+    while not printed.Test() and time.monotonic() < give_up:
+        time.sleep(0.01)
     return code
 
 
-def _abort(error: Exception) -> None:
+def _abort(error: BaseException) -> None:
     """End all ranks at once: the others would wait for one that has failed."""
     if MPI.COMM_WORLD.size > 1:
         traceback.print_exception(error)

@@ -1,8 +1,8 @@
 """A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
 
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -10,18 +10,24 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.build import Records, Waves, build_observers, build_run, build_watch, summary, told_of_bed
-from wavetank.errors import RecordError, RunError
+from wavetank.errors import RunError
 from wavetank.fe.agreed import on_first
 from wavetank.memory import peak_memory
+from wavetank.observers.contract import Observer
 from wavetank.observers.energy import columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar
-from wavetank.observers.record import Discard
+from wavetank.observers.record import Discard, Kept, Record, RecordCheck
+from wavetank.observers.surface import SurfaceRecord
 from wavetank.plan.planned import planned
 from wavetank.run import Run
-from wavetank.rundir import RunWriter, environment
+from wavetank.run_log import RunLog
+from wavetank.run_place import Place
+from wavetank.rundir import ENERGY, LOG, RunDirectory, RunWriter, environment
 from wavetank.scene import Scene
 from wavetank.vtu_series import VtuSeries
+
+Draw = Callable[[RunDirectory], Iterable[Path]]
 
 
 class Warnings:
@@ -33,9 +39,9 @@ class Warnings:
         In the order in which they were found; the manifest's ``warnings``.
     """
 
-    def __init__(self, console: Console):
+    def __init__(self, log: RunLog):
         self.sentences: list[str] = []
-        self._console = console
+        self._log = log
 
     def add(self, sentence: str) -> None:
         """Keep a sentence, to be printed after the run."""
@@ -53,73 +59,129 @@ class Warnings:
             self._print(sentence)
 
     def _print(self, sentence: str) -> None:
-        self._console.print(f"warning: {sentence}", style="bold red", markup=False, highlight=False)
+        self._log.say(f"warning: {sentence}", style="bold red")
 
 
-def record_run(scene: Scene, out: Path, *, comm: MPI.Comm, console: Console) -> None:
-    """Run a scene into the directory ``out``; collective.
+def record_run(
+    scene: Scene, place: Place | Path, *, comm: MPI.Comm, console: Console, draw: Draw | None = None
+) -> None:
+    """Run a scene into a directory; collective.
 
-    Raises ``RunError`` where the run breaks down; everything up to then is in the directory, the cause in its manifest.
+    What can be refused is refused before anything is changed there. Raises ``RunError`` where the run breaks down;
+    everything up to then is in the directory, the cause in its manifest.
+
+    Parameters
+    ----------
+    scene
+        What is run.
+    comm
+        The ranks.
+    console
+        Where its messages go; they are kept in the directory, too.
+    place
+        The directory, which is taken for this run alone.
+    draw
+        Draws pictures of the run into its directory once it has ended, however it has, and gives their paths. What it
+        raises is said, and nothing more: the records are there.
     """
-    root = comm.rank == 0
-    began = time.monotonic()
-    asked, scene = scene, planned(scene, comm, lambda text: console.print(text, highlight=False))
-    run, waves = build_run(scene, comm)  # before the directory is touched: refused input leaves an earlier run alone
-    built, busy = time.monotonic(), time.process_time()
-    warnings = Warnings(console)
-    description = {**_described(asked, scene, comm), "warnings": warnings.sentences}  # those found until it is written
-    writer = on_first(comm, lambda: RunWriter(out, description))
-
-    def note() -> None:
-        figures = _figures(run, waves) | _usage(comm, began=began, built=built, busy=busy)
-        if writer is not None:
-            writer.note(figures)
-
+    began, log = time.monotonic(), RunLog(console)
+    warnings = Warnings(log)
+    known = {"scene": scene.model_dump(mode="json"), "ranks": comm.size, **environment()}
+    writer = on_first(comm, lambda: RunWriter(place, {**known, "warnings": warnings.sentences}))  # found until its end
     with ExitStack() as at_the_end:
-        at_the_end.callback(warnings.show)
-        at_the_end.enter_context(writer or nullcontext())
-        dimensions = waves.plane.mesh.topology.dim
-        records = _records(scene, writer, dimensions=dimensions)
-        records = records._replace(fields=lambda name: VtuSeries(out, name, comm=comm))
-        run.observers += build_observers(scene, waves, records, sinks=run.sinks)
-        run.observers += build_watch(scene, run, waves, warnings.at_once)
-        told = told_of_bed(scene, waves)
-        if root:
-            console.print(summary(scene, run, waves), highlight=False)
-            if told:
-                console.print(told, highlight=False)
-        progress = ProgressBar(run.clock.end, lambda: _cost(waves), console=console) if root else nullcontext()
-        with Interruption(comm) as interruption, progress as bar:
-            run.observers += [interruption] if bar is None else [interruption, bar]
-            _execute(run, note)
         if writer is not None:
-            writer.finish("finished", {})
+            at_the_end.callback(writer.release)
+        asked, scene = scene, planned(scene, comm, log.say)
+        run, waves = build_run(scene, comm)
+        built, busy = time.monotonic(), time.process_time()
+        _observe(run, scene, waves, writer, warnings)
+
+        def note() -> None:
+            figures = _figures(run, waves) | _usage(comm, began=began, built=built, busy=busy)
+            if writer is not None:
+                writer.note(figures)
+
+        with Interruption(comm) as interruption:  # from now on SIGTERM is written down
+            on_first(comm, lambda: _begin(writer, log, asked=asked, planned=scene))
+            if writer is not None:
+                at_the_end.enter_context(_said(writer.path, log, draw=draw))
+            at_the_end.callback(warnings.show)
+            for line in (summary(scene, run, waves), told_of_bed(scene, waves)):
+                if line:
+                    log.say(line)
+            with writer or nullcontext(), _progress(scene, waves, log) as bar:
+                run.observers += [interruption, *bar]
+                _execute(run, note)
+                if writer is not None:
+                    writer.finish("finished", {})
+
+
+def _observe(run: Run, scene: Scene, waves: Waves, writer: RunWriter | None, warnings: Warnings) -> None:
+    """Add what observes a run to it; collective."""
+    comm, out = waves.plane.comm, waves.plane.comm.bcast(None if writer is None else writer.path)
+    gauges, energy, surface = _tables(scene, waves, writer)
+    records = Records(gauges, energy, surface, lambda name: VtuSeries(out, name, comm=comm))
+    run.observers += build_observers(scene, waves, records, sinks=run.sinks)
+    run.observers.append(RecordCheck(comm, [one for one in (gauges, energy, surface) if isinstance(one, Kept)]))
+    run.observers += build_watch(scene, run, waves, warnings.at_once)
+
+
+def _tables(scene: Scene, waves: Waves, writer: RunWriter | None) -> tuple[Record, Record, SurfaceRecord | None]:
+    """Return where gauges, energy and the surface of a slice go; opened when the run begins."""
+    if writer is None:
+        return Discard(), Discard(), None
+    dimensions = waves.plane.mesh.topology.dim
+    gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
+    energy = writer.table(ENERGY, columns(dimensions))
+    return Kept(gauges.append), Kept(energy.append), Kept(writer.surface().append) if dimensions == 1 else None
+
+
+def _begin(writer: RunWriter | None, log: RunLog, *, asked: Scene, planned: Scene) -> None:
+    """Begin the directory, with what has been planned of the scene that was asked for."""
+    if writer is not None:
+        given = {"water", "numerics"}
+        writer.begin({} if planned is asked else {"planned": planned.model_dump(mode="json", include=given)})
+        log.open(writer.path / LOG)
+        log.say(f"writing {writer.path}")
+
+
+@contextmanager
+def _said(out: Path, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
+    """Keep in the log why a run has ended; then draw its pictures."""
+    try:
+        yield
+        log.note("finished")
+    except BaseException as error:
+        log.note(f"failed: {str(error) or type(error).__name__}")
+        raise
+    finally:
+        try:
+            for picture in draw(RunDirectory(out)) if draw else ():
+                log.say(f"wrote {picture}")
+        except Exception as error:  # whatever a picture may meet, the run's records are there
+            reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+            log.say(f"warning: the pictures in {out} could not all be drawn: {reason}", style="bold red")
+        log.close()
+
+
+@contextmanager
+def _progress(scene: Scene, waves: Waves, log: RunLog) -> Iterator[list[Observer]]:
+    """Show progress, on the first rank."""
+    if waves.plane.comm.rank:
+        yield []
+        return
+    with ProgressBar(scene.run.duration, lambda: _cost(waves), log=log) as bar:
+        yield [bar]
 
 
 def _execute(run: Run, note: Callable[[], None]) -> None:
     """Step to the end, and take note of what that has cost, however it ends; collective."""
     try:
         run.execute()
-    except RecordError:  # this rank's alone: the others do not come to add up their share
-        raise
     except RunError:
         note()
         raise
     note()
-
-
-def _described(asked: Scene, scene: Scene, comm: MPI.Comm) -> dict[str, Any]:
-    """Return what the manifest says of a run from its start: the scene asked for, and what has been planned of it."""
-    plan = {} if scene is asked else {"planned": scene.model_dump(mode="json", include={"water", "numerics"})}
-    return {"scene": asked.model_dump(mode="json"), **plan, "ranks": comm.size, **environment()}
-
-
-def _records(scene: Scene, writer: RunWriter | None, *, dimensions: int) -> Records:
-    if writer is None:
-        return Records(Discard(), Discard(), None)
-    gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
-    surface = writer.surface() if dimensions == 1 else None
-    return Records(gauges, writer.table("energy.csv", columns(dimensions)), surface)
 
 
 def _cost(waves: Waves) -> tuple[int, int]:

@@ -8,12 +8,15 @@
     surface.bin     little-endian float64 throughout: N, then snapshots t [s], x [m], eta [m], psi [m²/s], the last
                     three N long each
     surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
+    run.log         what the run has said: its summary, progress, warnings, and why it ended
+    .lock           while it goes on (``run_lock.py``)
 
 The writers here are for rank 0 alone. Each row and each snapshot is handed to the operating system at once, so a killed
 run keeps all of them; a reader leaves out the one that was cut. No number that is not finite is ever written.
 """
 
 import csv
+import errno
 import json
 import os
 import platform
@@ -28,13 +31,15 @@ from importlib import import_module
 from io import StringIO
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError, RecordError, RunError
+from wavetank.errors import InputError, RecordError, RunError, WavetankError
+from wavetank.run_lock import LOCK, RunLock, is_held
+from wavetank.run_place import Place
 from wavetank.series import GaugeSeries
 
 if TYPE_CHECKING:
@@ -42,6 +47,9 @@ if TYPE_CHECKING:
 
 MANIFEST, GAUGES, ENERGY, SURFACE = "manifest.json", "gauges.csv", "energy.csv", "surface.bin"
 GAUGES_NETCDF, FIELDS, SERIES = "gauges.nc", "fields", ("surface", "velocity")
+LOG = "run.log"
+PICTURES = ("surface.png", "gauges.png", "energy.png", "view.png", "compare.png", "compare.csv")  # drawn of the records
+ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 NUMBER = np.dtype("<f8")
 
 
@@ -83,10 +91,20 @@ def _now() -> str:
 
 def replace(path: Path, *content: bytes | memoryview) -> None:
     """Write a file in one step: a reader, or a kill, meets the old one or the new one, never half of it."""
-    temporary = path.with_name(f".{path.name}")
-    with temporary.open("wb") as file:
-        file.writelines(content)
-    os.replace(temporary, path)
+    temporary = _unfinished(path)
+    try:
+        with temporary.open("wb") as file:
+            file.writelines(content)
+        os.replace(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def _unfinished(path: Path) -> Path:
+    """Return where a file is written until it replaces the one at ``path``."""
+    return path.with_name(f".{path.name}")
 
 
 def index_file(run: Path, name: str) -> Path:
@@ -95,8 +113,8 @@ def index_file(run: Path, name: str) -> Path:
 
 
 def _records(run: Path) -> Iterator[Path]:
-    """Yield the records in a run directory."""
-    files = (GAUGES, GAUGES_NETCDF, ENERGY, SURFACE, *(f"{name}.pvd" for name in SERIES))
+    """Yield the records in a run directory, and what has been drawn of them."""
+    files = (GAUGES, GAUGES_NETCDF, ENERGY, SURFACE, LOG, *PICTURES, *(f"{name}.pvd" for name in SERIES))
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *pieces):
         yield from run.glob(pattern)
@@ -112,7 +130,11 @@ class _Record:
     """A file that grows by rows of finite numbers, the first of which is the time [s]."""
 
     def __init__(self, path: Path):
-        self._path, self._file = path, path.open("wb")
+        self._path = path
+
+    def open(self) -> None:
+        """Make the file; raises ``OSError``."""
+        self._file = self._path.open("wb")
 
     def _check(self, row: NDArray[np.float64]) -> None:
         if not np.all(np.isfinite(row)):
@@ -123,15 +145,22 @@ class _Record:
     def _write(self, content: bytes) -> None:
         """Hand bytes to the operating system at once: that costs microseconds, and a kill loses nothing."""
         try:
+            if not os.path.samestat(os.fstat(self._file.fileno()), self._path.stat()):
+                raise FileNotFoundError(errno.ENOENT, "replaced by another file")
             self._file.write(content)
             self._file.flush()
+        except FileNotFoundError:
+            raise RecordError(f"{self._path}: is no longer there; moved or deleted during the run.") from None
         except OSError as error:
             raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
 
     def close(self) -> None:
         """End the record; nothing is held back."""
-        with suppress(OSError):  # a full disk has been reported by the write that met it
+        with suppress(OSError, AttributeError):  # a full disk has been reported by the write that met it
             self._file.close()
+
+
+R = TypeVar("R", bound=_Record)
 
 
 class TableWriter(_Record):
@@ -139,8 +168,12 @@ class TableWriter(_Record):
 
     def __init__(self, path: Path, columns: Sequence[str]):
         super().__init__(path)
-        self._width = len(columns)
-        self._write(_csv_line(columns))
+        self._columns = columns
+
+    def open(self) -> None:
+        """Make the file, with the names of its columns; raises ``OSError``, ``RunError``."""
+        super().open()
+        self._write(_csv_line(self._columns))
 
     def append(self, row: Sequence[float]) -> None:
         """Append one row, time [s] first, a value for each column.
@@ -149,8 +182,9 @@ class TableWriter(_Record):
         cannot be written; ``ValueError`` for a row of another length.
         """
         values = np.array(row, dtype=float)
-        if values.shape != (self._width,):
-            raise ValueError(f"{self._path.name}: row of shape {values.shape} received; it has {self._width} columns.")
+        width = len(self._columns)
+        if values.shape != (width,):
+            raise ValueError(f"{self._path.name}: row of shape {values.shape} received; it has {width} columns.")
         self._check(values)
         self._write(_csv_line(repr(float(value)) for value in values))
 
@@ -183,41 +217,66 @@ class SurfaceWriter(_Record):
 class RunWriter:
     """Writes a run directory; on rank 0 alone.
 
-    As a context manager it closes the files at the end, and an error that leaves the block makes it a failed run.
+    Made, it holds the directory, alone, and has changed nothing in it; ``begin`` does. As a context manager it begins,
+    closes the files at the end, and an error that leaves the block makes it a failed run.
 
     Parameters
     ----------
-    path
-        The directory; made if missing, its records replaced if it is a run directory already. Raises ``InputError`` if
-        it holds something else or cannot be written.
+    place
+        The directory; made if missing. Raises ``InputError`` if it holds anything but a run that may be overwritten,
+        if another process writes it, or if it cannot be written.
     manifest
-        What is known at the start; ``status`` is added. Raises ``RunError`` for a number in it that is not finite.
+        What is known at the start; ``status`` is added.
     """
 
-    def __init__(self, path: Path, manifest: dict[str, Any]):
-        self.path = path
+    def __init__(self, place: Place | Path, manifest: dict[str, Any]):
         self._manifest = {"status": "running", **manifest}
         self._records: list[_Record] = []
-        self._has_gauges = False
+        self._has_gauges = self._begun = False
+        place = place if isinstance(place, Place) else Place(place)
         try:
-            path.mkdir(parents=True, exist_ok=True)
-            if any(path.iterdir()) and not (path / MANIFEST).exists():
-                raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
-            for old in list(_records(path)):
-                old.unlink()
-            self._write_manifest(self._manifest)
+            self.path, self._lock, self._made = _claimed(place)
         except OSError as error:
-            raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
+            raise InputError(f"{place.path}: cannot be written ({error.strerror}).") from None
+
+    def begin(self, more: dict[str, Any] | None = None) -> Self:
+        """Replace what an earlier run has left, and write the manifest, with what has come to be known.
+
+        Raises ``InputError`` if it cannot be written, ``RunError`` for a number in it that is not finite.
+        """
+        self._manifest |= more or {}
+        try:
+            for old in list(_records(self.path)):
+                old.unlink()
+            self._lock.reserve(ROOM + len(self._text(self._manifest)))
+            self._write_manifest(self._manifest)
+            self._begun = True
+            for record in self._records:
+                record.open()
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from None
+        return self
+
+    def release(self) -> None:
+        """Let go of the directory; one that was made and never begun is removed."""
+        self._close()
+        self._lock.release()
+        if self._made and not self._begun:
+            with suppress(OSError):
+                self.path.rmdir()
 
     def __enter__(self) -> Self:
+        if not self._begun:
+            self.begin()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         if error is not None:
-            self.finish("failed", {"cause": str(error) or type(error).__name__})
-        self._close()
+            with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
+                self.finish("failed", {"cause": str(error) or type(error).__name__})
+        self.release()
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
         """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
@@ -226,15 +285,18 @@ class RunWriter:
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
         """Return a new table with these columns, time first, units in their names."""
-        writer = TableWriter(self.path / file, columns)
-        self._records.append(writer)
-        return writer
+        return self._kept(TableWriter(self.path / file, columns))
 
     def surface(self) -> SurfaceWriter:
         """Return the record of snapshots."""
-        writer = SurfaceWriter(self.path / SURFACE)
-        self._records.append(writer)
-        return writer
+        return self._kept(SurfaceWriter(self.path / SURFACE))
+
+    def _kept(self, record: R) -> R:
+        """Return a record that is opened when the run begins, and closed when it ends."""
+        self._records.append(record)
+        if self._begun:
+            record.open()
+        return record
 
     def note(self, figures: dict[str, Any]) -> None:
         """Take figures into the manifest, with its last word, whichever that will be."""
@@ -243,34 +305,69 @@ class RunWriter:
     def finish(self, status: str, figures: dict[str, Any]) -> None:
         """Close all files and write the manifest's last word, ``"finished"``, or ``"failed"`` with its cause.
 
-        The gauges are then written as CF-NetCDF, too. Raises ``RunError`` if a file cannot be written, or for a figure
-        that is not finite: the manifest stays.
+        The gauges are written as CF-NetCDF, too; where that is not possible the manifest's ``warnings`` say so, for
+        their table has them. Raises ``RunError`` if the manifest cannot be written, or for a figure that is not finite:
+        then it stays.
         """
         self._close()
+        if self._has_gauges:
+            self._write_netcdf()
         try:
+            self._lock.reserve(0)
             self._write_manifest(self._manifest | {"status": status, "finished": _now(), **figures})
-            if self._has_gauges:
-                self._write_netcdf()
         except OSError as error:
             raise RunError(f"{self.path}: cannot be written ({error.strerror}).") from None
 
     def _write_netcdf(self) -> None:
-        gauges = RunDirectory(self.path).gauges_dataset()
-        unfilled = {name: {"_FillValue": None} for name in gauges.variables}  # nothing is missing
-        replace(self.path / GAUGES_NETCDF, gauges.to_netcdf(format="NETCDF3_64BIT", engine="scipy", encoding=unfilled))
+        try:
+            gauges = RunDirectory(self.path).gauges_dataset()
+            unfilled = {name: {"_FillValue": None} for name in gauges.variables}  # nothing is missing
+            content = gauges.to_netcdf(format="NETCDF3_64BIT", engine="scipy", encoding=unfilled)
+            replace(self.path / GAUGES_NETCDF, content)
+        except (OSError, InputError) as error:
+            why = getattr(error, "strerror", None) or str(error)
+            said = f"{GAUGES_NETCDF} could not be written ({why}); {GAUGES} has the same"
+            self._manifest.setdefault("warnings", []).append(said)
 
     def _close(self) -> None:
         for record in self._records:
             record.close()
 
-    def _write_manifest(self, manifest: dict[str, Any]) -> None:
-        """Replace the manifest."""
+    def _text(self, manifest: dict[str, Any]) -> bytes:
         try:
-            text = json.dumps(manifest, indent=2, allow_nan=False)
+            return json.dumps(manifest, indent=2, allow_nan=False).encode() + b"\n"
         except ValueError:  # JSON has no word for it
             raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
-        replace(self.path / MANIFEST, text.encode() + b"\n")
+
+    def _write_manifest(self, manifest: dict[str, Any]) -> None:
+        """Replace the manifest."""
+        replace(self.path / MANIFEST, self._text(manifest))
         self._manifest = manifest
+
+
+def _claimed(place: Place) -> tuple[Path, RunLock, bool]:
+    """Return the first directory of a place that may be written, with its lock, and whether it has been made."""
+    for path in place.candidates:
+        made = not path.exists()
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            _check_free(path, overwrite=place.overwrite)
+            lock = RunLock(path)
+            _check_free(path, overwrite=place.overwrite)  # another run may have come and gone before the lock
+            return path, lock, made
+        except (InputError, FileExistsError):
+            if not place.numbered:
+                raise
+    raise AssertionError("there are more numbers")
+
+
+def _check_free(path: Path, *, overwrite: bool) -> None:
+    """Raise ``InputError`` if a directory holds what a run must not be written over."""
+    there = set(os.listdir(path)) - {LOCK, _unfinished(path / MANIFEST).name}
+    if there and MANIFEST not in there:
+        raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
+    if there and not overwrite:
+        raise InputError(f"{path}: holds a run already; give another directory (--out), or --overwrite.")
 
 
 def _column(name: str, x: float, y: float = 0.0) -> str:
@@ -314,6 +411,12 @@ class RunDirectory:
         if not isinstance(manifest, dict):
             raise InputError(f"{path}: is no run directory (no readable {MANIFEST} in it).")
         self.manifest: dict[str, Any] = manifest
+
+    @property
+    def status(self) -> str:
+        """``"running"``, ``"finished"``, ``"failed"``; or ``"killed"``: no process writes it any more."""
+        status = str(self.manifest.get("status", ""))
+        return "killed" if status == "running" and not is_held(self.path) else status
 
     @property
     def title(self) -> str:

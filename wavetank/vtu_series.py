@@ -95,17 +95,14 @@ class VtuSeries:
     Parameters
     ----------
     run
-        The run directory, which exists.
+        The run directory, which exists when the first snapshot is written.
     name
         Of the series, one of ``wavetank.rundir.SERIES``.
-
-    Raises ``RunError`` on all ranks if one cannot write; collective.
     """
 
     def __init__(self, run: Path, name: str, *, comm: MPI.Comm):
         self._run, self._name, self._comm = run, name, comm
         self._snapshots: list[tuple[float, str]] = []
-        self._together(lambda: (run / FIELDS).mkdir(exist_ok=True))
 
     def append(self, t: float, points: Array, *, cells: Cells, arrays: Arrays) -> None:
         """Write a snapshot at t [s]: this rank's points (x, y, z) [m], shape (N, 3), its cells and arrays; collective.
@@ -118,6 +115,7 @@ class VtuSeries:
 
         def write_piece() -> None:
             self._check(t, [points, *arrays.values()])
+            (self._run / FIELDS).mkdir(exist_ok=True)
             replace(self._run / f"{stem}_{self._comm.rank:04d}.vtu", *_piece(len(points), described, cells))
 
         def write_index() -> None:

@@ -1,13 +1,13 @@
-"""Progress of a run: a bar in a terminal, plain lines elsewhere."""
+"""Progress of a run: a bar in a terminal, plain lines elsewhere and in the run's log."""
 
 import time
 from collections.abc import Callable
 
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
+from wavetank.run_log import RunLog
 
 
 class ProgressBar:
@@ -21,11 +21,12 @@ class ProgressBar:
         Returns (interior solves, iterations of them) so far.
     """
 
-    plain_lines = 20  # at most, in a run without a terminal
+    plain_lines = 20  # at most
 
-    def __init__(self, duration: float, cost: Callable[[], tuple[int, int]], *, console: Console):
+    def __init__(self, duration: float, cost: Callable[[], tuple[int, int]], *, log: RunLog):
         self.schedule = EverySteps()
-        self._duration, self._cost, self._console = duration, cost, console
+        self._duration, self._cost = duration, cost
+        self._say = log.note if log.console.is_terminal else log.say
         self._began, self._reported, self._set_up = time.monotonic(), 0.0, cost()
         self._bar = Progress(
             TextColumn("t = {task.completed:.2f} / {task.total:g} s"),
@@ -33,8 +34,8 @@ class ProgressBar:
             TaskProgressColumn(),
             TimeRemainingColumn(),
             TextColumn("{task.description}"),
-            console=console,
-            disable=not console.is_terminal,
+            console=log.console,
+            disable=not log.console.is_terminal,
         )
         self._task = self._bar.add_task("", total=duration)
 
@@ -52,10 +53,8 @@ class ProgressBar:
         )
         per_step = f"{solves:.1f} solves, {iterations:.1f} iterations a step"
         self._bar.update(self._task, completed=min(moment.t, self._duration), description=per_step)
-        if not self._console.is_terminal and moment.t >= self._reported + self._duration / self.plain_lines:
+        if moment.t >= self._reported + self._duration / self.plain_lines:
             self._reported = moment.t
             elapsed = time.monotonic() - self._began
             left = elapsed * (self._duration / moment.t - 1.0)
-            self._console.print(
-                f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {per_step}", highlight=False
-            )
+            self._say(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {per_step}")

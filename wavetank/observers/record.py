@@ -1,12 +1,16 @@
 """Where an observer's rows go: the contract with the run directory."""
 
-from collections.abc import Mapping, Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
+from mpi4py import MPI
 
-from wavetank.errors import RunError
+from wavetank.errors import RecordError, RunError
+from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.contract import Vector
+from wavetank.observers.contract import Moment
+from wavetank.observers.schedule import EverySteps
 from wavetank.vtu_series import Cells
 
 
@@ -46,3 +50,43 @@ class Memory:
     def array(self) -> Vector:
         """Return all rows, shape (rows, columns)."""
         return np.array(self.rows)
+
+
+class Kept:
+    """A record whose failure is kept until it is asked for: the first rank writes alone, and all ranks must end."""
+
+    def __init__(self, append: Callable[..., None]):
+        self._append = append
+        self.failure: RecordError | None = None
+
+    def append(self, *row: Any) -> None:
+        """Append a row or a snapshot, unless one could not be written before."""
+        if self.failure is None:
+            try:
+                self._append(*row)
+            except RecordError as error:
+                self.failure = error
+
+
+class RecordCheck:
+    """Ends the run on all ranks where a record could not be written; the last observer.
+
+    Parameters
+    ----------
+    records
+        Those of this rank.
+    """
+
+    def __init__(self, comm: MPI.Comm, records: Sequence[Kept]):
+        self.schedule = EverySteps()
+        self._comm, self._records = comm, records
+
+    def observe(self, moment: Moment) -> None:
+        """Raise ``RecordError`` if a rank has met one; collective."""
+        if self._comm.allreduce(any(record.failure for record in self._records), op=MPI.LOR):
+            agreed(self._comm, self._raise)
+
+    def _raise(self) -> None:
+        for record in self._records:
+            if record.failure is not None:
+                raise record.failure

@@ -101,14 +101,13 @@ def _own(scene: "Scene", accuracy: float, costs: "CostModel") -> "Plan | None":
 
 
 def _table(proposed: "Plan", own: "Plan | None") -> "Table":
-    from rich.markup import escape
     from rich.table import Table
 
     plans = {"plan": proposed} if own is None else {"plan": proposed, "as the case stands": own}
     table = Table("", *plans)
     columns = [_rows(one) for one in plans.values()]
     for name in columns[0]:
-        table.add_row(escape(name), *(column[name] for column in columns))
+        table.add_row(name, *(column[name] for column in columns))
     return table
 
 

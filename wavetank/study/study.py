@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from wavetank.errors import InputError, RunError
@@ -98,7 +97,7 @@ class Study:
                 outcomes[one.name] = outcome
                 bar.update(task, advance=1)
                 line = f"{len(outcomes)}/{len(combinations)} {one.name}: {self._ended(one, outcome)}"
-                self._console.print(escape(line), highlight=False)
+                self._console.print(line, markup=False, highlight=False)
         return outcomes
 
     def _ended(self, one: Combination, outcome: Outcome) -> str:
@@ -137,7 +136,7 @@ class Study:
         beside = [Axis.of(name) for one in self._marked for name in one.values]
         axes = list(dict.fromkeys([*(Axis.of(axis.name) for axis in self._axes), *beside]))
         write_table(self._out / TABLE, rows, axes)
-        wide = Console(file=self._console.file, width=max(self._console.width, WIDTH), soft_wrap=True)
+        wide = Console(file=self._console.file, width=max(self._console.width, WIDTH), soft_wrap=True, markup=False)
         wide.print(study_table(rows, axes))
         self._console.print(f"wrote {self._out / TABLE}", highlight=False)
         if not measured(rows):

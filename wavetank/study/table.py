@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE
-from rich.markup import escape
 from rich.table import Table
 
 from wavetank.study.measures import Errors
@@ -79,13 +78,13 @@ def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
     table = Table(box=SIMPLE, padding=0)
     for axis in axes:
         longest = max(len(row.combination.values.get(axis.name, "")) for row in rows)
-        table.add_column(escape(axis.label), min_width=longest)  # a unit's brackets are no markup
+        table.add_column(axis.label, min_width=longest)
     for name in (*errors, *shown, ""):
-        table.add_column(escape(name))
+        table.add_column(name)
     for row in rows:
         settings = [row.combination.values.get(axis.name, "") for axis in axes]
         figures = [_number(row.errors.get(name), 3) for name in errors]
         figures += [_number(row.costs.get(name), 6 if name != CPU else 3) for name in shown]
         note = row.mark if row.outcome.status == "finished" else row.outcome.status
-        table.add_row(*map(escape, settings), *figures, note)
+        table.add_row(*settings, *figures, note)
     return table

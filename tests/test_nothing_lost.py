@@ -1,0 +1,232 @@
+"""Nothing is lost: earlier runs, what a run has recorded, and the run itself where only its messages cannot be had."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from io import StringIO
+from pathlib import Path
+
+import pytest
+from ranks import CHECKOUT, begun
+from rich.console import Console
+
+from wavetank.cli import main
+from wavetank.console import Unhurried
+from wavetank.errors import InputError, RecordError
+from wavetank.run_lock import RunLock, is_held
+from wavetank.run_place import Place
+from wavetank.rundir import LOG, RunDirectory, RunWriter
+
+CASE = str(CHECKOUT / "cases" / "standing-wave.toml")
+SHORT = ["--set", "run.duration=0.1", "--set", "numerics.dt=0.02"]
+
+
+def contents(run: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in run.iterdir()}
+
+
+@contextmanager
+def started(*arguments, ranks=1):
+    """Begin the command line, perhaps on several ranks."""
+    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
+    command = [*launcher, sys.executable, "-m", "wavetank", *map(str, arguments)]
+    with begun(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        yield process
+
+
+def wait_for(process, path: Path) -> None:
+    while not path.exists():
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.02)
+
+
+# ---------------------------------------------------------------- earlier runs
+def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    first, second = Path("runs/standing-wave"), Path("runs/standing-wave-2")
+    for run in (first, second):
+        assert main(["run", CASE, *SHORT, "--set", 'title="a [/b] $1"']) == 0
+        assert f"writing {run}\n" in capsys.readouterr().out
+    assert {"surface.png", "gauges.png", "energy.png", LOG} <= set(os.listdir(first))
+    (first / "notes.txt").write_text("mine")
+    before = contents(first)
+
+    refused = [
+        (["--out", str(first)], "holds a run already; give another directory (--out), or --overwrite"),
+        (["--overwrite", "--set", "numerics.dt=3"], "numerics.dt = 3"),
+        (["--overwrite", "--set", "numerics.dt=x"], "numerics.dt"),
+    ]
+    for more, sentence in refused:
+        assert main(["run", CASE, *SHORT, *more]) == 2
+        said = capsys.readouterr().err
+        assert sentence in said and said.count("\n") == 1
+    assert contents(first) == before
+
+    assert main(["run", CASE, "--overwrite", "--no-plots", *SHORT, "--set", "numerics.dt=0.04"]) == 0
+    assert RunDirectory(first).gauges()[0].t.size < 6
+    assert (first / "notes.txt").read_text() == "mine"
+    assert not list(first.glob("*.png"))  # those of the run that is no more
+
+
+def test_what_is_refused_only_once_the_mesh_is_there_leaves_an_earlier_run_alone(tmp_path, monkeypatch, capsys):
+    """A gauge in the cylinder is inside the box around the plan, which is all that the scene knows."""
+    monkeypatch.chdir(tmp_path)
+    with RunWriter(Path("run"), {}) as writer:
+        writer.table("energy.csv", ["t [s]", "E"]).append([0.0, 1.0])
+    before = contents(Path("run"))
+    Path("case.toml").write_text(
+        "gauges = [[0.1, 0.1], {name = 'dry', x = 2.0, y = 1.0}]\n".replace("[0.1, 0.1]", "{x = 0.1, y = 0.1}")
+        + "[tank]\ntype = 'basin'\ndepth = 0.5\n[tank.plan]\ntype = 'cylinder'\nlength = 4.0\nwidth = 2.0\n"
+        + "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 1\nvertical_order = 2\n"
+    )
+    for out in (["--out", "run", "--overwrite"], []):
+        assert main(["run", "case.toml", *out]) == 2
+        assert "outside the tank" in capsys.readouterr().err
+    assert contents(Path("run")) == before and not Path("runs/case").exists()
+
+
+def test_a_directory_has_one_run_at_a_time_and_a_killed_one_gives_it_free(tmp_path):
+    code = f"""
+import os
+from pathlib import Path
+from wavetank.rundir import RunWriter
+writer = RunWriter(Path({str(tmp_path / "run")!r}), {{}}).begin()
+print(flush=True)
+os.read(0, 1)
+"""
+    command = [sys.executable, "-c", code]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        assert RunDirectory(tmp_path / "run").status == "running"
+        with pytest.raises(InputError, match=rf"is being written there by process {process.pid} on "):
+            RunWriter(Place(tmp_path / "run", overwrite=True), {})
+        numbered = RunWriter(Place(tmp_path / "run", numbered=True), {})
+        assert numbered.path == tmp_path / "run-2"
+        process.kill()
+    assert RunDirectory(tmp_path / "run").status == "killed"
+    with RunWriter(Place(tmp_path / "run", overwrite=True), {}) as writer:
+        writer.finish("finished", {})
+    assert RunDirectory(tmp_path / "run").status == "finished"
+    numbered.release()
+    assert not (tmp_path / "run-2").exists()  # nothing was begun there
+
+
+@pytest.mark.parametrize("flock", [True, False], ids=["flock", "no flock"])
+def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monkeypatch, flock):
+    from wavetank import run_lock
+
+    def none(file, kind):
+        raise OSError(95, "Operation not supported")
+
+    if not flock:
+        monkeypatch.setattr(run_lock.fcntl, "flock", none)
+    lock = RunLock(tmp_path)
+    lock.reserve(1000)
+    assert is_held(tmp_path)
+    with pytest.raises(InputError, match=f"by process {os.getpid()} on "):
+        RunLock(tmp_path)
+    lock.release()
+    assert not is_held(tmp_path) and not os.listdir(tmp_path)
+    gone = {"host": run_lock.socket.gethostname(), "pid": os.getpid(), "began": "another process of this number"}
+    (tmp_path / ".lock").write_text(json.dumps(gone))
+    RunLock(tmp_path).release()
+
+
+# ---------------------------------------------------------------- what a run has recorded
+def test_records_that_are_moved_away_are_noticed_at_the_next_row(tmp_path):
+    with pytest.raises(RecordError, match=r"energy\.csv: is no longer there"), RunWriter(tmp_path / "run", {}) as one:
+        table = one.table("energy.csv", ["t [s]", "E"])
+        shutil.rmtree(tmp_path / "run")
+        table.append([0.0, 1.0])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_directory_deleted_under_a_run_ends_it_on_all_ranks(tmp_path, ranks):
+    out = tmp_path / "run"
+    with started("run", CASE, "--no-plots", "--out", out, "--set", "run.duration=1e4", ranks=ranks) as process:
+        wait_for(process, out / "energy.csv")
+        shutil.rmtree(out)
+        _, errors = process.communicate()
+    assert process.returncode == 1
+    assert errors.count("wavetank:") == 1 and "is no longer there" in errors, errors
+
+
+def test_a_termination_before_the_first_step_is_written_down(tmp_path):
+    out = tmp_path / "run"
+    with started("run", CASE, "--no-plots", "--out", out) as process:
+        wait_for(process, out / "manifest.json")
+        process.terminate()
+        process.communicate()
+    assert process.returncode == 1
+    assert RunDirectory(out).status == "failed"
+    assert "interrupted by SIGTERM" in RunDirectory(out).manifest["cause"] in (out / LOG).read_text()
+
+
+def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
+    """A file system of 200 kB: the records fill it, and the manifest still gets its last word."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    run = f"{sys.executable} -m wavetank run {CASE} --out disk/run --set run.duration=100 --set numerics.dt=0.02"
+    here = f"mount -t tmpfs -o size=200k tmpfs disk || exit; {run}; echo $? > code; cp -r disk/run .; umount disk"
+    command = ["unshare", "--mount", "--propagation", "unchanged", "sh", "-c", here]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    if not (tmp_path / "code").exists():
+        pytest.skip("no file system can be mounted here")
+    assert (tmp_path / "code").read_text() == "1\n"
+    manifest = RunDirectory(tmp_path / "run").manifest
+    assert manifest["status"] == "failed" and "No space left on device" in manifest["cause"] in done.stderr
+    assert RunDirectory(tmp_path / "run").gauges()[0].t.size > 100
+    assert "could not all be drawn" in done.stdout
+    assert not list((tmp_path / "run").glob(".*"))
+
+
+def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatch, capsys):
+    def full(run):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("postprocess.figures.draw_run", full)
+    assert main(["run", CASE, *SHORT, "--out", str(tmp_path / "run")]) == 0
+    assert "could not all be drawn: No space left on device" in capsys.readouterr().out
+    assert RunDirectory(tmp_path / "run").status == "finished"
+
+
+# ---------------------------------------------------------------- what is printed
+@pytest.mark.parametrize("output", ["> /dev/full", "| head -n 1", ">&-"])
+def test_a_run_goes_on_whatever_becomes_of_its_output(tmp_path, output):
+    run = f"{sys.executable} -m wavetank run {CASE} --no-plots --out {tmp_path}/run {' '.join(SHORT)}"
+    command = ["bash", "-o", "pipefail", "-c", f"{run} {output}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert RunDirectory(tmp_path / "run").status == "finished"
+    said = (tmp_path / "run" / LOG).read_text()
+    assert "490 unknowns" in said and "iterations a step" in said and said.endswith("finished\n")
+
+
+def test_a_reader_that_stands_still_is_not_waited_for():
+    reading, writing = os.pipe()
+    with open(reading, "rb") as reader, open(writing, "w") as stream:
+        output = Unhurried(stream)
+        console = Console(file=output, soft_wrap=True)
+        for n in range(3000):  # more than a pipe holds
+            console.print(f"{n} " + "x" * 100)
+        first = reader.readline()
+        rest = iter(reader.readline, f"2999 {'x' * 100}\n".encode())
+        assert first.startswith(b"0 ") and sum(1 for _ in rest) == 2998
+        output.drain()
+
+
+def test_what_is_said_before_the_directory_is_there_is_in_its_log(tmp_path):
+    from wavetank.run_log import RunLog
+
+    said = StringIO()
+    log = RunLog(Console(file=said))
+    log.say("measuring [/b]")
+    log.open(tmp_path / LOG)
+    log.note("t = 1 s")
+    log.close()
+    assert said.getvalue() == "measuring [/b]\n"
+    assert (tmp_path / LOG).read_text() == "measuring [/b]\nt = 1 s\n"

@@ -1,0 +1,53 @@
+"""What a run says: on the console, and in its directory as plain text."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TextIO
+
+from rich.console import Console
+
+
+class RunLog:
+    """Lines for the console and, from its opening on, a file that has the earlier ones, too; on rank 0 alone.
+
+    A file that cannot be written loses its lines, and nothing else: the run's records tell of it.
+
+    Attributes
+    ----------
+    console
+        The console.
+    """
+
+    def __init__(self, console: Console):
+        self.console = console
+        self._lines: list[str] = []
+        self._file: TextIO | None = None
+
+    def open(self, path: Path) -> None:
+        """Begin the file with the lines so far."""
+        with suppress(OSError):
+            self._file = path.open("w", encoding="utf-8")
+        self._write("".join(self._lines))
+
+    def say(self, line: str, *, style: str | None = None) -> None:
+        """Print a line, and keep it."""
+        self.console.print(line, style=style, markup=False, highlight=False)
+        self.note(line)
+
+    def note(self, line: str) -> None:
+        """Keep a line in the file alone."""
+        if self._file is None:
+            self._lines.append(f"{line}\n")
+        self._write(f"{line}\n")
+
+    def close(self) -> None:
+        """End the file."""
+        if self._file is not None:
+            with suppress(OSError):
+                self._file.close()
+
+    def _write(self, text: str) -> None:
+        if self._file is not None:
+            with suppress(OSError, ValueError):
+                self._file.write(text)
+                self._file.flush()
