@@ -10,6 +10,7 @@ from wavetank.integrators.discontinuous_verlet import DiscontinuousVerlet, Disco
 from wavetank.integrators.gauss_legendre import GaussLegendre4
 from wavetank.integrators.lobatto import P2N3Q4Lob
 from wavetank.integrators.midpoint import ModifiedMidpoint
+from wavetank.integrators.simpson import Simpson4
 from wavetank.integrators.states import Point, Traces
 from wavetank.integrators.stormer_verlet import StormerVerlet, StormerVerletAdjoint
 from wavetank.integrators.symplectic_euler import SymplecticEuler, SymplecticEulerAdjoint
@@ -27,6 +28,7 @@ __all__ = [
     "ModifiedMidpoint",
     "P2N3Q4Lob",
     "Point",
+    "Simpson4",
     "StormerVerlet",
     "StormerVerletAdjoint",
     "SuzukiVerlet",

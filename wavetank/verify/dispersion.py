@@ -19,12 +19,15 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from wavetank.hamiltonian.oscillators import Harmonic
-from wavetank.integrators import ThirdOrder
+from wavetank.integrators import Simpson4, ThirdOrder
 from wavetank.verify import symbolic
 from wavetank.verify.report import Report
-from wavetank.verify.schemes import Scheme, all_schemes, amplification, third_order
+from wavetank.verify.schemes import Scheme, all_schemes, amplification, simpson, third_order
 
 Array = NDArray[Any]
+
+
+NO_SERIES = ("suzuki-verlet", "simpson-4")  # cube roots of 4; eight numbers a state: ``mean_jump.py`` has its series
 
 
 class Families(NamedTuple):
@@ -106,9 +109,9 @@ class ErrorRow(NamedTuple):
 def error_rows() -> list[ErrorRow]:
     """Return the leading errors of all schemes; measured at omega dt = 0.1."""
     rows = []
-    for scheme in all_schemes():
+    for scheme in (*all_schemes(), simpson()):
         size, power = scheme.integrator.frequency_error
-        by_series = scheme.integrator.name != "suzuki-verlet"  # its cube roots of 4 are too much for the series
+        by_series = scheme.integrator.name not in NO_SERIES
         coefficient = str(leading_error(scheme)[0]) if by_series else ""
         rows.append(ErrorRow(scheme.label, coefficient, power, size, (frequency(scheme, 0.1) / 0.1 - 1) / 0.1**power))
     return rows
@@ -171,6 +174,9 @@ def write(report: Report) -> None:
         _draw_families(left, theta, formula, found)
         right.plot(theta, theta - verlet, "--", color="#d55e00", label="Störmer-Verlet")
         right.plot(theta, theta - formula.physical_29, color="#0072b2", label="third order (23)")
+        damped = theta[theta < Simpson4.stability_limit]
+        turned = [frequency(simpson(), value) for value in damped]
+        right.plot(damped, damped - turned, ":", color="#009e73", lw=2, label="the same, jumps damped")
         right.set(xlabel="ω Δt [-]", ylabel="(ω - ω̂) Δt [-]", title="Difference from the exact frequency (Fig. 6)")
         right.legend()
     report.table("starts", StartRow._fields, start_rows())

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stages, Vector
 from wavetank.hamiltonian.oscillators import Forced
-from wavetank.integrators import StormerVerlet, StormerVerletAdjoint, ThirdOrder
+from wavetank.integrators import Simpson4, StormerVerlet, StormerVerletAdjoint, ThirdOrder
 from wavetank.integrators.contract import Integrator
 from wavetank.verify.report import Report
 
@@ -59,7 +59,7 @@ class Choice(NamedTuple):
 
 
 def choices() -> list[Choice]:
-    """Return (57) and (14) with four choices of t*, t**, and (23) with four of its three times."""
+    """Return (57) and (14) with four choices of t*, t**, and (23), jumps damped or not, with four of its three."""
     verlet = {
         "left, right: the quadrature rule's": {0.0: 0.0, 1.0: 1.0},
         "both in the middle": {0.0: 0.5, 1.0: 0.5},
@@ -76,6 +76,7 @@ def choices() -> list[Choice]:
         ("Störmer-Verlet, adjoint (57)", StormerVerletAdjoint(), verlet),
         ("Störmer-Verlet (14)", StormerVerlet(), verlet),
         ("third order (23)", ThirdOrder(), third),
+        ("Simpson 4", Simpson4(), third),
     ]
     return [Choice(label, scheme, times, name) for label, scheme, table in schemes for name, times in table.items()]
 
@@ -126,9 +127,9 @@ def rows() -> list[Row]:
 def write(report: Report) -> None:
     """Write forcing.csv and forcing.png."""
     report.table("forcing", Row._fields, rows())
-    with report.figure("forcing", 11, 7) as figure:
-        axes = figure.subplots(2, 2)
-        groups = ("Störmer-Verlet, adjoint (57)", "third order (23)")
+    with report.figure("forcing", 15, 7) as figure:
+        axes = figure.subplots(2, 3)
+        groups = ("Störmer-Verlet, adjoint (57)", "third order (23)", "Simpson 4")
         for column, label in zip(axes.T, groups, strict=True):
             for choice, colour in zip(
                 [one for one in choices() if one.scheme == label],

@@ -5,6 +5,7 @@ from pathlib import Path
 from rich.console import Console
 
 from wavetank.verify import (
+    damped_jumps,
     damping,
     dispersion,
     forcing,
@@ -29,6 +30,7 @@ PARTS = (
     forcing,
     work_precision,
     parasitic,
+    damped_jumps,
 )
 
 

@@ -17,6 +17,7 @@ from wavetank.verify.schemes import (
     discontinuous,
     discontinuous_adjoint,
     largest_error,
+    simpson,
     third_order,
     trajectory,
 )
@@ -43,7 +44,7 @@ def order(scheme: Scheme, system: Any) -> float:
 def scheme_rows() -> list[SchemeRow]:
     """Return all schemes with their measured orders, and their cost on the non-separable system at dt = 0.1."""
     rows = []
-    for scheme in all_schemes():
+    for scheme in (*all_schemes(), simpson()):
         counted = Counted(NonSeparable())
         trajectory(scheme, counted, q=0.3, p=0.1, dt=0.1, steps=80)
         found = order(scheme, Harmonic(1.3)), order(scheme, NonSeparable())

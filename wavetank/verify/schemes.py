@@ -1,6 +1,6 @@
 """The schemes that are compared, each with the way its state is written as a plain vector."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from wavetank.integrators import (
     ModifiedMidpoint,
     P2N3Q4Lob,
     Point,
+    Simpson4,
     StormerVerlet,
     StormerVerletAdjoint,
     SuzukiVerlet,
@@ -25,6 +26,7 @@ from wavetank.integrators import (
 )
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.discontinuous_verlet import JumpInP, JumpInQ
+from wavetank.integrators.simpson import MeanAndJumps
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ class Scheme:
         Turns time round: z -> reverse z, shape (width, width).
     traces
         Where q⁻, q⁺, p⁻ and p⁺ stand in z.
+    parts
+        The arrays of shape (1,) of a state, as far as they are in z; by default its fields.
     """
 
     label: str
@@ -56,6 +60,7 @@ class Scheme:
     form: NDArray[Any]
     reverse: NDArray[Any]
     traces: tuple[int, int, int, int]
+    parts: Callable[[Any], Sequence[Vector]] = tuple
 
     def start(self, q: float, p: float) -> Any:
         """Return the state of a smooth start."""
@@ -63,7 +68,7 @@ class Scheme:
 
     def vector(self, state: Any) -> Vector:
         """Return a state as a vector, shape (width,)."""
-        return np.concatenate(state[: self.width])
+        return np.concatenate(self.parts(state)[: self.width])
 
     def step(self, system: HamiltonianSystem, z: Vector, t: float, dt: float) -> Vector:
         """Return the vector of the state at t + dt."""
@@ -114,6 +119,25 @@ def third_order(alpha: float = 0.5) -> Scheme:
     form = two_form(4, (0, 3, 1 - alpha), (1, 2, alpha))
     reverse = np.array([[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, -1], [0, 0, -1, 0]], dtype=float)
     return Scheme(label, ThirdOrder(alpha), 4, Traces, form, reverse, (0, 1, 2, 3))
+
+
+def simpson(integrator: Simpson4 | None = None) -> Scheme:
+    """Return (23) in mean and jump, its jumps damped, its state (q, p) and three jumps of both, the newest first.
+
+    Without damping it keeps dq ^ dp - 1/4 d(jump of q) ^ d(jump of p), which is (37).
+    """
+
+    def state(*values: Vector) -> MeanAndJumps:
+        mean, *jumps = (np.concatenate(values[i : i + 2]) for i in range(0, 8, 2))
+        return MeanAndJumps(mean, (jumps[0], jumps[1], jumps[2]))
+
+    def parts(state: MeanAndJumps) -> list[Vector]:
+        return [state.mean, *state.jumps]
+
+    form, reverse = two_form(8, (0, 1, 1.0), (2, 3, -0.25)), np.diag([1.0, -1.0, -1.0, 1.0] + 4 * [0.0])
+    scheme = integrator or Simpson4()
+    label = "Simpson 4" if scheme.kappa else "Simpson 4, jumps not damped"
+    return Scheme(label, scheme, 8, state, form, reverse, (0, 0, 1, 1), parts)
 
 
 def discontinuous(alpha: float) -> Scheme:

@@ -21,7 +21,7 @@ from wavetank.hamiltonian.oscillators import Harmonic
 from wavetank.integrators import ThirdOrder
 from wavetank.verify import symbolic
 from wavetank.verify.report import Report
-from wavetank.verify.schemes import Scheme, all_schemes, amplification, third_order
+from wavetank.verify.schemes import Scheme, all_schemes, amplification, simpson, third_order
 
 PRINTED_LIMIT = 1.757  # of (23), section 4.1.1
 GROWTH = 1e-6  # what a modulus must exceed one by to count: a double eigenvalue is known to sqrt(eps) = 1e-8 only
@@ -62,7 +62,7 @@ def limit_rows() -> list[LimitRow]:
     paper = {"third order (23)": "1.757", "P2N3Q4Lob": "2 sqrt(2), of [22]"}
     return [
         LimitRow(scheme.label, limit(scheme), scheme.integrator.stability_limit, paper.get(scheme.label, ""))
-        for scheme in all_schemes()
+        for scheme in (*all_schemes(), simpson())
     ]
 
 
@@ -105,11 +105,12 @@ def write(report: Report) -> None:
     _write_map(report)
     thetas = np.arange(0.005, 6.0, 0.005)
     schemes = [scheme for scheme in all_schemes() if scheme.integrator.name in ("third-order", "p2n3q4lob")]
+    schemes.insert(1, simpson())
     moduli = [_moduli(scheme, thetas) for scheme in schemes]
     columns = [f"{scheme.label}: modulus {i + 1}" for scheme in schemes for i in range(scheme.width)]
     report.table("figure-5", ("omega_dt", *columns), np.column_stack([thetas, *moduli]))
-    with report.figure("figure-5", 9, 6.5) as figure:
-        panels = figure.subplots(2, 1, sharex=True)
+    with report.figure("figure-5", 9, 9) as figure:
+        panels = figure.subplots(3, 1, sharex=True)
         for axes, scheme, values in zip(panels, schemes, moduli, strict=True):
             _draw_moduli(axes, thetas, values, scheme)
         panels[-1].set_xlabel("ω Δt [-]")

@@ -14,7 +14,7 @@ from wavetank.hamiltonian.stage_solver import SnesStages
 from wavetank.integrators import GaussLegendre4
 from wavetank.reference.airy import angular_frequency
 from wavetank.verify.report import Report
-from wavetank.verify.schemes import Scheme, all_schemes, amplification, trajectory
+from wavetank.verify.schemes import Scheme, all_schemes, amplification, simpson, trajectory
 from wavetank.water.plan_view import Slice
 from wavetank.water.walls import FixedWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
@@ -64,7 +64,7 @@ def oscillator_rows() -> list[Row]:
     """Return both oscillators with every scheme at three steps; implicit stages are iterated on both, to 1e-10."""
     linear = Harmonic(stages=SnesStages.serial(1, tolerance=1e-10))
     rows = []
-    for scheme in all_schemes():
+    for scheme in (*all_schemes(), simpson()):
         for factor in FACTORS:
             steps = round(factor * COARSEST[scheme.integrator.order])
             rows.append(run_linear(linear, scheme, steps))
@@ -99,7 +99,7 @@ def tank_rows() -> list[Row]:
     """Return the tank with every stable scheme of second order or more; errors against Gauss-Legendre, 120 steps."""
     reference, _ = Tank().run(GaussLegendre4(), REFERENCE_STEPS)
     rows = []
-    for scheme in all_schemes():
+    for scheme in (*all_schemes(), simpson()):
         for steps in TANK_STEPS:
             tank = Tank()
             stable = tank.waves.largest_frequency * tank.period / steps < scheme.integrator.stability_limit
@@ -137,4 +137,4 @@ def write(report: Report) -> None:
 def _draw(axes: Axes, rows: Sequence[Row], n: int) -> None:
     if rows:
         evaluations, errors = [row.evaluations for row in rows], [row.error for row in rows]
-        axes.loglog(evaluations, errors, f"{'osD^v<>Pd'[n]}-", color=f"C{n}", ms=5, label=rows[0].scheme)
+        axes.loglog(evaluations, errors, f"{'osD^v<>PdX'[n]}-", color=f"C{n}", ms=5, label=rows[0].scheme)

@@ -1,0 +1,308 @@
+"""Part 11: the parasitic modes of (23) damped, against other cures; what the damping costs.
+
+Eigenvalues on the oscillator for differences of order m and strengths kappa; strongly nonlinear orbits of
+H = (q² + 1)(p² + 1) / 2 on which (23) fails; the energy of a mild one over many periods. All orbits of a figure are
+stepped at once, as one vector.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import comb
+from typing import Any, NamedTuple
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.oscillators import LinearStages, NonSeparable
+from wavetank.integrators import GaussLegendre4, Simpson4, ThirdOrder
+from wavetank.integrators.contract import Integrator
+from wavetank.verify.report import Report
+
+ORBITS = ((0.5, 0.25), (1.0, 0.5), (1.2, 0.5), (1.5, 0.5))
+STEPS = (24, 48)  # a period
+PERIODS = 50
+MILD = (0.5, 0.25)
+MILD_STEPS, MILD_PERIODS = (12, 16, 24, 32), 500
+
+
+# ---------------------------------------------------------------- the oscillator
+def matrix(theta: float, kappa: float, m: int) -> NDArray[Any]:
+    """Return the step of dz/dt = i z, omega dt = theta, on (z, d_n, ..., d_n-m+1), shape (m + 1, m + 1), m from 1."""
+    columns = []
+    for z, d, *earlier in np.eye(m + 1):
+        plus = z + d / 2
+        half = (z - d / 4 + 0.25j * theta * plus) / (1 - 0.25j * theta)
+        f_0, f_half, f_1 = 1j * theta * plus, 1j * theta * half, 1j * theta * (plus + 1j * theta * half)
+        jumps = [-d + (f_0 - 2 * f_half + f_1) / 3, d, *earlier]
+        alternating = sum((-1) ** k * comb(m, k) * jump for k, jump in enumerate(jumps)) / 2**m
+        columns.append([z + (f_0 + 4 * f_half + f_1) / 6, jumps[0] - kappa * alternating, *jumps[1:-1]])
+    return np.array(columns).T
+
+
+class Roots(NamedTuple):
+    """Moduli of the roots on the oscillator: that of the motion, and the largest of the others."""
+
+    physical: float
+    parasitic: float
+
+
+def roots(theta: float, kappa: float, m: int) -> Roots:
+    """Return the moduli; the motion's root is the one next to exp(i theta)."""
+    values = np.linalg.eigvals(matrix(theta, kappa, m))
+    physical = int(np.argmin(np.abs(values - np.exp(1j * theta))))
+    return Roots(float(np.abs(values[physical])), float(np.delete(np.abs(values), physical).max()))
+
+
+def limit(kappa: float, m: int, *, growth: float = 1e-9) -> float:
+    """Return the smallest omega dt with a modulus above 1 + growth, to 1e-10."""
+    thetas = np.arange(0.01, 2.0, 0.01).tolist()
+    high = next(theta for theta in thetas if max(roots(theta, kappa, m)) > 1 + growth)
+    low = high - 0.01
+    while high - low > 1e-11:
+        middle = (low + high) / 2
+        low, high = (low, middle) if max(roots(middle, kappa, m)) > 1 + growth else (middle, high)
+    return float(low)
+
+
+class LimitRow(NamedTuple):
+    """A difference of order m and a strength: the limit of omega dt, and the roots well below it."""
+
+    m: int
+    kappa: float
+    limit: float
+    physical_at_0_8: float
+    parasitic_at_0_8: float
+    physical_at_1_2: float
+    parasitic_at_1_2: float
+
+
+def limit_rows() -> list[LimitRow]:
+    """Return m = 1 to 4 with strengths from 0.02 to 0.5; moduli less 1 of the motion, as they are of the others."""
+    rows = []
+    for m in (1, 2, 3, 4):
+        for kappa in (0.02, 0.05, 0.1, 0.2, 0.5):
+            mild, long = roots(0.8, kappa, m), roots(1.2, kappa, m)
+            moduli = (mild.physical - 1, mild.parasitic, long.physical - 1, long.parasitic)
+            rows.append(LimitRow(m, kappa, limit(kappa, m), *moduli))
+    return rows
+
+
+# ---------------------------------------------------------------- the cures
+Settle = Callable[[Sequence[Vector], Vector, int], Vector]  # jumps, smooth jump, number of the step: the new jump
+
+
+@dataclass(frozen=True)
+class Cured(Simpson4):
+    """(23) in mean and jump with another rule for the jumps."""
+
+    rule: Settle = lambda jumps, smooth, n: jumps[0]
+    _count: list[int] = field(default_factory=list, compare=False)
+
+    def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
+        """Return the new jump by the rule."""
+        self._count.append(0)
+        return self.rule(jumps, smooth, len(self._count))
+
+
+def difference(kappa: float, m: int) -> Settle:
+    """Return the rule that takes kappa of what alternates, by the difference of order m <= 3."""
+
+    def rule(jumps: Sequence[Vector], smooth: Vector, n: int) -> Vector:
+        signs = ((-1) ** k * comb(m, k) * jump for k, jump in enumerate(jumps[: m + 1]))
+        return np.asarray(jumps[0] - kappa / 2**m * sum(signs))
+
+    return rule
+
+
+def at_intervals(every: int, value: Callable[[Vector], Vector]) -> Settle:
+    """Return the rule that puts a value in the place of the jump at intervals."""
+    return lambda jumps, smooth, n: value(smooth) if n % every == 0 else jumps[0]
+
+
+def towards(kappa: float) -> Settle:
+    """Return the rule that takes kappa of the difference from the smooth jump."""
+    return lambda jumps, smooth, n: np.asarray(jumps[0] + kappa * (smooth - jumps[0]))
+
+
+def beyond(factor: float) -> Settle:
+    """Return the rule that takes the smooth jump where the difference from it passes a multiple of its size."""
+
+    def rule(jumps: Sequence[Vector], smooth: Vector, n: int) -> Vector:
+        off, size = (np.hypot(*np.split(one, 2)) for one in (jumps[0] - smooth, smooth))
+        return np.where(np.tile(off > factor * size, 2), smooth, jumps[0])
+
+    return rule
+
+
+def cures() -> dict[str, Integrator[Any]]:
+    """Return what is compared, by name."""
+    return {
+        "(23), plus trace": ThirdOrder(),
+        "(23), mean": Cured(),
+        **{f"third difference, κ = {kappa:g}": Simpson4(kappa) for kappa in (0.02, 0.05, 0.1, 0.2)},
+        "second difference, κ = 0.1": Cured(rule=difference(0.1, 2)),
+        "first difference, κ = 0.1": Cured(rule=difference(0.1, 1)),
+        "towards the smooth jump, κ = 0.05": Cured(rule=towards(0.05)),
+        "smooth jump every 20 steps": Cured(rule=at_intervals(20, lambda smooth: smooth)),
+        "smooth jump every 200 steps": Cured(rule=at_intervals(200, lambda smooth: smooth)),
+        "restart every 200 steps": Cured(rule=at_intervals(200, lambda smooth: 0 * smooth)),
+        "smooth jump beyond 3 times it": Cured(rule=beyond(3.0)),
+        "Gauss-Legendre 4": GaussLegendre4(),
+    }
+
+
+class FixedPoint:
+    """Solves stages of many oscillators at once by iteration to round-off."""
+
+    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+        """Return z with residual(z) = 0, shape (n,); an orbit that has left all bounds is left alone."""
+        z = start
+        for _ in range(60):
+            step = residual(z)
+            z = z - step
+            if not np.nanmax(np.abs(step) / (1 + np.abs(z))) > 1e-15:
+                break
+        return z
+
+
+class Orbits:
+    """Orbits of H = (q² + 1)(p² + 1) / 2 side by side, each in its own time: a period lasts 1.
+
+    Parameters
+    ----------
+    starts
+        (q, p) of each.
+    """
+
+    def __init__(self, starts: Sequence[tuple[float, float]]):
+        self._system = NonSeparable()
+        self.q, self.p = (np.array(values) for values in zip(*starts, strict=True))
+        self._rate = np.array([self._system.period(q, p) for q, p in starts])
+        self.stages = LinearStages(pair=FixedPoint())
+
+    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return q (p² + 1) in the orbits' own times."""
+        return self._rate * self._system.H_q(q, p, t)
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return p (q² + 1) in the orbits' own times."""
+        return self._rate * self._system.H_p(q, p, t)
+
+    def energy(self, q: Vector, p: Vector, t: float) -> float:
+        """Return the sum of the energies."""
+        return float(self.energies(q, p).sum())
+
+    def energies(self, q: Vector, p: Vector) -> Vector:
+        """Return each orbit's H."""
+        return np.asarray(0.5 * (q**2 + 1) * (p**2 + 1))
+
+    def errors(self, integrator: Integrator[Any], *, dt: float, steps: int) -> Vector:
+        """Return the relative error of each energy after each step, shape (steps, orbits); inf once it is lost."""
+        start, state = self.energies(self.q, self.p), integrator.start(self.q, self.p)
+        rows = np.full((steps, self.q.size), np.inf)
+        with np.errstate(all="ignore"):
+            for n in range(steps):
+                state = integrator.step(self, state, n * dt, dt)
+                rows[n] = self.energies(state.q, state.p) / start - 1
+                if not np.isfinite(rows[n]).any():
+                    break
+        return np.nan_to_num(rows, nan=np.inf, posinf=np.inf)
+
+
+class CureRow(NamedTuple):
+    """A cure on an orbit: the largest relative error of the energy, and its mean change a period."""
+
+    cure: str
+    q: float
+    p: float
+    steps_per_period: int
+    largest_error: float
+    drift_per_period: float
+
+
+def cure_rows() -> list[CureRow]:
+    """Return all cures on ``ORBITS`` over ``PERIODS``."""
+    rows = []
+    for steps in STEPS:
+        for name, integrator in cures().items():
+            errors = Orbits(ORBITS).errors(integrator, dt=1 / steps, steps=PERIODS * steps)
+            rows += [
+                CureRow(name, q, p, steps, float(np.abs(error).max()), drift(error, steps))
+                for (q, p), error in zip(ORBITS, errors.T, strict=True)
+            ]
+    return rows
+
+
+def drift(error: Vector, steps: int) -> float:
+    """Return the change a period between the means over the first and the last tenth of the periods."""
+    means = error[: error.size // steps * steps].reshape(-1, steps).mean(axis=1)
+    part = max(1, means.size // 10)
+    return float((means[-part:].mean() - means[:part].mean()) / (means.size - part))
+
+
+class DriftRow(NamedTuple):
+    """The mild orbit: its step as omega dt, and the relative change of its energy a period."""
+
+    scheme: str
+    omega_dt: float
+    largest_error: float
+    drift_per_period: float
+
+
+def drift_rows(periods: int = MILD_PERIODS) -> list[DriftRow]:
+    """Return (23), the scheme with damped jumps and Gauss-Legendre over that many periods of ``MILD``."""
+    schemes: tuple[Integrator[Any], ...] = (Cured(), Simpson4(), GaussLegendre4())
+    labels = ("(23), mean", "jumps damped", "Gauss-Legendre 4")
+    rows = []
+    for label, scheme in zip(labels, schemes, strict=True):
+        for steps in MILD_STEPS:
+            error = Orbits([MILD]).errors(scheme, dt=1 / steps, steps=periods * steps)[:, 0]
+            rows.append(DriftRow(label, 2 * np.pi / steps, float(np.abs(error).max()), drift(error, steps)))
+    return rows
+
+
+# ---------------------------------------------------------------- tables and pictures
+def write(report: Report) -> None:
+    """Write damped-jumps-limits.csv, -cures.csv, -drift.csv and damped-jumps-roots.png, -cures.png."""
+    report.table("damped-jumps-limits", LimitRow._fields, limit_rows())
+    rows = cure_rows()
+    report.table("damped-jumps-cures", CureRow._fields, rows)
+    report.table("damped-jumps-drift", DriftRow._fields, drift_rows())
+    with report.figure("damped-jumps-roots", 11, 4.6) as figure:
+        _draw_roots(*figure.subplots(1, 2))
+    with report.figure("damped-jumps-cures", 11, 5.5) as figure:
+        _draw_cures(figure.subplots(1, 2, sharey=True), rows)
+
+
+def _draw_roots(left: Axes, right: Axes) -> None:
+    theta = np.arange(0.005, 1.8, 0.005)
+    orders = {1: "first difference", 2: "second", 3: "third", 4: "fourth"}
+    kinds = {(0.0, 3): "(23) as it is", **{(0.1, m): name for m, name in orders.items()}}
+    for (kappa, m), label in kinds.items():
+        moduli = np.array([roots(value, kappa, m) for value in theta.tolist()])
+        style = "k--" if kappa == 0 else f"C{m}-"
+        left.plot(theta, moduli[:, 1], style, label=label)
+        if kappa:
+            right.semilogy(theta, np.abs(moduli[:, 0] - 1), style, label=label)
+    right.semilogy(theta, 0.1 / (1536 * 7.9) * theta**10, "k:", label="κ (ωΔt)¹⁰ / (1536 (8 - κ))")
+    left.set(xlabel="ω Δt [-]", ylabel="largest modulus of a parasitic root [-]", ylim=(0.85, 1.1), title="κ = 0.1")
+    right.set(xlabel="ω Δt [-]", ylabel="what a step takes from the motion, | |λ| - 1 |", ylim=(1e-14, 1e-1))
+    right.set_title("κ = 0.1")
+    left.legend()
+    right.legend()
+
+
+def _draw_cures(panels: NDArray[Any], rows: Sequence[CureRow]) -> None:
+    names = list(cures())[::-1]
+    for axes, (q, p) in zip(panels, ((1.0, 0.5), (1.5, 0.5)), strict=True):
+        for steps, colour, marker in zip(STEPS, ("#d55e00", "#0072b2"), "os", strict=True):
+            orbit = [row for row in rows if (row.q, row.p, row.steps_per_period) == (q, p, steps)]
+            found = {row.cure: row.largest_error for row in orbit}
+            values = [found[name] for name in names]
+            axes.semilogx(values, range(len(names)), marker, color=colour, label=f"{steps} steps a period")
+        axes.set(xlabel=f"largest relative error of H in {PERIODS} periods")
+        axes.set_title(f"orbit through q = {q:g}, p = {p:g}")
+    panels[0].set_yticks(range(len(names)), names)
+    panels[0].legend(loc="upper left", fontsize=8)
