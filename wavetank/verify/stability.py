@@ -125,7 +125,8 @@ def _draw_moduli(axes: Axes, thetas: NDArray[Any], values: NDArray[Any], scheme:
     axes.fill_between(thetas, 0, 3, where=stable.tolist(), color="#9a9a9a", alpha=0.25, lw=0, label="stable")
     axes.plot(thetas, values, color="#0072b2", label=["|λ|", *[None] * (values.shape[1] - 1)])
     axes.axhline(1, ls=":", color="#d55e00")
-    axes.set(ylim=(0, 3), ylabel="modulus |λ| [-]", title=f"{scheme.label}: stable below ω Δt = {limit(scheme):.6f}")
+    axes.set(ylim=(0, 3), ylabel="modulus |λ| [-]")
+    axes.set_title(f"{scheme.label}: stable below ω Δt = {scheme.integrator.stability_limit:.6f}")
     axes.legend(loc="upper left")
 
 
