@@ -37,10 +37,16 @@ CODE = pytest.mark.parametrize("code", [FORM, KERNEL], ids=["form", "kernel"])
 def world(tmp_path):
     """Return the environment of a fresh user, whose compiler writes a line in ``compiled`` each time it runs."""
     compiler = tmp_path / "cc"
-    compiler.write_text(f'#!/bin/sh\necho "$*" >>{tmp_path}/compiled\n[ -z "$SLOW" ] || sleep 300\nexec gcc "$@"\n')
+    compiler.write_text(f'#!/bin/sh\necho "$*" >>{tmp_path}/compiled\nsleep $SLOW\nexec gcc "$@"\n')
     compiler.chmod(0o755)
     (tmp_path / "tmp").mkdir()
-    return {**os.environ, "XDG_CACHE_HOME": f"{tmp_path}/cache", "TMPDIR": f"{tmp_path}/tmp", "CC": str(compiler)}
+    return {
+        **os.environ,
+        "XDG_CACHE_HOME": f"{tmp_path}/cache",
+        "TMPDIR": f"{tmp_path}/tmp",
+        "CC": str(compiler),
+        "SLOW": "0",
+    }
 
 
 def start(code, world, *, ranks=1, **variables):
@@ -61,7 +67,7 @@ def compilations(folder: Path) -> int:
 
 @CODE
 def test_who_is_killed_while_compiling_hinders_nobody(code, world, tmp_path):
-    killed = start(code, world, SLOW="yes")
+    killed = start(code, world, SLOW="300")
     while not (tmp_path / "compiled").exists():
         assert killed.poll() is None
         sleep(0.05)
@@ -77,7 +83,7 @@ def test_who_is_killed_while_compiling_hinders_nobody(code, world, tmp_path):
 
 @CODE
 def test_two_at_once_and_a_later_one_compile_once(code, world, tmp_path):
-    both = [start(code, world) for _ in range(2)]
+    both = [start(code, world, SLOW="2") for _ in range(2)]
     for one in both:
         out, err = one.communicate()
         assert out == "1.0\n", err

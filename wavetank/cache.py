@@ -46,7 +46,7 @@ def writable(part: str = "") -> Path:
             f"nothing can be kept in {usual()} ({reason}), nor in {temporary} ({error.strerror}); "
             f"{VARIABLE} must name a folder that can be written."
         ) from None
-    _warn(
+    warn(
         f"nothing can be kept in {usual()} ({reason}); {temporary} is used, which may not last: "
         f"set {VARIABLE} to a folder that can be written."
     )
@@ -75,6 +75,6 @@ def _is_ours(folder: Path) -> bool:
 
 
 @cache
-def _warn(sentence: str) -> None:
+def warn(sentence: str) -> None:
     """Say a sentence, once."""
     logging.getLogger("wavetank").warning("wavetank: %s", sentence)

@@ -358,7 +358,7 @@ def find(name: str, file: str) -> Path:
     """Return the path of a data set's file; raise ``InputError`` that says where it was looked for."""
     places = [folder / name / file for folder in folders()]
     for place in places:
-        if place.is_file():
+        if os.path.isfile(place):  # Path.is_file fails where a folder cannot be entered
             return place
     looked = ", ".join(str(place) for place in places)
     raise InputError(f"data:{name}/{file} is not in any of: {looked}; {_remedy(name, file)}.")

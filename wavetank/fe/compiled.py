@@ -17,7 +17,7 @@ from tempfile import mkdtemp
 
 from mpi4py import MPI
 
-from wavetank.cache import places, writable
+from wavetank.cache import places, warn, writable
 from wavetank.errors import WavetankError
 from wavetank.fe.agreed import agreed
 
@@ -61,7 +61,7 @@ def _python() -> list[str]:
 def _kept(name: str, build: Callable[[Path], object]) -> Path:
     """Return the folder where a piece is kept, built if it is not."""
     for folder in places(PART):
-        if (folder / name).is_dir():
+        if os.path.isdir(folder / name):  # Path.is_dir fails where a folder cannot be entered
             return folder / name
     return _built(writable(PART) / name, build)
 
@@ -69,7 +69,11 @@ def _kept(name: str, build: Callable[[Path], object]) -> Path:
 def _built(kept: Path, build: Callable[[Path], object]) -> Path:
     lock = kept.with_suffix(".lock")
     with lock.open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            warn(f"another process compiles in {kept.parent} what is needed here: waiting for it.")
+            fcntl.flock(file, fcntl.LOCK_EX)
         if not kept.is_dir():
             for left in kept.parent.glob(f"{kept.name}.part-*"):  # by a process that was killed: it would have the lock
                 shutil.rmtree(left, ignore_errors=True)
