@@ -91,6 +91,21 @@ def test_two_at_once_and_a_later_one_compile_once(code, world, tmp_path):
     assert compilations(tmp_path) == 1
 
 
+def test_who_waits_for_another_s_compiler_says_so(world, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", world["XDG_CACHE_HOME"])
+    others = []
+
+    def build(folder):
+        wanted = 'compiled(MPI.COMM_SELF, "code", build=None)'
+        others.append(
+            start(f"from mpi4py import MPI; from wavetank.fe.compiled import compiled; print({wanted})", world)
+        )
+        assert "what is needed here: waiting for it." in others[0].stderr.readline()
+
+    kept = compiled.compiled(MPI.COMM_SELF, "code", build=build)
+    assert others[0].communicate()[0] == f"{kept}\n"
+
+
 def test_a_cache_that_cannot_be_written_is_replaced_with_a_word(world, tmp_path):
     (tmp_path / "file").touch()  # where root cannot write either
     world["HOME"] = f"{tmp_path}/file"
