@@ -13,12 +13,13 @@ from wavetank.build import Records, Waves, build_observers, build_run, build_wat
 from wavetank.errors import RunError
 from wavetank.fe.agreed import on_first
 from wavetank.memory import peak_memory
-from wavetank.observers.contract import Observer
+from wavetank.observers.contract import Judge, Observer
 from wavetank.observers.energy import columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar
 from wavetank.observers.record import Discard, Kept, Record, RecordCheck
 from wavetank.observers.surface import SurfaceRecord
+from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import planned
 from wavetank.run import Run
 from wavetank.run_log import RunLog
@@ -91,12 +92,17 @@ def record_run(
     with ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
-        asked, scene = scene, planned(scene, comm, log.say)
+        asked, (scene, doubts) = scene, planned(scene, comm)
         run, waves = build_run(scene, comm)
+        for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
+            warnings.add(doubt)
         built, busy = time.monotonic(), time.process_time()
         _observe(run, scene, waves, writer, warnings)
 
         def note() -> None:
+            for judge in (one for one in run.observers if isinstance(one, Judge)):
+                for sentence in judge.verdict():
+                    warnings.add(sentence)
             figures = _figures(run, waves) | _usage(comm, began=began, built=built, busy=busy)
             if writer is not None:
                 writer.note(figures)
@@ -109,7 +115,7 @@ def record_run(
             for line in (summary(scene, run, waves), told_of_bed(scene, waves)):
                 if line:
                     log.say(line)
-            with writer or nullcontext(), _progress(scene, waves, log) as bar:
+            with writer or nullcontext(), _progress(run, waves, log) as bar:
                 run.observers += [interruption, *bar]
                 _execute(run, note)
                 if writer is not None:
@@ -139,8 +145,8 @@ def _tables(scene: Scene, waves: Waves, writer: RunWriter | None) -> tuple[Recor
 def _begin(writer: RunWriter | None, log: RunLog, *, asked: Scene, planned: Scene) -> None:
     """Begin the directory, with what has been planned of the scene that was asked for."""
     if writer is not None:
-        given = {"water", "numerics"}
-        writer.begin({} if planned is asked else {"planned": planned.model_dump(mode="json", include=given)})
+        given, chosen = (one.model_dump(mode="json", include={"water", "numerics"}) for one in (asked, planned))
+        writer.begin({} if chosen == given else {"planned": chosen})
         log.open(writer.path / LOG)
         log.say(f"writing {writer.path}")
 
@@ -165,12 +171,12 @@ def _said(out: Path, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
 
 
 @contextmanager
-def _progress(scene: Scene, waves: Waves, log: RunLog) -> Iterator[list[Observer]]:
+def _progress(run: Run, waves: Waves, log: RunLog) -> Iterator[list[Observer]]:
     """Show progress, on the first rank."""
     if waves.plane.comm.rank:
         yield []
         return
-    with ProgressBar(scene.run.duration, lambda: _cost(waves), log=log) as bar:
+    with ProgressBar(run.clock.end, lambda: _cost(waves), log=log) as bar:
         yield [bar]
 
 

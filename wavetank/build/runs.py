@@ -102,8 +102,9 @@ def summary(scene: Scene, run: Run, waves: Waves) -> str:
     unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
     bound = f" of {limit:g}" if limit < inf else ", stable at any"
     cells = waves.plane.mesh.topology.index_map(waves.plane.mesh.topology.dim).size_global
+    water = "linear water, " if isinstance(waves, LinearWaves) else ""
     return (
-        f"{scene.title or 'untitled'}: {cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
+        f"{scene.title or 'untitled'}: {water}{cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
         f"{unknowns} unknowns; {run.clock.steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
         f"dt omega_max = {run.clock.dt * waves.largest_frequency:.2f}{bound})"
     )

@@ -1,6 +1,6 @@
 """The contract of an observer, and what observers ask of waves."""
 
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
@@ -28,6 +28,14 @@ class Observer(Protocol):
         """Record the moment; collective."""
 
 
+@runtime_checkable
+class Judge(Protocol):
+    """An observer that has something to say of the run when it has ended."""
+
+    def verdict(self) -> list[str]:
+        """Return what readers must know of the run, a sentence each, the same on all ranks; none if all is well."""
+
+
 class ObservedWall(Protocol):
     """What observers ask of a wall: where the reference tank lies in the laboratory."""
 
@@ -43,12 +51,13 @@ class ObservedWaves(Protocol):
 
     Attributes
     ----------
-    plane, depth
-        The horizontal space and the mean still-water depth d [m].
+    plane, depth, gravity
+        The horizontal space, the mean still-water depth d [m] and gravity [m/s²].
     """
 
     plane: Plane
     depth: float
+    gravity: float
 
     @property
     def wall(self) -> ObservedWall:

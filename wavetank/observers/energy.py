@@ -29,6 +29,9 @@ def columns(dimensions: int) -> tuple[str, ...]:
 
 COLUMNS = columns(1)
 
+ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
+TRUE = 0.01  # of the energy: a balance that is farther off is told
+
 ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
     2: (1 / 2, 1 / 2),
     3: (5 / 12, 8 / 12, -1 / 12),
@@ -61,6 +64,7 @@ class EnergyBudget:
         self._waves, self._record, self._sinks = waves, record, sinks
         self._rates: list[float] = []
         self._supplied = self._t = 0.0
+        self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
 
     def observe(self, moment: Moment) -> None:
         """Add to the paddle's work, and append a row where one is due; collective."""
@@ -70,11 +74,21 @@ class EnergyBudget:
         now = self._waves.energies(moment.q, moment.p, moment.t)
         if moment.step == 0:
             self._start = now
+            still = self._waves.gravity * self._waves.depth * self._waves.total_mass(moment.q)
+            self._nothing = ROUNDING * still
         work = self._supplied - (now.wall - self._start.wall)
         dissipated = sum(sink.energy_taken for sink in self._sinks)
         balance = now.total - self._start.total - work + dissipated
+        self._energy, self._off = max(self._energy, now.total + dissipated), max(self._off, abs(balance))
         mass = self._waves.total_mass(moment.q)
         self._record.append([moment.t, now.kinetic, now.potential, now.total, work, dissipated, balance, mass])
+
+    def verdict(self) -> list[str]:
+        """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, dissipated or not."""
+        if self._off <= max(TRUE * self._energy, self._nothing):
+            return []
+        what = "a shorter step or a tighter tolerance is needed"
+        return [f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}"]
 
     def _integrate(self, t: float, rate: float) -> None:
         self._rates = [rate, *self._rates[:3]]

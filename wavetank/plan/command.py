@@ -13,22 +13,23 @@ if TYPE_CHECKING:
     from wavetank.plan.plan import Plan
     from wavetank.scene import Scene
 
-DEFAULT = 1e-2
-
 
 def plan(
     case: Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")],
     accuracy: Annotated[
         float | None,
-        typer.Option(help=f"relative error of the elevation; default: the case's numerics.accuracy, or {DEFAULT:g}"),
+        typer.Option(help="relative error of the elevation; default: the case's numerics.accuracy, or 0.01"),
     ] = None,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
+    calibrate: Annotated[
+        bool, typer.Option("--calibrate", help="measure first, about a minute, what a step costs on this machine")
+    ] = False,
 ) -> None:
     """Say what a case requires, and propose the numerics that reach an accuracy at least cost.
 
     Where numerics.accuracy stands in the case, what is set beside it is kept; else the case's own numerics are judged
-    beside the proposed ones. Of basins and tanks over a bed no plan is made: some steps are run, also under mpirun, and
-    timed.
+    beside the proposed ones. A case that names none is run with the plan. Of basins and tanks over a bed no plan is
+    made: some steps are run, also under mpirun, and timed.
     """
     from wavetank.console import console
     from wavetank.plan.requirements import unplanned
@@ -39,17 +40,18 @@ def plan(
     if why is not None and accuracy is None and scene.numerics.accuracy is None:
         _try(scene, why, terminal)
     else:
-        _plan(scene, scene.title or case.stem, accuracy, terminal)
+        _plan(scene, scene.title or case.stem, accuracy, terminal, calibrate=calibrate)
 
 
 def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     """Say what the case as it stands costs; collective."""
     from mpi4py import MPI
 
+    from wavetank.plan.planned import planned
     from wavetank.plan.trial import trial
 
     terminal.print(f"{why}; timing some steps of this one", highlight=False)
-    seen = trial(scene, MPI.COMM_WORLD)
+    seen = trial(planned(scene, MPI.COMM_WORLD).scene, MPI.COMM_WORLD)
     ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
     for line in (
         seen.summary,
@@ -68,51 +70,65 @@ def _spelt(seconds: float) -> str:
     return f"{seconds:.0f} seconds"
 
 
-def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console") -> None:
+def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console", *, calibrate: bool) -> None:
     """Propose numerics for the accuracy, that of the case, or the default."""
     from mpi4py import MPI
 
     from wavetank.errors import InputError
-    from wavetank.plan.cost_model import cost_model
+    from wavetank.plan.cost_model import known_costs, measured_costs
+    from wavetank.plan.defaults import DEFAULT
     from wavetank.plan.plan import make_plan
+    from wavetank.plan.planned import default_plan
 
     if MPI.COMM_WORLD.size > 1:
         raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a plan is made without mpirun.")
     wanted = (scene.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
-    costs = cost_model(lambda text: terminal.print(text, highlight=False))
-    proposed = make_plan(scene, wanted, costs=costs)
-    terminal.print(f"{name}, to a relative error of the elevation of {wanted:g}:", highlight=False)
+    proposed = (default_plan(scene) if accuracy is None else None) or make_plan(scene, wanted)
+    costs = measured_costs() if calibrate else known_costs()
+    terminal.print(f"{name}, to a relative error of the elevation of {proposed.accuracy:g}:", highlight=False)
     for reason in proposed.reasons:
         terminal.print(f"  {reason}", highlight=False)
-    terminal.print(_table(proposed, _own(scene, wanted, costs)))
-    if scene.numerics.accuracy is None:
-        terminal.print(
-            f"numerics.accuracy = {wanted:g} in the case makes `wavetank run` use this plan.", highlight=False
-        )
+    terminal.print(_table(proposed, _own(scene, wanted), costs))
+    for line in (_use(scene, accuracy, wanted), f"CPU seconds are those of {costs.machine}{_elsewhere(costs)}."):
+        terminal.print(line, highlight=False)
 
 
-def _own(scene: "Scene", accuracy: float, costs: "CostModel") -> "Plan | None":
+def _use(scene: "Scene", accuracy: float | None, wanted: float) -> str:
+    """Return what makes a run use the plan."""
+    if accuracy is None and scene.numerics.open:
+        return "`wavetank run` uses this plan."
+    return f"numerics.accuracy = {wanted:g} in the case makes `wavetank run` use this plan."
+
+
+def _elsewhere(costs: "CostModel") -> str:
+    from wavetank.plan.cost_model import BUILT_IN
+
+    return "; with --calibrate this one is measured, in about a minute" if costs is BUILT_IN else ""
+
+
+def _own(scene: "Scene", accuracy: float) -> "Plan | None":
     """Return what is to be expected of the case's own numerics, or None where they are planned."""
-    if scene.numerics.accuracy is not None:
+    if scene.numerics.open:
         return None
+    from wavetank.plan.defaults import resolved
     from wavetank.plan.plan import own_plan
 
-    return own_plan(scene, accuracy, costs=costs)
+    return own_plan(resolved(scene), accuracy)
 
 
-def _table(proposed: "Plan", own: "Plan | None") -> "Table":
+def _table(proposed: "Plan", own: "Plan | None", costs: "CostModel") -> "Table":
     from rich.table import Table
 
     plans = {"plan": proposed} if own is None else {"plan": proposed, "as the case stands": own}
     table = Table("", *plans)
-    columns = [_rows(one) for one in plans.values()]
+    columns = [_rows(one, costs) for one in plans.values()]
     for name in columns[0]:
         table.add_row(name, *(column[name] for column in columns))
     return table
 
 
-def _rows(plan: "Plan") -> dict[str, str]:
-    settings = plan.settings
+def _rows(plan: "Plan", costs: "CostModel") -> dict[str, str]:
+    settings, cost = plan.settings, plan.cost_by(costs)
     return {
         "water": plan.physics,
         "order p": f"{settings.order}",
@@ -124,6 +140,6 @@ def _rows(plan: "Plan") -> dict[str, str]:
         "integrator": settings.integrator,
         "dt omega_max": f"{plan.dt_omega_max:.3g}",
         "predicted error": f"{plan.error:.2g}",
-        "predicted cost [CPU s]": f"{plan.cost.cpu:.2g}",
-        "predicted memory [MB]": f"{plan.cost.memory / 1e6:.0f}",
+        "predicted cost [CPU s]": f"{cost.cpu:.2g}",
+        "predicted memory [MB]": f"{cost.memory / 1e6:.0f}",
     }

@@ -169,6 +169,12 @@ class Mesh:
         return float(self.surface_frequency(self.cells.largest()))
 
 
+def relative_frequency_error(kd: float, vertical_order: int) -> float:
+    """Return the error of the frequency that the vertical order alone makes of a wave of k d."""
+    mesh = Mesh(cells=Cells(1, 1.0), vertical_order=vertical_order, depth=1.0)
+    return float(mesh.surface_frequency(kd**2) / airy.angular_frequency(kd, 1.0, mesh.gravity) - 1.0)
+
+
 @cache
 def _vertical(n: int) -> VerticalBasis:
     return VerticalBasis(n)

@@ -21,7 +21,7 @@ from wavetank.build import build_clock
 from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
-from wavetank.plan.cost_model import Cost, CostModel
+from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
 from wavetank.plan.dispersion import Mesh
 from wavetank.plan.error_model import ErrorModel, Part, Settings
 from wavetank.plan.requirements import Requirements, requirements
@@ -49,6 +49,8 @@ class Plan:
         p, cells, n, dt and the integrator.
     accuracy, error
         Relative error of the elevation: asked for, and predicted.
+    kind
+        Of waves, for what they cost.
     cost
         CPU time and memory, predicted.
     steps
@@ -65,11 +67,17 @@ class Plan:
     settings: Settings
     accuracy: float
     error: float
+    kind: str
     cost: Cost
     steps: int
     cell_size: float
     dt_omega_max: float
     reasons: tuple[str, ...]
+
+    def cost_by(self, costs: CostModel) -> Cost:
+        """Return the cost on another machine."""
+        duration = self.steps * self.settings.dt
+        return costs.run(self.kind, self.settings, duration=duration, dt_omega_max=self.dt_omega_max)
 
     def applied_to(self, scene: Scene) -> Scene:
         """Return the scene with the plan's water and numerics, nothing left to be planned."""
@@ -99,24 +107,39 @@ class Given:
         return cls(cells=cells, **{name: value for name, value in kept.items() if name in names})
 
 
-def make_plan(scene: Scene, accuracy: float, *, costs: CostModel) -> Plan:
+class UnreachableError(InputError):
+    """No discretisation searched is as accurate as asked.
+
+    Attributes
+    ----------
+    best
+        Relative error of the elevation that can be had, predicted.
+    """
+
+    def __init__(self, message: str, best: float):
+        super().__init__(message)
+        self.best = best
+
+
+def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
     """Return the cheapest plan with a predicted relative error of at most ``accuracy``.
 
-    Raises ``InputError`` for an accuracy that is not between 0 and 1, or that no discretisation searched reaches.
+    Raises ``InputError`` for an accuracy that is not between 0 and 1 and a scene that cannot be planned,
+    ``UnreachableError`` if no discretisation searched is as accurate.
     """
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
     search = _Search(scene, accuracy)
     found = [(search.cost(settings, costs), settings) for settings in search.candidates()]
     if not found:
-        raise InputError(
-            f"accuracy = {accuracy:g}: must be above {search.best():.2g}, the best that {search.what} "
-            "with a stable step."
+        best = search.best()
+        raise UnreachableError(
+            f"accuracy = {accuracy:g}: must be above {best:.2g}, the best that {search.what} with a stable step.", best
         )
     return search.plan(min(found, key=lambda one: one[0].cpu)[1], costs)
 
 
-def own_plan(scene: Scene, accuracy: float, *, costs: CostModel) -> Plan:
+def own_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
     """Return what is to be expected of a scene's own water and numerics; raises ``InputError`` as a run does."""
     search = _Search(scene.model_copy(update={"water": scene.water or NonlinearWater()}), accuracy)
     return search.plan(search.own(), costs)
@@ -222,6 +245,7 @@ class _Search:
             settings=settings,
             accuracy=required.accuracy,
             error=self._errors.predict(settings),
+            kind=required.kind,
             cost=self.cost(settings, costs),
             steps=Clock.covering(required.duration, settings.dt).steps,
             cell_size=mesh.cells.size,

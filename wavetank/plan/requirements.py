@@ -177,7 +177,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     ratios, excess = (form.harmonics, form.excess) if form else (harmonics.ratios, harmonics.frequency)
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
-    physics = _enough(accuracy, second, phase) if scene.water is None else scene.physics
+    physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
     return Requirements(
         accuracy=accuracy,
         length=tank.length,
@@ -208,12 +208,17 @@ def _crest_velocity(k: float, crest: float, scene: Scene) -> float:
 
 def _physics_reason(scene: Scene, accuracy: float, steepness: float, second: float, phase: float) -> str:
     enough = _enough(accuracy, second, phase)
-    choice = enough if scene.water is None else f"{scene.physics}, as the case says"
+    choice = enough if _is_free(scene) else f"{scene.physics}, as the case says"
     return (
         f"water: {choice}; at k a = {steepness:.3g} linear theory misses a second harmonic of {second:.2g} of the "
         f"first and {abs(phase):.2g} rad of phase, {'at most' if enough == 'linear' else 'more than'} the accuracy of "
         f"{accuracy:g}."
     )
+
+
+def _is_free(scene: Scene) -> bool:
+    """Return whether the water is the plan's to choose: linear water has no velocities to be recorded."""
+    return scene.water is None and scene.output.velocity_every is None
 
 
 def _enough(accuracy: float, second: float, phase: float) -> Physics:
@@ -316,13 +321,13 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
-    coefficients = np.fft.rfft(motion.position(t) * _tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
+    coefficients = np.fft.rfft(motion.position(t) * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
     omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
     return _Lines(omega, k, 1j * wavemaker.piston_transfer(k, tank.depth) * coefficients)
 
 
-def _tapered(part: Vector) -> Vector:
+def tapered(part: Vector) -> Vector:
     """Return the taper at shares of the run, shape (N,)."""
     return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
 

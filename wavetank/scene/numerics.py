@@ -39,11 +39,16 @@ class Run(Noun):
     )
 
 
+HIGHEST_VERTICAL_ORDER = 16
+
 IntegratorName = Literal["third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
 
 
+CHOSEN = frozenset({"cells", "cell_size", "order", "vertical_order", "dt", "integrator"})  # by a plan
+
+
 class Numerics(Noun):
-    """How it is computed. Where an accuracy is asked for, what is not set is planned."""
+    """How it is computed. Where an accuracy is asked for, or nothing is set, what is not set is planned."""
 
     accuracy: float | None = Field(
         default=None, gt=0, lt=1, description="relative error of the elevation to plan the numerics for"
@@ -51,7 +56,7 @@ class Numerics(Noun):
     cells: int | None = Field(default=None, ge=1, description="number of cells along the tank")
     cell_size: float | None = Field(default=None, gt=0, description="size of a cell [m], rounded to divide the length")
     order: int = Field(default=3, ge=1, le=8, description="horizontal polynomial order p")
-    vertical_order: int = Field(default=8, ge=1, le=16, description="vertical polynomial order n")
+    vertical_order: int = Field(default=8, ge=1, le=HIGHEST_VERTICAL_ORDER, description="vertical polynomial order n")
     dt: float | None = Field(default=None, gt=0, description="time step [s]; default: from accuracy and stability")
     integrator: IntegratorName = Field(default="third-order", description="time integrator")
     tolerance: float = Field(default=1e-7, gt=0, lt=1, description="relative tolerance of implicit stages")
@@ -64,6 +69,11 @@ class Numerics(Noun):
         if self.cells is not None and self.cell_size is not None:
             raise ValueError("must have at most one of the keys 'cells' and 'cell_size'")
         return self
+
+    @property
+    def open(self) -> bool:
+        """Whether a plan has to choose: an accuracy is asked for, or nothing named that a plan would choose."""
+        return self.accuracy is not None or not self.model_fields_set & CHOSEN
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:
         """Yield too few cells for the tank, or a number of them for a basin."""
@@ -86,7 +96,7 @@ class Numerics(Noun):
     @model_serializer(mode="wrap")
     def _without_what_is_planned(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         values: dict[str, Any] = dump(self)
-        return {key: values[key] for key in values if self.accuracy is None or key in self.model_fields_set}
+        return {key: values[key] for key in values if not self.open or key in self.model_fields_set}
 
 
 class Output(Noun):

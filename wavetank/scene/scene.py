@@ -112,10 +112,10 @@ class Scene(Noun):
     @property
     def paddle_period(self) -> float | None:
         """The period [s] that halves the power of the paddle's velocity; None if it does not move."""
-        velocity = self._of_paddle(self.motion(), "velocity")
+        velocity = self.of_paddle(self.motion(), "velocity")
         return paddle_period(velocity, duration=self.run.duration, tank=self.tank)
 
-    def _of_paddle(
+    def of_paddle(
         self, motion: motions.Motion | motions.SegmentedMotion, what: str
     ) -> Callable[[motions.Array], motions.Array]:
         """Return a motion's position or velocity as a function of times alone, at all places where it has several."""
@@ -139,7 +139,7 @@ class Scene(Noun):
     def stroke(self, motion: motions.Motion | motions.SegmentedMotion) -> float:
         """Return the paddle's largest distance from rest in the run [m]."""
         end = min(self.run.duration, motion.duration)
-        positions = self._of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
+        positions = self.of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
         return float(np.abs(positions).max())
 
     @model_validator(mode="after")

@@ -114,8 +114,10 @@ def _ring_problems(received: str, scene: "Scene") -> Iterator[Problem]:
         yield Problem(("sponge", "type"), received, "must be left out: a ring has no end for waves to be absorbed at")
 
 
-def paddle_period(velocity: Callable[[Array], Array], *, duration: float, tank: AnyTank) -> float | None:
-    """Return the period [s] that halves the power of a paddle's velocity; None if it does not move.
+def paddle_period(
+    velocity: Callable[[Array], Array], *, duration: float, tank: AnyTank, share: float = 0.5
+) -> float | None:
+    """Return the period [s] beyond which a share of the power of a paddle's velocity lies; None if it does not move.
 
     Parameters
     ----------
@@ -125,13 +127,15 @@ def paddle_period(velocity: Callable[[Array], Array], *, duration: float, tank: 
         Of the run [s].
     tank
         For its depth.
+    share
+        0.5: the period that halves the power.
     """
     count = max(256, int(np.ceil(duration / (STEP * np.sqrt(tank.depth / tank.gravity)))))
     t: Array = duration / count * np.arange(count, dtype=np.float64)
     lines = np.abs(np.fft.rfft(velocity(t), axis=0)[1:]) ** 2
-    share = np.cumsum(lines.reshape(len(lines), -1).sum(axis=1))
-    upper_edges = np.arange(1, share.size + 1) + 0.5  # of the lines, in 1 / duration
-    return float(duration / np.interp(0.5 * share[-1], share, upper_edges)) if share[-1] > 0.0 else None
+    power = np.cumsum(lines.reshape(len(lines), -1).sum(axis=1))
+    upper_edges = np.arange(1, power.size + 1) + 0.5  # of the lines, in 1 / duration
+    return float(duration / np.interp(share * power[-1], power, upper_edges)) if power[-1] > 0.0 else None
 
 
 AnySponge = EndSponge | GroupSponge | FormulaSponge

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from wavetank.integrators import INTEGRATORS
 from wavetank.scene import Scene
+from wavetank.scene.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.study.sweep import Combination
 
-HIGHEST_VERTICAL_ORDER = 16
 TIGHTEST = 1e-12  # tolerance; round-off is near
 MOST_SNAPSHOTS = 2000
 

@@ -1,0 +1,155 @@
+"""What a run says of its own accuracy: doubtful scenes are named, sound ones are not, and what is not named is chosen.
+
+Oracles: the sums of interpolation errors by hand, linear theory for wave lengths, an explicit accuracy for the plan.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from wavetank.build import Records, build_observers, build_run
+from wavetank.errors import InputError
+from wavetank.observers.record import Memory
+from wavetank.plan.defaults import resolved
+from wavetank.plan.forewarnings import forewarnings
+from wavetank.plan.planned import planned
+from wavetank.reference.airy import wave_number
+from wavetank.rundir import RunDirectory
+from wavetank.scene import Scene
+
+CHECKOUT = Path(__file__).resolve().parents[1]
+SLICE = {"length": 20.0, "depth": 1.0}
+BASIN = {"type": "basin", "depth": 1.0, "plan": {"type": "rectangle", "length": 4.0, "width": 1.0}}
+
+
+def scene(*, tank=SLICE, duration=2.0, **parts):
+    return Scene.model_validate({"tank": tank, "run": {"duration": duration}, **parts})
+
+
+def piston(period, amplitude=0.005):
+    return {"type": "piston", "motion": {"type": "sinusoid", "amplitude": amplitude, "period": period}}
+
+
+def standing(mode=1):
+    return {"type": "standing-wave", "amplitude": 1e-4, "mode": mode}
+
+
+def said_of(one):
+    run, waves = build_run(one, MPI.COMM_SELF)
+    return forewarnings(one, run.clock, waves)
+
+
+RIPPLES = {"bed": {"type": "formula", "depth": "1 + 0.1 * sin(200 * x)"}}
+DOUBTFUL = {
+    "cells ten times too large": (
+        {"wall": piston(1.8), "duration": 20.0, "numerics": {"cell_size": 10.0}},
+        "predicted to miss the elevation by all of it; `wavetank plan` proposes others",
+    ),
+    "a wave between the nodes": (
+        {"initial": standing(1000), "numerics": {"cells": 16}},
+        "the mesh misses the initial elevation by .* of it: cells of 1.25 m are too large",
+    ),
+    "a bed between the nodes": (
+        {"tank": SLICE | RIPPLES, "wall": piston(1.8), "numerics": {"cells": 20}},
+        "the mesh misses the bed by 0.08.* of the depth: cells of 1 m are too large",
+    ),
+    "steps as long as the paddle's period": (
+        {"wall": piston(0.1, 1e-4), "numerics": {"cell_size": 2.0, "order": 2, "dt": 0.08}},
+        "the step of 0.08 s misses the paddle's motion by 0.[78].* of it",
+    ),
+    "too deep for any vertical order": (
+        {"tank": {"length": 0.00628, "depth": 1.0}, "initial": standing() | {"amplitude": 1e-6}, "duration": 1.0},
+        r"predicted .* waves as short against the depth \(k d = 500\) are the same in a tank that is less deep",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DOUBTFUL)
+def test_what_is_doubtful_is_said(name):
+    parts, sentence = DOUBTFUL[name]
+    one = planned(scene(**parts), MPI.COMM_SELF).scene
+    assert any(re.search(sentence, said) for said in said_of(one))
+
+
+CASES = sorted(path.stem for path in (CHECKOUT / "cases").glob("*.toml"))
+LARGE = {"berkhoff-1982", "cylinder", "directional-focus"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LARGE else n for n in CASES])
+def test_nothing_is_said_of_the_cases(name):
+    try:
+        case = Scene.from_toml(CHECKOUT / "cases" / f"{name}.toml")
+    except InputError:
+        pytest.skip("its data are not on this machine")
+    chosen, doubts = planned(case, MPI.COMM_SELF)
+    assert [*doubts, *said_of(chosen)] == []
+
+
+@pytest.mark.parametrize(
+    ("numerics", "off"),
+    [({"integrator": "stormer-verlet", "dt": 0.08}, True), ({}, False), (None, False)],
+    ids=["long steps", "usual", "still water"],
+)
+def test_an_energy_balance_that_is_off_is_said(numerics, off):
+    initial = {} if numerics is None else {"initial": {"type": "standing-wave", "amplitude": 0.1}}
+    chosen = {"cells": 2, "vertical_order": 3, **(numerics or {})}
+    one = scene(tank={"length": 2.0, "depth": 1.0}, duration=6.0, numerics=chosen, **initial)
+    run, waves = build_run(one, MPI.COMM_SELF)
+    energy = Memory()
+    budget, *_ = build_observers(one, waves, Records(Memory(), energy, None), sinks=run.sinks)
+    run.observers.append(budget)
+    run.execute()
+    said = budget.verdict()
+    assert len(said) == off
+    if off:
+        balance, total = np.abs(energy.array()[:, 6]).max(), energy.array()[:, 3].max()
+        assert float(said[0].split()[6]) == pytest.approx(balance / total, rel=0.05)  # of two digits
+
+
+def test_a_run_says_so_at_its_end_and_in_its_manifest(wavetank, tmp_path):
+    case, out = tmp_path / "case.toml", tmp_path / "run"
+    case.write_text(
+        "[tank]\nlength = 2.0\ndepth = 1.0\n[initial]\ntype = 'standing-wave'\namplitude = 0.1\n[run]\nduration = 6.0\n"
+        "[numerics]\ncells = 2\nvertical_order = 3\ndt = 0.08\nintegrator = 'stormer-verlet'\n"
+    )
+    result = wavetank("run", str(case), "--no-plots", "--out", str(out))
+    assert result.returncode == 0, result.stderr
+    sentence = RunDirectory(out).manifest["warnings"][-1]
+    assert sentence.startswith("the energy balance is off by 0.0")
+    assert result.stdout.rstrip().endswith(f"warning: {sentence}")
+
+
+# ------------------------------------------------------------------------------------------------ what is not named
+def test_a_case_without_numerics_gets_the_plan_for_one_per_cent():
+    parts = {"wall": piston(0.67), "duration": 10.0}
+    plain, asking = scene(**parts), scene(**parts, numerics={"accuracy": 1e-2})
+    assert planned(plain, MPI.COMM_SELF).scene == planned(asking, MPI.COMM_SELF).scene
+    assert planned(plain, MPI.COMM_SELF).scene.numerics.cells > 100 and plain.cells == 100  # k d = 8.9
+    again = Scene.model_validate(plain.model_dump(mode="json"))
+    assert again == plain and again.numerics.open
+    kept = scene(**parts, output={"velocity_every": 1.0})  # which linear water has none of
+    assert planned(kept, MPI.COMM_SELF).scene.physics == "nonlinear"
+
+
+def test_what_is_named_is_kept():
+    one = scene(wall=piston(0.67), duration=10.0, numerics={"cells": 50, "vertical_order": 4})
+    assert planned(one, MPI.COMM_SELF).scene == one
+
+
+@pytest.mark.parametrize("period", [0.5, 0.67, 3.0])
+def test_in_a_basin_cells_follow_the_shortest_wave(period):
+    """Three in a wave length of linear theory, but none larger than half a depth."""
+    chosen = resolved(scene(tank=BASIN, wall=piston(period), duration=20.0))
+    length = 2 * np.pi / float(wave_number(2 * np.pi / period, 1.0, 9.81))
+    assert 0.75 * min(0.5, length / 3) < chosen.cell_size <= min(0.5, length / 3)  # the ramp has shorter waves yet
+    assert chosen.numerics.vertical_order == {0.5: 9, 0.67: 8, 3.0: 8}[period]
+
+
+def test_cells_follow_bed_and_start():
+    bed = resolved(scene(tank=SLICE | RIPPLES, wall=piston(1.8)))
+    start = resolved(scene(tank=BASIN, initial={"type": "formula", "eta": "0.001 * cos(4 * pi * x) * cos(3 * pi * y)"}))
+    assert bed.cell_size == pytest.approx(2 * np.pi / 200 / 3, rel=0.01)
+    assert start.cell_size == pytest.approx(2 * np.pi / (5 * np.pi) / 3, rel=0.3)  # looked at along x and along y
