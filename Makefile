@@ -1,6 +1,8 @@
 # make run, make test: nothing else is needed beforehand; ./env sets up what is missing.
 # make run RUN=DIRECTORY: there; without it runs/focusing, then runs/focusing-2 and so on.
 RUN ?=
+TESTS ?= # all
+BENCH ?= # everything
 
 .PHONY: run test test-slow lint format bench
 
@@ -8,10 +10,10 @@ run:
 	./env wavetank run cases/focusing.toml $(if $(RUN),--out $(RUN))
 
 test:
-	./env pytest -q
+	./env pytest -q $(TESTS)
 
 test-slow:
-	./env pytest -q -m slow
+	./env pytest -q -m slow $(TESTS)
 
 lint:
 	./env ruff check .
@@ -23,4 +25,4 @@ format:
 	./env ruff format .
 
 bench:
-	./env python -m benchmarks
+	./env python -m benchmarks $(BENCH)

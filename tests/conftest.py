@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import hypothesis
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -14,7 +15,9 @@ from ranks import CHECKOUT, Crews, launch
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """End as by Ctrl-C where the suite is told to end: with all it has begun."""
+    """Wait for a busy machine; end as by Ctrl-C, with all that has begun, where the suite is told to end."""
+    hypothesis.settings.register_profile("patient", deadline=None)
+    hypothesis.settings.load_profile("patient")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
@@ -92,6 +95,17 @@ def recorded(case: str | Path, changes: tuple[str, ...], out: Path) -> None:
 
     scene = Scene.from_toml(CHECKOUT / case, list(changes))
     record_run(scene, out, comm=MPI.COMM_WORLD, console=Console(file=io.StringIO()))
+
+
+def needs_marin() -> None:
+    """Skip a test that reads MARIN's data, where they are not."""
+    from wavetank import data
+    from wavetank.errors import InputError
+
+    try:
+        data.find("marin-202002", "PistonVelocity.dat")
+    except InputError:
+        pytest.skip("the MARIN data are not on this machine; wavetank data fetch marin-202002 brings them")
 
 
 def fitted_slope(sizes, errors) -> float:

@@ -27,20 +27,24 @@ CPU_LIMIT = 3600  # s of each process, and in a crew of each call
 def begun(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[str]]:
     """Begin a command in a session of its own; end all of that session on leaving."""
     limited = ["sh", "-c", f'ulimit -S -t {CPU_LIMIT}; exec "$@"', "sh", *command]
-    process = subprocess.Popen(limited, start_new_session=True, text=True, **{"cwd": CHECKOUT, **options})
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.terminate()  # mpirun ends its ranks
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(5.0)
-        while left := members(process.pid):
-            for one in left:
-                with suppress(ProcessLookupError):
-                    os.kill(one, signal.SIGKILL)
-            time.sleep(0.01)
-        process.wait()
+    with subprocess.Popen(limited, start_new_session=True, text=True, **{"cwd": CHECKOUT, **options}) as process:
+        try:
+            yield process
+        finally:
+            end(process)
+
+
+def end(process: subprocess.Popen[str]) -> None:
+    """End all of a session, from the process that leads it."""
+    if process.poll() is None:
+        process.terminate()  # mpirun ends its ranks
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(5.0)
+    while left := members(process.pid):
+        for one in left:
+            with suppress(ProcessLookupError):
+                os.kill(one, signal.SIGKILL)
+        time.sleep(0.01)
 
 
 def members(session: int) -> list[int]:

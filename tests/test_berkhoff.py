@@ -263,7 +263,7 @@ def test_a_run_is_compared_with_the_measurements(measured, tmp_path):
     app.command()(compare)
     result = CliRunner().invoke(app, [str(out), "--with", NAME], env={"COLUMNS": "100"})
     assert result.exit_code == 0, result.output
-    rows = list(csv.DictReader((out / "compare.csv").open()))
+    rows = list(csv.DictReader((out / "compare.csv").read_text().splitlines()))
     assert tuple(rows[0]) == COLUMNS and len(rows) == 14
     assert all(float(row["nrms"]) < 0.07 for row in rows[:9])
     assert "section" in result.output and "(Basilisk)" in result.output

@@ -232,14 +232,6 @@ def test_an_over_steep_group_stops_where_it_breaks_or_goes_on_with_less_energy(w
     assert energy["mass [m^2]"][-1] == pytest.approx(energy["mass [m^2]"][0], rel=1e-12)
 
 
-def test_a_group_that_does_not_break_is_left_alone(wavetank, tmp_path):
-    result = wavetank(
-        "run", "cases/focusing.toml", "--no-plots", "--set", "run.duration=20.5", "--out", str(tmp_path / "run")
-    )
-    assert result.returncode == 0, result.stderr
-    assert RunDirectory(tmp_path / "run").energy()["dissipated [m^4/s^2]"][-1] < 1e-5
-
-
 def test_a_steep_wave_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
     """With the penalty at work; tight tolerances leave differences of round-off."""
     changes = ["run.duration=0.025", "numerics.dt=0.0125", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]

@@ -34,10 +34,11 @@ def name(part) -> str:
 def write(part, folder):
     part.write(Report(folder, Console(quiet=True)))
     assert {path.name for path in folder.iterdir()} == EXPECTED[name(part)]
-    for path in folder.glob("*.csv"):
-        rows = list(csv.reader(path.open(encoding="utf-8")))
+    tables = {path.stem: path.read_text(encoding="utf-8").splitlines() for path in folder.glob("*.csv")}
+    for lines in tables.values():
+        rows = list(csv.reader(lines))
         assert len(rows) > 2 and {len(row) for row in rows} == {len(rows[0])}
-    return {path.stem: list(csv.DictReader(path.open(encoding="utf-8"))) for path in folder.glob("*.csv")}
+    return {name: list(csv.DictReader(lines)) for name, lines in tables.items()}
 
 
 def test_every_part_is_expected():

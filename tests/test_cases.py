@@ -1,0 +1,44 @@
+"""Every case steps twice, on one rank and on two: with its own wall, bed, motion, start and sponge.
+
+Basins are coarse here. Oracles: mass to round-off, and the same on both.
+"""
+
+import numpy as np
+import pytest
+from conftest import needs_marin, recorded
+from ranks import CHECKOUT
+
+from wavetank.rundir import RunDirectory
+from wavetank.scene import Scene
+from wavetank.scene.tanks import BasinTank
+
+CASES = sorted((CHECKOUT / "cases").glob("*.toml"))
+TWICE = ("numerics.dt=0.01", "run.duration=0.02", "numerics.tolerance=1e-10")
+COARSE = ("numerics.cell_size=1.0", "numerics.order=2", "numerics.vertical_order=2")
+MASS = {1: "mass [m^2]", 2: "mass [m^3]"}
+
+
+def changes_of(scene: Scene) -> tuple[str, ...]:
+    if scene.numerics.accuracy is not None:
+        return ("run.duration=3.0",)  # steps and all are planned
+    return TWICE + (COARSE if isinstance(scene.tank, BasinTank) else ())
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
+def test_a_case_steps_on_one_rank_and_on_two(case, on_ranks, tmp_path):
+    if case.stem == "marin-202002":
+        needs_marin()
+    scene = Scene.from_toml(case)
+    changes = changes_of(scene)
+    recorded(case, changes, tmp_path / "1")
+    on_ranks(recorded, case, changes, tmp_path / "2", ranks=2)
+    runs = [RunDirectory(tmp_path / ranks) for ranks in ("1", "2")]
+    assert [run.manifest["status"] for run in runs] == ["finished"] * 2
+    alone, together = (run.energy() for run in runs)
+    mass = alone[MASS[2 if isinstance(scene.tank, BasinTank) else 1]]
+    assert mass.size > 2 and np.ptp(mass) < 1e-13 * mass[0]
+    for name, values in alone.items():
+        assert together[name] == pytest.approx(values, rel=1e-6, abs=1e-9), name
+    if scene.all_gauges:
+        one, two = (np.array([gauge.eta for gauge in run.gauges()]) for run in runs)
+        assert np.abs(two - one).max() < 1e-9 + 1e-6 * np.abs(one).max()
