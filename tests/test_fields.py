@@ -122,7 +122,7 @@ def tanks():
     yield pytest.param(along(Slice(3.0, 4, comm=MPI.COMM_SELF)), ("Length", "Area"), 0.0, id="slice")
 
 
-@pytest.mark.parametrize(("plane", "measures", "width"), tanks())
+@pytest.mark.parametrize(("plane", "measures", "width"), list(tanks()))
 def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(plane, measures, width, tmp_path):
     """Oracles: the formulae that were interpolated; the plan's length or area; the volume of water, by midpoints."""
     record(water(plane), tmp_path)
