@@ -61,7 +61,7 @@ def test_a_run_as_long_as_its_record_gets_to_its_end(tmp_path, integrator, numer
 
 def test_a_step_beyond_the_whole_record_is_refused_before_the_run(tmp_path):
     scene = Scene.from_toml(recorded(tmp_path, dt=11.0, integrator="gauss-legendre-4"))
-    with pytest.raises(InputError, match=r"numerics.dt = 11: must be at most 10 s, where the recorded motion ends"):
+    with pytest.raises(InputError, match=r"a step of 11 s: must be at most 10 s, where the recorded motion ends"):
         build_run(scene, MPI.COMM_SELF)
 
 

@@ -57,7 +57,7 @@ def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
 
     refused = [
         (["--out", str(first)], "holds a run already; give another directory (--out), or --overwrite"),
-        (["--overwrite", "--set", "numerics.dt=3"], "numerics.dt = 3"),
+        (["--overwrite", "--set", "numerics.dt=3"], "standing-wave.toml, overridden: numerics.dt = 3.0: must be below"),
         (["--overwrite", "--set", "numerics.dt=x"], "numerics.dt"),
     ]
     for more, sentence in refused:
@@ -79,13 +79,14 @@ def test_what_is_refused_only_once_the_mesh_is_there_leaves_an_earlier_run_alone
         writer.table("energy.csv", ["t [s]", "E"]).append([0.0, 1.0])
     before = contents(Path("run"))
     Path("case.toml").write_text(
-        "gauges = [[0.1, 0.1], {name = 'dry', x = 2.0, y = 1.0}]\n".replace("[0.1, 0.1]", "{x = 0.1, y = 0.1}")
-        + "[tank]\ntype = 'basin'\ndepth = 0.5\n[tank.plan]\ntype = 'cylinder'\nlength = 4.0\nwidth = 2.0\n"
-        + "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 1\nvertical_order = 2\n"
+        "gauges = [{x = 0.1, y = 0.1}, {name = 'dry', x = 2.0, y = 1.0}]\n"
+        "[tank]\ntype = 'basin'\ndepth = 0.5\n[tank.plan]\ntype = 'cylinder'\nlength = 4.0\nwidth = 2.0\n"
+        "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 1\nvertical_order = 2\n"
     )
     for out in (["--out", "run", "--overwrite"], []):
         assert main(["run", "case.toml", *out]) == 2
-        assert "outside the tank" in capsys.readouterr().err
+        said = "case.toml, line 1: gauges.1: the point x = 2 m, y = 1 m is outside the tank."
+        assert capsys.readouterr().err == f"wavetank: {said}\n"
     assert contents(Path("run")) == before and not Path("runs/case").exists()
 
 

@@ -4,6 +4,8 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -14,6 +16,8 @@ from wavetank.errors import InputError, choice
 from wavetank.scene import Problem, Scene, SceneError
 
 Key = tuple[str | int, ...]
+LONGEST_INDEX = 9  # digits
+SHOWN = 20  # mistakes; more are counted
 
 
 def read_case(path: Path, overrides: Sequence[str] = ()) -> Scene:
@@ -28,16 +32,34 @@ def read_case(path: Path, overrides: Sequence[str] = ()) -> Scene:
             scene.tank.bed.build()
         return scene
     except ValidationError as error:
-        problems = [problem for details in error.errors() for problem in _problems(details)]
+        found = error.errors(include_url=False)
+        problems = [problem for details in found for problem in _problems(details)]
     except SceneError as error:
         problems = list(error.problems)
-    lines = (f"{path}{_where(text, problem.key, overridden)}: {problem}." for problem in problems)
-    raise InputError("\n".join(lines))
+    raise InputError(_sentences(path, text, problems, overridden))
+
+
+@contextmanager
+def located(path: Path, overrides: Sequence[str] = ()) -> Iterator[None]:
+    """Name file and line in what is refused of a case only when it is built."""
+    try:
+        yield
+    except SceneError as error:
+        keys = [_split(override.partition("=")[0]) for override in overrides]
+        raise InputError(_sentences(path, _read(path), error.problems, keys)) from error
+
+
+def _sentences(path: Path, text: str, problems: Sequence[Problem], overridden: Sequence[Key]) -> str:
+    """Return a line for each problem, the first ones of many."""
+    lines = [f"{path}{_where(text, problem.key, overridden)}: {problem}." for problem in problems[:SHOWN]]
+    if more := len(problems) - len(lines):
+        lines.append(f"{path}: and {more} more mistakes.")
+    return "\n".join(lines)
 
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise InputError(f"{path}: cannot be read ({reason}); a case file in TOML is needed.") from None
@@ -46,7 +68,9 @@ def _read(path: Path) -> str:
 def _parse(path: Path, text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except RecursionError:
+        raise InputError(f"{path}: not valid TOML: nested too deeply.") from None
+    except ValueError as error:  # TOML's own, or a number of too many digits
         raise InputError(f"{path}: not valid TOML: {error}.") from None
 
 
@@ -79,16 +103,21 @@ def _check_item(place: Any, part: str | int, override: str) -> None:
 
 
 def _value(text: str) -> Any:
-    """Return a TOML value, or the bare text where it is none."""
+    """Return a TOML value, or the bare text where it is none; raise ``InputError`` for more than a value."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        value, *more = tomllib.loads(f"value = {text}").items()
+    except RecursionError:
+        raise InputError(f"override value {text[:20]!r}... received; it is nested too deeply.") from None
+    except ValueError:
         return text
+    if more:
+        raise InputError(f"override value {text[:80]!r} received; allowed is one value, without lines of others.")
+    return value[1]
 
 
 def _split(dotted: str) -> Key:
     parts = (part.strip().strip("\"'") for part in dotted.strip().split("."))
-    return tuple(int(part) if part.isdecimal() else part for part in parts)
+    return tuple(int(part) if part.isdecimal() and len(part) < LONGEST_INDEX else part for part in parts)
 
 
 # ---------------------------------------------------------------- where it stands
@@ -102,11 +131,17 @@ def _where(text: str, key: Key, overridden: Iterable[Key]) -> str:
 
 def _line(text: str, key: Key) -> int:
     """Return the line that sets a key, or the nearest one that holds it, or 0."""
-    nearest: tuple[int, int] = (0, 0)
-    for number, found in _entries(text):
-        if found == key[: len(found)]:
-            nearest = max(nearest, (len(found), -number))
-    return -nearest[1]
+    lines = _lines(text)
+    return next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), 0)
+
+
+@lru_cache(maxsize=1)
+def _lines(text: str) -> dict[Key, int]:
+    """Return the first line of every table and entry."""
+    lines: dict[Key, int] = {}
+    for number, key in _entries(text):
+        lines.setdefault(key, number)
+    return lines
 
 
 def _entries(text: str) -> Iterator[tuple[int, Key]]:
@@ -120,8 +155,8 @@ def _entries(text: str) -> Iterator[tuple[int, Key]]:
                 count[table] += 1
                 table = (*table, count[table] - 1)
             yield number, table
-        elif entry := re.match(r"\s*([\w\s.\"'-]+?)\s*=", line):
-            yield number, (*table, *_split(entry[1]))
+        elif (entry := line.partition("="))[1] and re.fullmatch(r"[\w\s.\"'-]+", entry[0]):
+            yield number, (*table, *_split(entry[0]))
 
 
 # ---------------------------------------------------------------- what is wrong

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from postprocess.compare_command import compare
 from postprocess.view_command import view
 from wavetank import data
+from wavetank.case_file import located
 from wavetank.console import console, drain
 from wavetank.errors import WavetankError
 from wavetank.plan.command import plan
@@ -61,7 +62,8 @@ def run(
 
     scene = Scene.from_toml(case, overrides or [])
     place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite)
-    record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=_draw if plots else None)
+    with located(case, overrides or []):
+        record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=_draw if plots else None)
 
 
 def _draw(directory: RunDirectory) -> list[Path]:

@@ -49,5 +49,5 @@ class Clock:
         if steps * dt > until * (1 + ROUNDING):
             steps -= 1
         if steps < 1:
-            raise InputError(f"numerics.dt = {dt:g}: must be at most {until:g} s, where the recorded motion ends.")
+            raise InputError(f"a step of {dt:g} s: must be at most {until:g} s, where the recorded motion ends.")
         return cls(dt, steps)

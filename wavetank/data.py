@@ -381,10 +381,10 @@ def resolve(reference: str, folder: Path) -> Path:
     scheme, colon, place = reference.partition(":")
     if not (colon and scheme == "data"):
         return (folder / reference).resolve()
-    name, _, file = place.partition("/")
-    if not (name and file):
-        raise InputError(f"path {reference!r} received; allowed is data:NAME/FILE.")
-    return find(name, file)
+    name, *parts = place.split("/")
+    if not parts or any(part in ("", ".", "..") or "\0" in part for part in (name, *parts)):
+        raise InputError(f"path {reference!r} received; allowed is data:NAME/FILE, a file in the data set's folder.")
+    return find(name, "/".join(parts))
 
 
 def fetch(name: str) -> Path:

@@ -20,6 +20,23 @@ class InputError(WavetankError):
     exit_code = 2
 
 
+class OutsideError(InputError):
+    """A point outside the tank.
+
+    Attributes
+    ----------
+    index
+        Which one of those that were asked for.
+    """
+
+    def __init__(self, message: str, index: int = 0):
+        super().__init__(message, index)
+        self.index = index
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 class RunError(WavetankError):
     """A run could not go on; everything up to then is kept."""
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -12,6 +13,9 @@ from wavetank.errors import InputError
 
 if TYPE_CHECKING:
     from wavetank.scene.scene import Scene
+
+
+LONGEST = 200  # characters of a key in a message
 
 
 class Problem(NamedTuple):
@@ -31,16 +35,38 @@ class Problem(NamedTuple):
 
     def __str__(self) -> str:
         """Return the sentence, e.g. ``tank.depth = -1: must be greater than 0``; a value of None was not given."""
-        shown = "" if self.received is None else f" = {json.dumps(self.received, default=str)[:80]}"
-        return f"{'.'.join(map(str, self.key))}{shown}: {self.allowed}"
+        shown = "" if self.received is None else f" = {_shown(self.received)}"
+        return f"{'.'.join(map(str, self.key))[:LONGEST]}{shown}: {self.allowed}"
+
+
+def _shown(received: Any) -> str:
+    """Return the beginning of a value, as JSON has it."""
+    try:
+        return json.dumps(received, default=str)[:80]
+    except (ValueError, RecursionError):  # a number of too many digits, lists in lists in lists
+        return f"{type(received).__name__} of no sensible size"
 
 
 class SceneError(InputError):
     """A scene that cannot be built, with what is wrong in it."""
 
     def __init__(self, problems: Sequence[Problem]):
-        super().__init__("\n".join(f"{problem}." for problem in problems))
+        super().__init__(problems)
         self.problems = problems
+
+    def __str__(self) -> str:
+        return "\n".join(f"{problem}." for problem in self.problems)
+
+
+@contextmanager
+def about(*key: str | int) -> Iterator[None]:
+    """Tell where in the scene it stands what an ``InputError`` refuses that does not know."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except InputError as error:
+        raise SceneError([Problem(key, None, str(error).removesuffix("."))]) from error
 
 
 class Noun(BaseModel):

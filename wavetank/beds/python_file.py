@@ -33,7 +33,7 @@ class PythonDepth:
         """
         try:
             d = np.asarray(self._function(x.copy(), y.copy()), dtype=np.float64)
-        except Exception as error:  # whatever a user's function may do
+        except (Exception, SystemExit) as error:  # whatever a user's function may do
             raise InputError(f"{self._source}{_line(error, self._file)}: {_shown(error)}.") from error
         if d.shape != x.shape:
             raise InputError(f"{self._source}: shape {d.shape} returned; must be that of x and y, {x.shape}.")
@@ -50,7 +50,7 @@ def load(path: Path, name: str) -> PythonDepth:
         exec(compile(path.read_bytes(), str(path), "exec"), members)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); a Python file is needed.") from None
-    except Exception as error:  # whatever a user's file may do
+    except (Exception, SystemExit) as error:  # whatever a user's file may do
         raise InputError(f"{path}{_line(error, path)}: {_shown(error)}.") from error
     function = members.get(name)
     if not callable(function):
@@ -59,11 +59,11 @@ def load(path: Path, name: str) -> PythonDepth:
     return PythonDepth(function, source=path)
 
 
-def _shown(error: Exception) -> str:
+def _shown(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}".removesuffix(".")
 
 
-def _line(error: Exception, path: Path) -> str:
+def _line(error: BaseException, path: Path) -> str:
     """Return where in the file an error arose: its innermost line there, or where the grammar breaks."""
     lines = [frame.lineno for frame in extract_tb(error.__traceback__) if frame.filename == str(path)]
     if isinstance(error, SyntaxError):

@@ -11,13 +11,14 @@ from wavetank.build.plans import build_plan
 from wavetank.build.sponges import build_sponge
 from wavetank.build.waters import Waves, fill
 from wavetank.clock import Clock
-from wavetank.errors import InputError
+from wavetank.errors import InputError, OutsideError
 from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.contract import Vector
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
+from wavetank.noun import Problem, SceneError, about
 from wavetank.observers.contract import Observer
 from wavetank.observers.energy import EnergyBudget, Sink
 from wavetank.observers.fields import SurfaceFields, VelocityFields
@@ -57,7 +58,8 @@ class Records(NamedTuple):
 def initial_state(scene: Scene, waves: Waves) -> tuple[Vector, Vector]:
     """Return (Q, psi) of the scene's initial surface; collective."""
     x, y = waves.plane.places.T
-    return waves.state(*agreed(waves.plane.comm, lambda: scene.initial.surface(scene.tank, x, y)))
+    with about("initial"):
+        return waves.state(*agreed(waves.plane.comm, lambda: scene.initial.surface(scene.tank, x, y)))
 
 
 def build_clock(scene: Scene, largest_frequency: float, integrator: Integrator[Any]) -> Clock:
@@ -73,11 +75,13 @@ def build_clock(scene: Scene, largest_frequency: float, integrator: Integrator[A
         accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
         return Clock.dividing(scene.run.duration, min(0.6 * limit, accurate))
     if scene.numerics.dt > limit:
-        raise InputError(
-            f"numerics.dt = {scene.numerics.dt:g}: must be below {limit:.4g} s, where {integrator.name} gets unstable "
-            f"on this mesh (largest frequency {largest_frequency:.4g} rad/s)."
+        allowed = (
+            f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "
+            f"{largest_frequency:.4g} rad/s)"
         )
-    return Clock.covering(scene.run.duration, scene.numerics.dt, until=scene.motion().duration)
+        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+    with about("numerics", "dt"):
+        return Clock.covering(scene.run.duration, scene.numerics.dt, until=scene.motion().duration)
 
 
 def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, Waves]:
@@ -87,11 +91,13 @@ def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, Waves]:
     """
     if scene.numerics.accuracy is not None:
         raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
-    plan = build_plan(scene, comm)
+    with about("tank", "plan"):
+        plan = build_plan(scene, comm)
     waves = fill(scene, plan)
     integrator: Integrator[Any] = INTEGRATORS[scene.numerics.integrator]()
     if scene.sponge is not None:
-        integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, plan, waves))
+        with about("sponge"):
+            integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, plan, waves))
     clock = agreed(comm, lambda: build_clock(scene, waves.largest_frequency, integrator))
     filters = build_filters(scene, waves, clock.dt)
     return Run(waves, integrator, [], start=initial_state(scene, waves), clock=clock, filters=filters), waves
@@ -149,9 +155,17 @@ def build_observers(scene: Scene, waves: Waves, records: Records, *, sinks: Sequ
         observers.append(snapshots)
     observers += _field_observers(scene, waves, records)
     if scene.all_gauges:
-        places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
-        observers.append(Gauges(waves, places, record=records.gauges, schedule=EverySteps(output.gauges_every)))
+        observers.append(_gauges(scene, waves, records.gauges))
     return observers
+
+
+def _gauges(scene: Scene, waves: Waves, record: Record) -> Gauges:
+    """Return what records the gauges; collective. Raises ``SceneError`` for one outside the mesh."""
+    places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
+    try:
+        return Gauges(waves, places, record=record, schedule=EverySteps(scene.output.gauges_every))
+    except OutsideError as error:
+        raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
 
 
 def _field_observers(scene: Scene, waves: Waves, records: Records) -> list[Observer]:

@@ -7,10 +7,10 @@ from mpi4py import MPI
 
 from wavetank import scene as nouns
 from wavetank.build.plans import PlanView, build_plan
-from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.motions import Motion
 from wavetank.motions.mapping import largest_stroke
+from wavetank.noun import Problem, SceneError, about
 from wavetank.scene import Physics, Scene
 from wavetank.scene.moving_wall import MovingWall
 from wavetank.water.bed import Depth
@@ -29,7 +29,8 @@ def build_waves(scene: Scene, comm: MPI.Comm) -> Waves:
 
 def fill(scene: Scene, plan: PlanView) -> Waves:
     """Return a plan view with the scene's water in it; collective."""
-    return WATERS[scene.physics](scene, plan, Plane(plan.mesh, scene.numerics.order, plan.chart))
+    with about("tank", "bed"):
+        return WATERS[scene.physics](scene, plan, Plane(plan.mesh, scene.numerics.order, plan.chart))
 
 
 def _depth(scene: Scene) -> float | Depth:
@@ -56,7 +57,7 @@ def _reach(scene: Scene, plan: Slice | Basin, paddle: Paddle) -> float:
     free, asked = plan.free_reach(paddle), scene.reach
     if isinstance(scene.wall, MovingWall) and scene.wall.reach is not None and asked > free * (1 + 1e-9):
         what = "where a wall stands that does not run along the paddle's motion"
-        raise InputError(f"wall.reach = {asked:g}: must be at most {free:.4g} m, {what}.")
+        raise SceneError([Problem(("wall", "reach"), asked, f"must be at most {free:.4g} m, {what}")])
     return min(free, asked)
 
 
@@ -66,10 +67,11 @@ def _piston(scene: Scene, plan: Slice | Basin, plane: Plane) -> Piston:
     wall = Piston(motion, plane=plane, reach=_reach(scene, plan, paddle), paddle=paddle)
     stroke, allowed = scene.stroke(motion), largest_stroke(wall.reach)
     if stroke >= allowed:
-        raise InputError(
-            f"wall.motion: goes {stroke:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which "
-            f"its mapping dies out, which is {wall.reach:.4g} m on this mesh and before any wall that stands still."
+        limit = (
+            f"goes {stroke:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
+            f"dies out, which is {wall.reach:.4g} m on this mesh and before any wall that stands still"
         )
+        raise SceneError([Problem(("wall", "motion"), None, limit)])
     return wall
 
 

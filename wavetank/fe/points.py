@@ -6,7 +6,7 @@ from dolfinx import geometry
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.errors import InputError
+from wavetank.errors import OutsideError
 from wavetank.fe.cell_places import CellPlaces, Places, tabulate
 from wavetank.fe.plane import Field, Plane
 from wavetank.hamiltonian.contract import Vector
@@ -62,7 +62,7 @@ class Points:
         outside = np.flatnonzero(self._least(np.where(mine, allowed - distances, np.inf)) < 0)
         if outside.size:
             x, y, _ = points[outside[0]]
-            raise InputError(f"the point x = {x:.6g} m, y = {y:.6g} m is outside the tank")
+            raise OutsideError(f"the point x = {x:.6g} m, y = {y:.6g} m is outside the tank", int(outside[0]))
         return np.flatnonzero(mine), cells[mine], local[mine]
 
     def _least(self, values: Vector) -> Vector:

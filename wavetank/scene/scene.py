@@ -158,6 +158,14 @@ class Scene(Noun):
         rows = (Gauge(name=name, x=x, y=y) for line in self.gauge_lines for name, x, y in line.gauges())
         return (*self.gauges, *rows)
 
+    def gauge_key(self, index: int) -> tuple[str | int, ...]:
+        """Return where in the scene one of ``all_gauges`` stands."""
+        index -= len(self.gauges)
+        if index < 0:
+            return "gauges", index + len(self.gauges)
+        ends = np.cumsum([line.count for line in self.gauge_lines])
+        return "gauge_lines", int(np.searchsorted(ends, index, side="right"))
+
     def _gauge_problems(self) -> Iterator[Problem]:
         count = Counter(gauge.name for gauge in self.all_gauges)
         for n, line in enumerate(self.gauge_lines):
