@@ -8,13 +8,19 @@ import pytest
 import ufl
 from mpi4py import MPI
 
+from wavetank.build import build_run
+from wavetank.errors import RunError
 from wavetank.fe.plane import Plane
+from wavetank.reference.stream_function import maximum_height, stream_function_wave
+from wavetank.verify.breaking import bore, cases, over_steep, row
+from wavetank.water.breaking import ALPHA, REACH, BreakingDissipation, BreakingWatch
+from wavetank.water.crests import Profile, SteepCrest, steep_crests
 from wavetank.water.edge_penalty import EdgePenalty
-from wavetank.water.plan_view import Slice
+from wavetank.water.plan_view import Ring, Slice
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.walls import FixedWall
-from wavetank.water.waves import NonlinearWaves
+from wavetank.water.waves import NonlinearWaves, Tolerances
 
 
 def bar(x, y):
@@ -46,3 +52,124 @@ def test_still_water_over_a_bed_stays_still(make):
     q, _ = waves.state(np.where(x < 2.0, 0.1 * np.cos(np.pi * x / 4) ** 3, 0.0), 0 * x)
     change = waves.mass.solve(smoothing.coordinate(q) - q)
     assert np.abs(change[x < 2.0]).max() > 1e-7 and np.abs(change[x > 6.0]).max() < 1e-12
+
+
+# ---------------------------------------------------------------- a crest's speed and its water's
+def exact(shift, *, current=0.0, noise=0.0):
+    """Return the profile of three exact waves of 80 %, kd = 1, moved on by ``shift`` [m], on a current [m/s]."""
+    length = 2 * np.pi
+    wave = stream_function_wave(0.8 * maximum_height(length, 1.0), length, depth=1.0)
+    x, e = np.linspace(0.0, 3 * length, 1200), 1e-6
+
+    def at(place):
+        eta, psi = wave.surface((place - shift + length / 2) % length - length / 2)
+        return eta + noise * np.sin(40.0 * place), psi
+
+    (behind, psi_behind), (here, _), (ahead, psi_ahead) = at(x - e), at(x), at(x + e)
+    return Profile(x, here, (ahead - behind) / (2 * e), (psi_ahead - psi_behind) / (2 * e) + current), wave
+
+
+@pytest.mark.parametrize("current", [-4.0, -1.0, 0.0, 1.0, 4.0])
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_velocity_over_speed_is_that_of_the_exact_wave_on_any_current(current, noise):
+    """Oracle: the wave's own B; where the current runs faster than the water in the crest, or the other way."""
+    time = 0.01
+    before, wave = exact(0.3, current=current, noise=noise)
+    after, _ = exact(0.3 + (wave.speed + current) * time, current=current, noise=noise)
+    _, (behind, ahead) = wave.surface(np.array([-1e-5, 1e-5]))
+    expected = (ahead - behind) / 2e-5 / wave.speed
+    crests = steep_crests(before, after, time=time, front=0.25, cell=0.1)
+    assert len(crests) == 3
+    for crest in crests[1:]:  # before the first there is but half a trough
+        assert crest.speed - current == pytest.approx(wave.speed, rel=0.03)
+        assert expected - 0.01 < crest.overtaking < expected + 0.1 * (current > 0.0) + 0.01
+
+
+# ---------------------------------------------------------------- what is taken
+def crest(x, B):
+    return SteepCrest(x=x, height=1.0, velocity=2.0 * B, current=0.0, speed=2.0, mean=2.0, front=0.5)
+
+
+def dissipation(length=12.0, cells=96, *, dt=1e-3):
+    """Return a ring and what dissipates in it."""
+    plan = Ring(length, cells, comm=MPI.COMM_WORLD)
+    plane = Plane(plan.mesh, 3, plan.chart)
+    waves = NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=6, tolerances=Tolerances(1e-12, 1e-13))
+    return waves, BreakingDissipation(waves, BreakingWatch(waves, SurfaceFlow(waves), length=length), dt=dt)
+
+
+@pytest.mark.parametrize("place", [0.0, 5.0])
+def test_the_energy_taken_is_that_of_diffusion_where_the_crest_is_also_across_a_rings_seam(place):
+    """Oracle: linear waves, a e^(-nu k² t), much shorter than the viscosity's reach: k² g a² int nu dx a second."""
+    waves, breaking = dissipation()
+    k, a, x = 2 * np.pi / 0.75, 1e-4, waves.plane.x
+    omega = np.sqrt(9.81 * k * np.tanh(k))
+    q, p = waves.state(a * np.cos(k * x), a * 9.81 / omega * np.sin(k * x))
+    breaking.place([crest(place, 0.9)])
+    before = waves.energy(q, p, 0.0)
+    after_q, after_p = breaking.coordinate(q), breaking.momentum(p)
+    breaking.account(before, waves.energy(after_q, after_p, 0.0))
+    viscosity = ALPHA * 2.0 * 1.0 * REACH * 1.0  # alpha c H times R, the integral of cos² from -R to R
+    assert breaking.energy_taken == pytest.approx(1e-3 * k**2 * 9.81 * a**2 * viscosity, rel=0.1)
+    assert waves.total_mass(after_q) == pytest.approx(waves.total_mass(q), rel=1e-14)
+
+
+def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
+    """A crest at 2 m/s that passes the seam of the ring; another one is not taken for it."""
+    _, breaking = dissipation()
+    story = [(0.8, 0), (0.86, 1), (0.9, 1), (0.7, 1), (0.61, 1), (0.59, 0), (0.7, 0), (0.84, 0), (0.86, 1)]
+    for step, (B, count) in enumerate(story):
+        t = 0.2 * step
+        found = breaking.follow([crest((11.3 + 2.0 * t) % 12.0, B), crest((5.3 + 2.0 * t) % 12.0, 0.8)], t)
+        assert len(found) == count
+    assert [t for t, _ in breaking.began] == pytest.approx([0.2, 1.6])
+
+
+# ---------------------------------------------------------------- the gate
+def outcome(case):
+    """Return how far the run comes [s], and what stopped it."""
+    run, _ = build_run(case, MPI.COMM_SELF)
+    try:
+        run.execute()
+    except RunError as error:
+        return run.t, str(error)
+    return run.t, ""
+
+
+def test_a_bore_is_not_taken_for_breaking():
+    """Where the water of a plateau moves; it stopped after 0.95 s."""
+    t, cause = outcome(bore(0.1, duration=1.2))
+    assert t >= 1.2 and not cause
+
+
+def test_a_sine_too_steep_for_any_wave_breaks_and_stops_unless_it_is_ignored():
+    case = over_steep(0.6)
+    t, cause = outcome(case)
+    assert t < 1.0 and "a wave breaks" in cause
+    ignored = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "ignore", "duration": t})})
+    later, cause = outcome(ignored)
+    assert later >= t and not cause
+
+
+def test_what_breaks_goes_on_with_less_energy():
+    case = over_steep(0.6)
+    changed = case.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.8})
+    run, waves = build_run(case.model_copy(update={"run": changed}), MPI.COMM_SELF)
+    start = waves.energy(run.state.q, run.state.p, 0.0)
+    run.execute()
+    (breaking,) = (one for one in run.filters if isinstance(one, BreakingDissipation))
+    lost = start - waves.energy(run.state.q, run.state.p, run.t)
+    assert breaking.began and breaking.energy_taken > 0.02 * start
+    assert lost == pytest.approx(sum(one.energy_taken for one in run.sinks), rel=0.05)
+
+
+@pytest.mark.slow
+def test_no_sound_wave_is_taken_for_a_breaking_one_and_no_breaking_one_is_missed(tmp_path):
+    """The whole gate; what it prints is the table of docs/extremes.md."""
+    wrong = []
+    for case in cases(tmp_path):
+        found = row(case)
+        print(found)
+        if ("a wave breaks" in found.stopped) != case.breaks:
+            wrong.append(found)
+    assert not wrong

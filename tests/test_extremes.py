@@ -14,17 +14,15 @@ from mpi4py import MPI
 from wavetank.build import build_run
 from wavetank.clock import Clock
 from wavetank.fe.plane import Plane
-from wavetank.observers.schedule import EverySteps
-from wavetank.reference.airy import wave_number
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
 from wavetank.verify.growth import Setting, row
-from wavetank.water.breaking import ONSET, CrestSpeeds, Moving, crest_speeds
+from wavetank.water.breaking import ONSET
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linearised import LinearisedFlow
 from wavetank.water.plan_view import Ring
-from wavetank.water.surface_flow import Crest, SurfaceFlow
+from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.walls import FixedWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
@@ -176,43 +174,6 @@ def test_the_limit_on_still_water_holds_for_ten_thousand_steps(part, stable):
 
 
 # ---------------------------------------------------------------- breaking
-def test_crests_are_followed_at_their_speed_and_new_ones_are_not_mistaken():
-    speeds = CrestSpeeds(fastest=6.0, slowest=0.3, window=0.1, places=(1.0, 9.0))
-    for step in range(10):
-        t = 0.05 * step
-        moving = speeds.follow(
-            [Crest(2.0 + 3.0 * t, 0.2, 1.5), Crest(8.0, 0.1, 0.0), Crest(0.5 + 1.0 * t, 0.1, 0.1)], t
-        )
-    (one,) = moving  # that at 8 m stands, that before 1.0 m is too near to the wall
-    assert one == Moving(pytest.approx(one.crest), pytest.approx(3.0)) and one.overtaking == pytest.approx(0.5)
-    assert speeds.follow([Crest(6.5, 0.2, 1.0)], 0.5) == []
-
-
-def test_crests_that_rest_between_coarse_cells_are_not_slow_ones():
-    """Oracle: the phase speed of regular waves, k a = 0.16, over cells of a quarter of a wave."""
-    wall = {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.0242, "period": 1.0, "ramp": 4.0}}
-    scene = {
-        "tank": {"length": 10.0, "depth": 0.45},
-        "wall": wall,
-        "sponge": {"type": "end", "length": 3.5},
-        "run": {"duration": 8.0},
-        "numerics": {"cell_size": 0.4, "order": 4, "vertical_order": 4, "dt": 0.04},
-    }
-    run, waves = build_run(Scene.model_validate(scene), MPI.COMM_WORLD)
-    flow, seen = SurfaceFlow(waves), list[Moving]()
-
-    class Looking:
-        speeds, schedule = crest_speeds(waves, ends=(0.0, 6.5)), EverySteps(1)
-
-        def observe(self, moment):
-            seen.extend(one for one in self.speeds.look(flow, moment.q, moment.p, moment.t) if moment.t > 6.0)
-
-    run.observers.append(Looking())
-    run.execute()
-    k = wave_number(2 * np.pi, 0.45, waves.gravity)
-    assert len(seen) > 50 and all(0.75 < one.speed / (2 * np.pi / k) < 1.25 for one in seen)
-
-
 GROUP = ["cases/focusing.toml", "--no-plots", "--set", "wall.motion.amplitude=0.16", "--set", "numerics.dt=0.01"]
 
 

@@ -29,7 +29,7 @@ from wavetank.observers.stability import StabilityWatch
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
 from wavetank.run import Run
 from wavetank.scene import RingTank, Scene
-from wavetank.water.breaking import BreakingDissipation, StopAtBreaking
+from wavetank.water.breaking import BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.surface_flow import SurfaceFlow, surface_of
@@ -125,11 +125,11 @@ def build_filters(scene: Scene, waves: Waves, dt: float) -> list[Filter]:
         return []  # neither breaks nor has a current
     flow, filters = surface_of(waves), list[Filter]()
     if isinstance(flow, SurfaceFlow):
-        ends = (-np.inf, np.inf) if isinstance(scene.tank, RingTank) else (0.0, scene.tank.length)
+        watch = BreakingWatch(waves, flow, length=scene.tank.length if isinstance(scene.tank, RingTank) else None)
         if scene.run.on_breaking == "stop":
-            filters.append(StopAtBreaking(waves, flow, ends=ends))
+            filters.append(StopAtBreaking(watch))
         elif scene.run.on_breaking == "dissipate":
-            filters.append(BreakingDissipation(waves, flow, ends=ends, dt=dt))
+            filters.append(BreakingDissipation(waves, watch, dt=dt))
     if scene.numerics.edge_penalty > 0:
         size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
         filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))

@@ -1,4 +1,4 @@
-"""How fast the surface moves between the degrees of freedom, where its crests are, and how fast those travel.
+"""How fast the surface moves between the degrees of freedom, and where its crests are.
 
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 from wavetank.fe.forms import compile_expression
 from wavetank.hamiltonian.contract import Vector
+from wavetank.water.crests import Profile
 from wavetank.water.waves import NonlinearWaves
 
 
@@ -73,7 +74,13 @@ class SurfaceVelocity:
 
 
 class SurfaceFlow(SurfaceVelocity):
-    """Slopes and velocities of the surface of a tank of one horizontal dimension; collective throughout."""
+    """Slopes and velocities of the surface of a tank of one horizontal dimension; collective throughout.
+
+    Attributes
+    ----------
+    cell
+        The size of the largest cell [m].
+    """
 
     def _set_up(self) -> None:
         plane, wall = self._waves.plane, self._waves.wall
@@ -90,7 +97,7 @@ class SurfaceFlow(SurfaceVelocity):
         self._turned = x[:, 0] > x[:, -1]  # cells that run backwards
         self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
         self._reference = self._sorted(x)
-        self._cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
+        self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
     def _sorted(self, values: Vector) -> Vector:
         """Return the values of all ranks in the order of x, from shape (cells, points) to (all cells * points,)."""
@@ -107,19 +114,20 @@ class SurfaceFlow(SurfaceVelocity):
         """The largest horizontal velocity of the surface [m/s]."""
         return float(np.abs(self._psi_x / (1 + self._slope**2)).max())
 
-    def crests(self, *, faster: float = 0.0) -> list[Crest]:
-        """Return the crests above still water, in the order of x; of several within a cell, the highest.
+    @property
+    def profile(self) -> Profile:
+        """The surface last taken, the same on all ranks."""
+        return Profile(self._x, self._height, self._slope, self._psi_x)
 
-        ``faster`` leaves out those whose water moves at less than that [m/s].
-        """
-        level = (self._slope[:-1] > 0) & (self._slope[1:] <= 0) & (self._height[:-1] > 0)
-        rising = np.flatnonzero(level & (np.abs(self._psi_x[:-1]) >= faster))
+    def crests(self) -> list[Crest]:
+        """Return the crests above still water, in the order of x; of several within a cell, the highest."""
+        rising = np.flatnonzero((self._slope[:-1] > 0) & (self._slope[1:] <= 0) & (self._height[:-1] > 0))
         part = self._slope[rising] / (self._slope[rising] - self._slope[rising + 1])
         fields = (self._x, self._height, self._psi_x)
         values = ((1 - part) * field[rising] + part * field[rising + 1] for field in fields)
         crests = list[Crest]()
         for crest in (Crest(*map(float, place)) for place in zip(*values, strict=True)):
-            if crests and crest.x - crests[-1].x < self._cell:
+            if crests and crest.x - crests[-1].x < self.cell:
                 crests[-1] = max(crests[-1], crest, key=lambda one: one.height)
             else:
                 crests.append(crest)
