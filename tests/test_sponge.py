@@ -161,6 +161,21 @@ def test_the_budget_of_a_piston_and_a_sponge_closes_to_the_error_of_scheme_and_w
     assert -fitted_slope(counts, balances) > 2.8
 
 
+@pytest.mark.parametrize(("strength", "sound"), [(3.0, True), (300.0, False)])
+def test_a_sponge_that_gives_energy_is_told(make_tank, strength, sound):
+    """One that begins like a wall, where the water moves: its potential jumps, and that is energy."""
+    waves = make_tank(length=4.0, cells=16, order=3, n=3)
+    inside = waves.plane.x - 2.0
+    gamma = profile(inside, width=2.0, strength=strength) if sound else np.where(inside > 0.05, strength, 0.0)
+    sponge = Absorbing(ThirdOrder(), gamma)
+    budget = EnergyBudget(waves, record=Memory(), sinks=[sponge])
+    state = sponge.start(*waves.state(0 * waves.plane.x, 0.2 * np.cos(np.pi * waves.plane.x / 2) + 0.5))
+    for step in range(5):
+        budget.observe(Moment(step, step * 0.02, state.q, state.p))
+        state = sponge.step(waves, state, step * 0.02, 0.02)
+    assert any("should damp the waves has given them" in sentence for sentence in budget.verdict()) != sound
+
+
 def test_energy_and_mass_of_damped_nonlinear_waves_with_a_penalty(make_tank):
     """Between fixed walls: what is lost is what sponge and penalty have counted, to the error of the scheme alone."""
     waves = make_tank(length=2.0, cells=8, order=3, n=4)

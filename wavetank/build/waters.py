@@ -9,7 +9,6 @@ from wavetank import scene as nouns
 from wavetank.build.plans import PlanView, build_plan
 from wavetank.fe.plane import Plane
 from wavetank.motions import Motion
-from wavetank.motions.mapping import largest_stroke
 from wavetank.noun import Problem, SceneError, about
 from wavetank.scene import Physics, Scene
 from wavetank.scene.moving_wall import MovingWall
@@ -65,7 +64,7 @@ def _piston(scene: Scene, plan: Slice | Basin, plane: Plane) -> Piston:
     """Return the wall that moves; collective. Raises ``InputError`` where it goes too far for its mapping's reach."""
     motion, paddle = scene.motion(), plan.paddle()
     wall = Piston(motion, plane=plane, reach=_reach(scene, plan, paddle), paddle=paddle)
-    stroke, allowed = scene.stroke(motion), largest_stroke(wall.reach)
+    stroke, allowed = scene.stroke(motion), wall.largest_stroke
     if stroke >= allowed:
         limit = (
             f"goes {stroke:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "

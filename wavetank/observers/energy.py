@@ -31,6 +31,7 @@ COLUMNS = columns(1)
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy: a balance that is farther off is told
+GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 
 ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
     2: (1 / 2, 1 / 2),
@@ -65,6 +66,7 @@ class EnergyBudget:
         self._rates: list[float] = []
         self._supplied = self._t = 0.0
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
+        self._taken = self._given = 0.0  # the most ever dissipated, and the most that came back of it
 
     def observe(self, moment: Moment) -> None:
         """Add to the paddle's work, and append a row where one is due; collective."""
@@ -79,16 +81,26 @@ class EnergyBudget:
         work = self._supplied - (now.wall - self._start.wall)
         dissipated = sum(sink.energy_taken for sink in self._sinks)
         balance = now.total - self._start.total - work + dissipated
+        self._taken = max(self._taken, dissipated)
+        self._given = max(self._given, self._taken - dissipated)
         self._energy, self._off = max(self._energy, now.total + dissipated), max(self._off, abs(balance))
         mass = self._waves.total_mass(moment.q)
         self._record.append([moment.t, now.kinetic, now.potential, now.total, work, dissipated, balance, mass])
 
     def verdict(self) -> list[str]:
-        """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, dissipated or not."""
-        if self._off <= max(TRUE * self._energy, self._nothing):
-            return []
-        what = "a shorter step or a tighter tolerance is needed"
-        return [f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}"]
+        """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, dissipated or not.
+
+        And one if what should take energy has given back more than ``GIVEN`` of it.
+        """
+        sentences = list[str]()
+        if self._off > max(TRUE * self._energy, self._nothing):
+            what = "a shorter step or a tighter tolerance is needed"
+            sentences.append(f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}")
+        if self._given > max(GIVEN * self._energy, self._nothing):
+            what = "a sponge that is too strong, begins too abruptly or stands in a current does so"
+            part = f"{self._given / self._energy:.2g} of the energy"
+            sentences.append(f"what should damp the waves has given them {part}: {what}")
+        return sentences
 
     def _integrate(self, t: float, rate: float) -> None:
         self._rates = [rate, *self._rates[:3]]
