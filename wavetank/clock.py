@@ -1,4 +1,4 @@
-"""When the steps of a run are: t_n = n dt, n = 0 ... steps, made once and never accumulated."""
+"""When the steps of a run are: t_n = t_0 + n dt, n = 0 ... steps, made once and never accumulated."""
 
 from dataclasses import dataclass
 from math import ceil, inf
@@ -10,7 +10,7 @@ ROUNDING = 1e-9  # relative, by which a number of steps may miss a whole one
 
 @dataclass(frozen=True)
 class Clock:
-    """Equal steps from t = 0.
+    """Equal steps.
 
     Attributes
     ----------
@@ -18,10 +18,13 @@ class Clock:
         The step [s].
     steps
         How many.
+    begin
+        t_0 [s], of a run 0.
     """
 
     dt: float
     steps: int
+    begin: float = 0.0
 
     @property
     def end(self) -> float:
@@ -30,7 +33,7 @@ class Clock:
 
     def time(self, step: int) -> float:
         """Return t_n [s]."""
-        return step * self.dt
+        return self.begin + step * self.dt
 
     @classmethod
     def dividing(cls, duration: float, longest: float) -> "Clock":

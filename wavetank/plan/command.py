@@ -50,13 +50,13 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     from wavetank.plan.planned import planned
     from wavetank.plan.trial import trial
 
-    terminal.print(f"{why}; timing some steps of this one", highlight=False)
+    terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
     seen = trial(planned(scene, MPI.COMM_WORLD).scene, MPI.COMM_WORLD)
     ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
     for line in (
         seen.summary,
-        f"  a step: {seen.step:.2g} s on {ranks}, {seen.solves:.1f} interior solves",
-        f"  the run: {_spelt(seen.duration)}, and up to half as much again where waves are steep",
+        f"  a step: {seen.step:.2g} CPU s on {ranks}, {seen.solves:.1f} interior solves",
+        f"  the run: {_spelt(seen.duration)}, on as many free cores",
         f"  memory: {seen.memory / 1e6:.0f} MB",
     ):
         terminal.print(line, highlight=False)

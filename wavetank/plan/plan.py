@@ -49,8 +49,8 @@ class Plan:
         p, cells, n, dt and the integrator.
     accuracy, error
         Relative error of the elevation: asked for, and predicted.
-    kind
-        Of waves, for what they cost.
+    kind, steepness
+        Of the waves, for what they cost.
     cost
         CPU time and memory, predicted.
     steps
@@ -68,6 +68,7 @@ class Plan:
     accuracy: float
     error: float
     kind: str
+    steepness: float
     cost: Cost
     steps: int
     cell_size: float
@@ -77,7 +78,9 @@ class Plan:
     def cost_by(self, costs: CostModel) -> Cost:
         """Return the cost on another machine."""
         duration = self.steps * self.settings.dt
-        return costs.run(self.kind, self.settings, duration=duration, dt_omega_max=self.dt_omega_max)
+        return costs.run(
+            self.kind, self.settings, duration=duration, dt_omega_max=self.dt_omega_max, steepness=self.steepness
+        )
 
     def applied_to(self, scene: Scene) -> Scene:
         """Return the scene with the plan's water and numerics, nothing left to be planned."""
@@ -235,6 +238,7 @@ class _Search:
             settings,
             duration=self._required.duration,
             dt_omega_max=settings.dt * self._mesh(settings).largest_frequency,
+            steepness=self._required.steepness,
         )
 
     def plan(self, settings: Settings, costs: CostModel) -> Plan:
@@ -246,6 +250,7 @@ class _Search:
             accuracy=required.accuracy,
             error=self._errors.predict(settings),
             kind=required.kind,
+            steepness=required.steepness,
             cost=self.cost(settings, costs),
             steps=Clock.covering(required.duration, settings.dt).steps,
             cell_size=mesh.cells.size,

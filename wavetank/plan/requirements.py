@@ -11,7 +11,10 @@ Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma 
     a_2 / a_1 = s (3 - sigma²) / (4 sigma³),     a_3 / a_1 = s² (27 - 9 sigma² + 9 sigma⁴ - 3 sigma⁶) / (64 sigma⁶),
     omega / omega_linear - 1 = s² (9 - 10 sigma² + 9 sigma⁴) / (16 sigma⁴).
 
-Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself.
+Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself. A solitary wave is
+one whose period is a window around its crest. Standing waves have the crest, harmonics and frequency of their own
+expansion (``reference/standing_wave.py``). Theirs begin without bound harmonics; the free ones that make up for them
+at the start come and go: with k a = 0.3, k d = pi / 2 the crest gets 1.45 a high, where a travelling wave's has 1.15 a.
 
 Source: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter 11.
 """
@@ -27,7 +30,8 @@ from wavetank import scene as nouns
 from wavetank.errors import InputError
 from wavetank.hamiltonian.contract import Vector
 from wavetank.motions import AtRest, Motion
-from wavetank.reference import airy, wavemaker
+from wavetank.reference import airy, standing_wave, wavemaker
+from wavetank.reference.conformal import SteadyWave
 from wavetank.scene import Physics, Scene
 
 MOST_COMPONENTS = 40
@@ -35,6 +39,7 @@ DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
 TAPER = 0.25  # share of a motion that is tapered at its end, lest it look like a jump: its waves do not get far
 NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
 POINTS = 1024  # along a wave of permanent form
+TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths looked at
 NEGLIGIBLE = 1e-5  # of its first harmonic
 PLACES = 33  # at which the highest crest is looked for
 
@@ -67,16 +72,16 @@ class Waves(NamedTuple):
 
 
 class Form(NamedTuple):
-    """A wave of permanent form.
+    """A wave whose form is known: one of permanent form, or a standing one.
 
     Attributes
     ----------
     harmonics
         Amplitudes of its harmonics relative to the first, shape (M,).
     velocity
-        Of the water in its crest [m/s].
+        The largest of the water at the surface [m/s].
     excess
-        Its speed over that of linear theory, less 1.
+        Its frequency over that of linear theory, less 1.
     """
 
     harmonics: Vector
@@ -251,7 +256,8 @@ def _all_waves(scene: Scene, accuracy: float) -> Waves:
     known: dict[type[Any], Callable[[Any, Scene], list[Waves]]] = {
         nouns.StillWater: lambda initial, scene: [],
         nouns.StandingWave: _standing_wave,
-        nouns.StreamFunctionWave: _steady_waves,
+        nouns.StreamFunctionWave: _periodic_waves,
+        nouns.SolitaryWave: _solitary_wave,
     }
     if type(scene.initial) not in known:
         allowed = ", ".join(sorted(kind.model_fields["type"].default for kind in known))
@@ -269,24 +275,42 @@ def _all_waves(scene: Scene, accuracy: float) -> Waves:
 
 def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[Waves]:
     tank = scene.tank
-    k = np.array([wave.mode * np.pi / tank.length])
-    omega = airy.angular_frequency(k, tank.depth, tank.gravity)
-    components = Components(k, omega, np.array([wave.amplitude]), np.array([scene.run.duration]))
-    return [Waves(components, wave.amplitude)]
+    exact = standing_wave.StandingWave(
+        amplitude=wave.amplitude, length=tank.length, depth=tank.depth, gravity=tank.gravity, modes=(wave.mode, 0)
+    )
+    in_time = exact.elevation_coefficients[:, 0, :] * [1.0, *3 * [np.sqrt(0.5)]]  # for means over a period
+    ratios = np.minimum(np.linalg.norm(in_time, axis=1)[1:] / np.linalg.norm(in_time[1]), 1.0)
+    k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
+    omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
+    components = Components(np.asarray(k), omega, wave.amplitude * ratios[:2], age)
+    excess = exact.frequency_shift * wave.amplitude**2 / exact.linear_frequency
+    crest = 2 * float(exact.elevation_coefficients.sum()) - wave.amplitude
+    return [Waves(components, crest, Form(ratios, _crest_velocity(float(k[0]), wave.amplitude, scene), excess))]
 
 
-def _steady_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[Waves]:
-    tank, exact = scene.tank, wave.wave(scene.tank)
-    length = tank.length / wave.waves
-    k = np.array([2 * np.pi / length])
-    eta, psi = exact.surface(np.asarray(length / POINTS * np.arange(POINTS), dtype=np.float64))
+def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[Waves]:
+    return [_steady_waves(wave.wave(scene.tank), scene.tank.length / wave.waves, scene)]
+
+
+def _solitary_wave(wave: nouns.SolitaryWave, scene: Scene) -> list[Waves]:
+    exact = wave.wave(scene.tank)
+    x = scene.tank.depth * np.linspace(0.0, FARTHEST, POINTS)
+    half = float(x[np.flatnonzero(exact.surface(x)[0] > TAIL * wave.height)[-1]])
+    return [_steady_waves(exact, 2 * half, scene)]
+
+
+def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> Waves:
+    """Return a wave of permanent form by its harmonics in a window of a length [m] around its crest."""
+    tank, k = scene.tank, np.array([2 * np.pi / length])
+    places = length / POINTS * np.arange(POINTS)
+    eta, psi = exact.surface(np.where(places > length / 2, places - length, places))
     amplitudes = 2 / POINTS * np.abs(np.fft.rfft(eta))[1:]
     kept = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
     velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd
     excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
     components = Components(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
     form = Form(amplitudes[: max(kept, 2)] / amplitudes[0], velocity, excess)
-    return [Waves(components, float(eta.max()), form)]
+    return Waves(components, float(eta.max()), form)
 
 
 class _Lines(NamedTuple):

@@ -1,19 +1,25 @@
-"""What a run of a scene as it stands costs, by the time of its own first steps: for tanks that are not planned."""
+"""What a run of a scene as it stands costs, by the time of some of its steps: for tanks that are not planned."""
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run, summary
+from wavetank.build import Records, Waves, build_observers, build_run, summary
 from wavetank.clock import Clock
 from wavetank.memory import peak_memory
 from wavetank.observers.contract import Moment
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
+from wavetank.reference import airy, wavemaker
+from wavetank.run import Run
 from wavetank.scene import Scene
 
+STEEPEST = 0.2  # k a, and a over the depth: steeper waves, which may break, are no measure
+TIMES = 1001  # of the second half of a run at which its paddle is looked at
 WARM_UP, STEPS = 5, 8  # steps before the time is taken, because start values of the solves need some, and after
 
 
@@ -27,7 +33,7 @@ class Trial(NamedTuple):
     steps
         Of the whole run.
     step
-        Wall time of a step, without snapshots [s].
+        CPU time of a step, of the rank that takes longest, without snapshots [s].
     solves
         Interior solves a step.
     memory
@@ -42,7 +48,7 @@ class Trial(NamedTuple):
 
     @property
     def duration(self) -> float:
-        """Wall time of the whole run, if its steps take no longer than the first [s]."""
+        """CPU time of the whole run on each rank, if all its steps take as long [s]."""
         return self.steps * self.step
 
 
@@ -73,13 +79,36 @@ class Stopwatch:
 
 
 def trial(scene: Scene, comm: MPI.Comm) -> Trial:
-    """Return what the first steps of a scene's run show; collective. Raises what a run raises."""
-    run, waves = build_run(scene, comm)
+    """Return what some steps of a run show, with its waves in the tank; collective. Raises what a run raises."""
+    going_on = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate"})})
+    run, waves = build_run(going_on, comm)
     steps, line = run.clock.steps, summary(scene, run, waves)
     watch = Stopwatch(lambda: waves.potential.counters.solves)
     records = Records(Memory(), Memory(), None)
     run.observers += [*build_observers(scene, waves, records, sinks=run.sinks), watch]
     run.clock = Clock(run.clock.dt, min(steps, WARM_UP + STEPS))
+    _fill(run, scene, waves)
     run.execute()
     each = watch.per_step(after=WARM_UP)
-    return Trial(line, steps, comm.allreduce(each.wall, op=MPI.MAX), each.solves, comm.allreduce(peak_memory()))
+    return Trial(line, steps, comm.allreduce(each.cpu, op=MPI.MAX), each.solves, comm.allreduce(peak_memory()))
+
+
+def _fill(run: Run, scene: Scene, waves: Waves) -> None:
+    """Put regular waves as the paddle makes them at its period into the tank, when it moves fast; collective.
+
+    That is what steps cost later; where it stands still the waves are those of the start. They are linear, on the mean
+    depth, and not steeper than ``STEEPEST``.
+    """
+    motion, period = scene.motion(), scene.paddle_period
+    if period is None:
+        return
+    t = np.linspace(0.5, 1.0, TIMES, dtype=np.float64) * (scene.run.duration - run.clock.end)
+    velocity = scene.of_paddle(motion, "velocity")(t).reshape(TIMES, -1)
+    omega, g = 2 * np.pi / period, scene.tank.gravity
+    k = float(airy.wave_number(omega, waves.depth, g))
+    amplitude = float(wavemaker.piston_transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
+    amplitude = min(amplitude, STEEPEST / k, STEEPEST * waves.depth)
+    phase = k * waves.plane.x
+    run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))
+    start = waves.state(amplitude * np.cos(phase), g * amplitude / omega * np.sin(phase), run.clock.begin)
+    run.state = run.integrator.start(*start)
