@@ -78,6 +78,7 @@ def water(plane, *, n=6, wall=None):
         phi=phi,
         densities=WaterEnergy(h=h.function, d=bed.d, gravity=9.81, wall=wall),
         evaluate=lambda q, p, t: None,
+        level=0.0,
         elevation=lambda q, p, t: elevation(x, y),
     )
 
