@@ -67,12 +67,11 @@ def compilations(folder: Path) -> int:
 
 @CODE
 def test_who_is_killed_while_compiling_hinders_nobody(code, world, tmp_path):
-    killed = start(code, world, SLOW="300")
-    while not (tmp_path / "compiled").exists():
-        assert killed.poll() is None
-        sleep(0.05)
-    killed.kill()
-    killed.wait()
+    with start(code, world, SLOW="300") as killed:
+        while not (tmp_path / "compiled").exists():
+            assert killed.poll() is None
+            sleep(0.05)
+        killed.kill()
     try:
         out, err = start(code, world).communicate()
         assert out == "1.0\n", err
