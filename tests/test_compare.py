@@ -78,15 +78,15 @@ def test_the_table_is_written(tmp_path: Path):
 
 
 def test_pictures_of_a_run_are_drawn(tmp_path: Path):
-    writer = RunWriter(tmp_path / "run", {"scene": {"title": "a group", "tank": {"depth": 1.0}}}).begin()
-    columns = ["t [s]", "kinetic [u]", "potential [u]", "total [u]", "paddle_work [u]", "balance [u]", "mass [u]"]
-    gauges, energy, surface = writer.gauges([("1", 5.0)]), writer.table("energy.csv", columns), writer.surface()
-    x = np.linspace(0, 20, 81)
-    for t in np.linspace(0, 20, 60):
-        surface.append(t, x, group(t - x / 2, 5.0), 0 * x)
-        gauges.append([t, group(t - 2.5, 5.0)])
-        energy.append([t, 1.0, 1.0, 2.0, 0.0, 1e-6 * t, 20.0])
-    writer.finish("finished", {})
+    with RunWriter(tmp_path / "run", {"scene": {"title": "a group", "tank": {"depth": 1.0}}}) as writer:
+        columns = ["t [s]", "kinetic [u]", "potential [u]", "total [u]", "paddle_work [u]", "balance [u]", "mass [u]"]
+        gauges, energy, surface = writer.gauges([("1", 5.0)]), writer.table("energy.csv", columns), writer.surface()
+        x = np.linspace(0, 20, 81)
+        for t in np.linspace(0, 20, 60):
+            surface.append(t, x, group(t - x / 2, 5.0), 0 * x)
+            gauges.append([t, group(t - 2.5, 5.0)])
+            energy.append([t, 1.0, 1.0, 2.0, 0.0, 1e-6 * t, 20.0])
+        writer.finish("finished", {})
     pictures = draw_run(RunDirectory(tmp_path / "run"))
     assert {path.name for path in pictures} == {"surface.png", "gauges.png", "energy.png"}
     assert all(path.stat().st_size > 10_000 for path in pictures)

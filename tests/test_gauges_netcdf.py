@@ -26,7 +26,8 @@ def write(path, rows=4):
 
 
 def test_places_are_in_the_header_and_read_back(tmp_path):
-    write(tmp_path)
+    with write(tmp_path):
+        pass
     header = (tmp_path / "gauges.csv").read_text().splitlines()[0]
     assert header == 't,1@x=10,"Süd, the focus@x=49.5,y=-2.25",a@x=b@x=0.1'
     found = [(gauge.name, gauge.x, gauge.y) for gauge in RunDirectory(tmp_path).gauges()]
@@ -35,7 +36,8 @@ def test_places_are_in_the_header_and_read_back(tmp_path):
 
 @pytest.mark.parametrize("engine", ["netcdf4", "scipy"])
 def test_the_netcdf_holds_the_table_to_the_last_bit(engine, tmp_path):
-    write(tmp_path).finish("finished", {})
+    with write(tmp_path) as writer:
+        writer.finish("finished", {})
     with xarray.open_dataset(tmp_path / "gauges.nc", engine=engine) as data:
         for n, gauge in enumerate(RunDirectory(tmp_path).gauges()):
             station = data.isel(station=n)
@@ -50,7 +52,8 @@ def test_the_netcdf_holds_the_table_to_the_last_bit(engine, tmp_path):
 
 def test_the_netcdf_follows_the_conventions(tmp_path):
     """CF-1.8, 9.3 and H.2.1: orthogonal time series, identified stations, units and standard names, no fill values."""
-    write(tmp_path).finish("finished", {})
+    with write(tmp_path) as writer:
+        writer.finish("finished", {})
     with xarray.open_dataset(tmp_path / "gauges.nc", decode_cf=False) as data:
         assert data.attrs == {
             "Conventions": "CF-1.8",
@@ -69,7 +72,8 @@ def test_the_netcdf_follows_the_conventions(tmp_path):
 
 
 def test_times_stay_numbers(tmp_path):
-    write(tmp_path).finish("finished", {})
+    with write(tmp_path) as writer:
+        writer.finish("finished", {})
     with xarray.open_dataset(tmp_path / "gauges.nc") as data:
         assert data.time.dtype == np.float64
 
@@ -85,10 +89,10 @@ def test_a_run_that_breaks_down_has_it_too(tmp_path):
 def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
     with write(tmp_path) as writer:
         writer.finish("finished", {})
-    writer = RunWriter(Place(tmp_path, overwrite=True), MANIFEST).begin()
-    assert not (tmp_path / "gauges.nc").exists()
-    writer.gauges([])
-    writer.finish("finished", {})
+    with RunWriter(Place(tmp_path, overwrite=True), MANIFEST) as writer:
+        assert not (tmp_path / "gauges.nc").exists()
+        writer.gauges([])
+        writer.finish("finished", {})
     assert not (tmp_path / "gauges.nc").exists()
     assert RunDirectory(tmp_path).gauges_dataset().sizes == {"station": 0, "time": 0}
 

@@ -32,7 +32,8 @@ def written(path, rows=5, points=4):
 
 
 def test_what_is_written_is_read_back(tmp_path):
-    written(tmp_path / "run").finish("finished", {"timings": {"wall": 1.0}})
+    with written(tmp_path / "run") as writer:
+        writer.finish("finished", {"timings": {"wall": 1.0}})
     run = RunDirectory(tmp_path / "run")
     assert run.manifest["status"] == "finished" and run.manifest["timings"] == {"wall": 1.0} and run.title == "case"
     first, second = run.gauges()
@@ -46,7 +47,8 @@ def test_what_is_written_is_read_back(tmp_path):
 @given(cut=st.integers(1, 60))
 def test_a_killed_run_keeps_all_complete_rows(tmp_path_factory, cut):
     path = tmp_path_factory.mktemp("killed") / "run"
-    written(path).finish("running", {})
+    with written(path) as writer:
+        writer.finish("running", {})
     for file in ("gauges.csv", "surface.bin"):
         content = (path / file).read_bytes()
         (path / file).write_bytes(content[:-cut])
@@ -58,10 +60,8 @@ def test_a_killed_run_keeps_all_complete_rows(tmp_path_factory, cut):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
 def test_no_number_that_is_not_finite_is_written(tmp_path, bad):
-    writer = written(tmp_path / "run")
-    with pytest.raises(RunError, match=r"t = 0\.5 s: .*energy\.csv"):
+    with pytest.raises(RunError, match=r"t = 0\.5 s: .*energy\.csv"), written(tmp_path / "run") as writer:
         writer.table("energy.csv", ["t [s]", "E"]).append([0.5, bad])
-    writer.finish("failed", {"cause": "x"})
     assert "nan" not in (tmp_path / "run" / "energy.csv").read_text()
 
 
