@@ -13,7 +13,7 @@ from wavetank.errors import RunError
 from wavetank.fe.plane import Plane
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.breaking import bore, cases, over_steep, row
-from wavetank.water.breaking import ALPHA, REACH, BreakingDissipation, BreakingWatch
+from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.crests import Profile, SteepCrest, steep_crests
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.plan_view import Ring, Slice
@@ -109,7 +109,7 @@ def test_the_energy_taken_is_that_of_diffusion_where_the_crest_is_also_across_a_
     before = waves.energy(q, p, 0.0)
     after_q, after_p = breaking.coordinate(q), breaking.momentum(p)
     breaking.account(before, waves.energy(after_q, after_p, 0.0))
-    viscosity = ALPHA * 2.0 * 1.0 * REACH * 1.0  # alpha c H times R, the integral of cos² from -R to R
+    viscosity = 0.2 * 2.0 * 1.0 * 4.0 * 1.0  # alpha c H times R, the integral of cos² from -R to R, as published
     assert breaking.energy_taken == pytest.approx(1e-3 * k**2 * 9.81 * a**2 * viscosity, rel=0.1)
     assert waves.total_mass(after_q) == pytest.approx(waves.total_mass(q), rel=1e-14)
 
@@ -123,6 +123,18 @@ def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
         found = breaking.follow([crest((11.3 + 2.0 * t) % 12.0, B), crest((5.3 + 2.0 * t) % 12.0, 0.8)], t)
         assert len(found) == count
     assert [t for t, _ in breaking.began] == pytest.approx([0.2, 1.6])
+
+
+@pytest.mark.parametrize(("moving", "seen"), [(0.0, 0), (1.0, 4)])
+def test_crests_that_stand_are_not_looked_at_and_those_that_move_are(moving, seen):
+    """Four steep cosines that grow where they are, and four that travel with water as swift as that of deep waves."""
+    waves, _ = dissipation()
+    watch, x, k, c = BreakingWatch(waves, SurfaceFlow(waves), length=12.0), waves.plane.x, 2 * np.pi / 3.0, 2.0
+    for t, a in ((0.0, 0.29), (0.01, 0.3)):
+        eta = a * np.cos(k * (x - moving * c * t))
+        psi = 0.3 * np.cos(k * x) if moving == 0.0 else 1.5 / k * np.sin(k * (x - c * t))
+        crests = watch.look(*waves.state(eta, psi), t)
+    assert len(crests) == seen
 
 
 # ---------------------------------------------------------------- the gate

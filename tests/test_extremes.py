@@ -74,6 +74,15 @@ def test_the_crest_and_its_velocity_are_those_of_the_exact_wave(cells):
     assert flow.largest_velocity == pytest.approx(velocity, rel=accuracy)
 
 
+def test_the_fastest_water_is_told_where_the_surface_slopes():
+    """Along a surface that stands, u = psi_x / (1 + eta_x²): where it is fastest, the slope takes 8 % of it."""
+    waves, _, _ = steep(1.0, 0.3, cells=24, n=2)
+    flow, x = SurfaceFlow(waves), waves.plane.x
+    flow.update(*waves.state(0.3 * np.cos(x), 0.5 * np.cos(x)), 0.0)
+    x = np.linspace(0.0, np.pi, 2001)
+    assert flow.largest_velocity == pytest.approx((0.5 * np.sin(x) / (1 + 0.09 * np.sin(x) ** 2)).max(), rel=2e-3)
+
+
 # ---------------------------------------------------------------- the penalty
 def test_the_penalty_conserves_mass_and_leaves_a_smooth_wave_alone():
     """What it changes falls with the cells by more than the order of the elements, 3."""

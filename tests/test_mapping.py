@@ -127,6 +127,22 @@ def test_a_smooth_surface_is_smooth_to_the_penalty_wherever_the_paddle_stands(ma
     assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
 
 
+def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):
+    """Oracle: a penalty that is made there."""
+    tank = make_tank(length=4.0, cells=8, n=2, motion=Sinusoid(0.5, 4.0), reach=2.0)
+    psi = np.cos(tank.plane.x) ** 3
+
+    def penalty():
+        return EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=0.01, threshold=0.0)
+
+    tank.set_time(0.0)
+    moved = penalty()
+    before = moved.momentum(psi)
+    assert moved.needed(*tank.state(0 * psi, psi, 1.0), 1.0)
+    after, there = moved.momentum(psi), penalty().momentum(psi)
+    assert np.abs(after - there).max() < 1e-13 < 1e-3 * np.abs(after - before).max()
+
+
 def test_a_filter_takes_the_wall_where_it_stands_at_the_end_of_the_step(make_tank):
     """Gauss-Legendre's last evaluation is within the step: the mass matrix then is that of another time."""
     tank = make_tank(length=4.0, cells=16, n=3, motion=Sinusoid(0.5, 2.0), reach=2.0)
