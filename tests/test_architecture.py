@@ -20,8 +20,9 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "noun": {"errors", "data", "scene"},  # the scene by name alone
     "formula": {"errors"},
     "beds": {"errors", "formula"},
-    "meshes": {"errors", "noun"},
-    "scene": {"errors", "data", "motions", "reference", "case_file", "noun", "formula", "beds", "meshes"},
+    "quantities": set(),
+    "meshes": {"errors", "noun", "quantities"},
+    "scene": {"errors", "data", "motions", "reference", "case_file", "noun", "formula", "beds", "meshes", "quantities"},
     "case_file": {"errors", "noun", "scene"},
     "run_lock": {"errors"},
     "run_log": set(),

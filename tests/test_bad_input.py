@@ -1,11 +1,18 @@
 """Bad input: whatever a case says, it is a scene or a sentence; never another error, never for long."""
 
+import math
 import re
 import subprocess
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
+from typing import Annotated, NamedTuple, get_args
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pydantic import BaseModel, TypeAdapter
 
 from wavetank import data
 from wavetank.case_file import SHOWN
@@ -99,3 +106,149 @@ def test_the_environment_needs_no_home():
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+# ---------------------------------------------------------------- every key, with every kind of nonsense
+RUN = "[run]\nduration = 20.0\n[numerics]\ncells = 8\n"
+UNCUT = RUN.replace("cells = 8\n", "")
+SLICE = "gauges = [{x = 1.0}]\n[tank]\nlength = 20.0\ndepth = 1.0\n"
+BASIN = "[tank]\ntype = 'basin'\ndepth = 1.0\n[tank.plan]\n"
+RECTANGLE = BASIN + "type = 'rectangle'\nlength = 20.0\nwidth = 10.0\nsponge_length = 3.0\n"
+FOCUS = "amplitude = 0.05\nfocus_x = 8.0\nfocus_time = 19.5\nspectrum = {type = 'jonswap', peak_frequency = 0.6}\n"
+SEGMENTS = "[wall]\ntype = 'segmented-piston'\nsegment = 0.5\n[wall.motion]\n"
+EVERY = {  # cases that have each noun of a scene somewhere
+    "slice": SLICE + "bed = {type = 'formula', depth = '1 - x*s', where = {s = 0.02}}\n"
+    "[initial]\ntype = 'formula'\neta = '0.01*cos(x)'\n[sponge]\ntype = 'end'\nlength = 4.0\n"
+    "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'sinusoid'\namplitude = 0.01\nperiod = 2.0\n" + RUN,
+    "group": "gauge_lines = [{name = 'A', start = [1.0, 0.0], end = [2.0, 0.0], count = 3}]\n" + SLICE + RUN
+    + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'wave-group'\ncomponents = 32\n" + FOCUS
+    + "[sponge]\ntype = 'formula'\ngamma = '0.1*x'\n[water]\ntype = 'linear'\n[output]\nenergy_every = 2\n",
+    "gaussian": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'wave-group'\ncomponents = 32\n"
+    + FOCUS.replace("'jonswap'", "'gaussian', bandwidth = 0.05") + "[water]\ntype = 'nonlinear'\n",
+    "record": SLICE + RUN + "[initial]\ntype = 'solitary-wave'\nheight = 0.2\nx = 8.0\n"
+    "[wall]\ntype = 'piston'\nmotion = {type = 'recorded', position = 'paddle.txt'}\n",
+    "ring": SLICE.replace("[tank]", "[tank]\ntype = 'ring'") + RUN
+    + "[initial]\ntype = 'stream-function'\nsteepness = 0.1\nwaves = 4\n",
+    "beds": SLICE + "bed = {type = 'gridded', file = 'bed.csv'}\n[initial]\ntype = 'standing-wave'\namplitude = 0.1\n"
+    "[wall]\ntype = 'piston'\nmotion = {type = 'at-rest'}\n" + RUN,
+    "python": SLICE + "bed = {type = 'python', file = 'bed.py'}\n[wall]\ntype = 'fixed'\n"
+    "[initial]\ntype = 'still-water'\n" + RUN,
+    "rectangle": RECTANGLE + "[tank.plan.refine]\nx = [2.0, 4.0]\nfactor = 0.5\n[sponge]\ntype = 'group'\n"
+    + SEGMENTS + "type = 'oblique-wave'\namplitude = 0.01\nperiod = 1.6\nangle = 20.0\n" + UNCUT,
+    "directional": RECTANGLE + SEGMENTS + "type = 'directional-focus'\nfocus_y = 5.0\nlargest_angle = 20.0\n"
+    "components = 32\ndirections = 5\n" + FOCUS + UNCUT,
+    "reflected": RECTANGLE + SEGMENTS + "type = 'reflected-focus'\nfocus_y = 5.0\ncomponents = 32\ndirections = 5\n"
+    + FOCUS + UNCUT,
+    "cylinder": BASIN + "type = 'cylinder'\nlength = 20.0\nwidth = 10.0\ncentre = [8.0, 5.0]\nradius = 1.0\n"
+    + UNCUT,
+    "bend": BASIN + "type = 'bend'\nwidth = 2.0\nfirst = 5.0\nsecond = 5.0\nangle = 90.0\nradius = 3.0\n"
+    + UNCUT,
+    "harbour": BASIN + "type = 'harbour'\nlength = 9.0\nwidth = 3.0\narm_length = 6.0\narm_width = 3.0\n"
+    + UNCUT,
+    "file": BASIN + "type = 'file'\nfile = 'plan.msh'\n" + UNCUT,
+}  # fmt: skip
+NONSENSE = ["true", '"deep"', '""', "[]", "[1, 2, 3]", "{}", "{a = 1}", "nan", "inf", "-inf", "1979-05-27", "[[[]]]"]
+EXTREME = ["-1", "0", "1e-300", "-1e-300", "1e300", "-1e300", "1e40", "1" + 40 * "0", "-3", "1.5", "1e9", "1e-5"]
+
+
+class Entry(NamedTuple):
+    """A key that a case may have, and the field it is."""
+
+    key: str
+    noun: type[BaseModel]
+    field: str
+
+
+def entries(scene: BaseModel, key: str = "") -> Iterator[Entry]:
+    """Yield all keys that a scene could have with the nouns that are in it."""
+    for name in type(scene).model_fields:
+        value, own = getattr(scene, name), f"{key}{name}"
+        yield Entry(own, type(scene), name)
+        for part, at in (
+            [(value, own)]
+            if isinstance(value, BaseModel)
+            else ([(one, f"{own}.{n}") for n, one in enumerate(value)] if isinstance(value, tuple) else [])
+        ):
+            if isinstance(part, BaseModel):
+                yield from entries(part, f"{at}.")
+
+
+@pytest.fixture(scope="module")
+def every(tmp_path_factory):
+    """Return the path of each case."""
+    folder = tmp_path_factory.mktemp("every")
+    (folder / "paddle.txt").write_text("".join(f"{t} {0.01 * t / 30}\n" for t in range(31)))
+    (folder / "bed.csv").write_text("x,depth\n" + "".join(f"{x},1.0\n" for x in range(31)))
+    (folder / "bed.py").write_text("def depth(x, y):\n    return 1 + 0 * x\n")
+    for name, text in EVERY.items():
+        (folder / f"{name}.toml").write_text(text)
+    return {name: folder / f"{name}.toml" for name in EVERY}
+
+
+def nouns(annotation: object) -> set[type[BaseModel]]:
+    """Return all nouns that can stand in a place, and in theirs."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        inside = (nouns(field.annotation) for field in annotation.model_fields.values())
+        return {annotation}.union(*inside)
+    return set().union(*(nouns(one) for one in get_args(annotation)))
+
+
+def test_the_cases_have_every_noun(every):
+    """A noun that is new needs a case here, so that its keys are tried with nonsense, too."""
+    assert nouns(Scene) == {entry.noun for path in every.values() for entry in entries(Scene.from_toml(path))}
+
+
+@cache
+def limits(entry: Entry) -> list[tuple[float, float]]:
+    """Return from where to where a number may be there, by the schema; nothing where no number stands."""
+    field = entry.noun.model_fields[entry.field]
+    schema = TypeAdapter(Annotated[field.annotation, field]).json_schema()
+    numbers = [one for one in schema.get("anyOf", [schema]) if one.get("type") in ("number", "integer")]
+    numbers = [one for one in numbers if "enum" not in one]
+    lowest = (one.get("minimum", one.get("exclusiveMinimum", -math.inf)) for one in numbers)
+    highest = (one.get("maximum", one.get("exclusiveMaximum", math.inf)) for one in numbers)
+    return list(zip(lowest, highest, strict=True))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_names_it(every, name):
+    path = every[name]
+    sentence = re.compile(rf"{re.escape(str(path))}, (overridden|line \d+): [\w.\-]+( = .*)?: ?.*\.")
+    for entry in entries(Scene.from_toml(path)):
+        allowed = limits(entry)
+        assert all(math.isfinite(low) and math.isfinite(high) for low, high in allowed), f"{entry} has no range"
+        for text in NONSENSE + EXTREME:
+            try:
+                scene = Scene.from_toml(path, [f"{entry.key}={text}"])
+            except InputError as error:
+                assert all(sentence.fullmatch(line) for line in str(error).splitlines()), str(error)
+                continue
+            assert isinstance(scene, Scene)
+            if allowed:
+                number = float(text)  # nothing else may stand there
+                assert any(low <= number <= high for low, high in allowed), f"{entry.key} = {text} is accepted"
+
+
+@st.composite
+def changes(draw, every):
+    """Return a case and some of its keys with other values: any numbers, and the ends of what is allowed."""
+    path = every[draw(st.sampled_from(sorted(every)))]
+    keys = [one for one in entries(Scene.from_toml(path)) if limits(one) and one.field != "components"]  # slow: 10^4
+    changed = []
+    for entry in draw(st.lists(st.sampled_from(keys), min_size=1, max_size=4)):
+        ends = [end for pair in limits(entry) for end in pair]
+        value = draw(st.one_of(st.sampled_from(ends), st.floats(*ends[:2]), st.floats(-20, 20), st.integers(1, 10**12)))
+        changed.append(f"{entry.key}={value}")
+    return path, changed
+
+
+@settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
+@given(data=st.data())
+def test_whatever_numbers_a_case_has_it_is_a_scene_or_a_sentence(every, data):
+    path, changed = data.draw(changes(every))
+    try:
+        scene = Scene.from_toml(path, changed)
+    except InputError as error:
+        assert all(line.startswith(str(path)) and line.endswith(".") for line in str(error).splitlines())
+        return
+    assert np.isfinite(scene.stroke(scene.motion()))

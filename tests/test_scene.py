@@ -183,7 +183,7 @@ def test_a_scene_is_frozen():
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("tank.depth=-1", "tank.depth = -1: must be greater than 0 (still-water depth d [m])"),
+        ("tank.depth=-1", "tank.depth = -1: must be greater than or equal to 1e-06 (still-water depth d [m])"),
         ("tank.depth=inf", "tank.depth = Infinity: must be a finite number (still-water depth d [m])"),
         ("tank.depth=nan", "tank.depth = NaN: must be a finite number (still-water depth d [m])"),
         ("tank.depth=deep", 'tank.depth = "deep": must be a valid number (still-water depth d [m])'),

@@ -309,7 +309,7 @@ def scene_of(sponge, **tank) -> Scene:
         ({"type": "end", "length": 2.0, "strength": 1.0, "period": 2.0}, {}, "sponge.strength is given"),
         ({"type": "group"}, {}, "needs a basin"),
         ({"type": "formula", "gamma": "2*z"}, {}, "unknown name"),
-        ({"type": "end", "length": -1.0}, {}, "greater than 0"),
+        ({"type": "end", "length": -1.0}, {}, "greater than or equal to"),
     ],
 )
 def test_a_sponge_that_does_not_fit_is_refused(sponge, tank, message):

@@ -7,17 +7,18 @@ from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Point, divisions
 from wavetank.meshes.recipe import Box, Recipe
+from wavetank.quantities import Length
 
 
 class Bend(Recipe):
     """A channel of constant width; the paddle is its entrance at x = 0, 0 < y < width."""
 
     type: Literal["bend"] = "bend"
-    width: float = Field(gt=0, description="width of the channel [m]")
-    first: float = Field(gt=0, description="length of the leg along x [m]")
-    second: float = Field(gt=0, description="length of the leg behind the bend [m]")
-    angle: float = Field(gt=0, le=150, description="by which the channel turns, towards +y [deg]")
-    radius: float = Field(gt=0, description="of the bend's centre line [m]")
+    width: Length = Field(description="width of the channel [m]")
+    first: Length = Field(description="length of the leg along x [m]")
+    second: Length = Field(description="length of the leg behind the bend [m]")
+    angle: float = Field(ge=0.1, le=150, description="by which the channel turns, towards +y [deg]")
+    radius: Length = Field(description="of the bend's centre line [m]")
     geometry: Literal[1, 2] = Field(default=2, description="order of the cells' geometry: 1 straight, 2 curved")
 
     @model_validator(mode="after")

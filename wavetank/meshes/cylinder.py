@@ -11,7 +11,8 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Part, Point, divisions
-from wavetank.meshes.recipe import Box, Pair, Recipe
+from wavetank.meshes.recipe import Box, Recipe
+from wavetank.quantities import Length, Pair
 
 NEAREST = 0.3  # radii between the cylinder and what is beside it
 FEWEST = 4, 2  # cells along a side of the box, and outwards: with less, curved cells beside coarse ones fold
@@ -21,13 +22,13 @@ class Cylinder(Recipe):
     """A rectangle without a circle, which may be centred on a side wall; the paddle is its side at the smallest x."""
 
     type: Literal["cylinder"] = "cylinder"
-    length: float = Field(gt=0, description="along x [m]")
-    width: float = Field(gt=0, description="along y [m]")
+    length: Length = Field(description="along x [m]")
+    width: Length = Field(description="along y [m]")
     origin: Pair = Field(default=(0.0, 0.0), description="the corner of smallest x and y [m]")
     centre: Pair = Field(description="x and y of the cylinder's axis [m]")
-    radius: float = Field(gt=0, description="radius of the cylinder [m]")
+    radius: Length = Field(description="radius of the cylinder [m]")
     factor: float = Field(
-        default=0.5, gt=0, le=0.6, description="width of the cells at the cylinder, over that elsewhere [-]"
+        default=0.5, ge=1e-3, le=0.6, description="width of the cells at the cylinder, over that elsewhere [-]"
     )
     geometry: Literal[1, 2] = Field(default=2, description="order of the cells' geometry: 1 straight, 2 curved")
 

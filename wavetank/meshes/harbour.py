@@ -6,16 +6,17 @@ from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Part
 from wavetank.meshes.recipe import Box, Recipe
+from wavetank.quantities import Length
 
 
 class Harbour(Recipe):
     """A fairway, 0 < x < length, 0 < y < width, and an arm from its far end towards +y; the paddle is at x = 0."""
 
     type: Literal["harbour"] = "harbour"
-    length: float = Field(gt=0, description="length of the fairway, along x [m]")
-    width: float = Field(gt=0, description="width of the fairway, along y [m]")
-    arm_length: float = Field(gt=0, description="length of the arm, along y [m]")
-    arm_width: float = Field(gt=0, description="width of the arm, along x [m]")
+    length: Length = Field(description="length of the fairway, along x [m]")
+    width: Length = Field(description="width of the fairway, along y [m]")
+    arm_length: Length = Field(description="length of the arm, along y [m]")
+    arm_width: Length = Field(description="width of the arm, along x [m]")
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

@@ -4,13 +4,12 @@ Curves belong to the groups ``paddle`` and ``wall``, surfaces to ``water`` and `
 """
 
 from abc import abstractmethod
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wavetank.noun import Noun
 
-Pair = Annotated[tuple[float, float], Strict(False)]  # a list of two in a case file
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
 CURVE, SURFACE = 1, 2  # gmsh's dimensions
 
@@ -20,7 +19,7 @@ class Recipe(Noun):
 
     cells: Literal["quadrilaterals", "triangles"] = Field(default="quadrilaterals", description="shape of the cells")
     geometry: Literal[1, 2] = Field(default=1, description="order of the cells' geometry: 1 straight, 2 curved")
-    sponge_length: float = Field(default=0.0, ge=0, description="length of the group sponge at the far end [m]")
+    sponge_length: float = Field(default=0.0, ge=0, le=1e6, description="length of the group sponge at the far end [m]")
 
     @property
     @abstractmethod

@@ -6,8 +6,9 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Part
-from wavetank.meshes.recipe import Box, Pair, Recipe
+from wavetank.meshes.recipe import Box, Recipe
 from wavetank.noun import Noun
+from wavetank.quantities import Length, Pair
 
 
 class Refinement(Noun):
@@ -15,15 +16,15 @@ class Refinement(Noun):
 
     x: Pair | None = Field(default=None, description="from where to where along x [m]; default: nowhere")
     y: Pair | None = Field(default=None, description="from where to where along y [m]; default: nowhere")
-    factor: float = Field(gt=0, lt=1, description="width of the cells there, over that elsewhere [-]")
+    factor: float = Field(ge=1e-3, lt=1, description="width of the cells there, over that elsewhere [-]")
 
 
 class Rectangle(Recipe):
     """A rectangle; the paddle is its side at the smallest x."""
 
     type: Literal["rectangle"] = "rectangle"
-    length: float = Field(gt=0, description="along x [m]")
-    width: float = Field(gt=0, description="along y [m]")
+    length: Length = Field(description="along x [m]")
+    width: Length = Field(description="along y [m]")
     origin: Pair = Field(default=(0.0, 0.0), description="the corner of smallest x and y [m]")
     refine: Refinement | None = Field(default=None, description="where cells are narrower; default: nowhere")
 

@@ -11,6 +11,7 @@ from wavetank import beds, data
 from wavetank.errors import InputError
 from wavetank.formula import Array
 from wavetank.noun import FilePath, Noun, Problem, SceneError
+from wavetank.quantities import Length
 from wavetank.scene.formulae import FormulaNoun, FormulaText
 
 Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), to d [m], shape (N,)
@@ -19,8 +20,8 @@ Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), 
 class VaryingBed(Noun):
     """What all beds that vary have."""
 
-    minimum_depth: float | None = Field(
-        default=None, gt=0, description="where the bed is shallower, or dry, it is sunk to this depth [m]"
+    minimum_depth: Length | None = Field(
+        default=None, description="where the bed is shallower, or dry, it is sunk to this depth [m]"
     )
 
     def build(self) -> Depth:

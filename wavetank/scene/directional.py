@@ -10,6 +10,7 @@ from wavetank import motions
 from wavetank.meshes import MeshFile
 from wavetank.motions.segmented import joints, widest_segment
 from wavetank.noun import Noun, Problem
+from wavetank.quantities import Coordinate, Duration, Height, Length, Ramp
 from wavetank.scene.groups import KEY, FocusingWaves
 from wavetank.scene.moving_wall import MovingWall
 from wavetank.scene.tanks import AnyTank, BasinTank
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from wavetank.scene.scene import Scene
 
 PLACES = 101  # at which a paddle without segments is looked at
+SEGMENTS = 1000  # at most
+TERMS = 20_000_000  # of a motion's sum over components, directions and places, at most: 320 MB
 
 
 def span(tank: AnyTank) -> tuple[float, float]:
@@ -32,10 +35,10 @@ class ObliqueWaveMotion(Noun):
     """A regular wave that leaves the paddle at an angle; side walls reflect it."""
 
     type: Literal["oblique-wave"] = "oblique-wave"
-    amplitude: float = Field(gt=0, description="amplitude a of the wave [m]")
-    period: float = Field(gt=0, description="period T [s]")
+    amplitude: Height = Field(description="amplitude a of the wave [m]")
+    period: Duration = Field(description="period T [s]")
     angle: float = Field(gt=-90, lt=90, description="direction theta of the wave [deg], positive towards y")
-    ramp: float | None = Field(default=None, ge=0, description="length of the ramp [s]; default two periods")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
     def wave(self, tank: AnyTank) -> motions.ObliqueWave:
         """Return the motion without its ramp."""
@@ -60,11 +63,11 @@ class ObliqueWaveMotion(Noun):
 class _FanOfWaves(FocusingWaves):
     """Waves from many directions that meet, by linear theory, in one crest at (focus_x, focus_y, focus_time)."""
 
-    focus_y: float = Field(default=0.0, description="where the crests meet, across the tank [m]")
+    focus_y: Coordinate = Field(default=0.0, description="where the crests meet, across the tank [m]")
     largest_angle: float = Field(default=30.0, ge=0, lt=90, description="angle of the outermost directions [deg]")
     directions: int = Field(default=21, ge=1, le=1000, description="number of directions")
     spreading: float = Field(
-        default=0.0, ge=0, description="exponent s of the directions' shares cos^2s(theta/2); 0: all alike"
+        default=0.0, ge=0, le=1000, description="exponent s of the directions' shares cos^2s(theta/2); 0: all alike"
     )
 
     def focus(self, tank: AnyTank) -> motions.DirectionalFocus:
@@ -77,10 +80,20 @@ class _FanOfWaves(FocusingWaves):
         focus = self.focus(tank)
         return widest_segment(float(focus.group.k[-1]), float(focus.fan.angles[-1]))
 
+    def _places(self, scene: "Scene") -> int:
+        """Return at how many places of the paddle its motion is summed up."""
+        wall = scene.wall
+        return wall.places(scene.tank).size if isinstance(wall, SegmentedPistonWall) else PLACES
+
     def problems(self, scene: "Scene") -> Iterator[Problem]:
-        """Yield as any focusing waves, and a focus beside the paddle."""
-        yield from super().problems(scene)
+        """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
         low, high = span(scene.tank)
+        waves = self.components * self.directions * self._places(scene)
+        if waves > TERMS:
+            allowed = f"must be fewer: with the directions, at all places of the paddle, there are {waves:.2g}"
+            yield Problem((*KEY, "components"), self.components, f"{allowed}, and at most {TERMS:.2g} are allowed")
+            return
+        yield from super().problems(scene)
         if not low <= self.focus_y <= high:
             yield Problem((*KEY, "focus_y"), self.focus_y, f"must be before the paddle, {low:g} to {high:g} m")
 
@@ -117,6 +130,12 @@ class ReflectedFocusMotion(_FanOfWaves):
 
     type: Literal["reflected-focus"] = "reflected-focus"
 
+    def _places(self, scene: "Scene") -> int:
+        """Return at how many places, or in how many of the basin's own waves, its motion is summed up."""
+        low, high = span(scene.tank)
+        modes = (high - low) / np.pi * float(self.group(scene.tank).k[-1])
+        return max(super()._places(scene), int(min(modes, TERMS)))
+
     def waves(self, tank: AnyTank) -> motions.ReflectedFocus:
         """Return the motion without its ramp."""
         low, high = span(tank)
@@ -142,8 +161,8 @@ class SegmentedPistonWall(MovingWall):
 
     type: Literal["segmented-piston"] = "segmented-piston"
     motion: SegmentedPaddleMotion
-    segment: float | None = Field(
-        default=None, gt=0, description="largest width of a segment [m]; default: no segments, continuous in y"
+    segment: Length | None = Field(
+        default=None, description="largest width of a segment [m]; default: no segments, continuous in y"
     )
 
     def paddle(self, tank: AnyTank) -> motions.SegmentedMotion:
@@ -165,6 +184,11 @@ class SegmentedPistonWall(MovingWall):
         if scene.physics == "linear":
             yield Problem(("wall", "type"), self.type, "needs nonlinear water (water.type), or must be a piston")
         yield from super().problems(scene)
+        low, high = span(scene.tank)
+        if self.segment is not None and high - low > SEGMENTS * self.segment:
+            least = (high - low) / SEGMENTS
+            yield Problem(("wall", "segment"), self.segment, f"must be at least {least:.4g} m, for {SEGMENTS} segments")
+            return
         widest = self.motion.widest_segment(scene.tank)
         if self.segment is not None and self.segment > widest:
             allowed = (

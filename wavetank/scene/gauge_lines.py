@@ -1,21 +1,18 @@
 """Gauges in a row, for what is known along a section."""
 
-from typing import Annotated
-
 import numpy as np
-from pydantic import Field, Strict
+from pydantic import Field
 
 from wavetank.noun import Noun
-
-Place = Annotated[tuple[float, float], Strict(False)]  # a list of two in a case file
+from wavetank.quantities import Pair
 
 
 class GaugeLine(Noun):
     """Gauges at equal distances on a straight line, both ends included; gauge 3 of the line ``A`` is ``A/3``."""
 
     name: str = Field(min_length=1, description="name of the line")
-    start: Place = Field(description="x and y of the first gauge [m]")
-    end: Place = Field(description="x and y of the last gauge [m]")
+    start: Pair = Field(description="x and y of the first gauge [m]")
+    end: Pair = Field(description="x and y of the last gauge [m]")
     count: int = Field(ge=2, le=10_000, description="number of gauges")
 
     def gauges(self) -> tuple[tuple[str, float, float], ...]:

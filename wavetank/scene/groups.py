@@ -3,24 +3,27 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 
 from wavetank import motions
 from wavetank.noun import Noun, Problem
+from wavetank.quantities import Duration, Frequency, Height, Length, Ramp
 from wavetank.scene.tanks import AnyTank
 
 if TYPE_CHECKING:
     from wavetank.scene.scene import Scene
 
 KEY = ("wall", "motion")
+MISSED = 1e-6  # of its peak: of so little there are no waves
 
 
 class JonswapSpectrum(Noun):
     """The JONSWAP spectrum's shape."""
 
     type: Literal["jonswap"] = "jonswap"
-    peak_frequency: float = Field(gt=0, description="peak frequency fp [Hz]")
-    gamma: float = Field(default=3.3, ge=1, description="peak enhancement gamma [-]")
+    peak_frequency: Frequency = Field(description="peak frequency fp [Hz]")
+    gamma: float = Field(default=3.3, ge=1, le=100, description="peak enhancement gamma [-]")
 
     def build(self) -> motions.Spectrum:
         """Return the shape S(f)."""
@@ -31,8 +34,8 @@ class GaussianSpectrum(Noun):
     """A Gaussian spectrum's shape."""
 
     type: Literal["gaussian"] = "gaussian"
-    peak_frequency: float = Field(gt=0, description="peak frequency fp [Hz]")
-    bandwidth: float = Field(gt=0, description="standard deviation [Hz]")
+    peak_frequency: Frequency = Field(description="peak frequency fp [Hz]")
+    bandwidth: Frequency = Field(description="standard deviation [Hz]")
 
     def build(self) -> motions.Spectrum:
         """Return the shape S(f)."""
@@ -42,14 +45,14 @@ class GaussianSpectrum(Noun):
 class FocusingWaves(Noun):
     """Waves that meet, by linear theory, in one crest at focus_x and focus_time."""
 
-    amplitude: float = Field(gt=0, description="height of the linear crest at the focus [m]")
-    focus_x: float = Field(gt=0, description="where the crests meet [m]")
-    focus_time: float = Field(gt=0, description="when the crests meet [s]")
+    amplitude: Height = Field(description="height of the linear crest at the focus [m]")
+    focus_x: Length = Field(description="where the crests meet [m]")
+    focus_time: Duration = Field(description="when the crests meet [s]")
     spectrum: Annotated[JonswapSpectrum | GaussianSpectrum, Field(discriminator="type", description="shape S(f)")]
-    lowest_frequency: float | None = Field(default=None, gt=0, description="first component [Hz]; default fp / 2")
-    highest_frequency: float | None = Field(default=None, gt=0, description="last component [Hz]; default 2 fp")
+    lowest_frequency: Frequency | None = Field(default=None, description="first component [Hz]; default fp / 2")
+    highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 2 fp")
     components: int = Field(default=128, ge=2, le=10_000, description="number of components")
-    ramp: float | None = Field(default=None, ge=0, description="length of the ramp [s]; default two peak periods")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two peak periods")
 
     @property
     def ramp_length(self) -> float:
@@ -84,6 +87,11 @@ class FocusingWaves(Noun):
             band = f"{group.lowest_frequency:g} to {group.highest_frequency:g} Hz"
             received = self.spectrum.peak_frequency
             yield Problem((*KEY, "spectrum", "peak_frequency"), received, f"must be between the components' {band}")
+            return
+        shape = group.spectrum.density
+        if not shape(group.frequencies).sum() > MISSED * float(shape(np.array([self.spectrum.peak_frequency]))[0]):
+            allowed = "must be more: none of their frequencies is where the spectrum has its waves"
+            yield Problem((*KEY, "components"), self.components, allowed)
             return
         earliest = self.earliest_focus(scene.tank)
         if self.focus_time < earliest:

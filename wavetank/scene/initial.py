@@ -10,6 +10,7 @@ from wavetank import motions
 from wavetank.errors import InputError
 from wavetank.meshes import Rectangle
 from wavetank.noun import Noun, Problem
+from wavetank.quantities import Coordinate, Count, Height, Share
 from wavetank.reference.conformal import SteadyWave
 from wavetank.reference.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
@@ -41,9 +42,9 @@ class StandingWave(Noun):
     """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
 
     type: Literal["standing-wave"] = "standing-wave"
-    amplitude: float = Field(gt=0, description="amplitude a [m]")
-    mode: int = Field(default=1, ge=1, description="number m of half waves along the tank")
-    mode_across: int = Field(default=0, ge=0, description="number n of half waves across a basin")
+    amplitude: Height = Field(description="amplitude a [m]")
+    mode: Count = Field(default=1, description="number m of half waves along the tank")
+    mode_across: int = Field(default=0, ge=0, le=10**9, description="number n of half waves across a basin")
 
     def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
         """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
@@ -68,9 +69,9 @@ class StreamFunctionWave(Noun):
     """Waves of permanent form in a ring, travelling to +x, a crest at x = 0: exact, without mean Eulerian current."""
 
     type: Literal["stream-function"] = "stream-function"
-    height: float | None = Field(default=None, gt=0, description="height, crest above trough [m]")
-    steepness: float | None = Field(default=None, gt=0, lt=1, description="height over that of the highest wave [-]")
-    waves: int = Field(default=1, ge=1, description="number of waves around the ring")
+    height: Height | None = Field(default=None, description="height, crest above trough [m]")
+    steepness: Share | None = Field(default=None, description="height over that of the highest wave [-]")
+    waves: Count = Field(default=1, description="number of waves around the ring")
 
     @model_validator(mode="after")
     def _one_height(self) -> Self:
@@ -106,8 +107,8 @@ class SolitaryWave(Noun):
     """The solitary wave, travelling to +x; exact where both ends of the tank are far."""
 
     type: Literal["solitary-wave"] = "solitary-wave"
-    height: float = Field(gt=0, description="height of the crest above still water [m]")
-    x: float = Field(description="where the crest is [m]")
+    height: Height = Field(description="height of the crest above still water [m]")
+    x: Coordinate = Field(description="where the crest is [m]")
 
     def wave(self, tank: AnyTank) -> SteadyWave:
         """Return the wave."""

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from pydantic import Field
 
 from wavetank.noun import Noun, Problem
+from wavetank.quantities import Length
 from wavetank.scene.tanks import AnyTank
 
 if TYPE_CHECKING:
@@ -15,9 +16,8 @@ if TYPE_CHECKING:
 class MovingWall(Noun):
     """A vertical wall that moves."""
 
-    reach: float | None = Field(
+    reach: Length | None = Field(
         default=None,
-        gt=0,
         description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, at most ten depths",
     )
 

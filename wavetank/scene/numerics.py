@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from wavetank.noun import Noun, Problem
+from wavetank.quantities import Coordinate, Count, Duration, Length, Share
 from wavetank.scene.tanks import AnyTank, BasinTank, RingTank, SliceTank
 
 if TYPE_CHECKING:
@@ -16,8 +17,8 @@ class Gauge(Noun):
     """A place where the elevation is recorded."""
 
     name: str = Field(min_length=1, description="name of the gauge")
-    x: float = Field(description="distance from the paddle's rest position, or along the ring; in a basin its x [m]")
-    y: float = Field(default=0.0, description="in a basin its y [m]")
+    x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
+    y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
 
 
 def named(gauges: Any) -> Any:
@@ -33,7 +34,7 @@ def named(gauges: Any) -> Any:
 class Run(Noun):
     """How long is computed."""
 
-    duration: float = Field(gt=0, description="simulated time [s]")
+    duration: Duration = Field(description="simulated time [s]")
     on_breaking: Literal["stop", "dissipate", "ignore"] = Field(
         default="stop", description="what to do when a wave breaks; ignore: do not look"
     )
@@ -50,14 +51,12 @@ CHOSEN = frozenset({"cells", "cell_size", "order", "vertical_order", "dt", "inte
 class Numerics(Noun):
     """How it is computed. Where an accuracy is asked for, or nothing is set, what is not set is planned."""
 
-    accuracy: float | None = Field(
-        default=None, gt=0, lt=1, description="relative error of the elevation to plan the numerics for"
-    )
-    cells: int | None = Field(default=None, ge=1, description="number of cells along the tank")
-    cell_size: float | None = Field(default=None, gt=0, description="size of a cell [m], rounded to divide the length")
+    accuracy: Share | None = Field(default=None, description="relative error of the elevation to plan the numerics for")
+    cells: Count | None = Field(default=None, description="number of cells along the tank")
+    cell_size: Length | None = Field(default=None, description="size of a cell [m], rounded to divide the length")
     order: int = Field(default=3, ge=1, le=8, description="horizontal polynomial order p")
     vertical_order: int = Field(default=8, ge=1, le=HIGHEST_VERTICAL_ORDER, description="vertical polynomial order n")
-    dt: float | None = Field(default=None, gt=0, description="time step [s]; default: from accuracy and stability")
+    dt: Duration | None = Field(default=None, description="time step [s]; default: from accuracy and stability")
     integrator: IntegratorName = Field(default="third-order", description="time integrator")
     tolerance: float = Field(default=1e-7, gt=0, lt=1, description="relative tolerance of implicit stages")
     edge_penalty: float = Field(
@@ -102,13 +101,13 @@ class Numerics(Noun):
 class Output(Noun):
     """What is recorded, and how often."""
 
-    energy_every: int = Field(default=1, ge=1, description="steps between rows of the energy budget")
-    gauges_every: int = Field(default=1, ge=1, description="steps between rows of the gauges' record")
-    surface_every: float | None = Field(
-        default=None, gt=0, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
+    energy_every: Count = Field(default=1, description="steps between rows of the energy budget")
+    gauges_every: Count = Field(default=1, description="steps between rows of the gauges' record")
+    surface_every: Duration | None = Field(
+        default=None, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
     )
-    velocity_every: float | None = Field(
-        default=None, gt=0, description="time between snapshots of the velocity field [s]; default: none"
+    velocity_every: Duration | None = Field(
+        default=None, description="time between snapshots of the velocity field [s]; default: none"
     )
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:

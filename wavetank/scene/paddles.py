@@ -9,6 +9,7 @@ from wavetank import data, motions
 from wavetank.errors import InputError
 from wavetank.motions.record_file import read_record
 from wavetank.noun import FilePath, Noun, Problem, SceneError
+from wavetank.quantities import Duration, Height, Ramp
 from wavetank.scene.groups import FocusingWaves
 from wavetank.scene.tanks import AnyTank
 
@@ -27,9 +28,9 @@ class SinusoidMotion(Noun):
     """X = r(t) a sin(2 pi t / T), with a smooth ramp r."""
 
     type: Literal["sinusoid"] = "sinusoid"
-    amplitude: float = Field(gt=0, description="paddle amplitude a, half the stroke [m]")
-    period: float = Field(gt=0, description="period T [s]")
-    ramp: float | None = Field(default=None, ge=0, description="length of the ramp [s]; default two periods")
+    amplitude: Height = Field(description="paddle amplitude a, half the stroke [m]")
+    period: Duration = Field(description="period T [s]")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
     def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped sinusoid."""
@@ -53,7 +54,7 @@ class RecordedMotion(Noun):
     type: Literal["recorded"] = "recorded"
     position: FilePath | None = Field(default=None, description="file of t [s] and X [m]")
     velocity: FilePath | None = Field(default=None, description="file of t [s] and dX/dt [m/s]")
-    ramp: float = Field(default=0.0, ge=0, description="length of a ramp from the record's start [s]; 0 is none")
+    ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
 
     @model_validator(mode="after")
     def _one_file(self) -> Self:

@@ -16,6 +16,7 @@ from pydantic import Field
 from wavetank.formula import Formula
 from wavetank.motions import Array
 from wavetank.noun import Noun, Problem
+from wavetank.quantities import Duration, Length, Rate
 from wavetank.reference.airy import group_velocity, wave_number
 from wavetank.scene.formulae import FormulaNoun, FormulaText
 from wavetank.scene.tanks import AnyTank, RingTank, SliceTank
@@ -31,12 +32,11 @@ class _Profiled(Noun):
     """A sponge whose damping grows with the distance from its inner edge, up to a strength."""
 
     type: str
-    strength: float | None = Field(
-        default=None, gt=0, description="largest damping rate gamma_0 [1/s]; default: of least reflection of the period"
+    strength: Rate | None = Field(
+        default=None, description="largest damping rate gamma_0 [1/s]; default: of least reflection of the period"
     )
-    period: float | None = Field(
+    period: Duration | None = Field(
         default=None,
-        gt=0,
         description="period of the waves to absorb [s]; default: the paddle's, or that of a wave as long as the sponge",
     )
 
@@ -72,7 +72,7 @@ class EndSponge(_Profiled):
     """The last ``length`` metres before the far wall."""
 
     type: Literal["end"] = "end"
-    length: float = Field(gt=0, description="length of the sponge, along x [m]: one wave length or more")
+    length: Length = Field(description="length of the sponge, along x [m]: one wave length or more")
 
     def problems(self, scene: "Scene") -> Iterator[Problem]:
         """Yield as any sponge, and one longer than the tank."""

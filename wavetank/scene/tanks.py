@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field
 
 from wavetank.meshes import Plan
 from wavetank.noun import Noun
+from wavetank.quantities import Gravity, Length
 from wavetank.scene.beds import Bed
 
 
@@ -15,15 +16,15 @@ class _Filled(Noun):
 
     fewest_cells: ClassVar[int] = 1
     usual_cell: ClassVar[float] = 0.2  # in depths
-    depth: float = Field(gt=0, description="still-water depth d [m]")
-    gravity: float = Field(default=9.81, gt=0, description="gravity g [m/s^2]")
+    depth: Length = Field(description="still-water depth d [m]")
+    gravity: Gravity = Field(default=9.81, description="gravity g [m/s^2]")
 
 
 class SliceTank(_Filled):
     """A tank of one horizontal dimension: a slice along x, between two walls."""
 
     type: Literal["slice"] = "slice"
-    length: float = Field(gt=0, description="length of the tank [m]")
+    length: Length = Field(description="length of the tank [m]")
     bed: Bed | None = Field(default=None, description="the bed; default: flat, at the depth")
 
 
@@ -32,7 +33,7 @@ class RingTank(_Filled):
 
     fewest_cells: ClassVar[int] = 3  # a polygon's
     type: Literal["ring"] = "ring"
-    length: float = Field(gt=0, description="length along the ring [m]")
+    length: Length = Field(description="length along the ring [m]")
     bed: None = Field(default=None, description="a ring's bed is flat")
 
 

@@ -1,0 +1,22 @@
+"""What numbers of a scene may be: physical quantities in SI units, each with the range in which it makes sense.
+
+The ranges are wide, from a drop to an ocean; they keep out what no one means, such as 1e-300 m, and the arithmetic that
+it would break. A case file's schema tells them.
+"""
+
+from typing import Annotated
+
+from pydantic import Field, Strict
+
+Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # m, of tanks, walls, cells
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
+Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m, of waves and strokes: as small as linear theory is asked for
+Duration = Annotated[float, Field(ge=1e-6, le=1e9)]  # s, of runs, periods and steps
+Ramp = Annotated[float, Field(ge=0, le=1e9)]  # s; 0 is none
+Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # Hz
+Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # 1/s
+Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
+Count = Annotated[int, Field(ge=1, le=10**9)]
+Share = Annotated[float, Field(ge=1e-9, lt=1)]  # of a whole
+
+Pair = Annotated[tuple[Coordinate, Coordinate], Strict(False)]  # x and y, or from where to where [m]; a list of two
