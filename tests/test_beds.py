@@ -228,7 +228,7 @@ def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
     assert told.startswith("tank.bed.minimum_depth = 0.2 m holds for ")
     assert float(told.split()[-5]) == pytest.approx(75, abs=3)  # the rest, to a third of a cell
     bed["minimum_depth"] = 0.0
-    with pytest.raises(ValidationError, match="minimum_depth\n.*greater than or equal to 1e-06"):
+    with pytest.raises(ValidationError, match="minimum_depth\n.*greater than or equal to 0.000001"):
         Scene.model_validate(content)
 
 

@@ -225,6 +225,7 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
 
 def _in_words(message: str, meaning: str) -> str:
     """Return pydantic's message as the end of a sentence."""
+    message = re.sub(r"0\.000\d+", lambda small: f"{float(small[0]):g}", message)
     words = (
         re.sub(r"^(Input|String|Value) should", "must", message)
         .replace("valid tuple", "list")
