@@ -87,7 +87,8 @@ class StopAtBreaking:
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Raise ``RunError`` if a wave breaks; there is never anything to do; collective."""
         for crest in filter(breaks, self._watch.look(q, p, t)):
-            seen = f", seen from a current of {crest.current:.3g} m/s" if crest.current else ""
+            moves = abs(crest.current) > 0.02 * abs(crest.speed)
+            seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
             raise RunError(
                 f"t = {t:.6g} s, x = {crest.x:.4g} m: a wave breaks: the water in its crest, {crest.height:.3g} m "
                 f"above its trough, moves at {crest.velocity:.3g} m/s, {100 * crest.overtaking:.0f} % of the crest's "
