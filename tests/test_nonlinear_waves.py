@@ -46,9 +46,9 @@ def test_derivatives_are_those_of_the_energy(make_tank, motion):
     assert np.all(errors[:, 1] < 1e-9)  # H is quadratic in psi: central differences are exact
 
 
-@pytest.mark.parametrize("name", SCHEMES)
+@pytest.mark.parametrize("name", [name for name in SCHEMES if name != "simpson-4"])
 def test_stepping_back_returns_to_the_start(make_tank, name):
-    """Reversibility: forward and back with -dt; the traces of (23) change places."""
+    """Reversibility: forward and back with -dt; the traces of (23) change places. Damped jumps do not come back."""
     tank = make_tank(length=2.0, cells=8, n=4)
     scheme, dt = INTEGRATORS[name](), 0.02
     start = scheme.start(*steep_state(tank))

@@ -59,7 +59,7 @@ class Run:
             self._observe()
 
     def _observe(self) -> None:
-        moment = Moment(self.step, self.t, self.state.q, self.state.p)
+        moment = Moment(self.step, self.t, self.state.q, self.state.p, self.state.known)
         for observer in self.observers:
             if observer.schedule.due(self.step, self.clock.dt):
                 observer.observe(moment)

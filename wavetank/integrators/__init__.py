@@ -16,7 +16,9 @@ from wavetank.integrators.stormer_verlet import StormerVerlet, StormerVerletAdjo
 from wavetank.integrators.symplectic_euler import SymplecticEuler, SymplecticEulerAdjoint
 from wavetank.integrators.third_order import ThirdOrder
 
-INTEGRATORS = {scheme.name: scheme for scheme in (ThirdOrder, StormerVerlet, StormerVerletAdjoint, GaussLegendre4)}
+INTEGRATORS = {
+    scheme.name: scheme for scheme in (Simpson4, ThirdOrder, StormerVerlet, StormerVerletAdjoint, GaussLegendre4)
+}
 
 __all__ = [
     "INTEGRATORS",

@@ -77,7 +77,7 @@ class Absorbing(Generic[S]):
         return self._damp(system, state, t + dt, dt / 2)
 
     def _damp(self, system: HamiltonianSystem, state: S, t: float, duration: float) -> S:
-        before = system.energy(state.q, state.p, t)
+        before = system.energy(*state.known[-1], t)
         state = state.mapped(same, times(np.exp(-self.gamma * duration)))
-        self.energy_taken += before - system.energy(state.q, state.p, t)
+        self.energy_taken += before - system.energy(*state.known[-1], t)
         return state

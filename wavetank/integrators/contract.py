@@ -1,11 +1,24 @@
 """The contract of a time integrator: one step, written as in the paper."""
 
 from collections.abc import Callable
-from typing import Protocol, Self, TypeVar
+from typing import NamedTuple, Protocol, Self, TypeVar
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
 
 Map = Callable[[Vector], Vector]
+
+
+class Evaluated(NamedTuple):
+    """A point at which a scheme evaluates the system anyway.
+
+    Attributes
+    ----------
+    q, p
+        Coordinates and momenta there.
+    """
+
+    q: Vector
+    p: Vector
 
 
 class State(Protocol):
@@ -18,6 +31,13 @@ class State(Protocol):
     @property
     def p(self) -> Vector:
         """The momenta at the state's time."""
+
+    @property
+    def known(self) -> tuple[Evaluated, ...]:
+        """The points next to (q, p), at its time, that the scheme evaluates anyway; the next step begins at the last.
+
+        Their mean is (q, p), or nearly so.
+        """
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with each of its coordinate vectors and of its momentum vectors mapped."""

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Self
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
-from wavetank.integrators.contract import Map
+from wavetank.integrators.contract import Evaluated, Map
 
 
 class JumpInQ(NamedTuple):
@@ -32,6 +32,11 @@ class JumpInQ(NamedTuple):
     def q(self) -> Vector:
         """The weighted mean of the traces, which is the coordinate of the classical scheme."""
         return self.alpha * self.q_plus + (1 - self.alpha) * self.q_minus
+
+    @property
+    def known(self) -> tuple[Evaluated, ...]:
+        """The point that is reported."""
+        return (Evaluated(self.q, self.p),)
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with all three traces mapped."""
@@ -50,6 +55,11 @@ class JumpInP(NamedTuple):
     def p(self) -> Vector:
         """The weighted mean of the traces, which is the momentum of the classical scheme."""
         return self.alpha * self.p_minus + (1 - self.alpha) * self.p_plus
+
+    @property
+    def known(self) -> tuple[Evaluated, ...]:
+        """The point that is reported."""
+        return (Evaluated(self.q, self.p),)
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with all three traces mapped."""

@@ -44,7 +44,7 @@ class Filtered(Generic[S]):
         state = self.scheme.step(system, state, t, dt)
         for one in self.filters:
             if one.needed(state.q, state.p, t + dt):
-                before = system.energy(state.q, state.p, t + dt)
+                before = system.energy(*state.known[-1], t + dt)
                 state = state.mapped(one.coordinate, one.momentum)
-                one.account(before, system.energy(state.q, state.p, t + dt))
+                one.account(before, system.energy(*state.known[-1], t + dt))
         return state

@@ -23,7 +23,7 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
-from wavetank.integrators.contract import Map
+from wavetank.integrators.contract import Evaluated, Map
 from wavetank.integrators.flow import flow
 
 KAPPA = 0.1
@@ -31,28 +31,47 @@ DIFFERENCE = (1.0, -3.0, 3.0, -1.0)  # of third order, the newest first; 8 on wh
 
 
 class MeanAndJumps(NamedTuple):
-    """The mean of the traces at t, (q, p) as one vector, and the jumps there and after the two steps before."""
+    """The mean (q, p) of the traces at t; their jumps there and after the two steps before; what was evaluated last.
 
-    mean: Vector
-    jumps: tuple[Vector, Vector, Vector]
+    Attributes
+    ----------
+    q_minus, p_minus
+        The minus trace as the step found it; the plus trace once the state has been mapped.
+    """
+
+    q: Vector
+    p: Vector
+    q_jump: Vector
+    p_jump: Vector
+    q_jump_1: Vector
+    p_jump_1: Vector
+    q_jump_2: Vector
+    p_jump_2: Vector
+    q_minus: Vector
+    p_minus: Vector
+
+    @classmethod
+    def of(cls, *pairs: Vector) -> Self:
+        """Return the state of mean, jumps and minus trace, (q, p) as one vector each."""
+        return cls(*(part for pair in pairs for part in np.split(pair, 2)))
 
     @property
-    def q(self) -> Vector:
-        """The coordinates the scheme reports."""
-        return np.split(self.mean, 2)[0]
+    def pairs(self) -> tuple[Vector, ...]:
+        """Mean, jumps and minus trace, (q, p) as one vector each."""
+        return tuple(np.concatenate(self[i : i + 2]) for i in range(0, len(self), 2))
 
     @property
-    def p(self) -> Vector:
-        """The momenta the scheme reports."""
-        return np.split(self.mean, 2)[1]
+    def known(self) -> tuple[Evaluated, ...]:
+        """Both traces, that before the jump as it was evaluated last, and that after it."""
+        return Evaluated(self.q_minus, self.p_minus), self._trace(0.5)
+
+    def _trace(self, side: float) -> Evaluated:
+        return Evaluated(self.q + side * self.q_jump, self.p + side * self.p_jump)
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with both traces mapped; the jumps of earlier steps are what they were."""
-        minus, plus = (
-            np.concatenate([coordinate(q), momentum(p)])
-            for q, p in (np.split(self.mean + side * self.jumps[0], 2) for side in (-0.5, 0.5))
-        )
-        return self._replace(mean=(minus + plus) / 2, jumps=(plus - minus, *self.jumps[1:]))
+        minus, plus = (np.concatenate([coordinate(q), momentum(p)]) for q, p in (self._trace(-0.5), self._trace(0.5)))
+        return self.of((minus + plus) / 2, plus - minus, *self.pairs[2:4], plus)
 
 
 @dataclass(frozen=True)
@@ -73,7 +92,7 @@ class Simpson4:
     def start(self, q: Vector, p: Vector) -> MeanAndJumps:
         """Return the state of a start without jumps."""
         mean = np.concatenate([q, p])
-        return MeanAndJumps(mean, (0 * mean,) * 3)
+        return MeanAndJumps.of(mean, *[0 * mean] * 3, mean)
 
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
@@ -82,7 +101,7 @@ class Simpson4:
             q, p = np.split(z, 2)
             return np.concatenate(flow(system, q, p, t))
 
-        z, (d, *_) = state
+        z, d, *_ = state.pairs
         f_0 = f(z + d / 2, t)
         known = z - d / 4 + dt / 4 * f_0
 
@@ -92,10 +111,12 @@ class Simpson4:
         stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4)
         z_half = system.stages.pair.solve(stage, residual, z + d / 2 + dt / 2 * f_0)
         f_half = f(z_half, t + dt / 2)
-        f_1 = f(z + d / 2 + dt * f_half, t + dt)
+        minus = z + d / 2 + dt * f_half
+        f_1 = f(minus, t + dt)
         smooth = dt / 6 * (f_0 - 2 * f_half + f_1)
-        jumps = (2 * smooth - d, *state.jumps)
-        return MeanAndJumps(z + dt / 6 * (f_0 + 4 * f_half + f_1), (self.settled(jumps, smooth), *jumps[1:3]))
+        jumps = (2 * smooth - d, *state.pairs[1:4])
+        mean = z + dt / 6 * (f_0 + 4 * f_half + f_1)
+        return MeanAndJumps.of(mean, self.settled(jumps, smooth), *jumps[1:3], minus)
 
     def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
         """Return the new jump, jumps[0], less kappa of what alternates; ``smooth`` is that of a smooth solution."""

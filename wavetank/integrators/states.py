@@ -3,7 +3,7 @@
 from typing import NamedTuple, Self
 
 from wavetank.hamiltonian.contract import Vector
-from wavetank.integrators.contract import Map
+from wavetank.integrators.contract import Evaluated, Map
 
 
 class Point(NamedTuple):
@@ -11,6 +11,11 @@ class Point(NamedTuple):
 
     q: Vector
     p: Vector
+
+    @property
+    def known(self) -> tuple[Evaluated, ...]:
+        """The point itself."""
+        return (Evaluated(self.q, self.p),)
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with q and p mapped."""
@@ -34,6 +39,11 @@ class Traces(NamedTuple):
     def p(self) -> Vector:
         """The momenta the scheme reports."""
         return self.p_plus
+
+    @property
+    def known(self) -> tuple[Evaluated, ...]:
+        """The plus trace."""
+        return (Evaluated(self.q_plus, self.p_plus),)
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with all four traces mapped."""

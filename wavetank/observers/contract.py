@@ -9,12 +9,25 @@ from wavetank.water.waves import Energies
 
 
 class Moment(NamedTuple):
-    """The state at one step: t = step dt [s], coordinates and momenta."""
+    """The state at one step: t = step dt [s], coordinates and momenta.
+
+    Attributes
+    ----------
+    known
+        Points next to (q, p) at which the system is evaluated anyway, in the order in which that costs nothing; none
+        if it is (q, p) itself.
+    """
 
     step: int
     t: float
     q: Vector
     p: Vector
+    known: tuple[tuple[Vector, Vector], ...] = ()
+
+    @property
+    def points(self) -> tuple[tuple[Vector, Vector], ...]:
+        """The known points, or the one there is."""
+        return self.known or ((self.q, self.p),)
 
 
 class Observer(Protocol):
@@ -71,6 +84,12 @@ class ObservedWaves(Protocol):
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi), in energy a second."""
+
+    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dQ, shape (owned,)."""
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dpsi, shape (owned,)."""
 
     def total_mass(self, q: Vector) -> float:
         """Return the water's volume, of a slice per width [m³, m²]."""

@@ -34,7 +34,13 @@ SCHEMES = ("third-order", "stormer-verlet", "gauss-legendre-4")
 PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
-SOLVABLE = {"third-order": 1.5, "stormer-verlet": 1.0, "stormer-verlet-adjoint": 1.0, "gauss-legendre-4": 3.0}
+SOLVABLE = {
+    "simpson-4": 1.5,
+    "third-order": 1.5,
+    "stormer-verlet": 1.0,
+    "stormer-verlet-adjoint": 1.0,
+    "gauss-legendre-4": 3.0,
+}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,7 +42,7 @@ class Run(Noun):
 
 HIGHEST_VERTICAL_ORDER = 16
 
-IntegratorName = Literal["third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
+IntegratorName = Literal["simpson-4", "third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
 
 
 CHOSEN = frozenset({"cells", "cell_size", "order", "vertical_order", "dt", "integrator"})  # by a plan

@@ -1,6 +1,6 @@
 """The schemes that are compared, each with the way its state is written as a plain vector."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,8 +49,6 @@ class Scheme:
         Turns time round: z -> reverse z, shape (width, width).
     traces
         Where q⁻, q⁺, p⁻ and p⁺ stand in z.
-    parts
-        The arrays of shape (1,) of a state, as far as they are in z; by default its fields.
     """
 
     label: str
@@ -60,7 +58,6 @@ class Scheme:
     form: NDArray[Any]
     reverse: NDArray[Any]
     traces: tuple[int, int, int, int]
-    parts: Callable[[Any], Sequence[Vector]] = tuple
 
     def start(self, q: float, p: float) -> Any:
         """Return the state of a smooth start."""
@@ -68,7 +65,7 @@ class Scheme:
 
     def vector(self, state: Any) -> Vector:
         """Return a state as a vector, shape (width,)."""
-        return np.concatenate(self.parts(state)[: self.width])
+        return np.concatenate(state[: self.width])
 
     def step(self, system: HamiltonianSystem, z: Vector, t: float, dt: float) -> Vector:
         """Return the vector of the state at t + dt."""
@@ -128,16 +125,12 @@ def simpson(integrator: Simpson4 | None = None) -> Scheme:
     """
 
     def state(*values: Vector) -> MeanAndJumps:
-        mean, *jumps = (np.concatenate(values[i : i + 2]) for i in range(0, 8, 2))
-        return MeanAndJumps(mean, (jumps[0], jumps[1], jumps[2]))
-
-    def parts(state: MeanAndJumps) -> list[Vector]:
-        return [state.mean, *state.jumps]
+        return MeanAndJumps(*values, *values[:2])
 
     form, reverse = two_form(8, (0, 1, 1.0), (2, 3, -0.25)), np.diag([1.0, -1.0, -1.0, 1.0] + 4 * [0.0])
     scheme = integrator or Simpson4()
     label = "Simpson 4" if scheme.kappa else "Simpson 4, jumps not damped"
-    return Scheme(label, scheme, 8, state, form, reverse, (0, 0, 1, 1), parts)
+    return Scheme(label, scheme, 8, state, form, reverse, (0, 0, 1, 1))
 
 
 def discontinuous(alpha: float) -> Scheme:

@@ -60,7 +60,7 @@ class SurfaceVelocity:
             return
         self._q, self._p, self._t = q, p, t
         self._waves.set_time(t)
-        self._eta.set(self._waves.mass.solve(q) - self._waves.bed.still)
+        self._eta.set(self._waves.elevation(q, p, t))
         self._psi.set(p)
         self._take(self._expression.eval(self._waves.plane.mesh, self._cells))
 

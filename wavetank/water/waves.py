@@ -152,8 +152,7 @@ class NonlinearWaves:
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
         """Find water column and potential of a state, unless it is the one last evaluated; collective."""
-        known = t == self._t and np.array_equal(q, self._q) and np.array_equal(p, self._p)
-        if self.plane.comm.allreduce(int(not known)) == 0:
+        if self._knows(q, p, t):
             return
         self.set_time(t)
         self.h.set(self.mass.solve(q))
@@ -170,6 +169,11 @@ class NonlinearWaves:
         self._H_p = self.operator.apply_surface(self.phi.rows) + wall[:, -1]
         self._H_q = None
         self._q, self._p, self._t = q.copy(), p.copy(), t
+
+    def _knows(self, q: Vector, p: Vector, t: float) -> bool:
+        """Return whether that state is the one last evaluated; collective."""
+        known = t == self._t and np.array_equal(q, self._q) and np.array_equal(p, self._p)
+        return bool(self.plane.comm.allreduce(int(not known)) == 0)
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s], and with it the mass matrix and the bed; collective."""
@@ -241,8 +245,10 @@ class NonlinearWaves:
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
-        self.evaluate(q, p, t)
-        return np.asarray(self.h.owned - self.bed.still)
+        if self._knows(q, p, t):
+            return np.asarray(self.h.owned - self.bed.still)
+        self.set_time(t)
+        return np.asarray(self.mass.solve(q) - self.bed.still)
 
     def total_mass(self, q: Vector) -> float:
         """Return the water's volume, of a slice per width [m³, m²]; collective."""
