@@ -39,7 +39,7 @@ def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetan
     case, *changes = DRIVEN
     overrides = [word for change in changes for word in ("--set", change)]
     records = []
-    for ranks in (1, 3):
+    for ranks in (1, 2):
         out = tmp_path / str(ranks)
         result = wavetank("run", case, *overrides, "--no-plots", "--out", str(out), ranks=ranks)
         assert result.returncode == 0, result.stderr
@@ -55,10 +55,10 @@ def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetan
     ("arguments", "ranks", "sentence"),
     [
         (["run", "nothing.toml"], 1, "nothing.toml: cannot be read"),
-        (["run", "cases/focusing.toml", "--set", "numerics.dt=3"], 3, r"overridden: numerics\.dt = 3\.0: must be"),
+        (["run", "cases/focusing.toml", "--set", "numerics.dt=3"], 2, r"overridden: numerics\.dt = 3\.0: must be"),
         (["run", "cases/focusing.toml", "--set", "tank.depth=-1"], 1, r"tank\.depth = -1.*greater than or equal to"),
-        (["run", "cases/focusing.toml", "--set", "tank.dept=1"], 3, "'?tank.dept'?.*depth"),
-        (["run", "cases/focusing.toml", "--out", "tests"], 3, "no run directory"),
+        (["run", "cases/focusing.toml", "--set", "tank.dept=1"], 2, "'?tank.dept'?.*depth"),
+        (["run", "cases/focusing.toml", "--out", "tests"], 2, "no run directory"),
         (["compare", "nowhere", "--with", "marin-202002"], 1, "nowhere: is no run directory"),
     ],
 )
