@@ -56,6 +56,7 @@ def run(
     overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
     plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
+    yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
 ) -> None:
     """Run a case; also under mpirun."""
     from wavetank.recorded_run import record_run  # dolfinx takes a second to load
@@ -63,7 +64,8 @@ def run(
     scene = Scene.from_toml(case, overrides or [])
     place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite)
     with located(case, overrides or []):
-        record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=_draw if plots else None)
+        draw = _draw if plots else None
+        record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, unasked=yes)
 
 
 def _draw(directory: RunDirectory) -> list[Path]:

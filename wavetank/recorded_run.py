@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar
 from wavetank.observers.record import Discard, Kept, Record, RecordCheck
 from wavetank.observers.surface import SurfaceRecord
+from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import planned
 from wavetank.run import Run
@@ -64,7 +66,13 @@ class Warnings:
 
 
 def record_run(
-    scene: Scene, place: Place | Path, *, comm: MPI.Comm, console: Console, draw: Draw | None = None
+    scene: Scene,
+    place: Place | Path,
+    *,
+    comm: MPI.Comm,
+    console: Console,
+    draw: Draw | None = None,
+    unasked: bool = True,
 ) -> None:
     """Run a scene into a directory; collective.
 
@@ -84,6 +92,8 @@ def record_run(
     draw
         Draws pictures of the run into its directory once it has ended, however it has, and gives their paths. What it
         raises is said, and nothing more: the records are there.
+    unasked
+        Whether a run that takes days, or more memory than there is, begins; otherwise it is refused.
     """
     began, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
@@ -93,6 +103,8 @@ def record_run(
         if writer is not None:
             at_the_end.callback(writer.release)
         asked, (scene, doubts) = scene, planned(scene, comm)
+        if not unasked:
+            on_first(comm, partial(check_affordable, scene, comm.size))
         run, waves = build_run(scene, comm)
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
             warnings.add(doubt)

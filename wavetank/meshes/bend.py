@@ -45,6 +45,11 @@ class Bend(Recipe):
         x, y = np.transpose(banks)
         return float(x.min()), float(y.min()), float(x.max()), float(y.max())
 
+    @property
+    def area(self) -> float:
+        """Of legs and arc [m²]."""
+        return self.width * (self.first + self.second + self.radius * float(np.radians(self.angle)))
+
     def outline(self, geometry: Any, cell_size: float) -> None:
         """Draw rows of cells along the channel."""
         blocks = Blocks(geometry, quadrilaterals=self.cells == "quadrilaterals")

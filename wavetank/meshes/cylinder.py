@@ -49,6 +49,12 @@ class Cylinder(Recipe):
         x, y = self.origin
         return x, y, x + self.length, y + self.width
 
+    def counted(self, cell_size: float) -> tuple[float, float]:
+        """Return about how many cells of a size [m] there are, and the size of those at the cylinder [m]."""
+        cells, size = super().counted(cell_size)
+        around = 2 * np.pi * self.radius / (self.factor * size)
+        return cells + around * max(FEWEST[1], self.radius / size), size * self.factor
+
     def _gaps(self) -> tuple[float, float, float, float]:
         """Return the distances of the axis from paddle, right-hand wall, sponge and left-hand wall [m]."""
         (left, low, right, high), (x, y) = self.box, self.centre

@@ -31,6 +31,11 @@ class Harbour(Recipe):
         """(x_min, y_min, x_max, y_max) [m]."""
         return 0.0, 0.0, self.length, self.width + self.arm_length
 
+    @property
+    def area(self) -> float:
+        """Of fairway and arm [m²]."""
+        return self.length * self.width + self.arm_length * self.arm_width
+
     def outline(self, geometry: Any, cell_size: float) -> None:
         """Draw rows of cells through fairway, corner and arm."""
         size, top = cell_size, self.width + self.arm_length

@@ -26,6 +26,16 @@ class Recipe(Noun):
     def box(self) -> Box:
         """The smallest box around the plan, (x_min, y_min, x_max, y_max) [m]."""
 
+    @property
+    def area(self) -> float:
+        """Of the plan, about [m²]."""
+        left, low, right, high = self.box
+        return (right - left) * (high - low)
+
+    def counted(self, cell_size: float) -> tuple[float, float]:
+        """Return about how many cells of a size [m] there are, and the size of the smallest [m], without a mesh."""
+        return self.area / cell_size**2, cell_size
+
     @abstractmethod
     def outline(self, geometry: Any, cell_size: float) -> None:
         """Draw the plan, its groups and the sizes of its cells into gmsh's current model.

@@ -44,6 +44,16 @@ class Rectangle(Recipe):
         x, y = self.origin
         return x, y, x + self.length, y + self.width
 
+    def counted(self, cell_size: float) -> tuple[float, float]:
+        """Return about how many cells of a size [m] there are, and the width of the narrowest [m]."""
+        cells, size = super().counted(cell_size)
+        if self.refine is None:
+            return cells, size
+        more = 1 / self.refine.factor - 1
+        for fine, length in ((self.refine.x, self.length), (self.refine.y, self.width)):
+            cells *= 1 if fine is None else 1 + more * (fine[1] - fine[0]) / length
+        return cells, size * self.refine.factor
+
     def outline(self, geometry: Any, cell_size: float) -> None:
         """Draw columns and rows of cells."""
         left, low, right, high = self.box

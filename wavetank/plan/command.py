@@ -45,29 +45,26 @@ def plan(
 
 def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     """Say what the case as it stands costs; collective."""
+    from math import inf
+
     from mpi4py import MPI
 
+    from wavetank.plan.affordable import check_affordable, spelt
     from wavetank.plan.planned import planned
     from wavetank.plan.trial import trial
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
-    seen = trial(planned(scene, MPI.COMM_WORLD).scene, MPI.COMM_WORLD)
+    scene = planned(scene, MPI.COMM_WORLD).scene
+    check_affordable(scene, MPI.COMM_WORLD.size, longest=inf)
+    seen = trial(scene, MPI.COMM_WORLD)
     ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
     for line in (
         seen.summary,
         f"  a step: {seen.step:.2g} CPU s on {ranks}, {seen.solves:.1f} interior solves",
-        f"  the run: {_spelt(seen.duration)}, on as many free cores",
+        f"  the run: {spelt(seen.duration)}, on as many free cores",
         f"  memory: {seen.memory / 1e6:.0f} MB",
     ):
         terminal.print(line, highlight=False)
-
-
-def _spelt(seconds: float) -> str:
-    """Return a duration in the unit that suits it."""
-    for unit, size in (("hours", 3600.0), ("minutes", 60.0)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.1f} {unit}"
-    return f"{seconds:.0f} seconds"
 
 
 def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console", *, calibrate: bool) -> None:

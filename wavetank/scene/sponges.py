@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from wavetank.scene.scene import Scene
 
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
+AT_ONCE, MOST = 4096, 2**18  # times: a sum of many waves takes memory for each; of a longer motion the first part
 STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no paddle makes waves as short
 
 
@@ -130,9 +131,12 @@ def paddle_period(
     share
         0.5: the period that halves the power.
     """
-    count = max(256, int(np.ceil(duration / (STEP * np.sqrt(tank.depth / tank.gravity)))))
+    step = STEP * float(np.sqrt(tank.depth / tank.gravity))
+    duration = min(duration, MOST * step)
+    count = max(256, int(np.ceil(duration / step)))
     t: Array = duration / count * np.arange(count, dtype=np.float64)
-    lines = np.abs(np.fft.rfft(velocity(t), axis=0)[1:]) ** 2
+    velocities = np.concatenate([velocity(part) for part in np.array_split(t, -(-count // AT_ONCE))])
+    lines = np.abs(np.fft.rfft(velocities, axis=0)[1:]) ** 2
     power = np.cumsum(lines.reshape(len(lines), -1).sum(axis=1))
     upper_edges = np.arange(1, power.size + 1) + 0.5  # of the lines, in 1 / duration
     return float(duration / np.interp(share * power[-1], power, upper_edges)) if power[-1] > 0.0 else None

@@ -1,0 +1,84 @@
+"""What a run takes is known before it is taken: against runs as they are built, and against what was measured."""
+
+import pytest
+from mpi4py import MPI
+
+from wavetank.build import build_run
+from wavetank.cli import main
+from wavetank.plan import affordable
+from wavetank.plan.affordable import needs_of
+from wavetank.scene import Scene
+
+RECTANGLE = {"type": "rectangle", "length": 6.0, "width": 4.0}
+PLANS = {
+    "quadrilaterals": RECTANGLE,
+    "triangles": RECTANGLE | {"cells": "triangles"},
+    "refined": RECTANGLE | {"refine": {"x": [1.0, 3.0], "y": [0.0, 1.0], "factor": 0.5}},
+    "cylinder": {"type": "cylinder", "length": 8.0, "width": 6.0, "centre": [4.0, 3.0], "radius": 0.8},
+    "bend": {"type": "bend", "width": 1.5, "first": 4.0, "second": 4.0, "angle": 90.0, "radius": 2.0},
+    "harbour": {"type": "harbour", "length": 8.0, "width": 2.0, "arm_length": 4.0, "arm_width": 2.0},
+}
+TANKS = {name: {"type": "basin", "depth": 0.5, "plan": plan} for name, plan in PLANS.items()}
+TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "length": 20.0, "depth": 0.5}}
+
+
+def scene(tank, **more):
+    numerics = {"order": 2, "vertical_order": 3, **more}
+    return Scene.model_validate({"tank": tank, "run": {"duration": 5.0}, "numerics": numerics})
+
+
+@pytest.mark.parametrize("name", TANKS)
+def test_unknowns_and_steps_are_those_of_the_run_as_it_is_built(name):
+    """To a factor of 1.6 and of 3, without a mesh: in basins the largest frequency depends on its worst cell."""
+    asked = scene(TANKS[name], **({} if name in ("slice", "ring") else {"cell_size": 0.4}))
+    run, waves = build_run(asked, MPI.COMM_SELF)
+    needs = needs_of(asked)
+    assert 1 / 1.6 < needs.unknowns / (waves.plane.size * (waves.vertical.n + 2)) < 1.6
+    assert 1 / 3 < needs.steps / run.clock.steps < 3
+
+
+def test_memory_and_time_of_a_large_basin_are_those_measured():
+    """docs/scaling.md: 739 bytes an unknown at 10^7 of order 3, n = 8, 5.3 solves of 3.4 iterations, 7 us, a step."""
+    plan = RECTANGLE | {"length": 166.0, "width": 166.0}
+    tank = {"type": "basin", "depth": 0.5, "plan": plan}
+    needs = needs_of(scene(tank, order=3, vertical_order=8, cell_size=0.5, dt=0.01))
+    assert needs.unknowns == pytest.approx(1e7, rel=0.02)
+    assert needs.memory == pytest.approx(7.39e9, rel=0.4)
+    assert needs.cpu == pytest.approx(500 * 70.0, rel=0.4)
+
+
+HUGE = [
+    ["numerics.cells=1000000000"],
+    ["numerics.cells=10000000", "numerics.dt=1e-6"],
+    ["numerics.dt=1e-6", "run.duration=1e6"],
+    ["run.duration=1e9"],
+    ["tank.length=1e6", "tank.depth=1e-3"],
+    ["numerics.cell_size=1e-6"],
+    ['tank={type="basin", depth=1.0, plan={type="rectangle", length=1e3, width=1e3}}', "numerics.cell_size=0.01"],
+    [
+        'tank={type="basin", depth=1.0, plan={type="rectangle", length=100.0, width=100.0, refine={x=[0.0, 100.0], '
+        "y=[0.0, 100.0], factor=0.001}}}",
+        "numerics.cell_size=0.1",
+    ],
+]
+
+
+@pytest.mark.parametrize("changes", HUGE, ids=["; ".join(changes)[:50] for changes in HUGE])
+def test_what_takes_days_or_more_memory_than_there_is_is_refused_before_it_is_taken(changes, tmp_path, capsys):
+    case = tmp_path / "case.toml"
+    case.write_text("[tank]\nlength = 20.0\ndepth = 1.0\n[run]\nduration = 1.0\n[numerics]\norder = 2\n")
+    changed = [word for change in changes for word in ("--set", change)]
+    assert main(["run", str(case), *changed, "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and "numerics: needs about" in said and "--yes" in said
+    assert not (tmp_path / "run").exists()
+
+
+def test_yes_runs_it_all_the_same(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(affordable, "available_memory", lambda: 1e6)
+    case = tmp_path / "case.toml"
+    case.write_text("[tank]\nlength = 2.0\ndepth = 1.0\n[run]\nduration = 0.1\n[numerics]\norder = 1\ncells = 3\n")
+    command = ["run", str(case), "--no-plots", "--out", str(tmp_path / "run")]
+    assert main(command) == 2
+    assert "of which 0.001 GB are free" in capsys.readouterr().err
+    assert main([*command, "--yes"]) == 0

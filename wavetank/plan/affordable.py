@@ -1,0 +1,109 @@
+"""What a run takes, before it is taken: nobody means to wait for days, or has memory for 10^9 cells.
+
+Rough, to a factor of 3 or so where it was compared: it stands guard, and is no plan. Slices cost what the plan's model
+says; a basin's step 7e-6 s an unknown and a tenth of a second (docs/scaling.md), and 7300 bytes a degree of freedom of
+the plan, 270 more for each mode.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from wavetank.build import build_clock
+from wavetank.integrators import INTEGRATORS
+from wavetank.memory import available_memory
+from wavetank.meshes import MeshFile
+from wavetank.noun import Problem, SceneError
+from wavetank.plan.cost_model import BASE, PER_ENTRY, known_costs
+from wavetank.plan.dispersion import Cells, Mesh
+from wavetank.plan.error_model import Settings
+from wavetank.scene import BasinTank, FixedWall, Scene
+
+LONGEST = 86_400.0  # s of wall time, if each rank has a core of its own
+STEP, PER_UNKNOWN = 0.1, 7e-6  # s of a basin's step
+PER_PLACE, PER_MODE = 7300.0, 270.0  # bytes a degree of freedom of a basin's plan
+PER_CELL = 60.0  # bytes of a mesh file, at least
+
+
+class Needs(NamedTuple):
+    """What a run takes: its unknowns, its steps, CPU time [s] and memory [bytes], of all ranks together."""
+
+    unknowns: float
+    steps: float
+    cpu: float
+    memory: float
+
+
+def check_affordable(scene: Scene, ranks: int, *, longest: float = LONGEST) -> None:
+    """Raise ``SceneError`` for a scene with all numerics that needs longer [s], or more memory than there is."""
+    needs, there = needs_of(scene, ranks), available_memory()
+    wall = needs.cpu / ranks
+    if wall <= longest and needs.memory <= there:
+        return
+    on = "1 rank" if ranks == 1 else f"{ranks} ranks"
+    sentence = (
+        f"needs about {spelt(wall)} on {on} and {needs.memory / 1e9:.2g} GB of memory, of which {there / 1e9:.2g} GB "
+        f"are free, for {needs.steps:.2g} steps of {needs.unknowns:.2g} unknowns: a larger cell_size or dt and a "
+        "shorter run.duration need less; wavetank run --yes runs it as it is"
+    )
+    raise SceneError([Problem(("numerics",), None, sentence)])
+
+
+def needs_of(scene: Scene, ranks: int = 1) -> Needs:
+    """Return what a scene needs whose numerics are all known."""
+    return _of_basin(scene, ranks) if isinstance(scene.tank, BasinTank) else _of_slice(scene, ranks)
+
+
+def _of_slice(scene: Scene, ranks: int) -> Needs:
+    chosen, kind = scene.numerics, _kind(scene)
+    dt, steps, product = _steps(scene, scene.cell_size)
+    settings = Settings(
+        order=chosen.order, cells=scene.cells, vertical_order=chosen.vertical_order, dt=dt, integrator=chosen.integrator
+    )
+    places = chosen.order * scene.cells + 1
+    entries = places * (chosen.vertical_order + 1.0) * (chosen.order + 2)
+    cpu = steps * known_costs().step(kind, settings, product)
+    return Needs(places * (chosen.vertical_order + 2.0), steps, cpu, ranks * BASE + PER_ENTRY[kind] * entries)
+
+
+def _of_basin(scene: Scene, ranks: int) -> Needs:
+    chosen = scene.numerics
+    cells, smallest = _cells_of_basin(scene)
+    steps = _steps(scene, smallest)[1]
+    places = chosen.order**2 * cells
+    unknowns = places * (chosen.vertical_order + 2.0)
+    memory = ranks * BASE + places * (PER_PLACE + PER_MODE * chosen.vertical_order)
+    return Needs(unknowns, steps, steps * (ranks * STEP + PER_UNKNOWN * unknowns), memory)
+
+
+def _cells_of_basin(scene: Scene) -> tuple[float, float]:
+    """Return how many cells a basin has, and the size of the smallest [m]."""
+    assert isinstance(scene.tank, BasinTank)
+    plan, size = scene.tank.plan, scene.cell_size
+    if isinstance(plan, MeshFile):
+        file = Path(plan.file)
+        return (file.stat().st_size / PER_CELL if file.exists() else 0.0), size
+    return plan.counted(size)
+
+
+def _kind(scene: Scene) -> str:
+    if scene.physics == "linear":
+        return "linear"
+    return "nonlinear" if isinstance(scene.wall, FixedWall) else "driven"
+
+
+def _steps(scene: Scene, cell_size: float) -> tuple[float, float, float]:
+    """Return the step [s], the number of steps, and dt omega_max, on still water of the tank's depth."""
+    chosen, integrator = scene.numerics, INTEGRATORS[scene.numerics.integrator]()
+    cells = Cells(chosen.order, cell_size)
+    mesh = Mesh(cells=cells, vertical_order=chosen.vertical_order, depth=scene.tank.depth, gravity=scene.tank.gravity)
+    omega = mesh.largest_frequency
+    dt = build_clock(scene, omega, integrator).dt if chosen.dt is None else chosen.dt
+    return dt, scene.run.duration / dt, float(min(dt * omega, integrator.stability_limit))
+
+
+def spelt(seconds: float) -> str:
+    """Return a duration in the unit that suits it."""
+    for unit, size in (("years", 3.156e7), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.0f} seconds"
