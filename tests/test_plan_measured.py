@@ -23,6 +23,7 @@ from wavetank.observers.record import Memory
 from wavetank.plan.cost_model import CostModel, calibrate
 from wavetank.plan.error_model import Settings
 from wavetank.plan.plan import Plan, make_plan
+from wavetank.reference.airy import angular_frequency
 from wavetank.scene import Scene
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -50,9 +51,18 @@ def ring(kd: float, steepness: float, periods: int) -> Scene:
     return Scene.model_validate({**scene, "run": {"duration": periods * period}})
 
 
+def steep_standing(steepness: float, periods: int) -> Scene:
+    """A standing wave of k a in k d = pi / 2, for so many periods of linear theory."""
+    case = {"tank": {"length": 2.0, "depth": 1.0}, "gauges": [0.0], "run": {"duration": 1.0}}
+    initial = {"type": "standing-wave", "amplitude": steepness / (np.pi / 2)}
+    period = 2 * np.pi / float(angular_frequency(np.pi / 2, 1.0, 9.81))
+    return Scene.model_validate(case | {"initial": initial, "run": {"duration": periods * period}})
+
+
 SCENES = {  # scene and accuracy
     "linear": (lambda: case("wavemaker"), 1e-2),
     "steep": (lambda: case("standing-wave", "gauges=[0.0]"), 1e-2),
+    "steeper": (lambda: steep_standing(0.3, periods=5), 1e-3),
     "shallow": (lambda: ring(0.5, 0.3, 5), 1e-2),
     "deep": (lambda: ring(3.0, 0.5, 10), 1e-3),
     "group": (lambda: case("focusing", *GROUP), 1e-2),

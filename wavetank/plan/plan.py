@@ -244,7 +244,7 @@ class _Search:
             settings,
             duration=self._required.duration,
             dt_omega_max=settings.dt * self._mesh(settings).largest_frequency,
-            steepness=self._required.steepness,
+            steepness=self._required.highest,
         )
 
     def plan(self, settings: Settings, costs: CostModel) -> Plan:
@@ -256,7 +256,7 @@ class _Search:
             accuracy=required.accuracy,
             error=self._errors.predict(settings),
             kind=required.kind,
-            steepness=required.steepness,
+            steepness=required.highest,
             cost=self.cost(settings, costs),
             steps=Clock.covering(required.duration, settings.dt).steps,
             cell_size=mesh.cells.size,

@@ -82,11 +82,14 @@ class Form(NamedTuple):
         The largest of the water at the surface [m/s].
     excess
         Its frequency over that of linear theory, less 1.
+    crest
+        The highest it gets [m].
     """
 
     harmonics: Vector
     velocity: float
     excess: float
+    crest: float
 
 
 class Harmonics(NamedTuple):
@@ -126,8 +129,10 @@ class Requirements:
         The components.
     k
         Wave number of the mean energy [rad/m].
-    steepness, velocity
-        k a of the highest crest, and the horizontal velocity there, a omega / tanh(k d) [m/s].
+    steepness, highest
+        k a of the highest crest, by linear theory or of a wave of permanent form; and of what a standing wave gets to.
+    velocity
+        The horizontal velocity in the crest, a omega / tanh(k d) [m/s].
     harmonics
         Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
     driven
@@ -146,6 +151,7 @@ class Requirements:
     waves: Components
     k: float
     steepness: float
+    highest: float
     velocity: float
     harmonics: Vector
     driven: bool
@@ -192,6 +198,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         waves=waves,
         k=k,
         steepness=k * crest,
+        highest=k * (form.crest if form else crest),
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
         driven=not isinstance(scene.motion(), AtRest),
@@ -285,7 +292,8 @@ def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[Waves]:
     components = Components(np.asarray(k), omega, wave.amplitude * ratios[:2], age)
     excess = exact.frequency_shift * wave.amplitude**2 / exact.linear_frequency
     crest = 2 * float(exact.elevation_coefficients.sum()) - wave.amplitude
-    return [Waves(components, crest, Form(ratios, _crest_velocity(float(k[0]), wave.amplitude, scene), excess))]
+    form = Form(ratios, _crest_velocity(float(k[0]), wave.amplitude, scene), excess, crest)
+    return [Waves(components, wave.amplitude, form)]
 
 
 def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[Waves]:
@@ -309,8 +317,8 @@ def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> Waves:
     velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd
     excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
     components = Components(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
-    form = Form(amplitudes[: max(kept, 2)] / amplitudes[0], velocity, excess)
-    return Waves(components, float(eta.max()), form)
+    form = Form(amplitudes[: max(kept, 2)] / amplitudes[0], velocity, excess, float(eta.max()))
+    return Waves(components, form.crest, form)
 
 
 class _Lines(NamedTuple):
