@@ -48,6 +48,7 @@ class SurfaceVelocity:
         self._q: Vector | None = None
         self._p: Vector | None = None
         self._t = np.nan
+        self._speeds = np.zeros(self._cells.size)
 
     def _set_up(self) -> None:
         slope, velocity = (self._waves.wall.gradient(field.function) for field in (self._eta, self._psi))
@@ -65,12 +66,22 @@ class SurfaceVelocity:
         self._take(self._expression.eval(self._waves.plane.mesh, self._cells))
 
     def _take(self, values: Vector) -> None:
-        self._largest = float(self._comm.allreduce(float(np.max(values, initial=0.0)), op=MPI.MAX))
+        self._speeds = values.reshape(self._cells.size, -1).max(axis=1, initial=0.0)
+
+    @property
+    def elevation(self) -> Vector:
+        """The elevation at the owned degrees of freedom [m], shape (owned,)."""
+        return self._eta.owned
+
+    @property
+    def speeds(self) -> Vector:
+        """The largest horizontal velocity of the surface in each of the cells of this rank [m/s], shape (cells,)."""
+        return self._speeds
 
     @property
     def largest_velocity(self) -> float:
         """The largest horizontal velocity of the surface [m/s]."""
-        return self._largest
+        return float(self._comm.allreduce(float(self._speeds.max(initial=0.0)), op=MPI.MAX))
 
 
 class SurfaceFlow(SurfaceVelocity):
@@ -108,11 +119,7 @@ class SurfaceFlow(SurfaceVelocity):
         rows = values.reshape(self._cells.size, -1, 3)
         self._x = self._waves.wall.to_physical(np.column_stack([self._reference, 0 * self._reference]))[:, 0]
         self._height, self._slope, self._psi_x = (self._sorted(rows[:, :, i]) for i in range(3))
-
-    @property
-    def largest_velocity(self) -> float:
-        """The largest horizontal velocity of the surface [m/s]."""
-        return float(np.abs(self._psi_x / (1 + self._slope**2)).max())
+        self._speeds = np.abs(rows[:, :, 2] / (1 + rows[:, :, 1] ** 2)).max(axis=1, initial=0.0)
 
     @property
     def profile(self) -> Profile:

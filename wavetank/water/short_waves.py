@@ -1,0 +1,52 @@
+"""The shortest waves that the cells carry, and how fast they oscillate where the surface moves.
+
+A current u shifts the frequency of a wave of wave number k by u k at most: under a steep crest the shortest waves of
+the cells there oscillate faster than on still water, and it is there that a step gets too long for them.
+"""
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.hamiltonian.contract import Vector
+from wavetank.water.surface_flow import SurfaceVelocity
+from wavetank.water.waves import NonlinearWaves
+
+
+class ShortWaves:
+    """The shortest waves of each cell: k = pi p / l of its narrowest extent l, and the frequency of still water.
+
+    The latter is the largest of the mesh for the narrowest of all cells, and falls as k^(1/2).
+    """
+
+    def __init__(self, waves: NonlinearWaves):
+        plane = waves.plane
+        self._comm = plane.comm
+        self._k = np.pi * plane.order / _widths(waves)
+        largest = self._comm.allreduce(float(self._k.max(initial=0.0)), op=MPI.MAX)
+        self._still = waves.largest_frequency * np.sqrt(self._k / largest)
+
+    def largest_frequency(self, flow: SurfaceVelocity) -> float:
+        """Return the largest frequency [rad/s] on the surface as it moves now; collective."""
+        shifted = float((self._still + self._k * flow.speeds).max(initial=0.0))
+        return float(self._comm.allreduce(shifted, op=MPI.MAX))
+
+
+def _widths(waves: NonlinearWaves) -> Vector:
+    """Return the narrowest extent of each cell of this rank [m], shape (cells,): of a square one its side."""
+    plan = waves.plane.mesh
+    dim = plan.topology.dim
+    plan.topology.create_connectivity(dim, dim)
+    cells = np.arange(plan.topology.index_map(dim).size_local, dtype=np.int32)
+    longest = plan.h(dim, cells)
+    if dim == 1:
+        return np.asarray(longest)
+    corners = plan.geometry.x[plan.geometry.dofmap[: cells.size]][:, :, :2]
+    return np.asarray(np.sqrt(2) * _areas(corners) / longest)
+
+
+def _areas(corners: Vector) -> Vector:
+    """Return the areas of triangles, or of quadrilaterals in dolfinx's order of vertices, shape (cells, 3 or 4, 2)."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    if corners.shape[1] == 4:
+        first, second = corners[:, 3] - corners[:, 0], corners[:, 2] - corners[:, 1]
+    return np.asarray(0.5 * np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]))
