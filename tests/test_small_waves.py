@@ -41,11 +41,11 @@ def elevations(run, waves, *, level=0.0):
     ("integrator", "depth"), [("third-order", 1.0), ("third-order", 10.0), ("stormer-verlet", 10.0)]
 )
 def test_what_nonlinear_waves_differ_by_from_linear_ones_falls_with_their_amplitude(integrator, depth):
-    """From a millimetre to a micrometre: beyond their nonlinearity, some k a, nothing but 1e-5."""
+    """From a millimetre to a micrometre: beyond their nonlinearity, some k a, nothing but 5e-5."""
     linear = elevations(*standing("linear", depth=depth, amplitude=1e-3, integrator=integrator)) / 1e-3
     for amplitude in (1e-3, 1e-4, 1e-6):
         found = elevations(*standing("nonlinear", depth=depth, amplitude=amplitude, integrator=integrator)) / amplitude
-        assert np.abs(found - linear).max() < 1.5 * np.pi / LENGTH * amplitude + 1e-5
+        assert np.abs(found - linear).max() < 1.5 * np.pi / LENGTH * amplitude + 5e-5
 
 
 def test_what_the_potential_is_counted_from_changes_neither_waves_nor_cost():
@@ -55,5 +55,5 @@ def test_what_the_potential_is_counted_from_changes_neither_waves_nor_cost():
         run, waves = standing("nonlinear", depth=1.0, amplitude=0.05)
         found.append(elevations(run, waves, level=level))
         costs.append(waves.potential.counters.iterations)
-    assert np.abs(found[1] - found[0]).max() < 1e-7 * 0.05
+    assert np.abs(found[1] - found[0]).max() < 1e-6 * 0.05
     assert costs[1] <= 1.05 * costs[0]

@@ -104,7 +104,7 @@ def test_the_reference_is_the_finest_combination_refined_once_more():
     assert coarse.values == {"dt": "0.02", "n": "16", "cells": "16", "integrator": "third-order"}
     numerics = refined(CASE, coarse, dt=0.02, name="reference").scene.numerics
     assert (numerics.dt, numerics.cells, numerics.vertical_order) == (0.01, 32, 16)
-    assert (numerics.integrator, numerics.tolerance) == ("third-order", pytest.approx(1e-8))
+    assert (numerics.integrator, numerics.tolerance) == ("third-order", pytest.approx(1e-7))
 
 
 def test_cells_given_by_their_size_are_refined_too():
@@ -292,7 +292,7 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     assert [row.outcome.status for row in rows] == ["finished", "failed", "finished"]
     good, broken, plan = rows
     assert broken.outcome.cause == RunDirectory(tmp_path / broken.combination.name).manifest["cause"]
-    assert broken.outcome.cause in said and not broken.errors
+    assert broken.outcome.cause in " ".join(said.split()) and not broken.errors
     assert GAUGES in good.errors
     assert plan.mark == "plan" and plan.errors[SURFACE] < 0.5 * good.errors[SURFACE] < 0.05
     with (tmp_path / "study.csv").open() as file:

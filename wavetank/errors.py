@@ -45,7 +45,11 @@ class RecordError(RunError):
     """A record could not be written: what one rank meets alone, without the others."""
 
 
-class ConvergenceError(RunError):
+class BreakdownError(RunError):
+    """The water could not be computed any further; who knows the step says why."""
+
+
+class ConvergenceError(BreakdownError):
     """A linear or nonlinear solve did not reach its tolerance."""
 
 

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.build import Records, Waves, build_observers, build_run, build_watch, summary, told_of_bed
-from wavetank.errors import RunError
+from wavetank.errors import BreakdownError, RunError
 from wavetank.fe.agreed import on_first
 from wavetank.memory import peak_memory
 from wavetank.observers.contract import Judge, Observer
@@ -29,6 +29,8 @@ from wavetank.run_place import Place
 from wavetank.rundir import ENERGY, LOG, RunDirectory, RunWriter, environment
 from wavetank.scene import Scene
 from wavetank.vtu_series import VtuSeries
+from wavetank.water.breakdown import cause
+from wavetank.water.waves import NonlinearWaves
 
 Draw = Callable[[RunDirectory], Iterable[Path]]
 
@@ -129,7 +131,7 @@ def record_run(
                     log.say(line)
             with writer or nullcontext(), _progress(run, waves, log) as bar:
                 run.observers += [interruption, *bar]
-                _execute(run, note)
+                _execute(run, waves, note)
                 if writer is not None:
                     writer.finish("finished", {})
 
@@ -192,12 +194,16 @@ def _progress(run: Run, waves: Waves, log: RunLog) -> Iterator[list[Observer]]:
         yield [bar]
 
 
-def _execute(run: Run, note: Callable[[], None]) -> None:
-    """Step to the end, and take note of what that has cost, however it ends; collective."""
+def _execute(run: Run, waves: Waves, note: Callable[[], None]) -> None:
+    """Step to the end, and take note of what that has cost, however it ends; say why a step failed; collective."""
     try:
         run.execute()
-    except RunError:
+    except RunError as error:
         note()
+        if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
+            state, limit = run.state, run.integrator.stability_limit
+            why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)
+            raise type(error)(f"{error}: {why}.") from None
         raise
     note()
 

@@ -47,7 +47,7 @@ class StageSolver(Protocol):
 
         ``start`` is the integrator's own start value; the solver may replace it by a better one extrapolated from
         earlier steps. The residual is written so that its derivative is close to the identity: z - c - a f(z).
-        Raises ``ConvergenceError`` naming time, stage, residual and likely cause.
+        Raises ``ConvergenceError`` naming time, stage and residual.
         """
 
 

@@ -31,11 +31,6 @@ def identity(stage: Stage, residual: Vector) -> Vector:
     return residual
 
 
-def no_diagnosis(stage: Stage) -> str:
-    """Return the cause to name where a system knows no better."""
-    return "the step is too large"
-
-
 @dataclass
 class StageCounters:
     """What the implicit stages cost: solves, residual evaluations, and solves that needed Newton-Krylov."""
@@ -63,8 +58,6 @@ class SnesStageSolver:
         What round-off is a part of even where the solution is zero [scaled units].
     precondition
         Approximate inverse of the stage's derivative.
-    diagnose
-        Names the likely cause of a failure at a stage.
     """
 
     max_iterations = 25
@@ -78,13 +71,12 @@ class SnesStageSolver:
         size: Size | None = None,
         floor: float = 1e-6,
         precondition: Preconditioner = identity,
-        diagnose: Callable[[Stage], str] = no_diagnosis,
     ):
         self.counters = StageCounters()
         self._error: WavetankError | None = None
         self._comm, self._scale = comm, scale
         self._tolerance, self._size = tolerance, size or (lambda: self._rms(self._x.array_r * self._scale))
-        self._floor, self._precondition, self._diagnose = floor, precondition, diagnose
+        self._floor, self._precondition = floor, precondition
         self._extrapolations: dict[str, Extrapolation] = {}
         self._sizes: dict[str, float] = {}
         self._x = PETSc.Vec().createMPI((scale.size, None), comm=comm)
@@ -114,7 +106,6 @@ class SnesStageSolver:
             size=self._size,
             floor=self._floor,
             precondition=precondition,
-            diagnose=self._diagnose,
         )
 
     def _snes(self, kind: str) -> PETSc.SNES:
@@ -139,7 +130,7 @@ class SnesStageSolver:
     def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
         """Return z with residual(z) = 0, shape (n,); collective.
 
-        Raises ``ConvergenceError`` naming time, stage, residual and likely cause.
+        Raises ``ConvergenceError`` naming time, stage and residual.
         """
         earlier = self._extrapolations.setdefault(stage.name, Extrapolation(self._rms))
         predicted = earlier.predict(stage.t, stage.dt)
@@ -172,14 +163,15 @@ class SnesStageSolver:
         try:
             snes.solve(None, self._x)
         except PETSc.Error:
-            raise self._error or ConvergenceError("a stage could not be evaluated") from None
+            where = f"t = {self._stage.t:.6g} s: the stage '{self._stage.name}'"
+            raise self._error or ConvergenceError(f"{where} could not be evaluated") from None
         return bool(snes.getConvergedReason() > 0)
 
     def _fail(self, stage: Stage, target: float) -> None:
         unit = self._root_of_length
         raise ConvergenceError(
             f"t = {stage.t:.6g} s: the stage '{stage.name}' did not converge: residual "
-            f"{self._newton.getFunctionNorm() / unit:.3g}, wanted {target / unit:.3g}; {self._diagnose(stage)}."
+            f"{self._newton.getFunctionNorm() / unit:.3g}, wanted {target / unit:.3g}"
         )
 
 

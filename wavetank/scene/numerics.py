@@ -58,7 +58,9 @@ class Numerics(Noun):
     vertical_order: int = Field(default=8, ge=1, le=HIGHEST_VERTICAL_ORDER, description="vertical polynomial order n")
     dt: Duration | None = Field(default=None, description="time step [s]; default: from accuracy and stability")
     integrator: IntegratorName = Field(default="third-order", description="time integrator")
-    tolerance: float = Field(default=1e-7, gt=0, lt=1, description="relative tolerance of implicit stages")
+    tolerance: float = Field(
+        default=1e-6, ge=1e-13, le=1e-4, description="tolerance of implicit stages, relative to the waves"
+    )
     edge_penalty: float = Field(
         default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0 is none"
     )

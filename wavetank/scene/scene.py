@@ -21,6 +21,8 @@ from wavetank.scene.sponges import Sponge, paddle_period
 from wavetank.scene.tanks import BasinTank, Tank
 from wavetank.scene.walls import FixedWall, Wall
 
+DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
+
 
 class NonlinearWater(Noun):
     """Waves of any steepness short of breaking."""
@@ -146,7 +148,8 @@ class Scene(Noun):
     def _fits_together(self) -> Self:
         parts = (self.wall, self.initial, self.numerics, self.output, self.sponge, self.tank.bed)
         nouns = [noun for noun in parts if noun is not None]
-        problems = [*self._gauge_problems(), *(problem for noun in nouns for problem in noun.problems(self))]
+        own = (*self._depth_problems(), *self._gauge_problems())
+        problems = [*own, *(problem for noun in nouns for problem in noun.problems(self))]
         if problems:
             text = "; ".join(str(problem) for problem in problems)
             raise PydanticCustomError("scene", "{text}", {"text": text, "problems": problems})
@@ -165,6 +168,11 @@ class Scene(Noun):
             return "gauges", index + len(self.gauges)
         ends = np.cumsum([line.count for line in self.gauge_lines])
         return "gauge_lines", int(np.searchsorted(ends, index, side="right"))
+
+    def _depth_problems(self) -> Iterator[Problem]:
+        if self.tank.depth > DEEPEST * self.tank.length:
+            allowed = f"must be at most {DEEPEST} lengths of the tank: two lengths are as deep for any of its waves"
+            yield Problem(("tank", "depth"), self.tank.depth, allowed)
 
     def _gauge_problems(self) -> Iterator[Problem]:
         count = Counter(gauge.name for gauge in self.all_gauges)

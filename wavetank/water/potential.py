@@ -113,7 +113,7 @@ class InteriorPotential:
         if self._ksp.getConvergedReason() < 0:
             raise ConvergenceError(
                 f"the interior potential did not converge in {iterations} iterations (residual "
-                f"{self._ksp.getResidualNorm():.3g}); the surface is too steep for the mesh, or breaking"
+                f"{self._ksp.getResidualNorm():.3g})"
             )
         if self._fresh_iterations is None:
             self._fresh_iterations = iterations

@@ -48,12 +48,13 @@ class SurfaceVelocity:
         self._q: Vector | None = None
         self._p: Vector | None = None
         self._t = np.nan
-        self._speeds = np.zeros(self._cells.size)
+        self._speeds = self._slopes = np.zeros(self._cells.size)
 
     def _set_up(self) -> None:
         slope, velocity = (self._waves.wall.gradient(field.function) for field in (self._eta, self._psi))
-        speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + ufl.inner(slope, slope))
-        self._expression = compile_expression(speed, self._points, self._comm)
+        square = ufl.inner(slope, slope)
+        speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + square)
+        self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
         """Take the surface of a state at t [s]; nothing to do for the state last taken."""
@@ -66,7 +67,8 @@ class SurfaceVelocity:
         self._take(self._expression.eval(self._waves.plane.mesh, self._cells))
 
     def _take(self, values: Vector) -> None:
-        self._speeds = values.reshape(self._cells.size, -1).max(axis=1, initial=0.0)
+        rows = values.reshape(self._cells.size, -1, 2)
+        self._speeds, self._slopes = rows[:, :, 0].max(axis=1, initial=0.0), rows[:, :, 1].max(axis=1, initial=0.0)
 
     @property
     def elevation(self) -> Vector:
@@ -81,7 +83,15 @@ class SurfaceVelocity:
     @property
     def largest_velocity(self) -> float:
         """The largest horizontal velocity of the surface [m/s]."""
-        return float(self._comm.allreduce(float(self._speeds.max(initial=0.0)), op=MPI.MAX))
+        return self._largest(self._speeds)
+
+    @property
+    def largest_slope(self) -> float:
+        """The largest slope of the surface [-]."""
+        return self._largest(self._slopes)
+
+    def _largest(self, values: Vector) -> float:
+        return float(self._comm.allreduce(float(values.max(initial=0.0)), op=MPI.MAX))
 
 
 class SurfaceFlow(SurfaceVelocity):
@@ -120,6 +130,7 @@ class SurfaceFlow(SurfaceVelocity):
         self._x = self._waves.wall.to_physical(np.column_stack([self._reference, 0 * self._reference]))[:, 0]
         self._height, self._slope, self._psi_x = (self._sorted(rows[:, :, i]) for i in range(3))
         self._speeds = np.abs(rows[:, :, 2] / (1 + rows[:, :, 1] ** 2)).max(axis=1, initial=0.0)
+        self._slopes = np.abs(rows[:, :, 1]).max(axis=1, initial=0.0)
 
     @property
     def profile(self) -> Profile:

@@ -16,13 +16,13 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from wavetank.errors import ConvergenceError, RunError
+from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.contract import Vector
 from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.energy import WaterEnergy
@@ -30,6 +30,8 @@ from wavetank.water.potential import InteriorPotential
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.wall_forms import wall_forms
 from wavetank.water.walls import Wall
+
+SHALLOW = 0.1  # of the mean depth: where a surface meets the bed there, the bed is the cause
 
 
 @dataclass(frozen=True)
@@ -201,14 +203,16 @@ class NonlinearWaves:
         column = np.concatenate([self.h.owned, [np.inf]])  # a rank may own nothing
         least = int(np.argmin(column))
         place = (*map(float, self.plane.places[least]),) if least < self.plane.owned else (0.0, 0.0)
-        lowest, x, y = self.plane.comm.allreduce((float(column[least]), *place), op=MPI.MIN)
+        still = float(np.append(np.zeros(self.plane.owned) + self.bed.still, 0.0)[least])
+        lowest, x, y, still = self.plane.comm.allreduce((float(column[least]), *place, still), op=MPI.MIN)
         if not lowest > 0.0:
             what = "the surface reaches the bed" if lowest <= 0.0 else "the surface is no longer a number"
             where = f"x = {x:.4g} m" if self.plane.mesh.topology.dim == 1 else f"x = {x:.4g} m, y = {y:.4g} m"
-            raise RunError(
-                f"t = {t:.6g} s, {where}: {what} (lowest water column {lowest:.3g} m); "
-                "the waves are too steep, or break"
-            )
+            what = f"t = {t:.6g} s, {where}: {what} (lowest water column {lowest:.3g} m)"
+            if still < SHALLOW * self.depth:
+                shallow = f"still water is only {still:.3g} m deep there, and troughs must not fall dry"
+                raise RunError(f"{what}: {shallow}; tank.bed.minimum_depth keeps a bed below them")
+            raise BreakdownError(what)
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
@@ -263,16 +267,10 @@ class NonlinearWaves:
             tolerance=tolerances.stage,
             size=self.size,
             floor=self.depth,
-            diagnose=self._diagnose,
         )
         coordinate, momentum = solver(column), solver(speed)
         pair = solver(np.concatenate([column, speed]), precondition=StillWaterWaves(self))
         self.stages = SnesStages(coordinate, momentum, pair)
-
-    def _diagnose(self, stage: Stage) -> str:
-        product = abs(stage.dt) * self.largest_frequency
-        cause = "the step is too large for this mesh" if product > 2.0 else "the waves are too steep, or breaking"
-        return f"dt omega_max = {product:.3g}: {cause}"
 
     @cached_property
     def largest_frequency(self) -> float:

@@ -1,0 +1,32 @@
+"""Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
+
+from wavetank.hamiltonian.contract import Vector
+from wavetank.water.short_waves import ShortWaves
+from wavetank.water.surface_flow import SurfaceVelocity
+from wavetank.water.waves import NonlinearWaves
+
+STEEP = 0.5  # slope; the steepest progressive wave has 0.58
+FLAT = 0.05  # slope, of waves that no theory calls steep
+LONGEST = 2.0  # dt omega that any implicit stage iterates at
+
+
+def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, limit: float) -> str:
+    """Return in words why a step dt [s] from a state failed; ``limit`` is the scheme's, of omega dt; collective."""
+    flow = SurfaceVelocity(waves)
+    flow.update(q, p, t)
+    frequency, limit = ShortWaves(waves).largest_frequency(flow), min(limit, LONGEST)
+    steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
+    if flow.largest_slope < FLAT and dt * frequency <= limit:
+        return (
+            f"neither is the step long (dt omega_max = {dt * frequency:.3g}) nor are the waves steep (largest slope "
+            f"{flow.largest_slope:.2g}): the solves do not get as exact as asked in water {waves.depth:.3g} m deep on "
+            f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do"
+        )
+    if not dt * frequency > limit:
+        return steep
+    long = (
+        f"the step is too long: dt omega_max = {dt * waves.largest_frequency:.3g} on still water, "
+        f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s; "
+        f"try {0.8 * limit / frequency:.2g} s"
+    )
+    return long if flow.largest_slope < STEEP else f"{steep}, or {long}"
