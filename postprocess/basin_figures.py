@@ -75,7 +75,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
             _draw_map(figure, axes, surface, one)
             axes.plot(*one.points[paddle, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
             _draw_gauges(axes, run.gauges(), one.ink)
-        figure.suptitle(run.title or "Surface elevation", fontsize=13)
+        figure.suptitle(run.title or "Surface elevation", fontsize=13, parse_math=False)
     return path
 
 

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from wavetank import data
+from wavetank.run_place import check_new
 from wavetank.rundir import RunDirectory
 from wavetank.series import GaugeSeries
 
@@ -17,9 +18,11 @@ def compare(
     run: Annotated[Path, typer.Argument(help="run directory", metavar="RUN")],
     reference: Annotated[str, typer.Option("--with", metavar="DATA|RUN", help="data set or other run directory")],
     out: Annotated[Path | None, typer.Option(help="where to write; default: the run directory")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace a comparison that is there (--out)")] = False,
 ) -> None:
     """Compare a run with measurements, or with another run, at the gauges: a table and a figure."""
     directory, folder = RunDirectory(run), run if out is None else out
+    check_new(folder / "compare.csv", folder / "compare.png", overwrite=overwrite or out is None)
     known = _known_heights(reference)
     if known is None:
         table = _compare_gauges(directory, *_gauges(reference), folder=folder)

@@ -62,7 +62,7 @@ def surface_figure(
             _draw_paddle(figure.add_subplot(grid[-1, 0], sharey=diagram), diagram, surface)
         else:
             diagram.set_ylabel("time [s]")
-        figure.suptitle(title or "Surface elevation", fontsize=14)
+        figure.suptitle(title or "Surface elevation", fontsize=14, parse_math=False)
         figure.draw_without_rendering()  # the panel's size, hence its exaggeration, is known only now
         profile.set_title(f"vertical exaggeration {_exaggeration(profile):g}", loc="right", fontsize=9, color="#555555")
     return path
@@ -212,11 +212,11 @@ def gauges_overview(gauges: Sequence[GaugeSeries], path: Path, *, title: str = "
         for gauge, panel in zip(shown, panels, strict=True):
             panel.plot(gauge.t, CM * gauge.eta, color=COMPUTED)
             panel.axhline(0.0, color="#888888", lw=0.6, zorder=0)
-            panel.set_title(f"gauge {gauge.name}, x = {gauge.x:g} m", pad=2)
+            panel.set_title(f"gauge {gauge.name}, x = {gauge.x:g} m", pad=2, parse_math=False)
             panel.margins(x=0)
         panels[-1].set_xlabel("time [s]")
         figure.supylabel("elevation [cm]", fontsize=10)
-        figure.suptitle(title or "Wave gauges", fontsize=13)
+        figure.suptitle(title or "Wave gauges", fontsize=13, parse_math=False)
     return path
 
 
@@ -253,7 +253,7 @@ def _draw_gauge(whole: Axes, zoom: Axes, reference: GaugeSeries, computations: S
     for record, (colour, line, width) in zip([reference, *computations], styles, strict=True):
         for panel, scale in ((whole, 0.6), (zoom, 1.0)):
             panel.plot(record.t, CM * record.eta, line, color=colour, lw=scale * width, label=record.source)
-    whole.set_title(f"gauge {reference.name}, x = {reference.x:g} m;  nrms: {misfits}", pad=3)
+    whole.set_title(f"gauge {reference.name}, x = {reference.x:g} m;  nrms: {misfits}", pad=3, parse_math=False)
     whole.set_xlim(shared.t[0], shared.t[-1])
     zoom.set_title(f"around its largest crest, t = {focus:.2f} s", pad=3)
     zoom.set_xlim(focus - FOCUS, focus + FOCUS)
@@ -276,7 +276,7 @@ def energy_figure(energy: dict[str, NDArray[np.float64]], path: Path, *, title: 
         _draw_budget(budget, columns)
         budget.set_ylabel("energy per density\n[m⁵/s²]" if basin else "energy per density\nand width [m⁴/s²]")
         _draw_balance(rest, columns)
-        figure.suptitle(title or "Energy budget", fontsize=13)
+        figure.suptitle(title or "Energy budget", fontsize=13, parse_math=False)
         figure.align_ylabels()
     return path
 

@@ -72,7 +72,7 @@ def sections_figure(
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=11)
         if bed is not None:
             _draw_plan(figure, figure.add_subplot(places[-1]), computed, bed)
-        figure.suptitle(title or "Wave heights", fontsize=13)
+        figure.suptitle(title or "Wave heights", fontsize=13, parse_math=False)
     return path
 
 

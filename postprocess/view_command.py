@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from wavetank.errors import InputError
+from wavetank.run_place import check_new
 from wavetank.rundir import RunDirectory
 
 
@@ -23,10 +24,12 @@ def view(
         bool, typer.Option("--diagram", help="the space-time diagram, or maps of a basin: surface.png in RUN")
     ] = False,
     window: Annotated[bool, typer.Option("--window", help="a window, with a slider for the time")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace files that are there")] = False,
     size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
 ) -> None:
     """View a run in three dimensions: a still (the default), a film, a window; or draw its space-time diagram."""
     drawing, directory, console = _drawing(), RunDirectory(run), Console(soft_wrap=True, markup=False)
+    check_new(*(file for file in (out, film) if file is not None), overwrite=overwrite)
     given = {} if size is None else {"size": _pixels(size)}
 
     def made() -> Iterator[Path]:

@@ -49,7 +49,7 @@ def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     first, second = Path("runs/standing-wave"), Path("runs/standing-wave-2")
     for run in (first, second):
-        assert main(["run", CASE, *SHORT, "--set", 'title="a [/b] $1"']) == 0
+        assert main(["run", CASE, *SHORT, "--set", 'title="a [/b] $x_$"']) == 0
         assert f"writing {run}\n" in capsys.readouterr().out
     assert {"surface.png", "gauges.png", "energy.png", LOG} <= set(os.listdir(first))
     (first / "notes.txt").write_text("mine")
@@ -231,3 +231,28 @@ def test_what_is_said_before_the_directory_is_there_is_in_its_log(tmp_path):
     log.close()
     assert said.getvalue() == "measuring [/b]\n"
     assert (tmp_path / LOG).read_text() == "measuring [/b]\nt = 1 s\n"
+
+
+def test_what_other_commands_write_is_not_replaced_unless_told(tmp_path, monkeypatch, capsys):
+    """Pictures that are named, a folder of results; a default folder is numbered."""
+    monkeypatch.chdir(tmp_path)
+    scene = {"title": "A run"}
+    with RunWriter(Path("run"), {"scene": scene}) as writer:
+        gauges = writer.gauges([("1", 1.0)])
+        for n in range(20):
+            gauges.append([0.1 * n, 0.01 * n * (19 - n)])
+    for name in ("still.png", "film.mp4", "results/compare.csv", "results/1.csv"):
+        Path(name).parent.mkdir(exist_ok=True)
+        Path(name).write_text("mine")
+    for command in (
+        ["view", "run", "--out", "still.png"],
+        ["view", "run", "--film", "film.mp4"],
+        ["compare", "run", "--with", "run", "--out", "results"],
+        ["verify", "integrators", "--out", "results"],
+    ):
+        assert main(command) == 2
+        assert "--overwrite" in capsys.readouterr().err
+    assert main(["compare", "run", "--with", "run", "--out", "results", "--overwrite"]) == 0
+    assert Path("results/compare.csv").read_text() != "mine" and Path("results/1.csv").read_text() == "mine"
+    assert Place.of(None, Path("results"), overwrite=False).folder() == Path("results-2")
+    assert Place.of(None, Path("results"), overwrite=True).folder() == Path("results")

@@ -22,7 +22,7 @@ from wavetank.study.drawing import draw_study, pareto_front
 from wavetank.study.exact import exact_solution
 from wavetank.study.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
 from wavetank.study.refinement import finest, refined, same_but_numerics
-from wavetank.study.runs import Outcome
+from wavetank.study.runs import Outcome, Runner, is_finished
 from wavetank.study.study import Study
 from wavetank.study.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
 from wavetank.study.table import Row, write_table
@@ -145,6 +145,19 @@ def test_a_reference_that_is_none_is_refused(tmp_path):
     write_run(tmp_path / "other", other, np.linspace(0, 3, 20), lambda x, t: 0 * x)
     with pytest.raises(InputError, match="another tank"):
         study(str(tmp_path / "other"))
+
+
+def test_a_run_of_another_scene_is_left_where_it_is(tmp_path):
+    """A study that goes on runs its own unfinished ones again, and gives a number where the folder is another's."""
+    (one,) = combinations(CASE, parse_axes(["dt=0.02"], []), [])
+    for scene in (Scene.from_toml(CASE, ["tank.depth=2.0"]), one.scene):
+        runner = Runner(CASE, tmp_path, at_once=1)
+        folder = runner.directory(one)
+        with RunWriter(folder, {"scene": scene.model_dump(mode="json")}):
+            pass
+    assert folder == tmp_path / f"{one.name}-2"
+    assert Runner(CASE, tmp_path, at_once=1).directory(one) == folder
+    assert not is_finished(folder, one)
 
 
 # ---------------------------------------------------------------- error measures, on runs whose errors are known

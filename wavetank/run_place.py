@@ -48,3 +48,10 @@ class Place:
             except OSError as error:
                 raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
         raise InputError(f"{self.path}: holds files already; give a new folder, or --overwrite.")
+
+
+def check_new(*files: Path, overwrite: bool) -> None:
+    """Raise ``InputError`` for a file that is there and must not be replaced."""
+    for file in files:
+        if file.exists() and not overwrite:
+            raise InputError(f"{file}: is there already; give another name, or --overwrite.")

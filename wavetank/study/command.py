@@ -20,11 +20,12 @@ def study(
         typer.Option(metavar="KEY=VALUE", help="a setting of one more combination, drawn as the plan's choice"),
     ] = None,
     at_once: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one a core")] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="also runs of days, or of more memory than there is")] = False,
 ) -> None:
     """Measure error against cost: run all combinations of some settings, each in a process of its own.
 
-    What has finished is not run again. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,
-    tolerance.
+    What has finished is not run again, and no run of another scene is replaced. Keys are those of the case, or short:
+    dt, dx, cells, n, p, order, integrator, tolerance.
     """
     from mpi4py import MPI
 
@@ -42,5 +43,6 @@ def study(
         marked=mark or [],
         reference=reference,
         at_once=at_once,
+        yes=yes,
         console=console(),
     ).execute()

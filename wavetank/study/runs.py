@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from wavetank.errors import InputError, RunError
-from wavetank.rundir import RunDirectory
+from wavetank.run_place import Place
+from wavetank.rundir import MANIFEST, RunDirectory
 from wavetank.study.sweep import Combination
 
 Status = Literal["finished", "failed", "refused"]
@@ -42,11 +43,16 @@ def cores() -> int:
 
 def is_finished(directory: Path, combination: Combination) -> bool:
     """Return whether a directory holds the finished run of that very scene."""
+    return _status(directory, combination) == "finished"
+
+
+def _status(directory: Path, combination: Combination) -> str | None:
+    """Return how the run of that very scene which a directory holds has ended, or None if it holds no such run."""
     try:
-        manifest = RunDirectory(directory).manifest
+        run = RunDirectory(directory)
     except InputError:
-        return False
-    return bool(manifest["status"] == "finished" and manifest["scene"] == combination.scene.model_dump(mode="json"))
+        return None
+    return run.status if run.manifest.get("scene") == combination.scene.model_dump(mode="json") else None
 
 
 class Runner:
@@ -56,15 +62,22 @@ class Runner:
     ----------
     at_once
         How many at a time; each on one core.
+    yes
+        Whether those that need days, or more memory than there is, are run, too.
     """
 
-    def __init__(self, case: Path, out: Path, *, at_once: int):
-        self._case, self._out, self._at_once = case, out, at_once
+    def __init__(self, case: Path, out: Path, *, at_once: int, yes: bool = False):
+        self._case, self._out, self._at_once, self._yes = case, out, at_once, yes
+        self._directories: dict[str, Path] = {}
         self._processes: set[subprocess.Popen[str]] = set()
 
     def directory(self, combination: Combination) -> Path:
-        """Return where a combination is run."""
-        return self._out / combination.name
+        """Return where a combination is run: in a folder of its name, numbered where that holds another scene's run."""
+        if (name := combination.name) not in self._directories:
+            numbered = Place(self._out / name, numbered=True).candidates
+            fitting = (path for path in numbered if not (path / MANIFEST).exists() or _status(path, combination))
+            self._directories[name] = next(fitting)
+        return self._directories[name]
 
     def run(self, combinations: Sequence[Combination]) -> Iterator[tuple[Combination, Outcome]]:
         """Yield each combination as soon as it has ended, those that had been finished before first.
@@ -88,9 +101,11 @@ class Runner:
 
     def _run(self, combination: Combination) -> Outcome:
         changes = [word for change in combination.overrides for word in ("--set", change)]
-        out = str(self.directory(combination))
+        out = self.directory(combination)
+        again = ["--overwrite"] if (out / MANIFEST).exists() else []  # of this very scene, and not finished
+        options = ["--no-plots", "--out", str(out), *again, *(["--yes"] if self._yes else [])]
         process = subprocess.Popen(
-            [sys.executable, "-m", "wavetank", "run", str(self._case), "--no-plots", "--out", out, *changes],
+            [sys.executable, "-m", "wavetank", "run", str(self._case), *options, *changes],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,

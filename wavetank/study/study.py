@@ -42,6 +42,8 @@ class Study:
         numerics; ``"exact"``: the scene's exact solution; or the path of a run directory.
     at_once
         Runs at a time, each on one core; default: as many as there are cores.
+    yes
+        Whether runs that need days, or more memory than there is, are run, too.
 
     Raises ``InputError`` for anything that cannot be run or judged.
     """
@@ -56,6 +58,7 @@ class Study:
         marked: Sequence[str] = (),
         reference: str = FINE,
         at_once: int | None = None,
+        yes: bool = False,
         console: Console,
     ):
         self._case, self._out, self._console = case, out, console
@@ -64,7 +67,7 @@ class Study:
         self._marked = [marked_combination(case, marked, overrides)] if marked else []
         self._groups = same_but_numerics(self._all)
         self._references = _references(reference, self._groups)
-        self._runner = Runner(case, out, at_once=at_once or cores())
+        self._runner = Runner(case, out, at_once=at_once or cores(), yes=yes)
 
     @property
     def _all(self) -> list[Combination]:
