@@ -68,7 +68,8 @@ def water(plane, *, n=6, wall=None):
     h, phi = plane.function("water column"), plane.layered_function(n + 1, "potential")
     h.set(elevation(x, y) + bed.still)
     heights = vertical.nodes * h.owned[:, None] - bed.still[:, None]
-    phi.set(potential(x[:, None], y[:, None], heights) @ np.linalg.inv(vertical.at(vertical.nodes)).T)
+    level = 0.7  # what phi leaves out
+    phi.set((potential(x[:, None], y[:, None], heights) - level) @ np.linalg.inv(vertical.at(vertical.nodes)).T)
     return SimpleNamespace(
         plane=plane,
         wall=wall,
@@ -78,7 +79,7 @@ def water(plane, *, n=6, wall=None):
         phi=phi,
         densities=WaterEnergy(h=h.function, d=bed.d, gravity=9.81, wall=wall),
         evaluate=lambda q, p, t: None,
-        level=0.0,
+        level=level,
         elevation=lambda q, p, t: elevation(x, y),
     )
 

@@ -336,7 +336,8 @@ STEEP = (  # scheme, p, cells: one limited by time, the others by space
 )
 
 
-@pytest.mark.parametrize(("kd", "steepness"), [(1.0, 0.1), pytest.param(3.0, 0.1, marks=pytest.mark.slow)])
+@pytest.mark.slow  # tests/test_plan_measured.py has a steep one
+@pytest.mark.parametrize(("kd", "steepness"), [(1.0, 0.1), (3.0, 0.1)])
 def test_error_of_steep_waves_is_predicted(kd, steepness):
     """At depths to which nothing was fitted: seven of eight within a factor 3, all within 5, none below a third.
 
