@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run
+from wavetank.build import Records, build_observers, build_run, build_watch
 from wavetank.errors import InputError
+from wavetank.observers import stability
 from wavetank.observers.record import Memory
 from wavetank.plan.defaults import resolved
 from wavetank.plan.forewarnings import forewarnings
@@ -153,3 +154,22 @@ def test_cells_follow_bed_and_start():
     start = resolved(scene(tank=BASIN, initial={"type": "formula", "eta": "0.001 * cos(4 * pi * x) * cos(3 * pi * y)"}))
     assert bed.cell_size == pytest.approx(2 * np.pi / 200 / 3, rel=0.01)
     assert start.cell_size == pytest.approx(2 * np.pi / (5 * np.pi) / 3, rel=0.3)  # looked at along x and along y
+
+
+def test_a_measured_paddle_s_own_noise_is_no_growth(tmp_path, monkeypatch):
+    """A record of 1 µm of noise: its short waves are the highest there are; counted as growth, they would warn."""
+    t = 0.02 * np.arange(201)
+    x = 1e-6 * np.random.default_rng(3).standard_normal(t.size) + 2e-5 * t**2
+    np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, x]))
+    motion = {"type": "recorded", "position": str(tmp_path / "paddle.dat")}
+    numerics = {"cells": 25, "vertical_order": 6, "dt": 0.04}
+    wall, tank = {"type": "piston", "motion": motion}, {"length": 5.0, "depth": 1.0}
+    driven = scene(tank=tank, wall=wall, duration=1.6, numerics=numerics)
+    said = {}
+    for known in (stability.DRIVEN, 0.0):
+        monkeypatch.setattr(stability, "DRIVEN", known)
+        run, waves = build_run(driven, MPI.COMM_WORLD)
+        said[known] = []
+        run.observers += build_watch(driven, run, waves, said[known].append)
+        run.execute()
+    assert [len(sentences) for sentences in said.values()] == [0, 1]

@@ -3,7 +3,9 @@
 What a step, a mesh or a scheme lets grow changes from step to step, and waves do not: of an elevation that oscillates
 by the angle theta in a step the sixth difference in time, over 64, keeps sin(theta/2)^6: 2e-5 of waves of 24 steps a
 period, 1.6 % of waves of six, and all of what alternates. Measured, in waves that nobody should be warned of it stays
-below 0.05 % of the highest; where a run has gone wrong it is some per cent (docs/extremes.md).
+below 0.05 % of the highest; where a run has gone wrong it is some per cent (docs/extremes.md). A measured paddle's own
+noise makes short waves, too, in the first seconds the most there is: those are the water's, twice as high as what
+alternates of the paddle's place at most.
 
 That dt omega_max under the crests is beyond the scheme's limit is no sign of it: a crest that passes leaves the waves
 behind that it has made grow, and the edge penalty takes them. It only tells what would help.
@@ -24,6 +26,7 @@ from wavetank.water.waves import NonlinearWaves
 
 DIFFERENCE = np.array([1, -6, 15, -20, 15, -6, 1]) / 64
 NOISE = 5e-3  # of the highest elevation so far; ten times what was found in sound waves
+DRIVEN = 4.0  # of what alternates of a paddle's way in a step: its waves are at most twice as high, and may meet
 PATIENCE = 10  # steps in a row: one jolt is in seven differences
 CALM = 1e-6  # of the depth: lower waves are not looked at
 
@@ -62,7 +65,8 @@ class StabilityWatch:
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
-        self._last: deque[Vector] = deque(maxlen=DIFFERENCE.size)
+        self._last, self._wall = (deque[Vector](maxlen=DIFFERENCE.size) for _ in range(2))
+        self._driven = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._highest, self._steps, self._frequency = CALM * waves.depth, 0, waves.largest_frequency
         self.noise = 0.0
 
@@ -70,10 +74,12 @@ class StabilityWatch:
         """Look at the surface; collective."""
         self._flow.update(moment.q, moment.p, moment.t)
         self._last.append(self._flow.elevation.copy())
+        self._wall.append(self._dt * self._waves.wall.velocities)
         self._highest = max(self._highest, self._largest(self._last[-1]))
         if len(self._last) < DIFFERENCE.size:
             return
-        noise = self._largest(DIFFERENCE @ np.array(self._last)) / self._highest
+        self._driven = max(self._driven, DRIVEN * self._largest(DIFFERENCE @ np.array(self._wall)))
+        noise = max(0.0, self._largest(DIFFERENCE @ np.array(self._last)) - self._driven) / self._highest
         if noise < NOISE / 10:  # what moves is still the water
             self._frequency = max(self._frequency, self._short.largest_frequency(self._flow))
         self._steps = self._steps + 1 if noise > NOISE else 0
