@@ -90,6 +90,17 @@ def test_what_is_refused_only_once_the_mesh_is_there_leaves_an_earlier_run_alone
     assert contents(Path("run")) == before and not Path("runs/case").exists()
 
 
+def test_a_surface_that_starts_below_the_bed_is_refused(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("case.toml").write_text(
+        "[tank]\nlength = 4.0\ndepth = 0.5\n[initial]\ntype = 'formula'\neta = '-0.75 * exp(-(x - 2)**2)'\n"
+        "[run]\nduration = 0.1\n[numerics]\ncells = 8\norder = 1\nvertical_order = 2\n"
+    )
+    assert main(["run", "case.toml"]) == 2
+    said = "case.toml, line 4: initial: its surface lies down to 0.25 m below the bed; must be above it everywhere."
+    assert capsys.readouterr().err == f"wavetank: {said}\n"
+
+
 def test_a_directory_has_one_run_at_a_time_and_a_killed_one_gives_it_free(tmp_path):
     code = f"""
 import os

@@ -57,10 +57,15 @@ class Records(NamedTuple):
 
 
 def initial_state(scene: Scene, waves: Waves) -> tuple[Vector, Vector]:
-    """Return (Q, psi) of the scene's initial surface; collective."""
-    x, y = waves.plane.places.T
+    """Return (Q, psi) of the scene's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
+    comm, (x, y) = waves.plane.comm, waves.plane.places.T
     with about("initial"):
-        return waves.state(*agreed(waves.plane.comm, lambda: scene.initial.surface(scene.tank, x, y)))
+        eta, psi = agreed(comm, lambda: scene.initial.surface(scene.tank, x, y))
+        state = waves.state(eta, psi)
+        lowest = comm.allreduce(float(np.min(waves.bed.still + eta, initial=np.inf)), op=MPI.MIN)
+        if not lowest > 0.0:
+            raise InputError(f"its surface lies down to {-lowest:.3g} m below the bed; must be above it everywhere.")
+        return state
 
 
 ITERATES = 2.0  # dt omega: what the stages of schemes iterate well with that are stable at any step
