@@ -1,0 +1,57 @@
+"""What observers and filters are told of time and place: when they act, and where the water is that they see."""
+
+import numpy as np
+import pytest
+
+from wavetank.hamiltonian.oscillators import Harmonic
+from wavetank.integrators import StormerVerlet
+from wavetank.integrators.filtered import Filtered
+from wavetank.motions import Sinusoid
+from wavetank.observers.contract import Moment
+from wavetank.observers.schedule import EverySteps, EveryTime
+from wavetank.observers.surface import SurfaceSnapshots
+
+
+@pytest.mark.parametrize(("every", "dt"), [(0.1, 0.05), (0.3, 0.1), (0.7, 0.1)])
+def test_what_acts_at_equal_times_acts_at_the_steps_that_end_there(every, dt):
+    """Though sums and products of such numbers are a little less or more."""
+    schedule, apart = EveryTime(every), round(every / dt)
+    assert [step for step in range(1000) if schedule.due(step, dt)] == list(range(0, 1000, apart))
+
+
+def test_steps_that_do_not_end_there_are_the_first_beyond():
+    assert [step for step in range(12) if EveryTime(1.0).due(step, 0.3)] == [0, 4, 7, 10]
+
+
+class Looking:
+    """A filter that does nothing but keep the time it was asked at."""
+
+    def __init__(self):
+        self.times = []
+
+    def needed(self, q, p, t):
+        self.times.append(t)
+        return False
+
+
+def test_filters_are_asked_at_the_end_of_the_step():
+    one = Looking()
+    scheme, start = Filtered(StormerVerlet(), [one]), (np.array([1.0]), np.array([0.0]))
+    scheme.step(Harmonic(), scheme.start(*start), 2.0, 0.25)
+    assert one.times == [2.25]
+
+
+def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
+    """Oracle: the first place is the paddle's, the last that of the far wall, and x is ascending between them."""
+    motion = Sinusoid(0.5, 4.0)
+    tank, seen = make_tank(length=6.0, cells=12, n=2, motion=motion, reach=3.0), []
+
+    class Kept:
+        def append(self, t, x, eta, psi):
+            seen.append(x)
+
+    snapshots = SurfaceSnapshots(tank, record=Kept(), schedule=EverySteps())
+    for t in (0.0, 1.0, 3.0):
+        snapshots.observe(Moment(0, t, *tank.state(0 * tank.plane.x, 0 * tank.plane.x, t)))
+        assert seen[-1][[0, -1]] == pytest.approx([motion.position(t), 6.0], abs=1e-12)
+        assert np.all(np.diff(seen[-1]) > 0.0)
