@@ -8,6 +8,7 @@ from conftest import fitted_slope
 from mpi4py import MPI
 
 from wavetank.build import Records, build_observers, build_run
+from wavetank.cli import main
 from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
@@ -503,6 +504,17 @@ def test_a_trial_over_a_bed_has_the_waves_in_the_tank():
 def test_of_a_basin_no_plan_is_made(wavetank):
     refused = wavetank("plan", "cases/bend.toml", "--accuracy", "0.1")
     assert refused.returncode == 2 and "plans are made for slices and rings with a flat bed" in refused.stderr
+
+
+def test_a_start_by_formula_is_timed_where_no_plan_is_made(tmp_path, capsys):
+    case = tmp_path / "bump.toml"
+    case.write_text(
+        "[tank]\nlength = 3.0\ndepth = 1.0\n[initial]\ntype = 'formula'\neta = '0.05 * exp(-4 * (x - 1)**2)'\n"
+        "[run]\nduration = 1.0\n[numerics]\ncells = 6\nvertical_order = 2\n"
+    )
+    assert main(["plan", str(case)]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith('initial.type = "formula": plans are made for solitary-wave,') and "  the run: " in said
 
 
 def test_a_stopwatch_leaves_out_the_first_steps():

@@ -28,8 +28,8 @@ def plan(
     """Say what a case requires, and propose the numerics that reach an accuracy at least cost.
 
     Where numerics.accuracy stands in the case, what is set beside it is kept; else the case's own numerics are judged
-    beside the proposed ones. A case that names none is run with the plan. Of basins and tanks over a bed no plan is
-    made: some steps are run, also under mpirun, and timed.
+    beside the proposed ones. A case that names none is run with the plan. Of basins, tanks over a bed and starts by
+    formula no plan is made: some steps are run, also under mpirun, and timed.
     """
     from wavetank.console import console
     from wavetank.plan.requirements import unplanned

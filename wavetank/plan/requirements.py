@@ -165,12 +165,15 @@ class Requirements:
 
 
 def unplanned(scene: Scene) -> str | None:
-    """Return why no plan can be made of a scene's tank, or None where one can."""
+    """Return why no plan can be made of a scene's tank and start, or None where one can."""
     tank = scene.tank
-    if not isinstance(tank, nouns.BasinTank) and tank.bed is None:
-        return None
-    what = f'tank.type = "{tank.type}"' if tank.bed is None else f'tank.bed.type = "{tank.bed.type}"'
-    return f"{what}: plans are made for slices and rings with a flat bed"
+    if isinstance(tank, nouns.BasinTank) or tank.bed is not None:
+        what = f'tank.type = "{tank.type}"' if tank.bed is None else f'tank.bed.type = "{tank.bed.type}"'
+        return f"{what}: plans are made for slices and rings with a flat bed"
+    if type(scene.initial) not in STARTS:
+        allowed = ", ".join(sorted(kind.model_fields["type"].default for kind in STARTS))
+        return f'initial.type = "{scene.initial.type}": plans are made for {allowed}'
+    return None
 
 
 def requirements(scene: Scene, accuracy: float) -> Requirements:
@@ -260,16 +263,7 @@ def _end_reason(scene: Scene, waves: Components) -> str:
 
 # ---------------------------------------------------------------- the waves
 def _all_waves(scene: Scene, accuracy: float) -> Waves:
-    known: dict[type[Any], Callable[[Any, Scene], list[Waves]]] = {
-        nouns.StillWater: lambda initial, scene: [],
-        nouns.StandingWave: _standing_wave,
-        nouns.StreamFunctionWave: _periodic_waves,
-        nouns.SolitaryWave: _solitary_wave,
-    }
-    if type(scene.initial) not in known:
-        allowed = ", ".join(sorted(kind.model_fields["type"].default for kind in known))
-        raise InputError(f"initial.type = {scene.initial.type!r}: a plan can be made for {allowed}.")
-    found = known[type(scene.initial)](scene.initial, scene)
+    found = STARTS[type(scene.initial)](scene.initial, scene)
     motion = scene.motion()
     if isinstance(motion, Motion) and not isinstance(motion, AtRest):
         found.append(_paddle_waves(scene, motion, accuracy))
@@ -395,3 +389,11 @@ def _age(scene: Scene, k: Vector) -> tuple[Vector, Vector]:
         return np.asarray(np.minimum(duration, scene.tank.length / speed)), np.ones_like(k)
     age = np.where(times < duration, times, -np.inf).max(axis=0)
     return np.maximum(age, 0.0), np.where(age >= 0.0, 1.0 - np.maximum(age, 0.0) / duration, 0.0)
+
+
+STARTS: dict[type[Any], Callable[[Any, Scene], list[Waves]]] = {  # that a plan knows, and their waves
+    nouns.StillWater: lambda initial, scene: [],
+    nouns.StandingWave: _standing_wave,
+    nouns.StreamFunctionWave: _periodic_waves,
+    nouns.SolitaryWave: _solitary_wave,
+}
