@@ -29,7 +29,7 @@ CALLS = [
 CHOICES = [
     ("({})**({})", "np.power({}, {})"),  # which differs from ** of float64 in the last digit
     ("where({} < {}, {}, {})", "np.where({} < {}, {}, {})"),
-    ("where(({} >= {}) & ~({} == {}), {}, {})", "np.where(({} >= {}) & ~({} == {}), {}, {})"),
+    ("where(({} >= {}) & ~({} == {}), {}, {})", "np.where(({} >= {}) & np.logical_not({} == {}), {}, {})"),
     ("where({} > {} or {} != {}, {}, {})", "np.where(({} > {}) | ({} != {}), {}, {})"),
     ("where(not {} <= {} < {}, {}, {})", "np.where(np.logical_not(({0} <= {1}) & ({1} < {2})), {3}, {4})"),
 ]

@@ -232,7 +232,7 @@ def test_a_scene_is_frozen():
         ("numerics.order=9", "numerics.order = 9: must be less than or equal to 8 (horizontal polynomial order p)"),
         ("numerics.vertical_order=0", "numerics.vertical_order = 0: must be greater than or equal to 1"),
         ("numerics.cells=2.5", "numerics.cells = 2.5: must be a valid integer"),
-        ("numerics.integrator=rk4", "numerics.integrator = \"rk4\": must be 'third-order', 'stormer-verlet', "),
+        ("numerics.integrator=rk4", "numerics.integrator = \"rk4\": must be 'simpson-4', 'third-order', "),
         ("output.gauges_every=0", "output.gauges_every = 0: must be greater than or equal to 1"),
     ],
 )
