@@ -1,6 +1,7 @@
 """Bad input: whatever a case says, it is a scene or a sentence; never another error, never for long."""
 
 import math
+import pickle
 import re
 import subprocess
 from collections.abc import Iterator
@@ -16,7 +17,9 @@ from pydantic import BaseModel, TypeAdapter
 
 from wavetank import data
 from wavetank.case_file import SHOWN
-from wavetank.errors import InputError
+from wavetank.errors import InputError, OutsideError, WavetankError
+from wavetank.noun import Problem, SceneError
+from wavetank.plan.plan import UnreachableError
 from wavetank.scene import Scene
 
 CHECKOUT = Path(__file__).resolve().parents[1]
@@ -30,6 +33,26 @@ def refused(tmp_path, text, *overrides):
     with pytest.raises(InputError) as error:
         Scene.from_toml(path, overrides)
     return str(error.value)
+
+
+# ---------------------------------------------------------------- errors
+def kinds_of(error):
+    return {error, *(kind for one in error.__subclasses__() for kind in kinds_of(one))}
+
+
+@pytest.mark.parametrize("kind", sorted(kinds_of(WavetankError), key=lambda kind: kind.__name__))
+def test_what_one_rank_raises_all_can_raise(kind):
+    """An error goes from rank to rank pickled: its own class, text and attributes come out."""
+    met = {
+        SceneError: lambda: SceneError([Problem(("tank", "depth"), -1, "must be positive")]),
+        OutsideError: lambda: OutsideError("a point outside", 3),
+    }.get(kind, lambda: kind("a sentence."))()
+    heard = pickle.loads(pickle.dumps(met))
+    assert (type(heard), str(heard), vars(heard)) == (kind, str(met), vars(met))
+
+
+def test_errors_of_the_plan_are_among_them():
+    assert {SceneError, UnreachableError} <= kinds_of(WavetankError)
 
 
 # ---------------------------------------------------------------- what is no case

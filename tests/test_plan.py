@@ -1,6 +1,8 @@
 """The plan: the discrete dispersion relation against the tank itself, predicted errors against measured ones."""
 
+import json
 import re
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -464,6 +466,21 @@ def test_the_command_proposes_and_judges(wavetank):
     assert "accuracy = 2: must be between 0 and 1" in refused.stderr
 
 
+def test_the_command_proposes_what_the_case_s_own_accuracy_requires(capsys):
+    planned = "cases/planned.toml"
+    assert main(["plan", planned, "--set", "numerics.accuracy=0.001", "--set", "numerics.order=5"]) == 0
+    said = capsys.readouterr().out
+    assert "to a relative error of the elevation of 0.001:" in said and "`wavetank run` uses this plan." in said
+
+
+def test_an_accuracy_that_cannot_be_had_is_refused_in_a_sentence(capsys, tmp_path):
+    for command in (["plan"], ["run", "--out", str(tmp_path / "run")]):
+        case = ["cases/planned.toml", "--set", "numerics.accuracy=1e-9", "--set", "numerics.cells=20"]
+        assert main([*command, *case]) == 2
+        said = capsys.readouterr().err
+        assert re.fullmatch(r"wavetank: accuracy = 1e-09: must be above [\d.]+, the best that .*\n", said)
+
+
 def test_of_a_basin_the_command_says_what_its_own_steps_cost(wavetank, tmp_path):
     """Oracle of the solves a step: the counters of a run of the same steps."""
     short = ("cases/bend.toml", "--set", "run.duration=0.6")
@@ -557,11 +574,15 @@ def test_costs_of_a_fit_are_recovered():
 
 def test_costs_are_kept_and_read_again(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(cost_model, "calibrate", lambda: CostModel(cost_model.machine(), {"linear": (1.0,)}))
+    fitted = CostModel(cost_model.machine(), COSTS.constants)
+    monkeypatch.setattr(cost_model, "calibrate", lambda: fitted)
     assert cost_model.known_costs() is cost_model.BUILT_IN  # nothing is measured unless asked for
     assert cost_model.measured_costs().machine == cost_model.known_costs().machine == cost_model.machine()
-    (tmp_path / "wavetank" / "cost.json").write_text("not JSON")
-    assert cost_model.known_costs() is cost_model.BUILT_IN
+    kept = asdict(fitted)
+    without_one = {key: kept["constants"][key] for key in kept["constants"] if key != "linear simpson-4"}
+    for unusable in ("not JSON", "[]", *map(json.dumps, ({**kept, "constants": without_one}, {**kept, "version": 4}))):
+        (tmp_path / "wavetank" / "cost.json").write_text(unusable)
+        assert cost_model.known_costs() is cost_model.BUILT_IN
 
 
 def test_cost_grows_with_steps_and_unknowns():

@@ -35,7 +35,7 @@ from wavetank.scene import Scene
 
 FILE = "cost.json"  # of the cache
 FITTED, STEEPER = 0.1, 6.0  # the steepness that constants are fitted at, and what steeper waves cost
-VERSION = 4  # of what is kept there
+VERSION = 5  # of what is kept there
 TANKS = tuple(product((40, 280), ((2, 3), (3, 8), (4, 14))))  # cells, (p, n): few (p, n), each compiles forms
 KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}
 PRODUCTS = {  # dt omega_max of the steps that are timed
@@ -130,9 +130,10 @@ def known_costs() -> CostModel:
     for folder in places():
         try:
             kept = json.loads((folder / FILE).read_text())
-            if kept["machine"] == machine() and kept["version"] == VERSION:
+            known = kept["constants"].keys() == BUILT_IN.constants.keys()
+            if kept["machine"] == machine() and kept["version"] == VERSION and known:
                 return CostModel(**kept)
-        except (OSError, ValueError, KeyError, TypeError):
+        except (OSError, ValueError, LookupError, TypeError, AttributeError):
             continue  # nothing kept, or nothing that can be read
     return BUILT_IN
 

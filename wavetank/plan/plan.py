@@ -117,17 +117,7 @@ class Given:
 
 
 class UnreachableError(InputError):
-    """No discretisation searched is as accurate as asked.
-
-    Attributes
-    ----------
-    best
-        Relative error of the elevation that can be had, predicted.
-    """
-
-    def __init__(self, message: str, best: float):
-        super().__init__(message)
-        self.best = best
+    """No discretisation searched is as accurate as asked."""
 
 
 def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
@@ -141,10 +131,8 @@ def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> 
     search = _Search(scene, accuracy)
     found = [(search.cost(settings, costs), settings) for settings in search.candidates()]
     if not found:
-        best = search.best()
-        raise UnreachableError(
-            f"accuracy = {accuracy:g}: must be above {best:.2g}, the best that {search.what} with a stable step.", best
-        )
+        best = f"must be above {search.best():.2g}, the best that {search.what} with a stable step"
+        raise UnreachableError(f"accuracy = {accuracy:g}: {best}.")
     return search.plan(min(found, key=lambda one: one[0].cpu)[1], costs)
 
 

@@ -40,8 +40,11 @@ def _planned(scene: Scene) -> Planned:
 
 
 def default_plan(scene: Scene) -> Plan | None:
-    """Return the plan of a scene that names no numerics, to the best of the usual accuracies; None if none is made."""
-    if not scene.numerics.open:
+    """Return the plan of a scene that names no numerics, to the best of the usual accuracies; None if none is made.
+
+    Nor is one made for a scene that asks for an accuracy: it gets the plan for that one, or none.
+    """
+    if scene.numerics.accuracy is not None or not scene.numerics.open:
         return None
     for accuracy in (DEFAULT, *LESS):
         try:
