@@ -42,3 +42,10 @@ def test_a_case_steps_on_one_rank_and_on_two(case, on_ranks, tmp_path):
     if scene.all_gauges:
         one, two = (np.array([gauge.eta for gauge in run.gauges()]) for run in runs)
         assert np.abs(two - one).max() < 1e-9 + 1e-6 * np.abs(one).max()
+
+
+def test_there_may_be_more_ranks_than_cells(recorded_on_ranks):
+    """Two cells on three ranks, one of which has none."""
+    changes = ("numerics.cells=2", "numerics.vertical_order=4", "run.duration=0.1", "numerics.dt=0.05")
+    alone, together = (run.surface().eta for run in recorded_on_ranks("cases/standing-wave.toml", *changes))
+    assert together == pytest.approx(alone, abs=1e-9)

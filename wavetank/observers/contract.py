@@ -15,7 +15,7 @@ class Moment(NamedTuple):
     ----------
     known
         Points next to (q, p) at which the system is evaluated anyway, in the order in which that costs nothing; none
-        if it is (q, p) itself.
+        are known to who makes a moment by hand.
     """
 
     step: int

@@ -3,7 +3,9 @@
 What a step, a mesh or a scheme lets grow changes from step to step, and waves do not: of an elevation that oscillates
 by the angle theta in a step the sixth difference in time, over 64, keeps sin(theta/2)^6: 2e-5 of waves of 24 steps a
 period, 1.6 % of waves of six, and all of what alternates. Measured, in waves that nobody should be warned of it stays
-below 0.05 % of the highest; where a run has gone wrong it is some per cent (docs/extremes.md). A measured paddle's own
+below 0.05 % of the highest; where a run has gone wrong it is some per cent (docs/extremes.md). Waves of few steps are
+told from it by the eighth difference, sin(theta/2)^2 times the sixth: half of it, or less, of waves that have four
+steps a period, or more. A measured paddle's own
 noise makes short waves, too, in the first seconds the most there is: those are the water's, twice as high as what
 alternates of the paddle's place at most.
 
@@ -24,7 +26,9 @@ from wavetank.water.short_waves import ShortWaves
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
-DIFFERENCE = np.array([1, -6, 15, -20, 15, -6, 1]) / 64
+SIXTH = np.array([0, 1, -6, 15, -20, 15, -6, 1, 0]) / 64  # about the same step as the eighth
+EIGHTH = np.array([1, -8, 28, -56, 70, -56, 28, -8, 1]) / 256
+SHORT = 0.5  # the eighth over the sixth: more of what has fewer than four steps a period
 NOISE = 5e-3  # of the highest elevation so far; ten times what was found in sound waves
 DRIVEN = 4.0  # of what alternates of a paddle's way in a step: its waves are at most twice as high, and may meet
 PATIENCE = 10  # steps in a row: one jolt is in seven differences
@@ -65,7 +69,7 @@ class StabilityWatch:
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
-        self._last, self._wall = (deque[Vector](maxlen=DIFFERENCE.size) for _ in range(2))
+        self._last, self._wall = (deque[Vector](maxlen=SIXTH.size) for _ in range(2))
         self._driven = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._highest, self._steps, self._frequency = CALM * waves.depth, 0, waves.largest_frequency
         self.noise = 0.0
@@ -76,10 +80,11 @@ class StabilityWatch:
         self._last.append(self._flow.elevation.copy())
         self._wall.append(self._dt * self._waves.wall.velocities)
         self._highest = max(self._highest, self._largest(self._last[-1]))
-        if len(self._last) < DIFFERENCE.size:
+        if len(self._last) < SIXTH.size:
             return
-        self._driven = max(self._driven, DRIVEN * self._largest(DIFFERENCE @ np.array(self._wall)))
-        noise = max(0.0, self._largest(DIFFERENCE @ np.array(self._last)) - self._driven) / self._highest
+        self._driven = max(self._driven, DRIVEN * self._largest(SIXTH @ np.array(self._wall)))
+        sixth, eighth = (self._largest(weights @ np.array(self._last)) for weights in (SIXTH, EIGHTH))
+        noise = max(0.0, sixth - self._driven) / self._highest if eighth > SHORT * sixth else 0.0
         if noise < NOISE / 10:  # what moves is still the water
             self._frequency = max(self._frequency, self._short.largest_frequency(self._flow))
         self._steps = self._steps + 1 if noise > NOISE else 0

@@ -67,7 +67,7 @@ class SurfaceVelocity:
         self._take(self._expression.eval(self._waves.plane.mesh, self._cells))
 
     def _take(self, values: Vector) -> None:
-        rows = values.reshape(self._cells.size, -1, 2)
+        rows = values.reshape(self._cells.size, len(self._points), 2)
         self._speeds, self._slopes = rows[:, :, 0].max(axis=1, initial=0.0), rows[:, :, 1].max(axis=1, initial=0.0)
 
     @property
@@ -111,10 +111,10 @@ class SurfaceFlow(SurfaceVelocity):
         place = ufl.SpatialCoordinate(plane.mesh)
         self._expression = compile_expression(ufl.as_vector([self._eta.function, *slopes]), points, self._comm)
         places = compile_expression(place, points, self._comm).eval(plane.mesh, self._cells)
-        places = places.reshape(-1, plane.mesh.geometry.dim)
+        places = places.reshape(self._cells.size * len(points), plane.mesh.geometry.dim)
         coordinates = np.zeros((len(places), 3))
         coordinates[:, : places.shape[1]] = places
-        x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, -1))
+        x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, len(points)))
         self._turned = x[:, 0] > x[:, -1]  # cells that run backwards
         self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
         self._reference = self._sorted(x)
@@ -126,7 +126,7 @@ class SurfaceFlow(SurfaceVelocity):
         return np.asarray(np.concatenate(self._comm.allgather(rows))[self._order].ravel())
 
     def _take(self, values: Vector) -> None:
-        rows = values.reshape(self._cells.size, -1, 3)
+        rows = values.reshape(self._cells.size, len(self._points), 3)
         self._x = self._waves.wall.to_physical(np.column_stack([self._reference, 0 * self._reference]))[:, 0]
         self._height, self._slope, self._psi_x = (self._sorted(rows[:, :, i]) for i in range(3))
         self._speeds = np.abs(rows[:, :, 2] / (1 + rows[:, :, 1] ** 2)).max(axis=1, initial=0.0)
