@@ -10,6 +10,7 @@ from wavetank.build import build_run
 from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
+from wavetank.plan.forewarnings import forewarnings
 from wavetank.scene import Scene
 
 times = st.floats(1e-3, 1e3)
@@ -57,6 +58,14 @@ def test_a_run_as_long_as_its_record_gets_to_its_end(tmp_path, integrator, numer
     run, _ = build_run(scene, MPI.COMM_SELF)
     run.execute()
     assert run.t == pytest.approx(end, rel=1e-12)
+
+
+@pytest.mark.parametrize(("numerics", "end"), [({}, ""), ({"dt": 2.5}, ""), ({"dt": 6.0}, "6"), ({"dt": 0.03}, "9.99")])
+def test_a_run_that_ends_before_its_duration_is_said_to(tmp_path, numerics, end):
+    scene = Scene.from_toml(recorded(tmp_path, integrator="gauss-legendre-4", **numerics))
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    said = [sentence for sentence in forewarnings(scene, run.clock, waves) if "the run ends" in sentence]
+    assert [sentence.split(":")[0] for sentence in said] == [f"the run ends at {end} s, not at 10 s"] * bool(end)
 
 
 def test_a_step_beyond_the_whole_record_is_refused_before_the_run(tmp_path):

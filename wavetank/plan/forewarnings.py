@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wavetank.build import Waves
-from wavetank.clock import Clock
+from wavetank.clock import ROUNDING, Clock
 from wavetank.errors import InputError
 from wavetank.fe.held import misfit, rms
 from wavetank.hamiltonian.contract import Vector
@@ -25,7 +25,7 @@ WITHIN = np.array([0.25, 0.5, 0.75])  # of a step: where
 
 def forewarnings(scene: Scene, clock: Clock, waves: Waves) -> list[str]:
     """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective."""
-    return [*_predicted(scene), *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock)]
+    return [*_predicted(scene), *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock), *_end(scene, clock)]
 
 
 def _predicted(scene: Scene) -> Iterator[str]:
@@ -92,3 +92,10 @@ def _motion(scene: Scene, clock: Clock) -> Iterator[str]:
     missed = float(np.sqrt(np.mean((cubic - exact) ** 2)))
     if missed > HELD * stroke:
         yield f"the step of {clock.dt:.3g} s misses the paddle's motion by {missed / stroke:.2g} of it: it is too long"
+
+
+def _end(scene: Scene, clock: Clock) -> Iterator[str]:
+    """Yield a sentence if the last step is left out, as the recorded motion does not cover it."""
+    if clock.end < scene.run.duration * (1 - ROUNDING):
+        beyond = f"one more step of {clock.dt:.3g} s would end beyond the recorded motion"
+        yield f"the run ends at {clock.end:.6g} s, not at {scene.run.duration:.6g} s: {beyond}"
