@@ -59,7 +59,7 @@ class EnergyBudget:
     record
         Where rows of ``columns`` go.
     every
-        Steps between rows; the work is integrated from all of them.
+        Steps between rows; the work is integrated from all of them, and all of them are judged.
     sinks
         What dissipates.
     """
@@ -73,11 +73,9 @@ class EnergyBudget:
         self._taken = self._given = 0.0  # the most ever dissipated, and the most that came back of it
 
     def observe(self, moment: Moment) -> None:
-        """Add to the paddle's work, and append a row where one is due; collective."""
+        """Add to the paddle's work, see how far off the balance is, and append a row where one is due; collective."""
         rates = [self._waves.explicit_rate(*point, moment.t) for point in moment.points]
         self._integrate(moment.t, sum(rates) / len(rates))
-        if not self._recorded.due(moment.step):
-            return
         now = self._energies(moment)
         if moment.step == 0:
             self._start = now
@@ -89,6 +87,8 @@ class EnergyBudget:
         self._taken = max(self._taken, dissipated)
         self._given = max(self._given, self._taken - dissipated)
         self._energy, self._off = max(self._energy, now.total + dissipated), max(self._off, abs(balance))
+        if not self._recorded.due(moment.step):
+            return
         mass = self._waves.total_mass(moment.q)
         self._record.append([moment.t, now.kinetic, now.potential, now.total, work, dissipated, balance, mass])
 
