@@ -1,5 +1,6 @@
 """Nothing is lost: earlier runs, what a run has recorded, and the run itself where only its messages cannot be had."""
 
+import io
 import json
 import os
 import shutil
@@ -7,19 +8,21 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager
-from io import StringIO
 from pathlib import Path
 
 import pytest
+from mpi4py import MPI
 from ranks import CHECKOUT, begun
 from rich.console import Console
 
 from wavetank.cli import main
 from wavetank.console import Unhurried
 from wavetank.errors import InputError, RecordError
-from wavetank.run_lock import RunLock, is_held
+from wavetank.recorded_run import record_run
+from wavetank.run_lock import LOCK, RunLock, is_held
 from wavetank.run_place import Place
 from wavetank.rundir import LOG, RunDirectory, RunWriter
+from wavetank.scene import Scene
 
 CASE = str(CHECKOUT / "cases" / "standing-wave.toml")
 SHORT = ["--set", "run.duration=0.1", "--set", "numerics.dt=0.02"]
@@ -148,12 +151,54 @@ def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monke
     RunLock(tmp_path).release()
 
 
+@pytest.mark.parametrize("there", [True, False], ids=["comes", "goes"])
+def test_a_lock_that_comes_or_goes_while_it_is_asked_for_is_met_as_it_is(tmp_path, monkeypatch, there):
+    """Another process's lock is kept, and what tells its holder; one that is given back can be had."""
+    others = [] if there else [RunLock(tmp_path)]
+
+    def happens():
+        others.append(RunLock(tmp_path)) if there else others.pop().release()
+
+    waiting = [happens]
+    for module in (io, os):
+
+        def opened(file, *arguments, opens=module.open, **options):
+            if waiting and Path(file) == tmp_path / LOCK:
+                waiting.pop()()
+            return opens(file, *arguments, **options)
+
+        monkeypatch.setattr(module, "open", opened)
+    if there:
+        with pytest.raises(InputError, match=f"by process {os.getpid()} on "):
+            RunLock(tmp_path)
+        others.pop().release()
+    else:
+        RunLock(tmp_path).release()
+    assert not waiting and not os.listdir(tmp_path)
+
+
 # ---------------------------------------------------------------- what a run has recorded
 def test_records_that_are_moved_away_are_noticed_at_the_next_row(tmp_path):
     with pytest.raises(RecordError, match=r"energy\.csv: is no longer there"), RunWriter(tmp_path / "run", {}) as one:
         table = one.table("energy.csv", ["t [s]", "E"])
         shutil.rmtree(tmp_path / "run")
         table.append([0.0, 1.0])
+
+
+def test_who_has_lost_its_directory_leaves_that_of_the_next_run_alone(tmp_path):
+    place = Place(tmp_path / "run", overwrite=True)
+    first = RunWriter(place, {})
+    shutil.rmtree(place.path)
+    second = RunWriter(place, {}).begin()
+    before = contents(place.path)
+    for write in (first.begin, lambda: first.finish("finished", {})):
+        with pytest.raises(RecordError, match="is no longer this run's"):
+            write()
+    first.release()
+    assert contents(place.path) == before
+    with pytest.raises(InputError, match="is being written there"):
+        RunWriter(place, {})
+    second.release()
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -206,6 +251,20 @@ def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatc
     assert RunDirectory(tmp_path / "run").status == "finished"
 
 
+def test_a_run_has_its_directory_until_its_pictures_are_drawn(tmp_path):
+    """Who would have it meanwhile is refused, which is said as what drawing met."""
+    out, said, drawn = Place(tmp_path / "run", overwrite=True), io.StringIO(), []
+    scene = Scene.from_toml(CASE, SHORT[1::2])
+
+    def draw(run):
+        drawn.append(run.status)
+        RunWriter(out, {})
+
+    record_run(scene, out, comm=MPI.COMM_SELF, console=Console(file=said, soft_wrap=True), draw=draw)
+    assert drawn == ["finished"] == [RunDirectory(out.path).status] and "is being written there" in said.getvalue()
+    assert not is_held(out.path)
+
+
 # ---------------------------------------------------------------- what is printed
 @pytest.mark.parametrize("output", ["> /dev/full", "| head -n 1", ">&-"])
 def test_a_run_goes_on_whatever_becomes_of_its_output(tmp_path, output):
@@ -234,7 +293,7 @@ def test_a_reader_that_stands_still_is_not_waited_for():
 def test_what_is_said_before_the_directory_is_there_is_in_its_log(tmp_path):
     from wavetank.run_log import RunLog
 
-    said = StringIO()
+    said = io.StringIO()
     log = RunLog(Console(file=said))
     log.say("measuring [/b]")
     log.open(tmp_path / LOG)

@@ -219,6 +219,15 @@ def test_an_earlier_run_is_replaced_in_its_own_files_only(complete_run):
         assert RunDirectory(complete_run).manifest["status"] == "running"
 
 
+def test_a_manifest_that_cannot_be_written_leaves_an_earlier_run_alone(complete_run):
+    before = {path: path.read_bytes() for path in complete_run.iterdir()}
+    writer = RunWriter(Place(complete_run, overwrite=True), {})
+    with pytest.raises(RunError, match="not a finite number"):
+        writer.begin({"planned": np.nan})
+    writer.release()
+    assert {path: path.read_bytes() for path in complete_run.iterdir()} == before
+
+
 @pytest.mark.parametrize("content", [b"", b"[1, 2]", b'{"status": ', b"\xff"])
 def test_an_unreadable_manifest_is_bad_input(tmp_path, content):
     (tmp_path / "manifest.json").write_bytes(content)

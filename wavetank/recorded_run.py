@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -124,12 +124,12 @@ def record_run(
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
             on_first(comm, lambda: _begin(writer, log, asked=asked, planned=scene))
             if writer is not None:
-                at_the_end.enter_context(_said(writer.path, log, draw=draw))
+                at_the_end.enter_context(_said(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
             for line in (summary(scene, run, waves), told_of_bed(scene, waves)):
                 if line:
                     log.say(line)
-            with writer or nullcontext(), _progress(run, waves, log) as bar:
+            with _failure_kept(writer), _progress(run, waves, log) as bar:
                 run.observers += [interruption, *bar]
                 _execute(run, waves, note)
                 if writer is not None:
@@ -166,7 +166,18 @@ def _begin(writer: RunWriter | None, log: RunLog, *, asked: Scene, planned: Scen
 
 
 @contextmanager
-def _said(out: Path, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
+def _failure_kept(writer: RunWriter | None) -> Iterator[None]:
+    """Write down why a block fails, and keep the directory: pictures are still to be drawn of its records."""
+    try:
+        yield
+    except BaseException as error:
+        if writer is not None:
+            writer.fail(error)
+        raise
+
+
+@contextmanager
+def _said(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
     """Keep in the log why a run has ended; then draw its pictures."""
     try:
         yield
@@ -176,11 +187,11 @@ def _said(out: Path, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
         raise
     finally:
         try:
-            for picture in draw(RunDirectory(out)) if draw else ():
+            for picture in draw(RunDirectory(writer.path)) if draw and writer.holds else ():
                 log.say(f"wrote {picture}")
         except Exception as error:  # whatever a picture may meet, the run's records are there
             reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
-            log.say(f"warning: the pictures in {out} could not all be drawn: {reason}", style="bold red")
+            log.say(f"warning: the pictures in {writer.path} could not all be drawn: {reason}", style="bold red")
         log.close()
 
 

@@ -52,19 +52,24 @@ class RunLock:
         self._file.truncate()
         self._file.flush()
 
+    @property
+    def holds(self) -> bool:
+        """Whether the directory is still the one it was made for: that may have been removed, and be another's now."""
+        return not self._file.closed and _is_at(self._file, self._path)
+
     def release(self) -> None:
         """Give the lock back; once is enough."""
-        if not self._file.closed:
+        if self.holds:
             with suppress(OSError):
                 self._path.unlink()
-            with suppress(OSError):
-                self._file.close()
+        with suppress(OSError):
+            self._file.close()
 
     def _locked(self) -> IO[bytes]:
         """Return the file, locked."""
         give_up = time.monotonic() + PATIENCE
         while True:
-            file = self._path.open("r+b" if self._path.exists() else "w+b")
+            file = os.fdopen(os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666), "r+b")  # another's stays as it is
             if _lock(file, fcntl.LOCK_EX) and _is_at(file, self._path):
                 return file
             holder = _holder(file)

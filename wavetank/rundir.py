@@ -242,13 +242,16 @@ class RunWriter:
     def begin(self, more: dict[str, Any] | None = None) -> Self:
         """Replace what an earlier run has left, and write the manifest, with what has come to be known.
 
-        Raises ``InputError`` if it cannot be written, ``RunError`` for a number in it that is not finite.
+        Raises ``InputError`` if it cannot be written, ``RunError`` for a number in it that is not finite, and where the
+        directory is another's by now.
         """
+        self._check_held()
         self._manifest |= more or {}
+        room = ROOM + len(self._text(self._manifest))
         try:
             for old in list(_records(self.path)):
                 old.unlink()
-            self._lock.reserve(ROOM + len(self._text(self._manifest)))
+            self._lock.reserve(room)
             self._write_manifest(self._manifest)
             self._begun = True
             for record in self._records:
@@ -256,6 +259,11 @@ class RunWriter:
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from None
         return self
+
+    @property
+    def holds(self) -> bool:
+        """Whether the directory is still this run's: it may have been removed, and be another's by now."""
+        return self._lock.holds
 
     def release(self) -> None:
         """Let go of the directory; one that was made and never begun is removed."""
@@ -274,9 +282,13 @@ class RunWriter:
         self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
     ) -> None:
         if error is not None:
-            with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
-                self.finish("failed", {"cause": str(error) or type(error).__name__})
+            self.fail(error)
         self.release()
+
+    def fail(self, error: BaseException) -> None:
+        """Close all files and write the manifest's last word, that this is why the run has failed."""
+        with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
+            self.finish("failed", {"cause": str(error) or type(error).__name__})
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
         """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
@@ -306,10 +318,11 @@ class RunWriter:
         """Close all files and write the manifest's last word, ``"finished"``, or ``"failed"`` with its cause.
 
         The gauges are written as CF-NetCDF, too; where that is not possible the manifest's ``warnings`` say so, for
-        their table has them. Raises ``RunError`` if the manifest cannot be written, or for a figure that is not finite:
-        then it stays.
+        their table has them. Raises ``RunError`` if the manifest cannot be written, for a figure that is not finite,
+        and where the directory is another's by now: then it stays.
         """
         self._close()
+        self._check_held()
         if self._has_gauges:
             self._write_netcdf()
         try:
@@ -328,6 +341,11 @@ class RunWriter:
             why = getattr(error, "strerror", None) or str(error)
             said = f"{GAUGES_NETCDF} could not be written ({why}); {GAUGES} has the same"
             self._manifest.setdefault("warnings", []).append(said)
+
+    def _check_held(self) -> None:
+        """Raise ``RecordError`` where the directory has been removed, and may be another run's."""
+        if not self.holds:
+            raise RecordError(f"{self.path}: is no longer this run's; moved or deleted during the run.")
 
     def _close(self) -> None:
         for record in self._records:
