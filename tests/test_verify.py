@@ -5,6 +5,7 @@ import csv
 import pytest
 from rich.console import Console
 
+from wavetank.cli import main
 from wavetank.verify import integrators
 from wavetank.verify.report import Report
 
@@ -81,3 +82,8 @@ def test_a_folder_that_cannot_be_written_is_refused(wavetank, tmp_path):
     (tmp_path / "file").write_text("")
     result = wavetank("verify", "integrators", "--out", str(tmp_path / "file"))
     assert result.returncode == 2 and result.stderr.count("\n") == 1
+
+
+def test_what_is_refused_ends_all_ranks(on_ranks, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    assert on_ranks(main, ["verify", "integrators", "--out", str(tmp_path)]) == [2, 2, 2]

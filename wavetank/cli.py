@@ -18,6 +18,7 @@ from wavetank import data
 from wavetank.case_file import located
 from wavetank.console import console, drain
 from wavetank.errors import WavetankError
+from wavetank.fe.agreed import on_first
 from wavetank.plan.command import plan
 from wavetank.run_place import Place
 from wavetank.rundir import RunDirectory
@@ -108,9 +109,8 @@ def _add_verification(name: str, meaning: str) -> None:
         overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     ) -> None:
         module = import_module(f"wavetank.verify.{name}")
-        if MPI.COMM_WORLD.rank == 0:
-            folder = Place.of(out, Path("runs") / shown, overwrite=overwrite).folder()
-            getattr(module, f"verify_{name}")(folder, console())
+        place = Place.of(out, Path("runs") / shown, overwrite=overwrite)
+        on_first(MPI.COMM_WORLD, lambda: getattr(module, f"verify_{name}")(place.folder(), console()))
 
     verify_app.command(shown, help=meaning)(verify)
 
