@@ -4,14 +4,15 @@ Oracle: the form's value, 1, and the compiler's own record of how often it ran.
 """
 
 import os
-import signal
 import subprocess
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 from time import sleep
 
 import pytest
 from mpi4py import MPI
+from ranks import begun
 
 from wavetank.fe import compiled
 
@@ -49,16 +50,16 @@ def world(tmp_path):
     }
 
 
-def start(code, world, *, ranks=1, **variables):
+def started(code, world, *, ranks=1, **variables):
     launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    return subprocess.Popen(
-        [*launcher, sys.executable, "-c", code],
-        env={**world, **variables},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    command = [*launcher, sys.executable, "-c", code]
+    return begun(command, env={**world, **variables}, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def ran(code, world, **more):
+    """Return what is printed, as output and as errors."""
+    with started(code, world, **more) as process:
+        return process.communicate()
 
 
 def compilations(folder: Path) -> int:
@@ -67,53 +68,51 @@ def compilations(folder: Path) -> int:
 
 @CODE
 def test_who_is_killed_while_compiling_hinders_nobody(code, world, tmp_path):
-    with start(code, world, SLOW="300") as killed:
+    with started(code, world, SLOW="300") as killed:
         while not (tmp_path / "compiled").exists():
             assert killed.poll() is None
             sleep(0.05)
         killed.kill()
-    try:
-        out, err = start(code, world).communicate()
+        killed.wait()
+        out, err = ran(code, world)  # while the compiler of the one that was killed goes on
         assert out == "1.0\n", err
         assert not list((tmp_path / "cache" / "wavetank" / "compiled").glob("*.*"))  # no lock, nothing half done
-    finally:
-        os.killpg(killed.pid, signal.SIGKILL)
 
 
 @CODE
 def test_two_at_once_and_a_later_one_compile_once(code, world, tmp_path):
-    both = [start(code, world, SLOW="2") for _ in range(2)]
-    for one in both:
-        out, err = one.communicate()
-        assert out == "1.0\n", err
-    start(code, world).communicate()
+    with started(code, world, SLOW="2") as first, started(code, world, SLOW="2") as second:
+        for one in (first, second):
+            out, err = one.communicate()
+            assert out == "1.0\n", err
+    ran(code, world)
     assert compilations(tmp_path) == 1
 
 
 def test_who_waits_for_another_s_compiler_says_so(world, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", world["XDG_CACHE_HOME"])
-    others = []
+    wanted = 'compiled(MPI.COMM_SELF, "code", build=None)'
+    code = f"from mpi4py import MPI; from wavetank.fe.compiled import compiled; print({wanted})"
+    with ExitStack() as others:
+        other = []
 
-    def build(folder):
-        wanted = 'compiled(MPI.COMM_SELF, "code", build=None)'
-        others.append(
-            start(f"from mpi4py import MPI; from wavetank.fe.compiled import compiled; print({wanted})", world)
-        )
-        assert "what is needed here: waiting for it." in others[0].stderr.readline()
+        def build(folder):
+            other.append(others.enter_context(started(code, world)))
+            assert "what is needed here: waiting for it." in other[0].stderr.readline()
 
-    kept = compiled.compiled(MPI.COMM_SELF, "code", build=build)
-    assert others[0].communicate()[0] == f"{kept}\n"
+        kept = compiled.compiled(MPI.COMM_SELF, "code", build=build)
+        assert other[0].communicate()[0] == f"{kept}\n"
 
 
 def test_a_cache_that_cannot_be_written_is_replaced_with_a_word(world, tmp_path):
     (tmp_path / "file").touch()  # where root cannot write either
     world["HOME"] = f"{tmp_path}/file"
     del world["XDG_CACHE_HOME"]
-    out, err = start(FORM + KERNEL, world, ranks=2).communicate()
+    out, err = ran(FORM + KERNEL, world, ranks=2)
     assert out.count("1.0") == 4, err  # lines of two ranks may run into one another
     assert err.count("set XDG_CACHE_HOME to a folder that can be written.") == 1
     assert compilations(tmp_path) == 2
-    out, err = start(FORM + KERNEL, world).communicate()
+    out, err = ran(FORM + KERNEL, world)
     assert (out, err) == ("1.0\n1.0\n", "")
 
 
@@ -127,9 +126,9 @@ except WavetankError as error:
     print("rank", MPI.COMM_WORLD.rank, error)
 """
     (tmp_path / "tmp" / f"wavetank-{os.getuid()}").write_text("another's")
-    out, _ = start(code, world, ranks=2).communicate()
+    out, _ = ran(code, world, ranks=2)
     assert out.count("XDG_CACHE_HOME must name a folder that can be written.") == out.count("rank") == 2
-    out, _ = start(code, world, ranks=2, XDG_CACHE_HOME=f"{tmp_path}/other", CC="false").communicate()
+    out, _ = ran(code, world, ranks=2, XDG_CACHE_HOME=f"{tmp_path}/other", CC="false")
     assert out.count("a C compiler is needed") == out.count("rank") == 2
     assert not list((tmp_path / "other" / "wavetank" / "compiled").glob("*.part-*"))
 

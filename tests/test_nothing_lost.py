@@ -114,7 +114,7 @@ print(flush=True)
 os.read(0, 1)
 """
     command = [sys.executable, "-c", code]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+    with begun(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         process.stdout.readline()
         assert RunDirectory(tmp_path / "run").status == "running"
         with pytest.raises(InputError, match=rf"is being written there by process {process.pid} on "):
@@ -122,7 +122,8 @@ os.read(0, 1)
         numbered = RunWriter(Place(tmp_path / "run", numbered=True), {})
         assert numbered.path == tmp_path / "run-2"
         process.kill()
-    assert RunDirectory(tmp_path / "run").status == "killed"
+        process.wait()
+        assert RunDirectory(tmp_path / "run").status == "killed"
     with RunWriter(Place(tmp_path / "run", overwrite=True), {}) as writer:
         writer.finish("finished", {})
     assert RunDirectory(tmp_path / "run").status == "finished"

@@ -1,6 +1,8 @@
 """The helper of the tests on several ranks: whatever happens, nothing stays behind, and what happened is said."""
 
+import ast
 import sys
+from pathlib import Path
 
 import pytest
 from mpi4py import MPI
@@ -43,3 +45,10 @@ def test_a_process_in_a_group_of_its_own_that_outlives_its_parent_is_ended():
         assert int(process.stdout.readline()) in members(process.pid)
         process.wait()
     assert not members(process.pid)
+
+
+def test_no_test_begins_a_process_by_itself():
+    """What ``subprocess.Popen`` begins goes on, or is waited for, if an assertion fails meanwhile."""
+    for file in Path(__file__).parent.glob("*.py"):
+        calls = [node.func for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)]
+        assert ("Popen" in {getattr(called, "attr", "") for called in calls}) == (file.name == "ranks.py"), file
