@@ -33,8 +33,10 @@ from wavetank.motions import AtRest, Motion
 from wavetank.reference import airy, standing_wave, wavemaker
 from wavetank.reference.conformal import SteadyWave
 from wavetank.scene import Physics, Scene
+from wavetank.scene.sponges import AT_ONCE
 
 MOST_COMPONENTS = 40
+MOST_TIMES = 2**16  # at which a motion is looked at: an hour of it in a tank 0.5 m deep
 DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
 TAPER = 0.25  # share of a motion that is tapered at its end, lest it look like a jump: its waves do not get far
 NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
@@ -342,12 +344,17 @@ def _is_measured(wall: nouns.Wall) -> bool:
 
 
 def _lines(scene: Scene, motion: Motion) -> _Lines:
-    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``DEEPEST``."""
-    tank, duration = scene.tank, scene.run.duration
+    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``DEEPEST``.
+
+    Of a motion of more than ``MOST_TIMES``, those of its first part.
+    """
+    tank = scene.tank
     highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
+    duration = min(scene.run.duration, float(MOST_TIMES / (4 * highest)))
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
-    coefficients = np.fft.rfft(motion.position(t) * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
+    positions = np.concatenate([motion.position(part) for part in np.array_split(t, -(-count // AT_ONCE))])
+    coefficients = np.fft.rfft(positions * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
     omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
     return _Lines(omega, k, 1j * wavemaker.piston_transfer(k, tank.depth) * coefficients)
