@@ -61,7 +61,11 @@ HUGE = [
     ["run.duration=1e9"],
     ["tank.length=1e6", "tank.depth=1e-3"],
     ["numerics.cell_size=1e-6"],
-    ["numerics={accuracy=0.01, order=4, vertical_order=6}", 'wall={type="piston", motion={type="sinusoid", amplitude=0.03, period=1.6}}', "run.duration=1e9"],
+    [
+        "numerics={accuracy=0.01, order=4, vertical_order=6}",
+        'wall={type="piston", motion={type="sinusoid", amplitude=0.03, period=1.6}}',
+        "run.duration=1e9",
+    ],
     ['tank={type="basin", depth=1.0, plan={type="rectangle", length=1e3, width=1e3}}', "numerics.cell_size=0.01"],
     [
         'tank={type="basin", depth=1.0, plan={type="rectangle", length=100.0, width=100.0, refine={x=[0.0, 100.0], '

@@ -16,6 +16,7 @@ from wavetank.observers import stability
 from wavetank.observers.energy import EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.plan.defaults import resolved
+from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import planned
 from wavetank.reference.airy import wave_number
@@ -150,6 +151,18 @@ def test_in_a_basin_cells_follow_the_shortest_wave(period):
     length = 2 * np.pi / float(wave_number(2 * np.pi / period, 1.0, 9.81))
     assert 0.75 * min(0.5, length / 3) < chosen.cell_size <= min(0.5, length / 3)  # the ramp has shorter waves yet
     assert chosen.numerics.vertical_order == {0.5: 9, 0.67: 8, 3.0: 8}[period]
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_cells_follow_the_order_that_is_named(order):
+    """The frequency of the paddle's waves on them, against that on very fine ones, by the discrete dispersion."""
+    chosen = resolved(scene(wall=piston(0.5), duration=20.0, numerics={"order": order}))
+    k = float(wave_number(4 * np.pi, 1.0, 9.81))
+    on_these, on_fine = (
+        float(Mesh(cells=cells, vertical_order=8, depth=1.0, gravity=9.81).frequency(k))
+        for cells in (Cells(order, chosen.cell_size), Cells(8, 0.05))
+    )
+    assert 2e-5 < on_these / on_fine - 1 < 3e-4
 
 
 def test_cells_follow_bed_and_start():

@@ -31,6 +31,15 @@ def test_newton_takes_over_where_the_accelerated_iteration_does_not_converge():
     assert solver.counters.newton_solves == 1
 
 
+def test_coupled_stages_are_solved_to_the_tolerance_of_the_same_stage_alone():
+    """A pair's solver, coupled, against one for both pairs at once: as many evaluations, fewer than to round-off."""
+    known = np.array([1.0, 2.0, 3.0, 4.0])
+    pair, both = (SnesStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-3) for size in (2, 4))
+    for solver in (coupled := pair.coupled(2), both):
+        solver.solve(stage(), lambda z: z - known - 1e-3 * np.sin(z), known)
+    assert coupled.counters.evaluations == both.counters.evaluations
+
+
 def test_failure_names_time_stage_and_residual():
     solver = SnesStageSolver(MPI.COMM_SELF, np.ones(1), tolerance=1e-12)
     with pytest.raises(ConvergenceError, match=r"t = 2\.5 s: the stage 'z' did not converge: residual .* wanted .*"):

@@ -75,7 +75,8 @@ class SnesStageSolver:
         self.counters = StageCounters()
         self._error: WavetankError | None = None
         self._comm, self._scale = comm, scale
-        self._tolerance, self._size = tolerance, size or (lambda: self._rms(self._x.array_r * self._scale))
+        self._tolerance, self._asked = tolerance, size
+        self._size = size or (lambda: self._rms(self._x.array_r * self._scale))
         self._floor, self._precondition = floor, precondition
         self._extrapolations: dict[str, Extrapolation] = {}
         self._sizes: dict[str, float] = {}
@@ -103,7 +104,7 @@ class SnesStageSolver:
             self._comm,
             np.tile(self._scale, copies),
             tolerance=self._tolerance,
-            size=self._size,
+            size=self._asked,
             floor=self._floor,
             precondition=precondition,
         )

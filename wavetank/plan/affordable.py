@@ -50,7 +50,9 @@ def check_affordable(scene: Scene, ranks: int, *, longest: float = LONGEST) -> N
 
 def needs_of(scene: Scene, ranks: int = 1) -> Needs:
     """Return what a scene needs whose numerics are all known."""
-    return _of_basin(scene, ranks) if isinstance(scene.tank, BasinTank) else _of_slice(scene, ranks)
+    if isinstance(scene.tank, BasinTank):
+        return _of_basin(scene, scene.tank, ranks)
+    return _of_slice(scene, ranks)
 
 
 def _of_slice(scene: Scene, ranks: int) -> Needs:
@@ -65,9 +67,9 @@ def _of_slice(scene: Scene, ranks: int) -> Needs:
     return Needs(places * (chosen.vertical_order + 2.0), steps, cpu, ranks * BASE + PER_ENTRY[kind] * entries)
 
 
-def _of_basin(scene: Scene, ranks: int) -> Needs:
+def _of_basin(scene: Scene, tank: BasinTank, ranks: int) -> Needs:
     chosen = scene.numerics
-    cells, smallest = _cells_of_basin(scene)
+    cells, smallest = _cells_of_basin(tank, scene.cell_size)
     steps = _steps(scene, smallest)[1]
     places = chosen.order**2 * cells
     unknowns = places * (chosen.vertical_order + 2.0)
@@ -75,14 +77,12 @@ def _of_basin(scene: Scene, ranks: int) -> Needs:
     return Needs(unknowns, steps, steps * (ranks * STEP + PER_UNKNOWN * unknowns), memory)
 
 
-def _cells_of_basin(scene: Scene) -> tuple[float, float]:
-    """Return how many cells a basin has, and the size of the smallest [m]."""
-    assert isinstance(scene.tank, BasinTank)
-    plan, size = scene.tank.plan, scene.cell_size
-    if isinstance(plan, MeshFile):
-        file = Path(plan.file)
+def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:
+    """Return how many cells of a size [m] a basin has, and the size of the smallest [m]."""
+    if isinstance(tank.plan, MeshFile):
+        file = Path(tank.plan.file)
         return (file.stat().st_size / PER_CELL if file.exists() else 0.0), size
-    return plan.counted(size)
+    return tank.plan.counted(size)
 
 
 def _kind(scene: Scene) -> str:

@@ -24,7 +24,8 @@ from wavetank.scene.sponges import paddle_period
 
 DEFAULT = 1e-2  # relative error of the elevation that a case gets which does not ask for another
 POWER = 0.99  # share of it that counts
-PER_WAVE = 3.0  # cells of order 3 in the shortest wave: its frequency is right to 2e-4
+PER_WAVE = {1: 60.0, 2: 7.0}  # cells of an order in the shortest wave: its frequency is right to 2e-4
+OF_HIGHER_ORDER = 3.0  # so it is by order 3
 ROUGH = 0.01  # of the depth: what is less of a bed need not be held
 VERTICAL = 1e-4  # largest relative error of its frequency by the vertical order
 POINTS, LINES = 8192, 5  # at which surface and bed are looked at, along each of so many lines
@@ -44,7 +45,7 @@ def resolved(scene: Scene) -> Scene:
     bed = _bed(scene)
     omega = max(_of_motion(scene), float(airy.angular_frequency(max(_of_start(scene), 1e-12), bed.deep, _g(scene))))
     k = max(bed.k, float(airy.wave_number(omega, bed.shallow, _g(scene))))
-    size = 2 * np.pi / k / PER_WAVE
+    size = 2 * np.pi / k / PER_WAVE.get(scene.numerics.order, OF_HIGHER_ORDER)
     if not named & {"cells", "cell_size"} and size < scene.numerics.cell_size_in(scene.tank):
         changes["cell_size"] = float(size)
     if "vertical_order" not in named:
