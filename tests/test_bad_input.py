@@ -5,7 +5,7 @@ import pickle
 import re
 import subprocess
 from collections.abc import Iterator
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Annotated, NamedTuple, get_args
 
@@ -16,8 +16,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, TypeAdapter
 
 from wavetank import data
+from wavetank.beds.bed_file import read_bed
+from wavetank.beds.python_file import load
 from wavetank.case_file import SHOWN
 from wavetank.errors import InputError, OutsideError, WavetankError
+from wavetank.motions.record_file import read_record
 from wavetank.noun import Problem, SceneError
 from wavetank.plan.plan import UnreachableError
 from wavetank.scene import Scene
@@ -118,6 +121,23 @@ def test_a_bed_that_ends_the_program_is_an_error_of_the_bed(tmp_path, where, lin
             bed(*2 * [np.zeros(3)])
     else:
         assert re.search(rf"line 4: tank\.bed\.file = .*bed\.py, line {line}: SystemExit: 0\.", refused(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("read", "name"),
+    [
+        (Scene.from_toml, "case.toml"),
+        (read_record, "paddle.txt"),
+        (partial(load, name="depth"), "bed.py"),
+        *((read_bed, f"bed.{end}") for end in ("csv", "xyz", "nc")),
+    ],
+    ids=["case", "record", "python", "csv", "xyz", "netcdf"],
+)
+def test_a_file_that_need_not_end_is_not_read(tmp_path, read, name):
+    """The device gives zeros for ever."""
+    (tmp_path / name).symlink_to("/dev/zero")
+    with pytest.raises(InputError, match=rf"{name}: cannot be read \(not a regular file\)"):
+        read(tmp_path / name)
 
 
 def test_the_environment_needs_no_home():

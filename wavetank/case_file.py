@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from wavetank.errors import InputError, choice
+from wavetank.files import regular
 from wavetank.scene import Problem, Scene, SceneError
 
 Key = tuple[str | int, ...]
@@ -59,7 +60,7 @@ def _sentences(path: Path, text: str, problems: Sequence[Problem], overridden: S
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8-sig")
+        return regular(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise InputError(f"{path}: cannot be read ({reason}); a case file in TOML is needed.") from None

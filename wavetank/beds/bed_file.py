@@ -8,6 +8,7 @@ import numpy as np
 from wavetank.beds.gridded import Gridded, Interpolation
 from wavetank.beds.survey import Survey
 from wavetank.errors import InputError
+from wavetank.files import regular
 from wavetank.formula import Array
 
 if TYPE_CHECKING:  # half a second to import, which few cases need
@@ -62,7 +63,7 @@ def read_bed(
             "gdal_translate -of XYZ makes one of a raster."
         )
     try:
-        found = READERS[path.suffix](path, variable)
+        found = READERS[path.suffix](regular(path), variable)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error).strip().removesuffix(".")
         raise InputError(f"{path}: cannot be read ({reason}).") from None

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.errors import InputError
+from wavetank.files import regular
 from wavetank.formula import Array, finite
 
 
@@ -47,7 +48,7 @@ def load(path: Path, name: str) -> PythonDepth:
     """
     members: dict[str, Any] = {"__name__": path.stem, "__file__": str(path)}
     try:
-        exec(compile(path.read_bytes(), str(path), "exec"), members)
+        exec(compile(regular(path).read_bytes(), str(path), "exec"), members)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); a Python file is needed.") from None
     except (Exception, SystemExit) as error:  # whatever a user's file may do

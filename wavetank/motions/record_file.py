@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from wavetank.errors import InputError
+from wavetank.files import regular
 from wavetank.motions.motion import Array
 
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
@@ -28,7 +29,7 @@ def read_record(path: Path) -> tuple[Array, Array]:
 
 def _lines(path: Path) -> list[tuple[int, str]]:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = regular(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise InputError(f"{path}: cannot be read ({reason}); a text file of two columns is needed.") from None
