@@ -4,11 +4,13 @@ Oracles: the sums of interpolation errors by hand, linear theory for wave length
 """
 
 import re
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
+from rich.console import Console
 
 from wavetank.build import Records, build_observers, build_run, build_watch
 from wavetank.errors import InputError
@@ -19,7 +21,9 @@ from wavetank.plan.defaults import resolved
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import planned
+from wavetank.recorded_run import Warnings
 from wavetank.reference.airy import wave_number
+from wavetank.run_log import RunLog
 from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
 
@@ -112,6 +116,17 @@ def test_an_energy_balance_that_is_off_is_said(numerics, off):
     if off:
         balance, total = np.abs(energy.array()[:, 6]).max(), energy.array()[:, 3].max()
         assert float(said[0].split()[6]) == pytest.approx(balance / total, rel=0.05)  # of two digits
+
+
+def test_a_warning_is_printed_once():
+    """Those that come as the run goes on then, the others at its end, in the order in which they were found."""
+    said = StringIO()
+    warnings = Warnings(RunLog(Console(file=said, width=200)))
+    warnings.add("at the end")
+    warnings.at_once("now")
+    warnings.show()
+    assert said.getvalue() == "warning: now\nwarning: at the end\n"
+    assert warnings.sentences == ["at the end", "now"]
 
 
 def test_a_run_says_so_at_its_end_and_in_its_manifest(wavetank, tmp_path):

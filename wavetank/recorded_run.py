@@ -46,6 +46,7 @@ class Warnings:
 
     def __init__(self, log: RunLog):
         self.sentences: list[str] = []
+        self._printed = set[str]()
         self._log = log
 
     def add(self, sentence: str) -> None:
@@ -54,17 +55,19 @@ class Warnings:
             self.sentences.append(sentence)
 
     def at_once(self, sentence: str) -> None:
-        """Keep a sentence and print it now, too: what a run may soon break down of."""
+        """Keep a sentence and print it now: what a run may soon break down of."""
         self.add(sentence)
         self._print(sentence)
 
     def show(self) -> None:
-        """Print all of them."""
+        """Print those that have not been."""
         for sentence in self.sentences:
             self._print(sentence)
 
     def _print(self, sentence: str) -> None:
-        self._log.say(f"warning: {sentence}", style="bold red")
+        if sentence not in self._printed:
+            self._printed.add(sentence)
+            self._log.say(f"warning: {sentence}", style="bold red")
 
 
 def record_run(
