@@ -3,6 +3,7 @@
 import pytest
 from mpi4py import MPI
 
+from wavetank import memory
 from wavetank.build import build_run
 from wavetank.cli import main
 from wavetank.plan import affordable
@@ -87,10 +88,47 @@ def test_what_takes_days_or_more_memory_than_there_is_is_refused_before_it_is_ta
 
 
 def test_yes_runs_it_all_the_same(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(affordable, "available_memory", lambda: 1e6)
+    monkeypatch.setattr(affordable, "available_memory", lambda comm: 1e6)
     case = tmp_path / "case.toml"
     case.write_text("[tank]\nlength = 2.0\ndepth = 1.0\n[run]\nduration = 0.1\n[numerics]\norder = 1\ncells = 3\n")
     command = ["run", str(case), "--no-plots", "--out", str(tmp_path / "run")]
     assert main(command) == 2
     assert "of which 0.001 GB are free" in capsys.readouterr().err
     assert main([*command, "--yes"]) == 0
+
+
+# ---------------------------------------------------------------- how much there is
+def test_a_job_has_what_the_tightest_of_its_groups_leaves_beside_what_files_have_in_memory(tmp_path, monkeypatch):
+    """Oracle: the kernel's documentation of cgroup v2, memory.max, memory.current, memory.stat."""
+    own = tmp_path / "batch" / "job" / "step"
+    own.mkdir(parents=True)
+    monkeypatch.setattr(memory, "GROUPS", tmp_path)
+    monkeypatch.setattr(memory, "OWN_GROUP", tmp_path / "cgroup")
+    monkeypatch.setattr(memory, "_free", lambda: 1e12)
+    (tmp_path / "cgroup").write_text("4:memory:/other\n0::/batch/job/step\n")
+    assert memory.available_memory(MPI.COMM_SELF) == 1e12  # nothing is limited
+    groups = ((own, "max", 1, 0), (own.parent, 8000, 7000, 5000), (own.parent.parent, 9000, 1000, 0))
+    for group, most, used, unused in groups:
+        (group / "memory.max").write_text(f"{most}\n")
+        (group / "memory.current").write_text(f"{used}\n")
+        (group / "memory.stat").write_text(f"anon 12\ninactive_file {unused}\nactive_file 3\n")
+    assert memory.available_memory(MPI.COMM_SELF) == 6000
+
+
+class Hosts(MPI.Intracomm):
+    """Ranks of which two are on each host."""
+
+    def Split_type(self, *_):
+        return self.Split(self.rank // 2)
+
+
+def available_on_hosts():
+    """Return what three ranks can have where two share a host."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(memory, "_free", lambda: 8e9)
+        patch.setattr(memory, "_left_in_job", lambda: 1e12)
+        return memory.available_memory(Hosts(MPI.COMM_WORLD))
+
+
+def test_ranks_have_equal_shares_of_the_memory_of_their_hosts(on_ranks):
+    assert on_ranks(available_on_hosts) == [12e9] * 3

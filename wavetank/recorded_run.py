@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -109,7 +108,7 @@ def record_run(
             at_the_end.callback(writer.release)
         asked, (scene, doubts) = scene, planned(scene, comm)
         if not unasked:
-            on_first(comm, partial(check_affordable, scene, comm.size))
+            check_affordable(scene, comm)
         run, waves = build_run(scene, comm)
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
             warnings.add(doubt)

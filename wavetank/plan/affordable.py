@@ -8,7 +8,10 @@ the plan, 270 more for each mode.
 from pathlib import Path
 from typing import NamedTuple
 
+from mpi4py import MPI
+
 from wavetank.build import build_clock
+from wavetank.fe.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.memory import available_memory
 from wavetank.meshes import MeshFile
@@ -33,9 +36,13 @@ class Needs(NamedTuple):
     memory: float
 
 
-def check_affordable(scene: Scene, ranks: int, *, longest: float = LONGEST) -> None:
-    """Raise ``SceneError`` for a scene with all numerics that needs longer [s], or more memory than there is."""
-    needs, there = needs_of(scene, ranks), available_memory()
+def check_affordable(scene: Scene, comm: MPI.Comm, *, longest: float = LONGEST) -> None:
+    """Raise ``SceneError`` for a scene with all numerics that needs longer [s], or too much memory; collective."""
+    there = available_memory(comm)
+    on_first(comm, lambda: _check(needs_of(scene, comm.size), there, ranks=comm.size, longest=longest))
+
+
+def _check(needs: Needs, there: float, *, ranks: int, longest: float) -> None:
     wall = needs.cpu / ranks
     if wall <= longest and needs.memory <= there:
         return

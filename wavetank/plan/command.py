@@ -55,7 +55,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
     scene = planned(scene, MPI.COMM_WORLD).scene
-    check_affordable(scene, MPI.COMM_WORLD.size, longest=inf)
+    check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     seen = trial(scene, MPI.COMM_WORLD)
     ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
     for line in (
