@@ -19,6 +19,7 @@ from wavetank import data
 from wavetank.beds.bed_file import read_bed
 from wavetank.beds.python_file import load
 from wavetank.case_file import SHOWN
+from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.motions.record_file import read_record
 from wavetank.noun import Problem, SceneError
@@ -77,6 +78,29 @@ def test_what_no_one_would_write_is_a_sentence(tmp_path, text, said):
 def test_a_byte_order_mark_is_no_mistake(tmp_path):
     (tmp_path / "case.toml").write_text(TANK, encoding="utf-8-sig")
     assert Scene.from_toml(tmp_path / "case.toml").tank.length == 8.0
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[[gauges]]\nname = \"a,b\\nc\"\nx = 1.0\n", r'gauges.0.name = "a,b\nc": must be one line, without control'),
+        ("[[gauge_lines]]\nname = \"\\u001b[2J\"\nstart = [1, 0]\nend = [2, 0]\ncount = 2\n",
+         r'gauge_lines.0.name = "\u001b[2J": must be one line'),
+        ("[output]\n\"\\u0000\\u009b\\n\" = 1\n", r"output.\x00\x9b\n = 1: is an unknown key"),
+        ("[water]\ntype = \"a\\u0007\"\n", r"water.type = "),
+    ],
+    ids=["gauge", "row", "key", "type"],
+)  # fmt: skip
+def test_control_characters_are_refused_and_shown_escaped(tmp_path, text, said, capsys):
+    (tmp_path / "case.toml").write_text(TANK + text)
+    assert main(["run", str(tmp_path / "case.toml")]) == 2
+    shown = capsys.readouterr().err
+    assert said in shown and shown.replace("\n", "").isprintable() and shown.count("\n") == 1
+
+
+def test_the_end_of_the_tank_is_told_with_all_its_digits(tmp_path):
+    said = "gauges.0.x = 10.472: must be inside the tank, 0 to 10.471976 m"
+    assert said in refused(tmp_path, TANK.replace("8.0", "10.471976") + "[[gauges]]\nx = 10.472\n")
 
 
 def test_thousands_of_mistakes_are_told_by_the_first_of_them(tmp_path):
@@ -149,6 +173,20 @@ def test_the_environment_needs_no_home():
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("variable", "cache"),
+    [("WAVETANK_CACHE", ""), ("XDG_CACHE_HOME", "/wavetank"), ("HOME", "/.cache/wavetank")],
+)
+def test_an_environment_that_cannot_be_written_names_the_variable_that_says_where(variable, cache):
+    others = ("WAVETANK_CACHE", "XDG_CACHE_HOME", "WAVETANK_INSIDE")
+    without = [word for name in others if name != variable for word in ("-u", name)]
+    command = ["env", *without, f"{variable}=/proc/nothing", "./env", "true"]
+    done = subprocess.run(command, cwd=CHECKOUT, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    said = f"env: the environment is to be in /proc/nothing{cache}, as {variable} says, and cannot be written there;"
+    assert done.stderr.startswith(said) and done.stderr.count("\n") == 1
 
 
 # ---------------------------------------------------------------- every key, with every kind of nonsense

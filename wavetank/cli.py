@@ -17,7 +17,7 @@ from postprocess.view_command import view
 from wavetank import data
 from wavetank.case_file import located
 from wavetank.console import console, drain
-from wavetank.errors import WavetankError
+from wavetank.errors import WavetankError, printable
 from wavetank.fe.agreed import on_first
 from wavetank.plan.command import plan
 from wavetank.run_place import Place
@@ -148,7 +148,7 @@ def _report(message: str, code: int) -> int:
     drain()
     if MPI.COMM_WORLD.rank == 0:
         with suppress(OSError):  # nobody may read it
-            print(f"wavetank: {message}", file=sys.stderr, flush=True)
+            print(f"wavetank: {printable(message)}", file=sys.stderr, flush=True)
     printed, give_up = MPI.COMM_WORLD.Ibarrier(), time.monotonic() + PATIENCE
     while not printed.Test() and time.monotonic() < give_up:
         time.sleep(0.01)

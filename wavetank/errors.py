@@ -8,6 +8,11 @@ from collections.abc import Sequence
 from difflib import get_close_matches
 
 
+def printable(text: str) -> str:
+    """Return a text as a terminal may show it: what else would move its cursor, or worse, escaped as in Python."""
+    return "".join(one if one == "\n" or one.isprintable() else ascii(one)[1:-1] for one in text)
+
+
 class WavetankError(Exception):
     """Anything this package reports in one clear sentence instead of a traceback."""
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 from wavetank import data
-from wavetank.errors import InputError
+from wavetank.errors import InputError, printable
 
 if TYPE_CHECKING:
     from wavetank.scene.scene import Scene
@@ -36,7 +36,8 @@ class Problem(NamedTuple):
     def __str__(self) -> str:
         """Return the sentence, e.g. ``tank.depth = -1: must be greater than 0``; a value of None was not given."""
         shown = "" if self.received is None else f" = {_shown(self.received)}"
-        return f"{'.'.join(map(str, self.key))[:LONGEST]}{shown}: {self.allowed}"
+        key = printable(".".join(map(str, self.key))[:LONGEST]).replace("\n", "\\n")
+        return f"{key}{shown}: {self.allowed}"
 
 
 def _shown(received: Any) -> str:

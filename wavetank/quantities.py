@@ -4,9 +4,25 @@ The ranges are wide, from a drop to an ocean; they keep out what no one means, s
 it would break. A case file's schema tells them.
 """
 
+import unicodedata
 from typing import Annotated
 
-from pydantic import Field, Strict
+from pydantic import AfterValidator, Field, Strict
+
+
+def _one_line(text: str) -> str:
+    """Return a text; raise ``ValueError`` for one that would break the line, or the terminal, that it is shown in."""
+    if any(unicodedata.category(letter) in ("Cc", "Zl", "Zp") for letter in text):
+        raise ValueError("must be one line, without control characters")
+    return text
+
+
+def metres(length: float) -> str:
+    """Return a length [m] with as many digits as it has: one that is just beyond it is seen to be."""
+    return f"{float(length)!r}".removesuffix(".0")
+
+
+Label = Annotated[str, AfterValidator(_one_line)]  # a title or name, which stands in tables, pictures and messages
 
 Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # m, of tanks, walls, cells
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]  # m

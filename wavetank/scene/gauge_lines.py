@@ -4,13 +4,13 @@ import numpy as np
 from pydantic import Field
 
 from wavetank.noun import Noun
-from wavetank.quantities import Pair
+from wavetank.quantities import Label, Pair
 
 
 class GaugeLine(Noun):
     """Gauges at equal distances on a straight line, both ends included; gauge 3 of the line ``A`` is ``A/3``."""
 
-    name: str = Field(min_length=1, description="name of the line")
+    name: Label = Field(min_length=1, description="name of the line")
     start: Pair = Field(description="x and y of the first gauge [m]")
     end: Pair = Field(description="x and y of the last gauge [m]")
     count: int = Field(ge=2, le=10_000, description="number of gauges")

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from wavetank import motions
 from wavetank.noun import Noun, Problem
-from wavetank.quantities import Duration, Frequency, Height, Length, Ramp
+from wavetank.quantities import Duration, Frequency, Height, Length, Ramp, metres
 from wavetank.scene.tanks import AnyTank
 
 if TYPE_CHECKING:
@@ -82,7 +82,9 @@ class FocusingWaves(Noun):
         """Yield a focus outside the tank or too early, a band without its peak, and a group that comes twice."""
         group = self.group(scene.tank)
         if not self.focus_x < scene.tank.length:
-            yield Problem((*KEY, "focus_x"), self.focus_x, f"must be inside the tank, below {scene.tank.length:g} m")
+            yield Problem(
+                (*KEY, "focus_x"), self.focus_x, f"must be inside the tank, below {metres(scene.tank.length)} m"
+            )
         if not group.lowest_frequency < self.spectrum.peak_frequency < group.highest_frequency:
             band = f"{group.lowest_frequency:g} to {group.highest_frequency:g} Hz"
             received = self.spectrum.peak_frequency

@@ -10,7 +10,7 @@ from wavetank import motions
 from wavetank.errors import InputError
 from wavetank.meshes import Rectangle
 from wavetank.noun import Noun, Problem
-from wavetank.quantities import Coordinate, Count, Height, Share
+from wavetank.quantities import Coordinate, Count, Height, Share, metres
 from wavetank.reference.conformal import SteadyWave
 from wavetank.reference.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
@@ -123,7 +123,7 @@ class SolitaryWave(Noun):
         if isinstance(scene.tank, RingTank):
             yield Problem(("initial", "type"), self.type, "needs a slice (tank.type): its potential is not periodic")
         if not isinstance(scene.tank, BasinTank) and not 0 <= self.x <= scene.tank.length:
-            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {scene.tank.length:g} m")
+            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(scene.tank.length)} m")
         if self.height > HIGHEST_SOLITARY * scene.tank.depth:
             allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
             yield Problem(("initial", "height"), self.height, allowed)

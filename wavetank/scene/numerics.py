@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from wavetank.noun import Noun, Problem
-from wavetank.quantities import Coordinate, Count, Duration, Length, Share
+from wavetank.quantities import Coordinate, Count, Duration, Label, Length, Share
 from wavetank.scene.tanks import AnyTank, BasinTank, RingTank, SliceTank
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class Gauge(Noun):
     """A place where the elevation is recorded."""
 
-    name: str = Field(min_length=1, description="name of the gauge")
+    name: Label = Field(min_length=1, description="name of the gauge")
     x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
     y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
 

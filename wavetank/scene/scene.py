@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 from wavetank import motions
 from wavetank.motions.mapping import STEEPEST, largest_stroke
 from wavetank.noun import Noun, Problem, SceneError
+from wavetank.quantities import Label, metres
 from wavetank.scene.directional import SegmentedPistonWall
 from wavetank.scene.gauge_lines import GaugeLine
 from wavetank.scene.initial import Initial, StillWater
@@ -46,7 +47,7 @@ class Scene(Noun):
     ``Scene.model_validate(scene.model_dump(mode="json"))`` is the same scene.
     """
 
-    title: str = Field(default="", description="what the case is, in a few words")
+    title: Label = Field(default="", description="what the case is, in a few words")
     tank: Tank
     wall: Wall = FixedWall()
     water: Water | None = Field(default=None, description="the waves' theory; default: nonlinear, or by accuracy")
@@ -195,4 +196,4 @@ class Scene(Noun):
             return
         for name, value, first, last in (("x", x, left, right), ("y", y, low, high)):
             if not first <= value <= last:
-                yield Problem((*key, name), value, f"must be inside the tank, {first:g} to {last:g} m")
+                yield Problem((*key, name), value, f"must be inside the tank, {metres(first)} to {metres(last)} m")
