@@ -95,6 +95,16 @@ def test_nothing_is_said_of_the_cases(name):
     assert [*doubts, *said_of(chosen)] == []
 
 
+@pytest.mark.parametrize("case", ["wavemaker", "focusing"])
+def test_a_case_cut_short_is_what_it_was(case):
+    """A motion cut off amid a stroke has waves of all lengths; those of the run are the whole motion's."""
+    for duration in (0.3, 2.0):
+        cut = Scene.from_toml(CHECKOUT / "cases" / f"{case}.toml", [f"run.duration={duration}"])
+        chosen, doubts = planned(cut, MPI.COMM_SELF)
+        assert chosen.numerics.vertical_order == 8  # as that of 24 s
+        assert [*doubts, *said_of(chosen)] == []
+
+
 @pytest.mark.parametrize(
     ("numerics", "off"),
     [({"integrator": "stormer-verlet", "dt": 0.08}, True), ({}, False), (None, False)],
@@ -185,6 +195,27 @@ def test_cells_follow_bed_and_start():
     start = resolved(scene(tank=BASIN, initial={"type": "formula", "eta": "0.001 * cos(4 * pi * x) * cos(3 * pi * y)"}))
     assert bed.cell_size == pytest.approx(2 * np.pi / 200 / 3, rel=0.01)
     assert start.cell_size == pytest.approx(2 * np.pi / (5 * np.pi) / 3, rel=0.3)  # looked at along x and along y
+
+
+def noisy(folder, *, noise=1e-4):
+    """Return a piston of 20 mm at 1.8 s, at rest until 3 s, as it is measured: at 50 Hz, to 0.1 mm."""
+    t = 0.02 * np.arange(1001)
+    x = 0.02 * np.clip((t - 3) / 3, 0.0, 1.0) ** 2 * np.sin(2 * np.pi * (t - 3) / 1.8)
+    measured = x + noise * np.random.default_rng(1).standard_normal(t.size)
+    np.savetxt(folder / "paddle.dat", np.column_stack([t, measured]))
+    return {"type": "piston", "motion": {"type": "recorded", "position": str(folder / "paddle.dat")}}
+
+
+@pytest.mark.parametrize("duration", [0.3, 15.0])
+@pytest.mark.parametrize("tank", [SLICE, BASIN], ids=["slice", "basin"])
+def test_cells_do_not_follow_the_noise_of_a_record(tmp_path, tank, duration):
+    """They are those of the same record without noise."""
+    numerics = {"dt": 0.02}
+    chosen = [
+        resolved(scene(tank=tank, wall=noisy(tmp_path, noise=noise), duration=duration, numerics=numerics)).numerics
+        for noise in (0.0, 1e-4)
+    ]
+    assert chosen[0] == chosen[1]
 
 
 def test_a_measured_paddle_s_own_noise_is_no_growth(tmp_path, monkeypatch):

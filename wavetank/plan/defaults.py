@@ -1,8 +1,8 @@
 """The numerics of a case that does not name them, where no plan can be made: by the shortest wave that is known of it.
 
 It is looked for in the paddle's motion, in the initial surface and in the bed: the wave number (of the motion, the
-frequency) below which nearly all of the power lies. Where the bed varies, waves of a frequency are shortest where it is
-shallow, and the vertical order is needed where it is deep.
+frequency) below which nearly all of the power lies, or of a measured motion all that stands out of its noise. Where the
+bed varies, waves of a frequency are shortest where it is shallow, and the vertical order is needed where it is deep.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from wavetank.errors import InputError
 from wavetank.hamiltonian.contract import Vector
 from wavetank.motions import AtRest
 from wavetank.plan.dispersion import relative_frequency_error
-from wavetank.plan.requirements import tapered
+from wavetank.plan.requirements import highest_frequency, looked_at, tapered
 from wavetank.reference import airy
 from wavetank.scene import BasinTank, Scene
 from wavetank.scene.initial import StillWater
@@ -73,13 +73,13 @@ def _of_motion(scene: Scene) -> float:
     motion = scene.motion()
     if isinstance(motion, AtRest):
         return 0.0
-    velocity, duration = scene.of_paddle(motion, "velocity"), scene.run.duration
+    velocity, duration = scene.of_paddle(motion, "velocity"), looked_at(scene, motion)
 
     def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
         return np.asarray((velocity(t).T * tapered(np.asarray(t / duration))).T)
 
     period = paddle_period(ending, duration=duration, tank=scene.tank, share=POWER)
-    return 0.0 if period is None else 2 * np.pi / period
+    return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(scene, DEFAULT))
 
 
 def _of_start(scene: Scene) -> float:

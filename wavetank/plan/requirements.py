@@ -1,10 +1,10 @@
 """What a scene asks for: which waves there are, how far they travel, how steep they get, and the objects that follow.
 
 A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
-motion over the run and c Biésel's transfer function (``reference/wavemaker.py``). Each component is followed from the
-paddle to the farthest gauge that its group reaches within the run; where there is no gauge, as far as it gets towards
-the far wall. At a gauge it is seen for the rest of the run: that is its share in the error. A standing wave is followed
-for the whole run.
+motion over the run (of a short one, and beyond it: ``WINDOW``) and c Biésel's transfer function
+(``reference/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
+within the run; where there is no gauge, as far as it gets towards the far wall. At a gauge it is seen for the rest of
+the run: that is its share in the error. A standing wave is followed for the whole run.
 
 Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma = tanh(k d):
 
@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from wavetank import scene as nouns
 from wavetank.errors import InputError
 from wavetank.hamiltonian.contract import Vector
-from wavetank.motions import AtRest, Motion
+from wavetank.motions import AtRest, Motion, SegmentedMotion
 from wavetank.reference import airy, standing_wave, wavemaker
 from wavetank.reference.conformal import SteadyWave
 from wavetank.scene import Physics, Scene
@@ -39,6 +39,7 @@ MOST_COMPONENTS = 40
 MOST_TIMES = 2**16  # at which a motion is looked at: an hour of it in a tank 0.5 m deep
 DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
 TAPER = 0.25  # share of a motion that is tapered at its end, lest it look like a jump: its waves do not get far
+WINDOW = 36.0  # (d / g)^(1/2): what of a motion is looked at, at least; a piece of a period looks like short waves
 NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
 POINTS = 1024  # along a wave of permanent form
 TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths looked at
@@ -327,11 +328,8 @@ class _Lines(NamedTuple):
 
 def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> Waves:
     lines = _lines(scene, motion)
-    omega, amplitude = _gathered(lines.omega, np.abs(lines.elevation), 0.05 * accuracy**2)
-    if _is_measured(scene.wall):
-        highest = omega[amplitude > NOISE * amplitude.max()].max()
-        below = lines.omega <= highest
-        omega, amplitude = _gathered(lines.omega[below], np.abs(lines.elevation[below]), 0.05 * accuracy**2)
+    waves = lines.omega <= _highest(scene.wall, lines, accuracy)
+    omega, amplitude = _gathered(lines.omega[waves], np.abs(lines.elevation[waves]), 0.05 * accuracy**2)
     k = airy.wave_number(omega, scene.tank.depth, scene.tank.gravity)
     age, share = _age(scene, k)
     seen = share > 0.0
@@ -339,18 +337,33 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> Waves:
     return Waves(Components(*parts), _crest(scene, lines))
 
 
+def highest_frequency(scene: Scene, accuracy: float) -> float:
+    """Return the frequency [rad/s] above which a measured paddle makes but noise; ``inf`` of any other."""
+    motion = scene.motion()
+    if not _is_measured(scene.wall) or not isinstance(motion, Motion):
+        return np.inf
+    return _highest(scene.wall, _lines(scene, motion), accuracy)
+
+
+def _highest(wall: nouns.Wall, lines: _Lines, accuracy: float) -> float:
+    if not _is_measured(wall) or not np.any(lines.elevation):
+        return np.inf
+    omega, amplitude = _gathered(lines.omega, np.abs(lines.elevation), 0.05 * accuracy**2)
+    return float(omega[amplitude > NOISE * amplitude.max()].max())
+
+
 def _is_measured(wall: nouns.Wall) -> bool:
     return isinstance(wall, nouns.PistonWall) and isinstance(wall.motion, nouns.RecordedMotion)
 
 
 def _lines(scene: Scene, motion: Motion) -> _Lines:
-    """Return the spectral lines of the paddle's waves, from 1 / duration to the k d of ``DEEPEST``.
+    """Return the spectral lines of the paddle's waves, from 1 / ``looked_at`` to the k d of ``DEEPEST``.
 
     Of a motion of more than ``MOST_TIMES``, those of its first part.
     """
     tank = scene.tank
     highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
-    duration = min(scene.run.duration, float(MOST_TIMES / (4 * highest)))
+    duration = min(looked_at(scene, motion), float(MOST_TIMES / (4 * highest)))
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
     positions = np.concatenate([motion.position(part) for part in np.array_split(t, -(-count // AT_ONCE))])
@@ -360,8 +373,14 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     return _Lines(omega, k, 1j * wavemaker.piston_transfer(k, tank.depth) * coefficients)
 
 
+def looked_at(scene: Scene, motion: Motion | SegmentedMotion) -> float:
+    """Return for how long a motion is looked at [s]: beyond a short run's end, whose waves are the same, if known."""
+    least = WINDOW * float(np.sqrt(scene.tank.depth / scene.tank.gravity))
+    return float(max(scene.run.duration, min(least, motion.duration)))
+
+
 def tapered(part: Vector) -> Vector:
-    """Return the taper at shares of the run, shape (N,)."""
+    """Return the taper at shares of what is looked at, shape (N,)."""
     return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
 
 
