@@ -3,14 +3,20 @@
 Oracles: still water, which stays still; the decay of linear waves by diffusion; exact waves, which do not break.
 """
 
+import re
+from io import StringIO
+from itertools import count as counted
+
 import numpy as np
 import pytest
 import ufl
 from mpi4py import MPI
+from rich.console import Console
 
 from wavetank.build import build_run
-from wavetank.errors import RunError
+from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.plane import Plane
+from wavetank.recorded_run import record_run
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.breaking import bore, cases, over_steep, row
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
@@ -172,7 +178,27 @@ def test_what_breaks_goes_on_with_less_energy():
     (breaking,) = (one for one in run.filters if isinstance(one, BreakingDissipation))
     lost = start - waves.energy(run.state.q, run.state.p, run.t)
     assert breaking.began and breaking.energy_taken > 0.02 * start
+    assert breaking.part_taken == pytest.approx(breaking.energy_taken / start, rel=0.05)
     assert lost == pytest.approx(sum(one.energy_taken for one in run.sinks), rel=0.05)
+
+
+def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_path, monkeypatch):
+    """A solve that fails at the tenth step that a crest breaks stands for what the viscosity does not hold."""
+    steps, smoothed, said = counted(1), BreakingDissipation.momentum, StringIO()
+
+    def momentum(self, p):
+        if next(steps) == 10:
+            raise ConvergenceError("a solve did not end")
+        return smoothed(self, p)
+
+    monkeypatch.setattr(BreakingDissipation, "momentum", momentum)
+    case = over_steep(0.6)
+    case = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.8})})
+    with pytest.raises(RunError, match=r"a solve did not end: .*; 1 wave broke, at t = .* did not hold them"):
+        record_run(case, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(file=said, width=200))
+    (begins,) = re.findall(r"(t = \S+ s, x = \S+ m): a wave breaks; an eddy viscosity acts on it", said.getvalue())
+    (taken,) = re.findall(rf"1 wave broke, at {re.escape(begins)}; (\S+) % of the energy was taken", said.getvalue())
+    assert 0.1 < float(taken) < 20.0
 
 
 @pytest.mark.slow

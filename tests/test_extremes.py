@@ -5,6 +5,7 @@ of breaking.
 """
 
 import json
+import re
 from contextlib import nullcontext, suppress
 
 import numpy as np
@@ -168,6 +169,7 @@ def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_
     flow = surface_of(waves)
     flow.update(q, p, 0.0)
     assert ShortWaves(waves).largest_frequency(flow) == pytest.approx(exact, rel=0.25)
+    places = list[float]()
     for part, long in ((0.8, False), (1.1, True)):
         dt, said = part * scheme.stability_limit / exact, list[str]()
         assert dt * waves.largest_frequency < scheme.stability_limit  # still water would bear either
@@ -178,6 +180,8 @@ def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_
                 watch.observe(Moment(step, step * dt, state.q, state.p))
                 state = scheme.step(waves, state, step * dt, dt)
         assert bool(said) == long and all(f"stable below {scheme.stability_limit:.4g}" in one for one in said)
+        places += map(float, re.findall(r"most at x = (\S+) m[,:]", "".join(said)))
+    assert places == pytest.approx([1.0], abs=0.1)  # of the smallest cells, under the current
 
 
 def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():

@@ -13,6 +13,7 @@ from wavetank.build import Records, Waves, build_observers, build_run, build_wat
 from wavetank.errors import BreakdownError, RunError
 from wavetank.fe.agreed import on_first
 from wavetank.memory import peak_memory
+from wavetank.observers.breaking import BreakingNews
 from wavetank.observers.contract import Judge, Observer
 from wavetank.observers.energy import columns
 from wavetank.observers.interruption import Interruption
@@ -29,6 +30,7 @@ from wavetank.rundir import ENERGY, LOG, RunDirectory, RunWriter, environment
 from wavetank.scene import Scene
 from wavetank.vtu_series import VtuSeries
 from wavetank.water.breakdown import cause
+from wavetank.water.breaking import BreakingDissipation
 from wavetank.water.waves import NonlinearWaves
 
 Draw = Callable[[RunDirectory], Iterable[Path]]
@@ -114,11 +116,14 @@ def record_run(
             warnings.add(doubt)
         built, busy = time.monotonic(), time.process_time()
         _observe(run, scene, waves, writer, warnings)
+        run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]
 
         def note() -> None:
             for judge in (one for one in run.observers if isinstance(one, Judge)):
                 for sentence in judge.verdict():
                     warnings.add(sentence)
+            for breaking in (one for one in _breaking(run) if one.began):
+                log.say(f"{breaking.story}; {100 * breaking.part_taken:.2g} % of the energy was taken")
             figures = _figures(run, waves) | _usage(comm, began=began, built=built, busy=busy)
             if writer is not None:
                 writer.note(figures)
@@ -216,9 +221,16 @@ def _execute(run: Run, waves: Waves, note: Callable[[], None]) -> None:
         if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
             state, limit = run.state, run.integrator.stability_limit
             why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)
+            for breaking in (one for one in _breaking(run) if one.began):
+                why = f"{why}; {breaking.story}, and the eddy viscosity did not hold them"
             raise type(error)(f"{error}: {why}.") from None
         raise
     note()
+
+
+def _breaking(run: Run) -> list[BreakingDissipation]:
+    """Return what takes energy out of breaking waves."""
+    return [one for one in run.filters if isinstance(one, BreakingDissipation)]
 
 
 def _cost(waves: Waves) -> tuple[int, int]:

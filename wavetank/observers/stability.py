@@ -89,7 +89,7 @@ class StabilityWatch:
             self._frequency = max(self._frequency, self._short.largest_frequency(self._flow))
         self._steps = self._steps + 1 if noise > NOISE else 0
         if self._steps == PATIENCE and self.noise <= NOISE:
-            self._warn(self._sentence(moment.t, noise))
+            self._warn(self._sentence(moment.t, noise, self._place()))
         if self._steps >= PATIENCE:
             self.noise = max(self.noise, noise)
 
@@ -97,7 +97,17 @@ class StabilityWatch:
         found = float(np.abs(values).max(initial=0.0))
         return float(self._waves.plane.comm.allreduce(found, op=MPI.MAX))
 
-    def _sentence(self, t: float, noise: float) -> str:
+    def _place(self) -> str:
+        """Return in words where what alternates is largest; collective."""
+        heights = np.abs(SIXTH @ np.array(self._last))
+        places = self._waves.wall.to_physical(self._waves.plane.places)
+        own = max(
+            ((float(height), *map(float, at)) for height, at in zip(heights, places, strict=True)), default=(0.0,)
+        )
+        _, x, y = max(self._waves.plane.comm.allgather(own))
+        return f"x = {x:.4g} m" if self._waves.plane.mesh.topology.dim == 1 else f"x = {x:.4g} m, y = {y:.4g} m"
+
+    def _sentence(self, t: float, noise: float, place: str) -> str:
         product, cure = self._dt * self._frequency, "half the step, or finer cells, may do"
         if product > self._limit:
             step = 0.8 * self._limit / product * self._dt
@@ -105,5 +115,5 @@ class StabilityWatch:
             cure = f"{cure}: a step of {step:.2g} s would do"
         return (
             f"t = {t:.6g} s: short waves that alternate from step to step have grown to {100 * noise:.2g} % of the "
-            f"highest elevation: from here on the run is not to be trusted; {cure}"
+            f"highest elevation, most at {place}: from here on the run is not to be trusted; {cure}"
         )

@@ -132,6 +132,7 @@ class BreakingDissipation(Smoothing):
         self._nu = plane.function("dt nu")
         self._breaking: list[SteepCrest] = []  # at the last look
         self.began: list[tuple[float, float]] = []
+        self._had = 0.0  # the largest energy so far, of those it was taken from [m^4/s²]
         gradient, J, nu = waves.wall.gradient, waves.wall.J, self._nu.function
         super().__init__(waves, lambda u, v: nu * ufl.inner(gradient(u), gradient(v)) * J * plane.dx)
 
@@ -153,6 +154,25 @@ class BreakingDissipation(Smoothing):
                 breaking.append(crest)
         self._breaking = breaking
         return breaking
+
+    def account(self, before: float, after: float) -> None:
+        """Add what has been taken."""
+        self._had = max(self._had, before)
+        super().account(before, after)
+
+    @property
+    def story(self) -> str:
+        """How many waves broke, and where the first did, as the beginning of a sentence; nothing if none has."""
+        if not self.began:
+            return ""
+        count, (t, x) = len(self.began), self.began[0]
+        first = f"the first at t = {t:.6g} s, x = {x:.4g} m" if count > 1 else f"at t = {t:.6g} s, x = {x:.4g} m"
+        return f"{count} wave{'s' if count > 1 else ''} broke, {first}"
+
+    @property
+    def part_taken(self) -> float:
+        """What has been taken so far, of the energy there was [-]."""
+        return self.energy_taken / self._had if self._had else 0.0
 
     def _apart(self, x: Vector, crest: SteepCrest) -> Vector:
         """Return how far places are from a crest, in R, shape (N,)."""

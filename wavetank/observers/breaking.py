@@ -1,0 +1,30 @@
+"""What a run says of waves that break and that it goes on with."""
+
+from collections.abc import Callable
+
+from wavetank.observers.contract import Moment
+from wavetank.observers.schedule import EverySteps
+from wavetank.water.breaking import BreakingDissipation
+
+
+class BreakingNews:
+    """Says when and where the first wave breaks.
+
+    Parameters
+    ----------
+    breaking
+        What acts on it.
+    say
+        Takes the sentence.
+    """
+
+    def __init__(self, breaking: BreakingDissipation, say: Callable[[str], None]):
+        self.schedule = EverySteps()
+        self._breaking, self._say, self._said = breaking, say, False
+
+    def observe(self, moment: Moment) -> None:
+        """Look whether one has begun to."""
+        if self._breaking.began and not self._said:
+            self._said = True
+            t, x = self._breaking.began[0]
+            self._say(f"t = {t:.6g} s, x = {x:.4g} m: a wave breaks; an eddy viscosity acts on it until it is gentle")
