@@ -53,6 +53,7 @@ SHORTER = (  # the rule: (commands, what is put behind them so that they take se
     (r".* run cases/berkhoff-1982.toml ", "--no-plots --set run.duration=0.1 --set numerics.cell_size=2.5"),
     (r".* wavetank (run|study) ", "--set run.duration=0.2"),
 )
+LATER = r"make (bench|test-slow)$|.* run cases/berkhoff-1982.toml "  # typed in slow tests alone, shortened and whole
 ELSEWHERE = {  # commands too long even so, or that need a network: the file whose tests run what they run
     "make run": "tests/test_cli.py",
     "./env wavetank data fetch marin-202002": "tests/test_data.py",
@@ -86,7 +87,15 @@ def test_there_are_blocks_and_of_languages_that_run():
 def test_commands_run_one_after_the_other(block, tmp_path):
     needs(block)
     for command in block.commands:
-        if command not in ELSEWHERE:
+        if command not in ELSEWHERE and not re.match(LATER, command):
+            typed(shortened(command), tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("block", in_language("sh"))
+def test_dear_commands_run_shortened(block, tmp_path):
+    for command in block.commands:
+        if re.match(LATER, command):
             typed(shortened(command), tmp_path)
 
 
