@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from wavetank import data
+from wavetank.errors import InputError
 from wavetank.run_place import check_new
 from wavetank.rundir import RunDirectory
 from wavetank.series import GaugeSeries
@@ -40,8 +41,11 @@ def _known_heights(reference: str) -> data.WaveHeights | None:
 
 def _gauges(name: str) -> tuple[list[GaugeSeries], list[GaugeSeries]]:
     """Return the series to compare with, and a published computation's if there is one."""
-    if name not in data.DATASETS and Path(name).is_dir():
-        return [replace(gauge, source=Path(name).name) for gauge in RunDirectory(Path(name)).gauges()], []
+    if name not in data.DATASETS:
+        if not Path(name).is_dir():
+            known = ", ".join(sorted(data.DATASETS))
+            raise InputError(f"--with {name}: is no run directory, and no data set; known data sets are: {known}.")
+        return [replace(gauge, source=Path(name).name) for gauge in RunDirectory(name).gauges()], []
     series = data.gauge_series(name)
     published = [one for kind, records in series.items() if kind != data.MEASURED for one in records]
     return list(series[data.MEASURED]), published

@@ -14,6 +14,7 @@ from rich.console import Console
 from postprocess.compare import COLUMNS, compare, comparison_table, matched, write_comparison
 from postprocess.figures import draw_run, gauges_figure
 from wavetank import data
+from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory, RunWriter
 from wavetank.series import GaugeSeries
@@ -189,6 +190,15 @@ def test_records_that_cannot_be_compared_are_bad_input():
         compare([one], [replace(one, eta=np.zeros(T.size))])
     with pytest.raises(InputError, match="3 rows computed"):
         compare([replace(one, t=T[:3], eta=one.eta[:3])], [one])
+
+
+def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
+    with RunWriter(tmp_path / "run", {}) as writer:
+        writer.gauges([("1", 1.0)]).append([0.0, 0.0])
+        writer.finish("finished", {})
+    assert main(["compare", str(tmp_path / "run"), "--with", "runs/w-1"]) == 2
+    said = "wavetank: --with runs/w-1: is no run directory, and no data set; known data sets are: berkhoff_1982_shoal,"
+    assert capsys.readouterr().err.startswith(said)
 
 
 def test_the_table_shows_units_gain_and_shift_in_a_narrow_terminal():

@@ -217,6 +217,9 @@ def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
     text = words(lambda path: energy_figure(run.energy(), path), tmp_path)
     for word in ("kinetic", "potential", "total", "start + paddle", "[m⁴/s²]", "time [s]", "what does not balance"):
         assert word in text
+    fixed = {name: 0 * column if name.startswith("paddle_work") else column for name, column in run.energy().items()}
+    text = words(lambda path: energy_figure(fixed, path), tmp_path)
+    assert "start" in text and "paddle" not in text
 
 
 def test_nothing_to_draw_is_bad_input(tmp_path):

@@ -34,7 +34,7 @@ def written(path, rows=5, points=4):
 def test_what_is_written_is_read_back(tmp_path):
     with written(tmp_path / "run") as writer:
         writer.finish("finished", {"timings": {"wall": 1.0}})
-    run = RunDirectory(tmp_path / "run")
+    run = RunDirectory(str(tmp_path / "run"))
     assert run.manifest["status"] == "finished" and run.manifest["timings"] == {"wall": 1.0} and run.title == "case"
     first, second = run.gauges()
     assert (first.name, first.x, second.name, second.x) == ("1", 10.0, "b", 49.5)

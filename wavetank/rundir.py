@@ -369,7 +369,8 @@ def _claimed(place: Place) -> tuple[Path, RunLock, bool]:
         made = not path.exists()
         try:
             path.mkdir(parents=True, exist_ok=True)
-            _check_free(path, overwrite=place.overwrite)
+            written = is_held(path) and not place.numbered  # as the lock will say
+            _check_free(path, overwrite=place.overwrite or written)
             lock = RunLock(path)
             _check_free(path, overwrite=place.overwrite)  # another run may have come and gone before the lock
             return path, lock, made
@@ -420,8 +421,8 @@ class RunDirectory:
     Raises ``InputError`` if there is none at ``path``, or if a file asked for is missing or damaged.
     """
 
-    def __init__(self, path: Path):
-        self.path = path
+    def __init__(self, path: Path | str):
+        self.path = path = Path(path)
         try:
             manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
         except (OSError, ValueError):
