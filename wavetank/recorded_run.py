@@ -222,7 +222,7 @@ def _execute(run: Run, waves: Waves, note: Callable[[], None]) -> None:
             state, limit = run.state, run.integrator.stability_limit
             why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)
             for breaking in (one for one in _breaking(run) if one.began):
-                why = f"{why}; {breaking.story}, and the eddy viscosity did not hold them"
+                why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
             raise type(error)(f"{error}: {why}.") from None
         raise
     note()
