@@ -32,10 +32,11 @@ def unmapped(r: Array, moved: Array) -> Array:
     or at that place where it is steepest there.
     """
     third = np.full_like(r, 1 / 3)
-    end = np.where(r > third + share(third) * moved, 1.0, 0.0)
+    inside = np.clip(r, moved, 1.0)  # places beyond both ends are found without
+    end = np.where(inside > third + share(third) * moved, 1.0, 0.0)
     R = np.where(moved > 0.0, end, third)
     for _ in range(100):
-        change = (R + share(R) * moved - r) / (1.0 - np.maximum((1.0 - R) * (1.0 + 3.0 * R), 0.0) * moved)
+        change = (R + share(R) * moved - inside) / (1.0 - np.maximum((1.0 - R) * (1.0 + 3.0 * R), 0.0) * moved)
         R = np.clip(R - change, 0.0, 1.0)
         if not np.any(np.abs(change) > 1e-14):
             break
