@@ -44,6 +44,11 @@ class Recorded(Motion):
         """When the record ends [s]."""
         return float(self.spline.x[-1])
 
+    @property
+    def interval(self) -> float:
+        """The mean time between two rows of the record [s]."""
+        return float(np.mean(np.diff(self.spline.x)))
+
     def derivative(self, t: Any, order: int) -> Any:
         """Return the spline's derivative; raise ``InputError`` beyond the record."""
         self._check(t)

@@ -2,7 +2,8 @@
 
 Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, three schemes, and for each of them the
 largest step that accuracy and stability allow. Errors of space and time add up (``error_model.py``), so the step
-follows from what the mesh leaves of the accuracy. What a case sets beside an accuracy is kept and not searched.
+follows from what the mesh leaves of the accuracy. It must hold a measured motion, too (``HELD``): steps of a few rows
+of the record are among those searched, as they do best. What a case sets beside an accuracy is kept and not searched.
 
 The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
 dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the still
@@ -18,13 +19,14 @@ from typing import Any
 import numpy as np
 
 from wavetank.build import build_clock
-from wavetank.clock import Clock
+from wavetank.clock import ROUNDING, Clock
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
 from wavetank.plan.dispersion import Mesh
 from wavetank.plan.error_model import ErrorModel, Part, Settings
 from wavetank.plan.requirements import Requirements, requirements
+from wavetank.plan.stroke_held import stroke_missed
 from wavetank.scene import LinearWater, NonlinearWater, Physics, Scene
 from wavetank.water.edge_penalty import NEEDED
 
@@ -34,6 +36,8 @@ SCHEMES = ("third-order", "stormer-verlet", "gauss-legendre-4")
 PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
+HELD = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
+ROWS = (4.0, 2.0, 1.0, 0.5, 0.25)  # of its record in a step
 SOLVABLE = {
     "simpson-4": 1.5,
     "third-order": 1.5,
@@ -268,15 +272,39 @@ def _k_grid(mesh: Mesh) -> float:
 
 
 class _Steps:
-    """Steps that divide the duration, from coarse to fine, or the one that is given; and what each contributes."""
+    """Steps that divide the duration, or some rows of a record, from coarse to fine; or the one that is given.
+
+    What each contributes to the error, and what it misses of a measured motion, is found once.
+    """
 
     def __init__(self, errors: ErrorModel, required: Requirements, given: float | None):
         self._errors, self._required = errors, required
         coarsest = np.pi / float(required.waves.omega.min())
         counts = required.duration / coarsest * STEP_RATIO ** np.arange(120)
         divided = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
-        self._dt = divided if given is None else np.array([given])
+        self._given = given is not None
+        self._dt = np.sort([*divided, *self._of_rows()])[::-1] if given is None else np.array([given])
         self._parts: dict[tuple[str, int], Part] = {}
+        self._missed: dict[tuple[str, int], float] = {}
+
+    def _of_rows(self) -> list[float]:
+        """Return steps of some rows of the record that end within it."""
+        motion, duration = self._required.measured, self._required.duration
+        if motion is None:
+            return []
+        steps = [Clock.covering(duration, rows * motion.interval) for rows in ROWS]
+        return [clock.dt for clock in steps if clock.end <= motion.duration * (1 + ROUNDING)]
+
+    def _holds(self, name: str, i: int) -> bool:
+        """Return whether a step holds a measured motion; what is given is kept, and the run says what it misses."""
+        motion = self._required.measured
+        if motion is None or self._given:
+            return True
+        if (name, i) not in self._missed:
+            dt, nodes = float(self._dt[i]), INTEGRATORS[name].nodes
+            steps = Clock.covering(self._required.duration, dt).steps
+            self._missed[name, i] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
+        return self._missed[name, i] <= HELD * self._required.accuracy
 
     def _part(self, name: str, i: int) -> Part:
         if (name, i) not in self._parts:
@@ -284,11 +312,11 @@ class _Steps:
         return self._parts[name, i]
 
     def largest(self, name: str, limit: float, space: Part) -> float | None:
-        """Return the largest step below ``limit`` [s] that keeps the accuracy, by bisection; None if there is none."""
+        """Return the largest step below ``limit`` [s] that is accurate and holds the motion; None if there is none."""
         low = int(np.searchsorted(-self._dt, -limit))
         high = self._dt.size
         while low < high:
             middle = (low + high) // 2
             accurate = self._errors.total(space, self._part(name, middle)) <= self._required.accuracy
             low, high = (low, middle) if accurate else (middle + 1, high)
-        return float(self._dt[low]) if low < self._dt.size else None
+        return next((float(self._dt[i]) for i in range(low, self._dt.size) if self._holds(name, i)), None)

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from wavetank import scene as nouns
 from wavetank.errors import InputError
 from wavetank.hamiltonian.contract import Vector
-from wavetank.motions import AtRest, Motion, SegmentedMotion
+from wavetank.motions import AtRest, Motion, Recorded, SegmentedMotion
 from wavetank.reference import airy, standing_wave, wavemaker
 from wavetank.reference.conformal import SteadyWave
 from wavetank.scene import Physics, Scene
@@ -140,6 +140,8 @@ class Requirements:
         Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
     driven
         Whether a paddle drives the waves.
+    measured
+        Its motion, if that was measured: steps must hold it, noise and all.
     physics
         "linear" or "nonlinear".
     reasons
@@ -158,6 +160,7 @@ class Requirements:
     velocity: float
     harmonics: Vector
     driven: bool
+    measured: Recorded | None
     physics: Physics
     reasons: tuple[str, ...]
 
@@ -188,6 +191,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     if why := unplanned(scene):
         raise InputError(f"{why}; give the numerics instead.")
     waves, crest, form = _all_waves(scene, accuracy)
+    motion = scene.motion()
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
     harmonics = stokes(k * crest, k * tank.depth)
@@ -207,7 +211,8 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         highest=k * (form.crest if form else crest),
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
-        driven=not isinstance(scene.motion(), AtRest),
+        driven=not isinstance(motion, AtRest),
+        measured=motion if isinstance(motion, Recorded) else None,
         physics=physics,
         reasons=(
             f"plan view: a {tank.type}, the scene has one horizontal dimension.",
