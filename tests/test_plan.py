@@ -437,6 +437,16 @@ def test_settings_that_cannot_reach_the_accuracy_are_refused_by_name():
         make_plan(asking({"cells": 4, "order": 2}), 1e-4, costs=COSTS)
 
 
+def test_a_step_too_long_for_the_accuracy_is_told_the_longest():
+    named = {"order": 3, "cells": 20, "vertical_order": 7, "integrator": "third-order"}
+    with pytest.raises(InputError, match=r"^numerics.dt = 3.0: must be at most \S+ s, .* accurate to 0.01\.$") as said:
+        make_plan(asking({"dt": 3.0} | named), 1e-2, costs=COSTS)
+    longest = float(str(said.value).split()[7])
+    assert make_plan(asking({"dt": 0.999 * longest} | named), 1e-2, costs=COSTS).error <= 1e-2
+    with pytest.raises(InputError, match="must be at most"):
+        make_plan(asking({"dt": 1.2 * longest} | named), 1e-2, costs=COSTS)
+
+
 def test_a_run_does_not_start_before_it_is_planned():
     with pytest.raises(InputError, match=r"numerics.accuracy = 0.01: must have been planned"):
         build_run(asking({}), MPI.COMM_SELF)

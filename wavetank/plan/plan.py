@@ -22,6 +22,7 @@ from wavetank.build import build_clock
 from wavetank.clock import ROUNDING, Clock
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
+from wavetank.noun import Problem, SceneError
 from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
 from wavetank.plan.dispersion import Mesh
 from wavetank.plan.error_model import ErrorModel, Part, Settings
@@ -37,7 +38,7 @@ PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
 HELD = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
-ROWS = (4.0, 2.0, 1.0, 0.5, 0.25)  # of its record in a step
+ROWS = (0.5, 0.25)  # of its record in a step: what alternates from row to row must not do so from step to step
 SOLVABLE = {
     "simpson-4": 1.5,
     "third-order": 1.5,
@@ -128,12 +129,15 @@ def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> 
     """Return the cheapest plan with a predicted relative error of at most ``accuracy``.
 
     Raises ``InputError`` for an accuracy that is not between 0 and 1 and a scene that cannot be planned,
-    ``UnreachableError`` if no discretisation searched is as accurate.
+    ``UnreachableError`` if no discretisation searched is as accurate, ``SceneError`` if it is the given step's fault.
     """
     if not 0.0 < accuracy < 1.0:
         raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
     search = _Search(scene, accuracy)
     found = [(search.cost(settings, costs), settings) for settings in search.candidates()]
+    if not found and (longest := search.longest()) is not None:
+        allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
+        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     if not found:
         best = f"must be above {search.best():.2g}, the best that {search.what} with a stable step"
         raise UnreachableError(f"accuracy = {accuracy:g}: {best}.")
@@ -195,6 +199,13 @@ class _Search:
                 if (dt := self._steps.largest(name, self._longest_step(mesh, name), space)) is not None:
                     cells, n = round(self._required.length / mesh.cells.size), mesh.vertical_order
                     yield Settings(order=mesh.cells.order, cells=cells, vertical_order=n, dt=dt, integrator=name)
+
+    def longest(self) -> float | None:
+        """Return the longest step that would do where the one that is given does not; None if none is given or does."""
+        if self._given.dt is None:
+            return None
+        self._steps = _Steps(self._errors, self._required, None)
+        return max((settings.dt for settings in self.candidates()), default=None)
 
     def best(self) -> float:
         """Return the smallest error of all meshes."""
