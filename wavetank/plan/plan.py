@@ -22,6 +22,7 @@ from wavetank.build import build_clock
 from wavetank.clock import ROUNDING, Clock
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
+from wavetank.motions import Recorded
 from wavetank.noun import Problem, SceneError
 from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
 from wavetank.plan.dispersion import Mesh
@@ -38,6 +39,7 @@ PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
 HELD = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
+BETWEEN = np.pi / 2  # rows, no whole number of them
 ROWS = (0.5, 0.25)  # of its record in a step: what alternates from row to row must not do so from step to step
 SOLVABLE = {
     "simpson-4": 1.5,
@@ -296,7 +298,7 @@ class _Steps:
         self._given = given is not None
         self._dt = np.sort([*divided, *self._of_rows()])[::-1] if given is None else np.array([given])
         self._parts: dict[tuple[str, int], Part] = {}
-        self._missed: dict[tuple[str, int], float] = {}
+        self._missed: dict[tuple[str, float], float] = {}
 
     def _of_rows(self) -> list[float]:
         """Return steps of some rows of the record that end within it."""
@@ -306,16 +308,24 @@ class _Steps:
         steps = [Clock.covering(duration, rows * motion.interval) for rows in ROWS]
         return [clock.dt for clock in steps if clock.end <= motion.duration * (1 + ROUNDING)]
 
-    def _holds(self, name: str, i: int) -> bool:
-        """Return whether a step holds a measured motion; what is given is kept, and the run says what it misses."""
+    def _holds(self, name: str, dt: float) -> bool:
+        """Return whether a step holds a measured motion; what is given is kept, and the run says what it misses.
+
+        Where one of ``BETWEEN`` rows does not, the noise counts: steps that do not resolve the rows hold it by chance.
+        """
         motion = self._required.measured
         if motion is None or self._given:
             return True
-        if (name, i) not in self._missed:
-            dt, nodes = float(self._dt[i]), INTEGRATORS[name].nodes
-            steps = Clock.covering(self._required.duration, dt).steps
-            self._missed[name, i] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
-        return self._missed[name, i] <= HELD * self._required.accuracy
+        limit, row = HELD * self._required.accuracy, motion.interval
+        if dt > ROWS[0] * row * (1 + ROUNDING) and self._misses(motion, name, BETWEEN * row) > limit:
+            return False
+        return self._misses(motion, name, dt) <= limit
+
+    def _misses(self, motion: Recorded, name: str, dt: float) -> float:
+        if (name, dt) not in self._missed:
+            nodes, steps = INTEGRATORS[name].nodes, max(1, int(self._required.duration / dt))
+            self._missed[name, dt] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
+        return self._missed[name, dt]
 
     def _part(self, name: str, i: int) -> Part:
         if (name, i) not in self._parts:
@@ -330,4 +340,6 @@ class _Steps:
             middle = (low + high) // 2
             accurate = self._errors.total(space, self._part(name, middle)) <= self._required.accuracy
             low, high = (low, middle) if accurate else (middle + 1, high)
-        return next((float(self._dt[i]) for i in range(low, self._dt.size) if self._holds(name, i)), None)
+        return next(
+            (float(self._dt[i]) for i in range(low, self._dt.size) if self._holds(name, float(self._dt[i]))), None
+        )
