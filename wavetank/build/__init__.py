@@ -2,6 +2,7 @@
 
 from wavetank.build.runs import (
     Records,
+    breaking_watch,
     build_clock,
     build_filters,
     build_observers,
@@ -15,6 +16,7 @@ from wavetank.build.waters import Waves, build_waves, told_of_bed
 __all__ = [
     "Records",
     "Waves",
+    "breaking_watch",
     "build_clock",
     "build_filters",
     "build_observers",

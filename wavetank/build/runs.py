@@ -150,7 +150,7 @@ def build_filters(scene: Scene, waves: Waves, dt: float) -> list[Filter]:
         return []  # neither breaks nor has a current
     flow, filters = surface_of(waves), list[Filter]()
     if isinstance(flow, SurfaceFlow):
-        watch = BreakingWatch(waves, flow, length=scene.tank.length if isinstance(scene.tank, RingTank) else None)
+        watch = breaking_watch(scene, waves, flow)
         if scene.run.on_breaking == "stop":
             filters.append(StopAtBreaking(watch))
         elif scene.run.on_breaking == "dissipate":
@@ -159,6 +159,11 @@ def build_filters(scene: Scene, waves: Waves, dt: float) -> list[Filter]:
         size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
         filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
     return filters
+
+
+def breaking_watch(scene: Scene, waves: NonlinearWaves, flow: SurfaceFlow) -> BreakingWatch:
+    """Return what looks for breaking crests along a slice or ring; collective."""
+    return BreakingWatch(waves, flow, length=scene.tank.length if isinstance(scene.tank, RingTank) else None)
 
 
 def build_watch(scene: Scene, run: Run, waves: Waves, warn: Callable[[str], None]) -> list[Observer]:

@@ -11,16 +11,16 @@ import numpy as np
 from mpi4py import MPI
 from scipy.integrate import solve_ivp
 
-from wavetank.build import build_run
+from wavetank.build import breaking_watch, build_run
 from wavetank.errors import RunError
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
 from wavetank.reference.solitary_wave import solitary_wave
-from wavetank.scene import RingTank, Scene
+from wavetank.scene import Scene
 from wavetank.verify.report import Report
 from wavetank.verify.steepness import scene as ring
 from wavetank.water.breaking import STEEP, BreakingWatch
-from wavetank.water.surface_flow import SurfaceFlow, surface_of
+from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
 SOLITARY = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # H/d
@@ -68,9 +68,7 @@ def row(case: Case) -> Row:
     """Run a case until it stops."""
     run, waves = build_run(case.scene, MPI.COMM_SELF)
     assert isinstance(waves, NonlinearWaves)
-    (flow,) = (one for one in [surface_of(waves)] if isinstance(one, SurfaceFlow))
-    tank = case.scene.tank
-    largest = LargestB(BreakingWatch(waves, flow, length=tank.length if isinstance(tank, RingTank) else None))
+    largest = LargestB(breaking_watch(case.scene, waves, SurfaceFlow(waves)))
     run.observers.append(largest)
     stopped = ""
     try:
