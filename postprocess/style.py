@@ -2,11 +2,19 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import floor, log10
 from pathlib import Path
 from typing import Any
 
 from matplotlib import rc_context
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+# colours that colour-blind eyes tell apart (Okabe and Ito), and greys
+BLUE, VERMILION, GREEN, ORANGE, PURPLE, LIGHT_BLUE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"
+GREY, PALE_GREY = "#555555", "#9a9a9a"
 
 STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take any
     "font.size": 10,
@@ -29,3 +37,32 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
         figure.savefig(path)
+
+
+def entry(label: str, **look: Any) -> Line2D:
+    """Return a legend's entry for a look: a colour, a marker (with ``ls=""``) or a dash, whatever else it stands for.
+
+    ``look`` are a line's properties; what is not given is grey.
+    """
+    return Line2D([], [], label=label, **{"color": GREY, **look})
+
+
+FEW_DECADES = 1e3  # an axis of fewer has numbers at 1, 2 and 5
+
+
+def number_logarithms(axis: Axis) -> None:
+    """Number a logarithmic axis at powers of ten, one of few decades at 1, 2 and 5, too, once its limits are final."""
+    low, high = sorted(axis.get_view_interval())
+    if high < FEW_DECADES * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_minor_formatter(NullFormatter())
+        axis.set_major_formatter(FuncFormatter(lambda value, _: _number(value)))
+
+
+def _number(value: float) -> str:
+    """Return a number as read: plain from a thousandth to ten thousand, else with its power of ten."""
+    if 1e-3 <= value < 1e5:
+        return f"{value:g}"
+    power = floor(log10(value) + 1e-9)
+    factor = f"{value / 10**power:.1g}"
+    return f"${'' if factor == '1' else factor + '·'}10^{{{power}}}$"

@@ -9,10 +9,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from postprocess.style import BLUE, GREEN, GREY, ORANGE, VERMILION, entry
 from wavetank.fe.plane import Plane
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.report import Report
@@ -93,26 +95,49 @@ def write(report: Report) -> None:
     """Write growth.csv and growth.png."""
     rows = [row(setting) for setting in settings()]
     report.table("growth", Row._fields, rows)
+    draw(report, rows)
+
+
+COLOURS = {0.5: BLUE, 1.0: VERMILION, 3.0: GREEN, 8.0: ORANGE}  # by kd
+MARKERS = {1: "^", 2: "D", 3: "o", 4: "s"}  # by p
+
+
+def draw(report: Report, rows: Sequence[Row]) -> None:
+    """Draw growth against steepness, and that of all settings against the criterion; hollow with the penalty."""
     with report.figure("growth", 11, 4.8) as figure:
-        left, right = figure.subplots(1, 2)
-        for kd, colour in ((0.5, "#0072b2"), (1.0, "#d55e00"), (3.0, "#009e73"), (8.0, "#e69f00")):
-            chosen = [one for one in rows if one.kd == kd][:6]
-            steepness = [100 * one.steepness for one in chosen]
-            left.plot(steepness, [one.growth for one in chosen], "o-", color=colour, label=f"kd = {kd:g}")
-            left.plot(steepness, [one.growth_with_penalty for one in chosen], "s--", color=colour, mfc="none")
-        left.set(xlabel="height / maximum height [%]", ylabel="growth exponent per period [-]")
-        left.set_title("32 cells of order 3: without (full) and with the penalty (dashed)")
-        left.legend()
+        left, right = figure.subplots(1, 2, sharey=True)
+        _draw_steepness(left, rows)
         _draw_criterion(right, rows)
 
 
-def _draw_criterion(axes: Any, rows: Sequence[Row]) -> None:
-    for p, marker in ((1, "^"), (2, "D"), (3, "o"), (4, "s")):
+def _draw_steepness(axes: Axes, rows: Sequence[Row]) -> None:
+    """Draw the waves on 32 cells of order 3, which come first; with the penalty the largest growth of all kd."""
+    chosen = {kd: [one for one in rows if (one.kd, one.cells, one.p) == (kd, 32, 3)][:6] for kd in COLOURS}
+    for kd, colour in COLOURS.items():
+        steepness = [100 * one.steepness for one in chosen[kd]]
+        axes.plot(steepness, [one.growth for one in chosen[kd]], "o-", color=colour, label=f"kd = {kd:g}")
+    largest = np.max([[one.growth_with_penalty for one in some] for some in chosen.values()], axis=0)
+    axes.plot(steepness, largest, "o--", color=GREY, mfc="none", label="with the penalty, the largest")
+    axes.set(xlabel="height / maximum height [%]", ylabel="growth exponent per period [-]")
+    axes.set_title("32 cells of order 3")
+    axes.legend()
+
+
+def _draw_criterion(axes: Axes, rows: Sequence[Row]) -> None:
+    for p, marker in MARKERS.items():
         chosen = [one for one in rows if one.p == p]
         x = [one.criterion for one in chosen]
-        axes.semilogx(x, [one.growth for one in chosen], marker, color="#d55e00", mfc="none", label=f"p = {p}")
-        axes.semilogx(x, [one.growth_with_penalty for one in chosen], marker, color="#0072b2", ms=3)
-    axes.axvline(NEEDED, ls=":", color="#555555")
-    axes.set(xlabel="u² k_g / g [-]", ylabel="growth exponent per period [-]")
-    axes.set_title("All settings: without (red) and with the penalty (blue, small)")
-    axes.legend()
+        axes.semilogx(x, [one.growth for one in chosen], marker, color=GREY)
+        axes.semilogx(x, [one.growth_with_penalty for one in chosen], marker, color=GREY, mfc="none", ms=9)
+    axes.axvline(NEEDED, ls=":", color=GREY)
+    axes.annotate(
+        "the penalty acts",
+        (NEEDED, 0.97),
+        xycoords=axes.get_xaxis_transform(),
+        xytext=(4, 0),
+        va="top",
+        textcoords="offset points",
+        color=GREY,
+    )
+    axes.set(xlabel="u² k_g / g [-]", title="All settings; full without, hollow with the penalty")
+    axes.legend(handles=[entry(f"p = {p}", marker=marker, ls="") for p, marker in MARKERS.items()], loc="upper left")

@@ -3,13 +3,14 @@
 Each is a case as a user would write it, run by the product; the oracle is the wave itself.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from mpi4py import MPI
-from numpy.typing import NDArray
 
+from postprocess.style import BLUE, GREEN, ORANGE, VERMILION, number_logarithms
 from wavetank.build import build_run
 from wavetank.errors import RunError
 from wavetank.observers.contract import Moment
@@ -159,17 +160,24 @@ def write(report: Report) -> None:
     draw(report, table)
 
 
+LOOKS = dict(zip(VERTICAL_ORDER, ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (ORANGE, "D")), strict=True))  # by kd
+
+
 def draw(report: Report, table: Sequence[Row]) -> None:
-    """Draw phase errors and changes of energy against steepness."""
-    with report.figure("steepness", 8, 4.8) as figure:
-        axes = figure.subplots()
-        for kd, marker in zip(VERTICAL_ORDER, "os^D", strict=True):
-            chosen = [one for one in table if one.kd == kd]
-            x: NDArray[Any] = np.array([100 * one.steepness for one in chosen])
-            axes.semilogy(
-                x, [abs(one.phase_error) for one in chosen], f"{marker}-", color="#0072b2", label=f"kd = {kd:g}"
-            )
-            axes.semilogy(x, [abs(one.energy_change) for one in chosen], f"{marker}--", color="#d55e00", mfc="none")
-        axes.set(xlabel="height / maximum height [%]", ylabel="after 20 periods (95 %: 10)")
-        axes.set_title("Phase error [rad] (blue, full) and relative change of energy (red, dashed)")
-        axes.legend()
+    """Draw phase errors and changes of energy against steepness, a panel each."""
+    with report.figure("steepness", 11, 4.8) as figure:
+        left, right = figure.subplots(1, 2, sharex=True)
+        _draw_errors(left, {kd: [(one.steepness, one.phase_error) for one in table if one.kd == kd] for kd in LOOKS})
+        _draw_errors(right, {kd: [(one.steepness, one.energy_change) for one in table if one.kd == kd] for kd in LOOKS})
+        left.set(ylabel="phase error [rad]", title="After 20 periods around a ring (95 %: 10)")
+        right.set(ylabel="relative change of energy [-]")
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=len(LOOKS))
+
+
+def _draw_errors(axes: Axes, points: Mapping[float, Sequence[tuple[float, float]]]) -> None:
+    """Draw the sizes of errors over steepness, a line for each kd."""
+    for kd, (colour, marker) in LOOKS.items():
+        steepness, errors = np.array(points[kd], dtype=np.float64).reshape(-1, 2).T
+        axes.semilogy(100 * steepness, np.abs(errors), f"{marker}-", color=colour, label=f"kd = {kd:g}")
+    axes.set(xlabel="height / maximum height [%]", xticks=[100 * one for one in RESOLUTION])
+    number_logarithms(axes.yaxis)
