@@ -36,10 +36,11 @@ def _numbers(axes: Axes) -> Iterator[str]:
         low, high = sorted((low, high))
         if not axis.get_tick_params().get(side, True):
             continue
-        shown = [x for x, text in _ticks(axis) if text and low * (1 - 1e-9) <= x <= high * (1 + 1e-9)]
+        ticks = _ticks(axis)
+        shown = [x for x, text in ticks if text and low * (1 - 1e-9) <= x <= high * (1 + 1e-9)]
         if len(shown) < FEWEST:
             yield f"{_named(axes)}: {len(shown)} numbers at {axis.label.get_text()!r}"
-        if "[" not in axis.label.get_text():
+        if "[" not in axis.label.get_text() and any(letter.isdigit() for _, text in ticks for letter in text):
             yield f"{_named(axes)}: no unit at {axis.label.get_text()!r}"
 
 

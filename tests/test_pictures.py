@@ -3,6 +3,9 @@
 The figures themselves are asked (``pictures.py``), drawn from rows made up to look like those computed.
 """
 
+from itertools import product
+from pathlib import Path
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -10,8 +13,17 @@ from pictures import faults
 from rich.console import Console
 
 from postprocess.style import picture
-from wavetank.verify import growth, steepness
+from wavetank.study.drawing import draw_study, pareto_front
+from wavetank.study.measures import GAUGES, PHASE, SURFACE
+from wavetank.study.response_drawing import draw_responses
+from wavetank.study.responses import CREST, CREST_PLACE, TROUGH
+from wavetank.study.runs import Outcome
+from wavetank.study.sweep import combinations, parse_axes, unit
+from wavetank.study.table import Row
+from wavetank.verify import cylinder, growth, shape, sponge, steepness
 from wavetank.verify.report import Report
+
+CASES = Path(__file__).resolve().parents[1] / "cases"
 
 
 @pytest.fixture
@@ -73,3 +85,115 @@ def test_growth(drawn, report):
     assert not faults(figure)
     assert {len(line.get_xdata()) for line in figure.axes[0].lines} == {6}
     assert np.sum([len(line.get_xdata()) for line in figure.axes[1].lines[:-1]]) == 2 * len(rows)
+
+
+def test_the_cylinder(drawn, report):
+    run_up = np.linspace(0.5, 1.8, cylinder.ANGLES.size)
+    results = [
+        cylinder.Computed(cylinder.RunUpRow("linear", ka, order, size, 100, 1000, (size / order) ** 2 / ka), run_up)
+        for ka in cylinder.COLOURS
+        for order, sizes in cylinder.MESHES.items()
+        for size in sizes
+    ]
+    cylinder.draw(report, results)
+    (figure,) = drawn
+    assert not faults(figure)
+
+
+def test_the_sponge(drawn, report):
+    lengths = [sponge.LengthRow(kd, one, 0.2 * np.exp(-one) / kd) for kd, one in product(sponge.DEPTHS, sponge.LENGTHS)]
+    bands = [
+        sponge.BandRow(kd, size, ratio, 0.1 * np.exp(-size * ratio) / kd)
+        for kd, size, ratio in product(sponge.DEPTHS, sponge.SIZES, sponge.RATIOS)
+    ]
+    sponge.draw(report, lengths, bands, [sponge.TimeRow(0.5, 1.0, 0.01, 0.02), sponge.TimeRow(1.0, 1.0, 0.1, 0.01)])
+    (figure,) = drawn
+    assert not faults(figure)
+
+
+def test_shapes(drawn, report):
+    rows = [shape.Row(kd, 24, n, 0.1, 10.0**-n, 5 + n // 4, 1.5) for kd in shape.DEPTHS for n in shape.ORDERS]
+    shape.draw(report, rows)
+    (figure,) = drawn
+    assert not faults(figure)
+
+
+# ---------------------------------------------------------------- studies
+def study_rows(case, sweeps, measures):
+    """Return the axes of a study, and rows whose CPU time and values a function of the settings gives."""
+    axes = parse_axes(sweeps)
+    found = combinations(CASES / case, axes)
+    return axes, [Row(one, Outcome("finished"), *measures(n, one.values)) for n, one in enumerate(found)]
+
+
+@pytest.mark.parametrize(
+    ("steps", "sizes"),
+    [
+        (("0.05", "0.04", "0.02"), {"third-order": (0.044, 0.042, 0.041), "stormer-verlet": (0.65, 0.5, 0.16)}),
+        (
+            ("0.055875", "0.0279375", "0.01396875"),
+            {"third-order": (2.6e-4, 1.2e-4, 1.19e-4), "simpson-4": (2e-4, 1.18e-4, 1.17e-4)},
+        ),
+    ],
+    ids=["errors of few decades", "errors that hardly fall"],
+)
+def test_work_and_precision(drawn, tmp_path, steps, sizes):
+    """As MARIN's and the steep ring's: numbers on both axes, every point of the front named and no name on another."""
+
+    def measures(n, values):
+        error = sizes[values["integrator"]][steps.index(values["dt"])]
+        return {SURFACE: error, GAUGES: 1.1 * error}, {"CPU [s]": 50 + 0.4 / float(values["dt"]) + n}
+
+    axes, rows = study_rows(
+        "ring-50-percent.toml", [f"dt={','.join(steps)}", f"integrator={','.join(sizes)}"], measures
+    )
+    draw_study(rows, axes, tmp_path / "study.png", title="A study")
+    (figure,) = drawn
+    assert not faults(figure)
+    front = pareto_front([(row.costs["CPU [s]"], row.errors[SURFACE]) for row in rows])
+    for panel in figure.axes:
+        assert len(panel.texts) == len(front) > 2
+        assert {text.get_text() for text in panel.texts} <= {f"{float(step):.3g}" for step in steps}
+
+
+def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, tmp_path):
+    """No front and no CPU time: crests over heights, in metres both, a line for each vertical order; errors beside."""
+
+    def measures(n, values):
+        a = float(values["initial.amplitude"])
+        return {SURFACE: a / 10, PHASE: -a}, {"CPU [s]": 1.0}, "", {CREST: 1.2 * a, TROUGH: -0.9 * a, CREST_PLACE: 2.0}
+
+    sweeps = ["initial.amplitude=0.01,0.04,0.02", "n=4,6"]
+    axes, rows = study_rows("standing-wave.toml", sweeps, measures)
+    draw_responses(rows, axes, tmp_path / "study.png", title="A study")
+    (figure,) = drawn
+    assert not faults(figure)
+    labels = {panel.get_ylabel() for panel in figure.axes if panel.lines}
+    assert labels == {CREST, TROUGH, CREST_PLACE, SURFACE, PHASE}
+    assert {panel.get_xlabel() for panel in figure.axes if panel.lines} == {"initial.amplitude [m]"}
+    assert {text.get_text() for legend in figure.legends for text in legend.get_texts()} == {"n = 4", "n = 6"}
+    crest = figure.axes[0].lines[0]
+    np.testing.assert_allclose(crest.get_xydata(), [(a, 1.2 * a) for a in (0.01, 0.02, 0.04)])
+
+
+def test_what_is_modelled_may_be_no_number(drawn, tmp_path):
+    def measures(n, values):
+        return {SURFACE: 0.1}, {"CPU [s]": 1.0}, "", {CREST: 0.1 + n, TROUGH: -0.1, CREST_PLACE: 0.0}
+
+    axes, rows = study_rows("standing-wave.toml", ["water.type=linear,nonlinear"], measures)
+    draw_responses(rows, axes, tmp_path / "study.png")
+    (figure,) = drawn
+    assert not faults(figure)
+    assert len([panel for panel in figure.axes if panel.lines]) == 3  # without a sweep of numerics no errors
+    assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["linear", "nonlinear"]
+
+
+def test_a_keys_unit_is_that_of_its_description():
+    (one,) = combinations(CASES / "standing-wave.toml", parse_axes(["tank.depth=1.5"]))
+    assert [unit(one.scene, key) for key in ("tank.depth", "run.duration", "water.type", "tank", "a.b")] == [
+        "m",
+        "s",
+        "",
+        "",
+        "",
+    ]

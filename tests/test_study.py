@@ -137,7 +137,7 @@ def test_a_reference_that_is_none_is_refused(tmp_path):
     def study(reference: str) -> Study:
         return Study(CASE, ["dt=0.02"], reference=reference, out=tmp_path, console=Console(file=io.StringIO()))
 
-    with pytest.raises(InputError, match="allowed are fine, exact and a run directory"):
+    with pytest.raises(InputError, match="allowed are fine, exact, none and a run directory"):
         study("finest")
     with pytest.raises(InputError, match="is no run directory"):
         study(str(tmp_path))
@@ -311,7 +311,10 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     with (tmp_path / "study.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [line["mark"] for line in table] == ["", "", "plan"] and table[2]["n"] == "6"
-    assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE] == ""
+    assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE] == table[1]["highest crest [m]"] == ""
+    surface = RunDirectory(tmp_path / good.combination.name).surface()
+    assert float(table[0]["highest crest [m]"]) == pytest.approx(surface.eta.max(), rel=1e-6)
+    assert float(table[0]["deepest trough [m]"]) == pytest.approx(surface.eta.min(), rel=1e-6)
 
 
 def test_a_study_without_a_finished_run_still_has_its_table(tmp_path):

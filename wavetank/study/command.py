@@ -12,7 +12,9 @@ def study(
         list[str] | None,
         typer.Option(metavar="KEY=VALUE,VALUE,...", help="values of a setting; several: all combinations"),
     ] = None,
-    reference: Annotated[str, typer.Option(metavar="fine|exact|RUN", help="what errors are measured against")] = "fine",
+    reference: Annotated[
+        str, typer.Option(metavar="fine|exact|none|RUN", help="what errors are measured against")
+    ] = "fine",
     out: Annotated[Path | None, typer.Option(help="folder; default runs/ and the case's name with -study")] = None,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
     mark: Annotated[
@@ -22,8 +24,9 @@ def study(
     at_once: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one a core")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="also runs of days, or of more memory than there is")] = False,
 ) -> None:
-    """Measure error against cost: run all combinations of some settings, each in a process of its own.
+    """Run all combinations of some settings, each in a process of its own: error against cost.
 
+    Where a key changes what is modelled, a wave's height, say: highest crest and deepest trough over that key.
     What has finished is not run again, and no run of another scene is replaced. Keys are those of the case, or short:
     dt, dx, cells, n, p, order, integrator, tolerance.
     """

@@ -1,4 +1,7 @@
-"""A study: combinations are run, judged by a reference, and shown as a table and a work-precision picture."""
+"""A study: combinations are run, judged by a reference, and shown as a table and a picture.
+
+The picture is of work and precision, or, where a swept key changes what is modelled, of what the water does over it.
+"""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,12 +14,14 @@ from wavetank.rundir import RunDirectory
 from wavetank.study.drawing import draw_study
 from wavetank.study.measures import ExactReference, Reference, RunReference
 from wavetank.study.refinement import finest, refined, same_but_numerics
+from wavetank.study.response_drawing import draw_responses
+from wavetank.study.responses import responses
 from wavetank.study.runs import Outcome, Runner, cores
 from wavetank.study.sweep import Axis, Combination, combinations, marked_combination, parse_axes
-from wavetank.study.table import CPU, Row, costs, measured, study_table, write_table
+from wavetank.study.table import CPU, Row, costs, study_table, tabled, write_table
 
 TABLE, PICTURE = "study.csv", "study.png"
-FINE, EXACT = "fine", "exact"
+FINE, EXACT, NONE = "fine", "exact", "none"
 WIDTH = 120  # characters the table needs, on whatever terminal
 
 Outcomes = dict[str, Outcome]  # by the combination's name
@@ -39,7 +44,8 @@ class Study:
         ``KEY=VALUE`` settings, short names allowed, of one more combination that is drawn as a star: a plan's choice.
     reference
         ``"fine"``: the finest combination refined once more, one for each group of scenes that differ in nothing but
-        numerics; ``"exact"``: the scene's exact solution; or the path of a run directory.
+        numerics; ``"exact"``: the scene's exact solution; ``"none"``: nothing, if a key is swept that changes what is
+        modelled; or the path of a run directory.
     at_once
         Runs at a time, each on one core; default: as many as there are cores.
     yes
@@ -66,6 +72,9 @@ class Study:
         self._swept = combinations(case, self._axes, overrides)
         self._marked = [marked_combination(case, marked, overrides)] if marked else []
         self._groups = same_but_numerics(self._all)
+        self._physical = any(axis.physical for axis in self._axes)
+        if reference == NONE and not self._physical:
+            raise InputError(f"reference {NONE!r} received; without one there must be a sweep of what is modelled.")
         self._references = _references(reference, self._groups)
         self._runner = Runner(case, out, at_once=at_once or cores(), yes=yes)
 
@@ -132,8 +141,9 @@ class Study:
         mark = "plan" if one in self._marked else ""
         if outcome.status != "finished":
             return Row(one, outcome, mark=mark)
-        errors = reference.errors(RunDirectory(self._runner.directory(one))) if reference else {}
-        return Row(one, outcome, errors, self._costs(one), mark)
+        run = RunDirectory(self._runner.directory(one))
+        errors = reference.errors(run) if reference else {}
+        return Row(one, outcome, errors, self._costs(one), mark, responses(run) if self._physical else {})
 
     def _write(self, rows: Sequence[Row]) -> None:
         beside = [Axis.of(name) for one in self._marked for name in one.values]
@@ -142,21 +152,23 @@ class Study:
         wide = Console(file=self._console.file, width=max(self._console.width, WIDTH), soft_wrap=True, markup=False)
         wide.print(study_table(rows, axes))
         self._console.print(f"wrote {self._out / TABLE}", highlight=False)
-        if not measured(rows):
+        if not tabled(rows):
             causes = "; ".join(dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause))
             raise RunError(f"no error could be measured: no run, or not its reference, has finished. {causes}")
-        title = rows[0].combination.scene.title
-        self._console.print(f"wrote {draw_study(rows, self._axes, self._out / PICTURE, title=title)}", highlight=False)
+        draw, title = draw_responses if self._physical else draw_study, rows[0].combination.scene.title
+        self._console.print(f"wrote {draw(rows, self._axes, self._out / PICTURE, title=title)}", highlight=False)
 
 
 def _references(reference: str, groups: Sequence[Sequence[Combination]]) -> list[Reference | None]:
     """Return a reference for each group, or nothing if they are still to be computed."""
     if reference == FINE:
         return []
+    if reference == NONE:
+        return [None for _ in groups]
     if reference == EXACT:
         return [ExactReference(group[0].scene) for group in groups]
     if not Path(reference).is_dir():
-        raise InputError(f"reference {reference!r} received; allowed are {FINE}, {EXACT} and a run directory.")
+        raise InputError(f"reference {reference!r} received; allowed are {FINE}, {EXACT}, {NONE} and a run directory.")
     run = RunReference(Path(reference))
     for group in groups:
         run.check(group[0].scene)

@@ -1,5 +1,6 @@
 """What a study sweeps: every combination of the values given for some keys of a case."""
 
+import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -8,6 +9,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from wavetank.errors import InputError
+from wavetank.noun import Noun
 from wavetank.scene import Scene
 
 SHORT_NAMES = {
@@ -21,6 +23,7 @@ SHORT_NAMES = {
     "tolerance": "numerics.tolerance",
 }
 UNITS = {"dt": "s", "dx": "m"}
+NUMERICAL = ("numerics", "output")  # tables of the case that change nothing of the water
 READABLE = "=,.+-"  # characters a folder's name may have besides letters and digits; the others are escaped
 
 
@@ -54,6 +57,11 @@ class Axis:
         """The name with its unit, e.g. ``dt [s]``."""
         return f"{self.name} [{UNITS[self.name]}]" if self.name in UNITS else self.name
 
+    @property
+    def physical(self) -> bool:
+        """Whether it changes what is modelled, not how it is computed."""
+        return self.key.partition(".")[0] not in NUMERICAL
+
 
 @dataclass(frozen=True)
 class Combination:
@@ -75,6 +83,17 @@ class Combination:
     values: dict[str, str]
     overrides: tuple[str, ...]
     scene: Scene
+
+
+def unit(scene: Scene, key: str) -> str:
+    """Return the unit of a dotted key as its description tells it, e.g. ``"m"``; "" where it tells none."""
+    *path, last = key.split(".")
+    noun: object = scene
+    for part in path:
+        noun = getattr(noun, part, None)
+    field = type(noun).model_fields.get(last) if isinstance(noun, Noun) else None
+    found = re.search(r"\[([^\]]+)\]", (field.description if field else None) or "")
+    return found[1] if found else ""
 
 
 def parse_axis(text: str) -> Axis:

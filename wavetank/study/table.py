@@ -10,6 +10,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from wavetank.study.measures import Errors
+from wavetank.study.responses import Responses, responded
 from wavetank.study.runs import Outcome
 from wavetank.study.sweep import Axis, Combination
 
@@ -36,6 +37,8 @@ class Row:
         By column name; empty if the run is not finished, errors also if its reference is not.
     mark
         What makes the combination special, e.g. ``"plan"``.
+    responses
+        By name; of studies over what is modelled.
     """
 
     combination: Combination
@@ -43,6 +46,12 @@ class Row:
     errors: Errors = field(default_factory=dict)
     costs: dict[str, float] = field(default_factory=dict)
     mark: str = ""
+    responses: Responses = field(default_factory=dict)
+
+    @property
+    def found(self) -> dict[str, float]:
+        """Responses and errors."""
+        return {**self.responses, **self.errors}
 
 
 def costs(manifest: dict[str, Any]) -> dict[str, float]:
@@ -55,15 +64,20 @@ def measured(rows: Iterable[Row]) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row.errors))
 
 
+def tabled(rows: Sequence[Row]) -> list[str]:
+    """Return the responses and error measures that any row has."""
+    return [*responded(row.responses for row in rows), *measured(rows)]
+
+
 def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
-    """Write ``study.csv``: settings, errors, costs, status and cause."""
-    errors = measured(rows)
+    """Write ``study.csv``: settings, responses, errors, costs, status and cause."""
+    names = tabled(rows)
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
-        writer.writerow([*(axis.label for axis in axes), "mark", *errors, *COSTS, "status", "cause"])
+        writer.writerow([*(axis.label for axis in axes), "mark", *names, *COSTS, "status", "cause"])
         for row in rows:
             settings = [row.combination.values.get(axis.name, "") for axis in axes]
-            figures = [_number(row.errors.get(name)) for name in errors]
+            figures = [_number(row.found.get(name)) for name in names]
             figures += [_number(row.costs.get(name)) for name in COSTS]
             writer.writerow([*settings, row.mark, *figures, row.outcome.status, row.outcome.cause])
 
@@ -73,17 +87,17 @@ def _number(value: float | None, digits: int = 7) -> str:
 
 
 def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
-    """Return the table for the terminal: settings, errors and the main costs."""
-    errors, shown = measured(rows), (CPU, "steps", "interior solves", "iterations", "memory [MiB]")
+    """Return the table for the terminal: settings, responses, errors and the main costs."""
+    names, shown = tabled(rows), (CPU, "steps", "interior solves", "iterations", "memory [MiB]")
     table = Table(box=SIMPLE, padding=0)
     for axis in axes:
         longest = max(len(row.combination.values.get(axis.name, "")) for row in rows)
         table.add_column(axis.label, min_width=longest)
-    for name in (*errors, *shown, ""):
+    for name in (*names, *shown, ""):
         table.add_column(name)
     for row in rows:
         settings = [row.combination.values.get(axis.name, "") for axis in axes]
-        figures = [_number(row.errors.get(name), 3) for name in errors]
+        figures = [_number(row.found.get(name), 3) for name in names]
         figures += [_number(row.costs.get(name), 6 if name != CPU else 3) for name in shown]
         note = row.mark if row.outcome.status == "finished" else row.outcome.status
         table.add_row(*settings, *figures, note)

@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 from rich.console import Console
 
+from postprocess.style import BLUE, GREEN, PALE_GREY, VERMILION, entry
 from wavetank.fe.plan_mesh import draw_plan
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
@@ -40,7 +41,9 @@ SMALL = 5e-3  # amplitude of nonlinear waves
 FINER = 0.3  # width of the cells at the cylinder, over that elsewhere
 MESHES = {2: (0.35, 0.25, 0.18, 0.125), 3: (0.5, 0.35, 0.25, 0.18), 4: (0.5, 0.35, 0.25)}  # order: cell sizes
 PICTURED = {(2, 0.35): "o", (3, 0.35): "x"}  # order and cell size: mark
-COLOURS = {0.5: "#0072b2", 1.0: "#009e73", 2.0: "#d55e00"}  # of the cylinders, by ka
+COLOURS = {0.5: BLUE, 1.0: GREEN, 2.0: VERMILION}  # of the cylinders, by ka
+DASHES = {2: ":", 3: "--", 4: "-"}  # by order
+NODES = (6, 8, 12, 16)  # numbered
 
 
 class HalfBasin:
@@ -168,49 +171,49 @@ def computed() -> Iterator[Computed]:
 
 def _draw_run_up(axes: Axes, results: Sequence[Computed]) -> None:
     for ka, colour in COLOURS.items():
-        axes.plot(np.degrees(ANGLES), CylinderDiffraction(1.0, ka).run_up(ANGLES), color=colour, label=f"ka = {ka:g}")
+        axes.plot(np.degrees(ANGLES), CylinderDiffraction(1.0, ka).run_up(ANGLES), color=colour)
     for row, run_up in results:
         mark = PICTURED.get((row.order, row.cell_over_wave_length))
         if mark and row.theory == "linear":
             axes.plot(np.degrees(ANGLES[::3]), run_up[::3], mark, color=COLOURS[row.ka], mfc="none", ms=5)
-    for (order, size), mark in PICTURED.items():
-        axes.plot([], [], mark, color="#666666", mfc="none", ms=5, label=f"p = {order}, cells of {size:g} wave lengths")
-    axes.set(
-        xlabel="angle from the lee side θ [°]",
-        ylabel="run-up |η| / a [-]",
-        title="McCamy and Fuchs (lines), computed (marks); waves come from 180°",
-        xticks=range(0, 181, 30),
-    )
-    axes.legend(fontsize=8)
+    axes.set(xlabel="angle from the lee side θ [°]", ylabel="run-up |η| / a [-]", xticks=range(0, 181, 30))
+    axes.set_title("McCamy and Fuchs (lines), computed (marks); waves come from 180°")
+    handles = [
+        entry(f"p = {p}, cells of {size:g} wave lengths", marker=m, mfc="none", ls="")
+        for (p, size), m in PICTURED.items()
+    ]
+    axes.legend(handles=handles, loc="upper left")
 
 
 def _draw_errors(axes: Axes, results: Sequence[Computed]) -> None:
-    for order, look in zip(MESHES, (":", "--", "-"), strict=True):
+    for order, look in DASHES.items():
         for ka, colour in COLOURS.items():
             rows = [row for row, _ in results if (row.theory, row.order, row.ka) == ("linear", order, ka)]
-            label = f"p = {order}" if ka == 1.0 else None
             nodes = [order / row.cell_over_wave_length for row in rows]
-            axes.loglog(nodes, [100 * row.error for row in rows], look, marker=".", color=colour, label=label)
-    axes.axhline(1.0, color="#888888", lw=0.8)
-    axes.set(
-        xlabel="nodes a wave length [-]",
-        ylabel="largest error over a [%]",
-        title="Error of the run-up, colours as on the left",
-    )
-    axes.set(xticks=[6, 8, 12, 16], xticklabels=["6", "8", "12", "16"], ylim=(0.05, 30))
+            axes.loglog(nodes, [100 * row.error for row in rows], look, marker=".", color=colour)
+    axes.axhline(1.0, color=PALE_GREY, lw=0.8)
+    axes.set(xlabel="nodes a wave length [-]", ylabel="largest error over a [%]", title="Error of the run-up")
+    axes.set(xticks=NODES, xticklabels=[f"{nodes}" for nodes in NODES], ylim=(0.05, 30))
     axes.set(yticks=[0.1, 1, 10], yticklabels=["0.1", "1", "10"])
     axes.minorticks_off()
-    axes.legend()
+    axes.legend(handles=[entry(f"p = {order}", ls=look, marker=".") for order, look in DASHES.items()])
 
 
 def write(report: Report) -> None:
     """Write cylinder.csv and .png."""
     results = list(computed())
     report.table("cylinder", RunUpRow._fields, [row for row, _ in results])
-    with report.figure("cylinder", 12, 4.6) as figure:
+    draw(report, results)
+
+
+def draw(report: Report, results: Sequence[Computed]) -> None:
+    """Draw run-up and its errors, in the same colours."""
+    with report.figure("cylinder", 12, 4.9) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(3, 2))
         _draw_run_up(left, results)
         _draw_errors(right, results)
+        handles = [entry(f"ka = {ka:g}", color=colour, lw=3) for ka, colour in COLOURS.items()]
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
 def verify_cylinder(folder: Path, console: Console) -> None:

@@ -5,12 +5,13 @@ number of the interior potential under an exact wave of half the maximum height 
 height).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
+from postprocess.style import BLUE, GREEN, ORANGE, VERMILION
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
@@ -84,14 +85,18 @@ def write(report: Report) -> None:
     """Write shape.csv and shape.png."""
     table = list(rows())
     report.table("shape", Row._fields, table)
-    with report.figure("shape", 10, 4.4) as figure:
+    draw(report, table)
+
+
+def draw(report: Report, table: Sequence[Row]) -> None:
+    """Draw frequency errors and iterations against n, a colour for each depth."""
+    with report.figure("shape", 11, 4.8) as figure:
         left, right = figure.subplots(1, 2)
-        for kd, colour in zip(DEPTHS, ("#0072b2", "#009e73", "#e69f00", "#d55e00"), strict=True):
+        for kd, colour, size in zip(DEPTHS, (BLUE, GREEN, ORANGE, VERMILION), (10, 7.5, 5.5, 4), strict=True):
             chosen = [one for one in table[: len(DEPTHS) * len(ORDERS)] if one.kd == kd]
-            left.semilogy(
-                ORDERS, [abs(one.frequency_error) for one in chosen], "o-", color=colour, label=f"kd = {kd:.3g}"
-            )
-            right.plot(ORDERS, [one.iterations for one in chosen], "o-", color=colour, label=f"kd = {kd:.3g}")
-        left.set(xlabel="vertical order n", ylabel="relative error of the linear frequency [-]")
-        right.set(xlabel="vertical order n", ylabel="iterations of a cold interior solve", ylim=(0, None))
-        left.legend()
+            left.semilogy(ORDERS, [abs(one.frequency_error) for one in chosen], "o-", ms=size, color=colour)
+            right.plot(ORDERS, [one.iterations for one in chosen], "o-", ms=size, color=colour, label=f"kd = {kd:.3g}")
+        left.set(xlabel="vertical order n [-]", ylabel="relative error of the linear frequency [-]")
+        right.set(xlabel="vertical order n [-]", ylabel="iterations of a cold interior solve [-]")
+        right.set_ylim(bottom=0)
+        figure.legend(loc="outside lower center", ncols=len(DEPTHS))

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from scipy.optimize import minimize_scalar
 
+from postprocess.style import BLUE, GREEN, GREY, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.fe.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.integrators.absorbing import Absorbing
@@ -39,7 +40,8 @@ from wavetank.water.waves import NonlinearWaves, Tolerances
 DEPTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  # kd
 LENGTHS = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)  # sponge over wave length
 SIZES = (1.0, 2.0, 3.0)  # the same, for the band
-COLOURS = ("#56b4e9", "#0072b2", "#009e73", "#e69f00", "#d55e00")
+COLOURS = dict(zip(DEPTHS, (LIGHT_BLUE, BLUE, GREEN, ORANGE, VERMILION), strict=True))
+DASHES = dict(zip(SIZES, ("-", "--", ":"), strict=True))
 RATIOS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)  # frequency over the design's
 AHEAD, QUIET = 1.5, 5.0  # wave lengths and depths between paddle and sponge; the depths keep the paddle's near field
 STEPS = 40  # a period
@@ -194,23 +196,26 @@ def time_rows() -> Iterator[TimeRow]:
 
 
 def _draw_lengths(axes: Axes, lengths: Sequence[LengthRow], times: Sequence[TimeRow]) -> None:
-    for kd, colour in zip(DEPTHS, COLOURS, strict=True):
+    for kd, colour in COLOURS.items():
         chosen = [(row.sponge_over_wave_length, 100 * row.reflection) for row in lengths if row.kd == kd]
-        axes.semilogy(*zip(*chosen, strict=True), "o-", color=colour, ms=4, label=f"kd = {kd:g}")
+        axes.semilogy(*zip(*chosen, strict=True), "o-", color=colour, ms=4)
     marked = [(row.sponge_over_wave_length, 100 * row.reflection) for row in times if row.steepness > 0.0]
-    axes.semilogy(*zip(*marked, strict=True), "kx", ms=6, label="nonlinear, in time, ka = 0.01 and 0.1")
+    axes.semilogy(*zip(*marked, strict=True), "kx", ms=6)
     axes.set(xlabel="length of the sponge over that of the wave [-]", title="The wave that the sponge is made for")
-    axes.legend(fontsize=8)
+    nonlinear = entry("nonlinear, in time, ka = 0.01 and 0.1", color="k", marker="x", ls="")
+    axes.legend(handles=[entry("linear, of one frequency", marker="o", ms=4), nonlinear])
 
 
 def _draw_bands(axes: Axes, bands: Sequence[BandRow]) -> None:
-    for kd, colour in zip(DEPTHS, COLOURS, strict=True):
-        for size, look in zip(SIZES, ("-", "--", ":"), strict=True):
+    for kd, colour in COLOURS.items():
+        for size, look in DASHES.items():
             chosen = [row for row in bands if row.kd == kd and row.sponge_over_wave_length == size]
             axes.semilogy(
                 [row.frequency_ratio for row in chosen], [100 * row.reflection for row in chosen], look, color=colour
             )
-    axes.set(xlabel="frequency over the design's [-]", title="Others: sponge of 1 (—), 2 (- -), 3 (···) wave lengths")
+    axes.set(xlabel="frequency over the design's [-]", title="Waves of other frequencies")
+    handles = [entry(f"sponge of {size:g} λ", ls=look) for size, look in DASHES.items()]
+    axes.legend(handles=handles)
 
 
 def write(report: Report) -> None:
@@ -219,14 +224,21 @@ def write(report: Report) -> None:
     report.table("sponge-length", LengthRow._fields, lengths)
     report.table("sponge-band", BandRow._fields, bands)
     report.table("sponge-time", TimeRow._fields, times)
-    with report.figure("sponge-length", 10, 4.4) as figure:
-        left, right = figure.subplots(1, 2)
+    draw(report, lengths, bands, times)
+
+
+def draw(report: Report, lengths: Sequence[LengthRow], bands: Sequence[BandRow], times: Sequence[TimeRow]) -> None:
+    """Draw the reflection against the sponge's length and the waves' frequency, in the same colours."""
+    with report.figure("sponge-length", 11, 4.9) as figure:
+        left, right = figure.subplots(1, 2, sharey=True)
         _draw_lengths(left, lengths, times)
         _draw_bands(right, bands)
         for axes in (left, right):
-            axes.axhline(2.0, color="#888888", lw=0.8)
-            axes.text(1.0, 2.0, "2 % ", transform=axes.get_yaxis_transform(), ha="right", va="bottom", color="#666666")
-            axes.set(ylabel="reflected over incident amplitude [%]", ylim=(5e-3, 60))
+            axes.axhline(2.0, color=PALE_GREY, lw=0.8)
+            axes.text(1.0, 2.0, "2 % ", transform=axes.get_yaxis_transform(), ha="right", va="bottom", color=GREY)
+        left.set(ylabel="reflected over incident amplitude [%]", ylim=(1e-3, 60))
+        handles = [entry(f"kd = {kd:g}", color=colour, lw=3) for kd, colour in COLOURS.items()]
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
 
 
 def verify_sponge(folder: Path, console: Console) -> None:

@@ -1,0 +1,79 @@
+"""Which setting of a study is drawn how: integrators are colours, another key is the marker, one runs along lines."""
+
+from collections.abc import Sequence
+from itertools import cycle
+
+from matplotlib.lines import Line2D
+
+from postprocess.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, entry
+from wavetank.study.sweep import Axis
+from wavetank.study.table import Row
+
+COLOURS = (BLUE, VERMILION, GREEN, PURPLE)
+MARK, EDGE = ORANGE, "#222222"  # of the star that a marked combination is
+MARKERS = "osD^v<>Pph"
+INTEGRATOR = "integrator"
+
+
+class Look:
+    """Colours and markers of the axes of a study.
+
+    Parameters
+    ----------
+    axes
+        All of them. The integrator is the colour; of the others but ``along`` the first is the marker.
+    along
+        What varies along a line; None: nothing but the integrator is swept.
+    """
+
+    def __init__(self, axes: Sequence[Axis], along: Axis | None):
+        self._along = along
+        self._settings = [axis for axis in axes if axis.name != INTEGRATOR]
+        integrators = next((axis.values for axis in axes if axis.name == INTEGRATOR and axis != along), ())
+        self._colours = dict(zip(integrators, cycle(COLOURS), strict=False))
+        self._marked = next((axis for axis in self._settings if axis != along), None)
+        self._markers = dict(zip(self._marked.values if self._marked else (), cycle(MARKERS), strict=False))
+
+    def line(self, row: Row) -> tuple[str, ...]:
+        """Return what all points of a line have in common."""
+        along = self._along.name if self._along else ""
+        return tuple(value for name, value in row.combination.values.items() if name != along)
+
+    def colour(self, row: Row) -> str:
+        """Return the colour of a row's integrator."""
+        return self._colours.get(row.combination.values.get(INTEGRATOR, ""), COLOURS[0])
+
+    def marker(self, row: Row) -> str:
+        """Return the marker of a row's other setting."""
+        return self._markers.get(row.combination.values.get(self._marked.name, ""), "o") if self._marked else "o"
+
+    def text(self, row: Row) -> str:
+        """Return a row's settings, all but what its colour says, numbers to three digits."""
+        return ", ".join(_short(row.combination.values[axis.name]) for axis in self._settings)
+
+    @property
+    def text_labels(self) -> str:
+        """What the numbers of ``text`` are, with their units."""
+        return ", ".join(axis.label for axis in self._settings)
+
+    def legend(self, rows: Sequence[Row]) -> list[Line2D]:
+        """Return the entries of colours, markers and marked rows."""
+        entries = [entry(name, color=colour, lw=3) for name, colour in self._colours.items()]
+        entries += [
+            entry(f"{self._marked.label} = {value}", marker=marker, ls="")
+            for value, marker in self._markers.items()
+            if self._marked
+        ]
+        marks = [f"{row.mark}: {_words(row.combination.values)}" for row in rows if row.mark]
+        return entries + [entry(mark, color=MARK, marker="*", ms=15, mec=EDGE, ls="") for mark in marks]
+
+
+def _words(values: dict[str, str]) -> str:
+    return ", ".join(f"{name} {value}" for name, value in values.items())
+
+
+def _short(value: str) -> str:
+    try:
+        return f"{float(value):.3g}"
+    except ValueError:
+        return value
