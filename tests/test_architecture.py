@@ -70,3 +70,12 @@ def test_the_scene_needs_no_dolfinx(wavetank):
 
     code = "import sys, wavetank.scene; sys.exit('dolfinx' in sys.modules or 'petsc4py' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_a_run_loads_nothing_of_statistics():
+    """Half a second, for one function of scipy.signal."""
+    import subprocess
+    import sys
+
+    code = "import sys, wavetank.recorded_run; sys.exit('scipy.stats' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -12,6 +12,7 @@ import pytest
 import ufl
 from mpi4py import MPI
 from rich.console import Console
+from scipy.signal import find_peaks
 
 from wavetank.build import build_run
 from wavetank.errors import ConvergenceError, RunError
@@ -20,7 +21,7 @@ from wavetank.recorded_run import record_run
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.breaking import bore, cases, over_steep, row
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
-from wavetank.water.crests import Profile, SteepCrest, steep_crests
+from wavetank.water.crests import Profile, SteepCrest, peaks, steep_crests
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.plan_view import Ring, Slice
 from wavetank.water.smoothing import Smoothing
@@ -89,6 +90,15 @@ def test_velocity_over_speed_is_that_of_the_exact_wave_on_any_current(current, n
     for crest in crests[1:]:  # before the first there is but half a trough
         assert crest.speed - current == pytest.approx(wave.speed, rel=0.03)
         assert expected - 0.01 < crest.overtaking < expected + 0.1 * (current > 0.0) + 0.01
+
+
+def test_peaks_are_those_of_scipy():
+    """Oracle: scipy.signal.find_peaks, which takes a second to load; noise, waves, and places that cells share."""
+    random, x = np.random.default_rng(1), np.linspace(0.0, 40.0, 300)
+    for trial in range(40):
+        y = np.cumsum(random.normal(size=300)) if trial % 2 else np.sin(x) + 0.1 * random.normal(size=300)
+        y, ripple = np.repeat(y, random.integers(1, 3, size=300)), 0.05 * float(np.ptp(y))
+        assert [peak for _, peak, _ in peaks(y, ripple=ripple)] == list(find_peaks(y, prominence=ripple)[0])
 
 
 # ---------------------------------------------------------------- what is taken

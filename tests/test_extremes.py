@@ -196,6 +196,17 @@ def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
     assert waves.elevation(run.state.q, run.state.p, run.t).max() == pytest.approx(0.5, rel=2e-3)
 
 
+def test_the_surface_of_a_moment_is_looked_at_once_for_all_who_ask(monkeypatch):
+    """The start, the penalty, breaking and the watch: one look at the start and one at each step."""
+    looks, take = list[float](), SurfaceFlow._take
+    monkeypatch.setattr(SurfaceFlow, "_take", lambda flow, values: (looks.append(flow._t), take(flow, values))[1])
+    scene = ring_scene(initial_steepness=0.2, run_duration=0.2)  # the penalty has nothing to take
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    run.observers += build_watch(scene, run, waves, print)
+    run.execute()
+    assert looks == pytest.approx([run.clock.time(step) for step in range(run.clock.steps + 1)])
+
+
 def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():
     """Of a low wave around a ring, whose crest the scheme keeps, the sixth keeps 1.5 %; nodes are 20 degrees apart."""
     parts = {

@@ -23,6 +23,7 @@ from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import planned
 from wavetank.recorded_run import Warnings
+from wavetank.reference import stream_function
 from wavetank.reference.airy import wave_number
 from wavetank.run_log import RunLog
 from wavetank.rundir import RunDirectory
@@ -266,3 +267,13 @@ def test_a_measured_paddle_s_own_noise_is_no_growth(tmp_path, monkeypatch):
         run.observers += build_watch(driven, run, waves, said[known].append)
         run.execute()
     assert [len(sentences) for sentences in said.values()] == [0, 1]
+
+
+def test_the_exact_wave_of_a_start_is_computed_once(monkeypatch):
+    """However often plan, start and warnings ask for it."""
+    begun, begin = list[float](), stream_function._cnoidal_wave
+    monkeypatch.setattr(stream_function, "_cnoidal_wave", lambda *of: (begun.append(of[0]), begin(*of))[1])
+    tank, initial = {"type": "ring", "length": 6.0, "depth": 1.0}, {"type": "stream-function", "height": 0.1234}
+    asked, _ = planned(scene(tank=tank, initial=initial), MPI.COMM_SELF)
+    said_of(asked)
+    assert len(begun) == 1

@@ -33,7 +33,7 @@ from wavetank.water.breaking import BreakingDissipation, BreakingWatch, StopAtBr
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.short_waves import ShortWaves
-from wavetank.water.surface_flow import SurfaceFlow, surface_of
+from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
 
@@ -123,9 +123,8 @@ def _moving(waves: Waves, start: tuple[Vector, Vector]) -> float:
     """Return the largest frequency on the surface as it moves at the start [rad/s]; collective."""
     if isinstance(waves, LinearWaves):
         return waves.largest_frequency
-    flow = surface_of(waves)
-    flow.update(*start, 0.0)
-    return ShortWaves(waves).largest_frequency(flow)
+    waves.surface.update(*start, 0.0)
+    return ShortWaves(waves).largest_frequency(waves.surface)
 
 
 def summary(scene: Scene, run: Run, waves: Waves) -> str:
@@ -148,7 +147,7 @@ def build_filters(scene: Scene, waves: Waves, dt: float) -> list[Filter]:
     """
     if isinstance(waves, LinearWaves):
         return []  # neither breaks nor has a current
-    flow, filters = surface_of(waves), list[Filter]()
+    flow, filters = waves.surface, list[Filter]()
     if isinstance(flow, SurfaceFlow):
         watch = breaking_watch(scene, waves, flow)
         if scene.run.on_breaking == "stop":
@@ -171,7 +170,7 @@ def build_watch(scene: Scene, run: Run, waves: Waves, warn: Callable[[str], None
     if isinstance(waves, LinearWaves):
         return []  # the limit is known before the run, and kept
     limit = run.integrator.stability_limit
-    return [StabilityWatch(waves, surface_of(waves), dt=run.clock.dt, limit=limit, warn=warn)]
+    return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn)]
 
 
 def build_observers(scene: Scene, waves: Waves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:

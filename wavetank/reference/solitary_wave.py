@@ -10,6 +10,8 @@ Sources: D. Dutykh and D. Clamond, "Efficient computation of steady solitary gra
 Petviashvili, Sov. J. Plasma Phys. 2, 1976; those of ``conformal.py``.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq, root_scalar
@@ -23,6 +25,7 @@ RESOLVED = 1e-10  # Bernoulli residual that is not refined further
 FEWEST, MOST = 1024, 16384  # intervals of half the wave
 
 
+@lru_cache(maxsize=16)  # a run asks for that of its start many times
 def solitary_wave(height: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
     """Return the solitary wave of a height above still water [m], in a depth [m]; gravity in m/s².
 

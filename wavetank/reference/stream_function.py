@@ -9,6 +9,7 @@ equation (32), which fits J. M. Williams, Phil. Trans. R. Soc. A 302, 1981.
 """
 
 from dataclasses import replace
+from functools import lru_cache
 from math import ceil
 
 import numpy as np
@@ -34,6 +35,7 @@ def maximum_height(length: float, depth: float) -> float:
     return depth * rising / (1.0 + 0.0788340 * r + 0.0317567 * r**2 + 0.0093407 * r**3)
 
 
+@lru_cache(maxsize=16)  # a run asks for that of its start many times
 def stream_function_wave(height: float, length: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
     """Return the wave of a height, crest above trough [m], and length [m], without mean Eulerian current.
 

@@ -2,7 +2,6 @@
 
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.short_waves import ShortWaves
-from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
 STEEP = 0.5  # slope; the steepest progressive wave has 0.58
@@ -12,7 +11,7 @@ LONGEST = 2.0  # dt omega that any implicit stage iterates at
 
 def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, limit: float) -> str:
     """Return in words why a step dt [s] from a state failed; ``limit`` is the scheme's, of omega dt; collective."""
-    flow = SurfaceVelocity(waves)
+    flow = waves.surface
     flow.update(q, p, t)
     frequency, limit = ShortWaves(waves).largest_frequency(flow), min(limit, LONGEST)
     steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"

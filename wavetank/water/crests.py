@@ -20,7 +20,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.integrate import trapezoid
-from scipy.signal import find_peaks
 
 from wavetank.hamiltonian.contract import Vector
 
@@ -94,14 +93,23 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
 
     What is narrower than a ``cell`` [m] in its upper half is the mesh's, not the water's.
     """
-    ripple, crests = LEAST * float(np.ptp(after.height)), list[SteepCrest]()
-    for peak in map(int, find_peaks(after.height, prominence=ripple)[0]):
-        left, right = (_trough(after.height, peak, step, ripple) for step in (-1, 1))
+    crests = list[SteepCrest]()
+    for left, peak, right in peaks(after.height, ripple=LEAST * float(np.ptp(after.height))):
         part = _upper_half(after.height, peak, (left, right))
         wide = np.ptp(after.x[part]) > cell
         if wide and np.abs(after.slope[left : right + 1]).max() > front:
             crests.append(_crest(before, after, peak, troughs=(left, right), part=part, time=time))
     return [crest for crest in crests if crest.front > front]
+
+
+def peaks(height: Vector, *, ripple: float) -> list[tuple[int, int, int]]:
+    """Return where the peaks are that stand out by a ``ripple`` on both sides: (trough, peak, trough) each."""
+    found = list[tuple[int, int, int]]()
+    for peak in map(int, 1 + np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:]))):
+        left, right = (_trough(height, peak, step, ripple) for step in (-1, 1))
+        if height[peak] - max(height[left], height[right]) >= ripple:
+            found.append((left, peak, right))
+    return found
 
 
 def _trough(height: Vector, peak: int, step: int, ripple: float) -> int:

@@ -3,7 +3,8 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
-from typing import NamedTuple
+from math import isclose
+from typing import NamedTuple, Protocol
 
 import basix
 import numpy as np
@@ -11,9 +12,10 @@ import ufl
 from mpi4py import MPI
 
 from wavetank.fe.forms import compile_expression
+from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.crests import Profile
-from wavetank.water.waves import NonlinearWaves
+from wavetank.water.walls import Wall
 
 
 class Crest(NamedTuple):
@@ -34,10 +36,29 @@ class Crest(NamedTuple):
     velocity: float
 
 
+class Water(Protocol):
+    """The water that has the surface.
+
+    Attributes
+    ----------
+    plane, wall
+        The horizontal space, and the wall at x = 0.
+    """
+
+    plane: Plane
+    wall: Wall
+
+    def set_time(self, t: float) -> None:
+        """Move the wall to where it stands at t [s]; collective."""
+
+    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+
+
 class SurfaceVelocity:
     """How fast the surface of any tank moves; collective throughout."""
 
-    def __init__(self, waves: NonlinearWaves):
+    def __init__(self, waves: Water):
         plane = waves.plane
         self._waves, self._comm, dim = waves, plane.comm, plane.mesh.topology.dim
         self._eta, self._psi = plane.function("elevation"), plane.function("surface potential")
@@ -57,8 +78,8 @@ class SurfaceVelocity:
         self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
-        """Take the surface of a state at t [s]; nothing to do for the state last taken."""
-        if q is self._q and p is self._p and t == self._t:
+        """Take the surface of a state at t [s], known to round-off; nothing to do for the state last taken."""
+        if q is self._q and p is self._p and isclose(t, self._t, rel_tol=1e-12):
             return
         self._q, self._p, self._t = q, p, t
         self._waves.set_time(t)
@@ -152,6 +173,6 @@ class SurfaceFlow(SurfaceVelocity):
         return crests
 
 
-def surface_of(waves: NonlinearWaves) -> SurfaceVelocity:
+def surface_of(waves: Water) -> SurfaceVelocity:
     """Return the surface of waves, with its crests where the tank has one horizontal dimension; collective."""
     return SurfaceFlow(waves) if waves.plane.mesh.topology.dim == 1 else SurfaceVelocity(waves)

@@ -157,7 +157,7 @@ class UniformTravel:
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, s: Field):
-        self._motion = motion
+        self._motion, self._t = motion, np.nan
         self._position, self._speed, self._acceleration = (fem.Constant(plane.mesh, 0.0) for _ in range(3))
         self.position, self.speed = s.function * self._position, s.function * self._speed
         self.acceleration = s.function * self._acceleration
@@ -169,6 +169,9 @@ class UniformTravel:
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether its position has changed."""
+        if t == self._t:
+            return False
+        self._t = t
         position, before = self._motion.position(t), float(self._position.value)
         self._position.value, self._speed.value = position, self._motion.velocity(t)
         self._acceleration.value = self._motion.acceleration(t)

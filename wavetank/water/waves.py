@@ -28,6 +28,7 @@ from wavetank.water.bed import Depth, bed_of
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.potential import InteriorPotential
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
+from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.wall_forms import wall_forms
 from wavetank.water.walls import Wall
 
@@ -276,3 +277,8 @@ class NonlinearWaves:
     def largest_frequency(self) -> float:
         """The largest angular frequency the mesh carries on still water [rad/s], by Lanczos iteration; collective."""
         return largest_frequency(self)
+
+    @cached_property
+    def surface(self) -> SurfaceVelocity:
+        """How the surface moves, found once for all who ask of the same moment; collective."""
+        return surface_of(self)
