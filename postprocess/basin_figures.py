@@ -23,6 +23,7 @@ BESIDE, BELOW = 5.2, 9.5  # width of a map [inch], the maps beside or below each
 LONG = 0.4  # width over length of a basin up to which they are below each other
 NAMED = 12  # gauges at most that are called by their names
 PERIODS, SNAPSHOTS = 3, 6  # wave heights are those of the last periods, if there are so many snapshots in each
+DAMPED = 1e-3  # of the largest rate of a sponge: where it begins
 RIM, DARK, LIGHT = "#444444", "#3a2c0a", "#ffffff"
 
 
@@ -135,11 +136,21 @@ def _draw_map(figure: Figure, axes: Axes, surface: BasinSurface, one: Map) -> No
     if surface.contours.size:
         lines = axes.tricontour(plan, surface.depth, surface.contours, colors=one.ink, linewidths=0.6)
         axes.clabel(lines, fmt=lambda depth: f"{depth:g} m", fontsize=7)
+    if surface.damping is not None:
+        _hatch_sponge(axes, plan, surface.damping / surface.damping.max())
     rim = [one.points[np.append(loop, loop[0]), :2] for loop in surface.loops]
     axes.add_collection(LineCollection(rim, colors=RIM, linewidths=0.8))
     axes.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title=one.title)
     axes.label_outer()
     axes.grid(False)
+
+
+def _hatch_sponge(axes: Axes, plan: Triangulation, damping: Array) -> None:
+    """Hatch where there is damping, of 1 at most, and say so in the middle of it."""
+    axes.tricontourf(plan, damping, [DAMPED, 1.0], colors="none", hatches=["//"], extend="max")
+    inside = damping > DAMPED
+    place = float(plan.x[inside].mean()), float(plan.y[inside].mean())
+    axes.annotate("sponge", place, ha="center", va="center", fontsize=8, bbox={"facecolor": LIGHT, "lw": 0, "pad": 1})
 
 
 def _triangles(pieces: Indices) -> Indices:

@@ -23,6 +23,7 @@ AROUND = 4  # snapshots that the surface between two of them is interpolated fro
 KEPT = 8  # snapshots in memory
 SLOPING = 1e-3  # of the depth: a bed that varies less is flat
 MOVED = 1e-7  # of the basin's length: less is no paddle's motion
+DAMPING = "damping rate"  # of the sponge, among a snapshot's point data
 CORNERS = {pv.CellType.TRIANGLE: 3, pv.CellType.QUAD: 4}
 
 
@@ -37,6 +38,8 @@ class BasinSurface:
         The points (x, y, eta) [m] of the first snapshot, shape (N, 3).
     depth
         Still-water depth d at the points [m], shape (N,).
+    damping
+        Damping rate of the sponge at the points [1/s], shape (N,); None where there is none.
     pieces
         Corners of the triangles or quadrilaterals between the points, anticlockwise, shape (F, 3) or (F, 4).
 
@@ -68,6 +71,8 @@ class BasinSurface:
             raise InputError(f"{self._files[0]}: is no surface of triangles or quadrilaterals with their depth.")
         self.pieces: Indices = whole.cells_dict[kinds[0]].astype(np.int64)
         self.depth: Array = np.asarray(parts["depth"][self._chosen], float)
+        damping = np.asarray(parts[DAMPING][self._chosen], float) if DAMPING in parts.point_data else np.zeros(1)
+        self.damping: Array | None = damping if damping.any() else None
         self.first: Array = np.asarray(parts.points[self._chosen], float)
 
     def _snapshot(self, number: int) -> Array:

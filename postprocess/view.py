@@ -20,7 +20,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 from postprocess.figures import CM, WATER, draw_surface
 from postprocess.view_film import Pixels, film_format
-from postprocess.view_sight import DRY, ELEVATION, HEIGHT, INK, PAINT, Array, TankView
+from postprocess.view_sight import DRY, ELEVATION, HEIGHT, INK, PAINT, VEILED, Array, Labels, TankView
 from postprocess.view_tank import tank_view
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory
@@ -32,7 +32,8 @@ SMALLEST, LARGEST = 160, 8000  # pixels
 SURFACE = LinearSegmentedColormap.from_list(
     "surface", ["#08204a", "#0f4c8a", "#2f86bd", "#7fc4dc", "#cdebf0", "#f2fbfc"]
 )
-SKY, HORIZON, SHOAL = "#d5e3ef", "#ffffff", "#ffc83d"
+SKY, HORIZON, SHOAL, ROD = "#d5e3ef", "#ffffff", "#ffc83d", "#d43d2a"
+ROD_OVER = 0.4  # of a gauge over the highest crest, over the height of the waves
 
 VIEW_ANGLE = 16.0  # degrees, from low to high
 ROOM = (0.95, 0.74)  # share of the picture's width and height that the tank may take
@@ -183,6 +184,8 @@ class View:
             self._add("paddle", sight.paddle, color=PAINT, **DRY)
         if sight.contours is not None:
             self._add("contours", sight.contours, color=SHOAL, line_width=2.2 * self._pixel, lighting=False)
+        if sight.sponge is not None:
+            self._add("sponge", sight.sponge, scalars=VEILED, rgb=True, lighting=False)
         share, side = self._corner
         self._write("time", f"t = {t:.2f} s", (share, 0.97 - self._line), size=15, corner=(side, "top"))
 
@@ -266,20 +269,38 @@ class View:
         )
 
     def _add_marks(self) -> None:
-        places, texts = self.tank.marks()
+        ruler = self.tank.ruler()
+        self._add("ruler", ruler.mesh, color=INK, lighting=False)
+        self._label("heights", ruler.labels, ("right", "center"))
+        self._label("marks", self.tank.marks(), ("center", "top"))
+        if gauges := self.tank.gauges().texts:
+            self._add_gauges(gauges)
+
+    def _add_gauges(self, names: Sequence[str]) -> None:
+        """Draw each gauge as a rod in the water with its name."""
+        rods = rods_of(self.tank)
+        self._add("gauges", rods, color=ROD, line_width=2.6 * self._pixel, lighting=False)
+        labels = Labels(rods.points[1::2], list(names))
+        self._label("gauge names", labels, ("center", "bottom"), shape="rounded_rect", shape_color="white", margin=2)
+
+    def _label(self, name: str, labels: Labels, justified: tuple[str, str], **look: Any) -> None:
+        """Write texts at places, that corner or side of each at its place; none on one written before."""
+        across, up = justified
+        shown = with_room(self.place(labels.places), labels.texts, letter=9 * self._pixel, line=17 * self._pixel)
         self.plotter.add_point_labels(
-            self._drawn(places),
-            texts,
+            self._drawn(labels.places[shown]),
+            [labels.texts[number] for number in shown],
+            name=name,
             show_points=False,
             always_visible=True,
-            shape=None,
             font_size=round(17 * self._pixel),
             bold=False,
             text_color=INK,
-            justification_horizontal="center",
-            justification_vertical="top",
+            justification_horizontal=across,
+            justification_vertical=up,
             reset_camera=False,
             render=False,
+            **{"shape": None, **look},
         )
 
     def _outline(self) -> Array:
@@ -289,7 +310,8 @@ class View:
 
     def _aim(self) -> None:
         """Put the camera where the tank just fits into the picture, whatever the waves do."""
-        corners = np.concatenate([self._outline(), self.tank.marks()[0]])
+        marks, ruler, rods = self.tank.marks().places, self.tank.ruler().reach, rods_of(self.tank).points
+        corners = np.concatenate([self._outline(), marks, ruler, rods])
         azimuth, altitude, half = np.radians([*self.tank.eye, VIEW_ANGLE / 2])
         ahead = np.array([-np.sin(azimuth) * np.cos(altitude), np.cos(azimuth) * np.cos(altitude), -np.sin(altitude)])
         width, height = self.plotter.window_size
@@ -321,6 +343,25 @@ def fitted(points: Array, ahead: Array, *, tangents: tuple[float, float]) -> tup
         back.append(-(high + low) / (2 * tangent))
     eye += min(back) * ahead
     return eye, eye + (along.mean() - min(back)) * ahead
+
+
+def with_room(places: Array, texts: Sequence[str], *, letter: float, line: float) -> list[int]:
+    """Return which of the texts at places [pixels], shape (K, 2), lie on none of those returned before."""
+    shown: list[int] = []
+    for number, (place, text) in enumerate(zip(places, texts, strict=True)):
+        widths = (letter * (len(text) + len(texts[other])) / 2 for other in shown)
+        apart = (np.abs(place - places[other]) > (width, line) for other, width in zip(shown, widths, strict=True))
+        if all(map(np.any, apart)):
+            shown.append(number)
+    return shown
+
+
+def rods_of(tank: TankView) -> pv.PolyData:
+    """Return a vertical line [m] through the surface at each gauge, bottom and top by turns, higher than any crest."""
+    places, waves = tank.gauges().places, tank.waves
+    top = waves.high + ROD_OVER * (waves.high - waves.low)
+    ends = np.stack([places + (0.0, 0.0, waves.low), places + (0.0, 0.0, top)], axis=1)
+    return pv.line_segments_from_points(ends.reshape(-1, 3))
 
 
 def exaggeration(tank: TankView) -> float:

@@ -7,12 +7,31 @@ import pyvista as pv
 
 from postprocess.basin_surface import BasinSurface, Indices, history
 from postprocess.figures import CM
-from postprocess.view_sight import DRY, ELEVATION, INK, SAND, SLAB, Array, Part, Sight, WaveSizes, curtain, sheet, ticks
+from postprocess.fittings import gauges_of
+from postprocess.view_sight import (
+    DRY,
+    ELEVATION,
+    INK,
+    RAISED,
+    SAND,
+    SLAB,
+    SPONGE,
+    Array,
+    Labels,
+    Part,
+    Ruler,
+    Sight,
+    WaveSizes,
+    curtain,
+    sheet,
+    ticks,
+    upright,
+    veiled,
+)
 from wavetank.rundir import RunDirectory
 
 PLATE = 0.006  # thickness of the paddle, over the basin's size
 CLEAR = 0.012  # of the rulers from the box around the basin, over the basin's size
-RAISED = 0.01  # of the contours above the surface, over the height of the waves
 CONCRETE, STONE = "#c3ccd2", "#a9b2b8"
 ROUND = {"smooth_shading": True, "split_sharp_edges": True}
 
@@ -26,7 +45,7 @@ class Basin:
     eye = (28.0, 36.0)
 
     def __init__(self, run: RunDirectory):
-        self._surface = BasinSurface(run)
+        self._surface, self._gauges = BasinSurface(run), gauges_of(run)
         came_to = history(self._surface)
         self.times, self.depth = self._surface.times, float(self._surface.depth.max())
         self.waves = WaveSizes(
@@ -36,7 +55,8 @@ class Basin:
             slope=came_to.slope,
             crest_time=came_to.crest_time,
         )
-        self.note = _said(self._surface.contours)
+        sponge = SPONGE if self._surface.damping is not None else ""
+        self.note = ", ".join(filter(None, (_said(self._surface.contours), sponge)))
         self._paddle = self._surface.paddle(came_to.travel)
         self._ground = self._surface.first * (1.0, 1.0, 0.0)
         self._ground[self._paddle, 0] -= came_to.travel.max() + PLATE * self.extent
@@ -54,7 +74,8 @@ class Basin:
         depth = self._surface.depth
         sides = pv.merge([curtain(points[loop], -depth[loop]) for loop in self._surface.loops])
         paddle = self._board(points[self._paddle]) if self._paddle.size else None
-        return Sight(surface, sides, paddle, self._contours(surface) if self._surface.contours.size else None)
+        contours = self._contours(surface) if self._surface.contours.size else None
+        return Sight(surface, sides, paddle, contours, self._sponge(surface))
 
     def parts(self) -> Iterator[Part]:
         """Yield the bed, the walls behind the water and what stands in it."""
@@ -71,11 +92,22 @@ class Basin:
         top = pv.PolyData.from_regular_faces(points, self._surface.pieces)
         return pv.merge([top, *(curtain(points[loop], -(1 + SLAB) * self.depth) for loop in self._surface.loops)])
 
-    def marks(self) -> tuple[Array, list[str]]:
-        """Return places beside the rulers [m], shape (K, 3), and their x or y."""
+    def marks(self) -> Labels:
+        """Return places beside the rulers, and their x or y."""
         x, y = (ticks(*ends) for ends in self._box)
         texts = [f"x = {x[0]:g} m", *(f"{one:g}" for one in (*x[1:], *y[:-1])), f"y = {y[-1]:g} m"]
-        return np.concatenate([self._on_rulers(3.2 * CLEAR, 0), self._on_rulers(5.2 * CLEAR, 1)]), texts
+        return Labels(np.concatenate([self._on_rulers(3.2 * CLEAR, 0), self._on_rulers(5.2 * CLEAR, 1)]), texts)
+
+    def ruler(self) -> Ruler:
+        """Return the vertical ruler, at the left of the box's front side, before the paddle."""
+        foot = self._box[:, 0] - (2 * CLEAR * self.extent, 0.0)
+        left = np.array([-1.0, 0.0])
+        return upright(foot, left, depth=self.depth, high=self.waves.high, size=self.extent)
+
+    def gauges(self) -> Labels:
+        """Return the gauges."""
+        places = np.array([(one.x, one.y, 0.0) for one in self._gauges]).reshape(-1, 3)
+        return Labels(places, [one.name for one in self._gauges])
 
     # ------------------------------------------------------------ meshes
     @property
@@ -111,6 +143,12 @@ class Basin:
         lines = surface.contour(self._surface.contours, scalars="depth")
         lines.points[:, 2] += RAISED * (self.waves.high - self.waves.low)
         return lines
+
+    def _sponge(self, surface: pv.PolyData) -> pv.PolyData | None:
+        damping = self._surface.damping
+        if damping is None:
+            return None
+        return veiled(surface, damping / damping.max(), self.waves.high - self.waves.low)
 
     def _board(self, line: Array) -> pv.PolyData:
         """Return the paddle behind the water's line [m], shape (N, 3)."""

@@ -14,10 +14,14 @@ from wavetank.rundir import RunDirectory
 
 Array = NDArray[np.float64]
 
-ELEVATION, HEIGHT = "elevation [cm]", "z [m]"
+ELEVATION, HEIGHT, VEILED = "elevation [cm]", "z [m]", "sponge"
 SLAB = 0.1  # thickness of the bed, over the depth
 SAND, PAINT, GLASS, INK = "#cdb990", "#d9762b", "#9db4c4", "#1c2b3a"
 DRY = {"ambient": 0.65, "diffuse": 0.5}
+VEIL, COVER = (126, 87, 160), 150  # the colour of a sponge over the water, and how well it covers where it is strongest
+SPONGE = "sponge: violet"
+RAISED = 0.01  # of what is drawn over the surface, above it, over the height of the waves
+TICK = 0.012  # length of a ruler's ticks, over the tank's size
 
 
 @dataclass(frozen=True)
@@ -34,12 +38,16 @@ class Sight:
         The paddle; None where no wall moves.
     contours
         Lines of equal still-water depth, drawn on the surface; None where there are none to be drawn.
+    sponge
+        The surface once more, with point data ``VEILED``: a colour that covers it where waves are absorbed; None where
+        they are not.
     """
 
     surface: pv.PolyData
     sides: pv.PolyData
     paddle: pv.PolyData | None
     contours: pv.PolyData | None = None
+    sponge: pv.PolyData | None = None
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,31 @@ class Part:
     name: str
     mesh: pv.PolyData
     look: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Labels:
+    """Texts at places.
+
+    Attributes
+    ----------
+    places
+        In metres, shape (K, 3).
+    texts
+        One each.
+    """
+
+    places: Array
+    texts: list[str]
+
+
+@dataclass(frozen=True)
+class Ruler:
+    """A ruler beside the tank: its mesh in metres, heights at its ticks, the uppermost first, and their far ends."""
+
+    mesh: pv.PolyData
+    labels: Labels
+    reach: Array
 
 
 class TankView(Protocol):
@@ -107,8 +140,14 @@ class TankView(Protocol):
     def parts(self) -> Iterator[Part]:
         """Yield what stands still: first the slab whose top is the bed, then walls and what else is worth seeing."""
 
-    def marks(self) -> tuple[Array, list[str]]:
-        """Return places [m], shape (K, 3), and what is written there."""
+    def marks(self) -> Labels:
+        """Return what is written along the tank."""
+
+    def ruler(self) -> Ruler:
+        """Return the vertical ruler, from the bed to the highest crest."""
+
+    def gauges(self) -> Labels:
+        """Return the gauges, and where they meet still water."""
 
 
 def said(run: RunDirectory, key: str) -> Any:
@@ -119,9 +158,9 @@ def said(run: RunDirectory, key: str) -> Any:
         raise InputError(f"{run.path}: its manifest does not say the tank's {key}.") from None
 
 
-def ticks(low: float, high: float) -> Array:
+def ticks(low: float, high: float, *, most: int = 8) -> Array:
     """Return round numbers from low to high, for marks."""
-    values = np.array(MaxNLocator(nbins=8, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
+    values = np.array(MaxNLocator(nbins=most, steps=[1, 2, 2.5, 5, 10]).tick_values(low, high))
     slack = 1e-9 * (high - low)
     return values[(values >= low - slack) & (values <= high + slack)]
 
@@ -132,6 +171,41 @@ def sheet(rows: Array) -> pv.PolyData:
     index = np.arange(rows[..., 0].size).reshape(rows.shape[:2])
     corners = (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
     return pv.PolyData.from_regular_faces(rows.reshape(-1, 3), np.stack(corners, axis=-1).reshape(-1, 4))
+
+
+def upright(foot: Array, left: Array, *, depth: float, high: float, size: float) -> Ruler:
+    """Return a ruler that stands at (x, y) = ``foot`` [m] from the bed to the highest crest, z from still water.
+
+    Parameters
+    ----------
+    foot, left
+        Where it is, and the direction to its left as it is seen, shape (2,).
+    depth, high
+        Of still water, and of the highest crest [m].
+    size
+        Of the tank [m].
+    """
+    z = ticks(-depth, max(high, 0.0), most=6)[::-1]
+
+    def beside(ticks_away: float) -> Array:
+        return np.column_stack([np.tile(foot + ticks_away * TICK * size * left, (z.size, 1)), z])
+
+    inner, outer, text = beside(0.0), beside(1.0), beside(1.6)
+    mesh = pv.line_segments_from_points(np.stack([inner, outer], axis=1).reshape(-1, 3))
+    mesh += pv.Line((*foot, -depth), (*foot, max(high, z[0])))
+    return Ruler(mesh, Labels(text, [f"z = {z[0]:g} m", *(f"{one:g}" for one in z[1:])]), beside(7.0))
+
+
+def veiled(surface: pv.PolyData, damping: Array, height: float) -> pv.PolyData:
+    """Return a surface a little raised, over waves of a height [m], in the colour of a sponge.
+
+    ``damping`` at its points, shape (N,), over the largest there is: the colour covers where that is 1.
+    """
+    veil = pv.PolyData(surface.points + (0.0, 0.0, RAISED * height), surface.faces)
+    colour = np.tile(np.array([*VEIL, 0], np.uint8), (veil.n_points, 1))
+    colour[:, 3] = np.round(COVER * np.sqrt(damping))
+    veil[VEILED] = colour
+    return veil
 
 
 def curtain(rim: Array, low: Array | float) -> pv.PolyData:

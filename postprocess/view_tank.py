@@ -13,6 +13,7 @@ from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from postprocess.beds import still_water
 from postprocess.figures import CM, FLAT, SATURATED
+from postprocess.fittings import damping_along, gauges_of
 from postprocess.view_basin import Basin
 from postprocess.view_sight import (
     DRY,
@@ -20,8 +21,12 @@ from postprocess.view_sight import (
     GLASS,
     SAND,
     SLAB,
+    SPONGE,
+    TICK,
     Array,
+    Labels,
     Part,
+    Ruler,
     Sight,
     TankView,
     WaveSizes,
@@ -29,6 +34,8 @@ from postprocess.view_sight import (
     said,
     sheet,
     ticks,
+    upright,
+    veiled,
 )
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory
@@ -44,11 +51,13 @@ class Flume:
     Raises ``InputError`` if the run has no snapshot of the surface, or damaged ones.
     """
 
-    eye, note = (24.0, 27.0), ""
+    eye = (24.0, 27.0)
+    _left: Array = np.array([-1.0, 0.0])  # of the picture, in the plan
 
     def __init__(self, run: RunDirectory):
         self.length, self._flat = (float(said(run, key)) for key in ("length", "depth"))
-        self._bed = still_water(run)
+        self._bed, self._damping = still_water(run), damping_along(run, self.length)
+        self._gauges, self.note = gauges_of(run), SPONGE if self._damping else ""
         self.depth = float(self._still_water(np.linspace(0.0, self.length, FINE, dtype=np.float64)).max())
         surface = run.surface()
         if not surface.t.size:
@@ -75,7 +84,8 @@ class Flume:
         surface = sheet(rows)
         surface[ELEVATION] = CM * np.tile(eta, len(rows))
         foot = -self._still_water(x)
-        return Sight(surface, curtain(_rim(rows), np.concatenate([foot, foot[::-1]])), self._paddle(x[0]))
+        sides = curtain(_rim(rows), np.concatenate([foot, foot[::-1]]))
+        return Sight(surface, sides, self._paddle(x[0]), sponge=self._sponge(surface, x))
 
     def parts(self) -> Iterator[Part]:
         """Yield the bed and the walls that stand still."""
@@ -94,12 +104,22 @@ class Flume:
         far = self._plate((1 + PLATE / 10) * self.length)  # clear of the water: equal depths flicker
         return far if self._moving else far + self._plate(-1.1 * PLATE * self.length)
 
-    def marks(self) -> tuple[Array, list[str]]:
-        """Return places along the flume [m], shape (K, 3), and their x."""
+    def marks(self) -> Labels:
+        """Return places along the flume, and their x."""
         x = ticks(0.0, self.length)
         clear = 0.55 * self.width  # of the bed's edge, which would hide half of them
         places = np.stack([*self._plan(x, -clear), np.full_like(x, -(1 + SLAB) * self.depth)], axis=1)
-        return places, [f"{one:g} m" for one in x]
+        return Labels(places, [f"{one:g} m" for one in x])
+
+    def ruler(self) -> Ruler:
+        """Return the vertical ruler, at the front's left."""
+        foot = np.array([self._ground()[0] - TICK * self.extent, -self.width / 2])
+        return upright(foot, self._left, depth=self.depth, high=self.waves.high, size=self.extent)
+
+    def gauges(self) -> Labels:
+        """Return the gauges, in the flume's middle."""
+        x = np.array([one.x for one in self._gauges])
+        return Labels(np.stack([*self._plan(x, 0.0), 0 * x], axis=1), [one.name for one in self._gauges])
 
     # ------------------------------------------------------------ the section
     def _still_water(self, x: Array) -> Array:
@@ -141,6 +161,11 @@ class Flume:
         half = self.width / 2
         return np.array([np.stack([*self._plan(x, y), z], axis=1) for y in (-half, half)])
 
+    def _sponge(self, surface: pv.PolyData, x: Array) -> pv.PolyData | None:
+        if self._damping is None:
+            return None
+        return veiled(surface, np.tile(self._damping(x), 2), self.waves.high - self.waves.low)
+
     def _paddle(self, x: float) -> pv.PolyData | None:
         return self._plate(x - PLATE * self.length) if self._moving else None
 
@@ -170,11 +195,18 @@ class Ring(Flume):
         """Return from where to where the bed is seen, x [m]."""
         return 0.0, self.length
 
-    def marks(self) -> tuple[Array, list[str]]:
-        """Return those in front [m], shape (K, 3): the water would stand before the others."""
-        places, texts = super().marks()
-        front = places[:, 1] < -self.length / (4 * np.pi)
-        return places[front], [text for text, shown in zip(texts, front, strict=True) if shown]
+    def marks(self) -> Labels:
+        """Return those in front: the water would stand before the others."""
+        marks = super().marks()
+        front = marks.places[:, 1] < -self.length / (4 * np.pi)
+        return Labels(marks.places[front], [text for text, shown in zip(marks.texts, front, strict=True) if shown])
+
+    def ruler(self) -> Ruler:
+        """Return the vertical ruler, where the ring ends on the left as it is seen."""
+        turn = np.radians(self.eye[0])
+        left = -np.array([np.cos(turn), np.sin(turn)])
+        foot = (self.extent / 2 + TICK * self.extent) * left
+        return upright(foot, left, depth=self.depth, high=self.waves.high, size=self.extent)
 
     def _whole(self, x: Array, eta: Array) -> tuple[Array, Array]:
         """Return x and eta [m], shape (M, N + 1), closed."""

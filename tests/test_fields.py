@@ -8,6 +8,7 @@ import pytest
 from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
+from rich.console import Console
 
 from wavetank import vtu_series
 from wavetank.errors import InputError, RunError
@@ -17,8 +18,10 @@ from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.schedule import EverySteps
+from wavetank.recorded_run import record_run
 from wavetank.run_place import Place
 from wavetank.rundir import RunDirectory, RunWriter
+from wavetank.scene import Scene
 from wavetank.vtu_series import VtuSeries
 from wavetank.water.bed import VaryingBed
 from wavetank.water.energy import WaterEnergy
@@ -145,6 +148,18 @@ def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(
     sizes = below.compute_cell_sizes()[measures[1]]
     assert sizes.min() > 0.0
     assert sizes.sum() == pytest.approx(plan * np.mean(elevation(x, y) + still_depth(x, y)), rel=1e-2)
+
+
+def test_a_basins_surface_tells_of_its_sponge(tmp_path):
+    """Oracle: gamma = 3 / s ((x - 1) / 2)² over the last two metres of a basin of three."""
+    basin = {"type": "basin", "depth": 0.5, "plan": {"type": "rectangle", "length": 3.0, "width": 1.0}}
+    content = {"tank": basin, "sponge": {"type": "end", "length": 2.0, "strength": 3.0}, "water": {"type": "linear"}}
+    numerics = {"cell_size": 1.0, "order": 2, "vertical_order": 2, "dt": 0.01}
+    scene = Scene.model_validate({**content, "run": {"duration": 0.01}, "numerics": numerics})
+    record_run(scene, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
+    surface = read(tmp_path / "run", "surface")
+    expected = 3.0 * np.clip((surface.points[:, 0] - 1.0) / 2.0, 0.0, 1.0) ** 2
+    np.testing.assert_allclose(surface["damping rate"], expected, atol=1e-12)
 
 
 def test_a_ring_is_drawn_open_with_its_first_corner_at_both_ends(tmp_path):

@@ -29,14 +29,16 @@ def travelling(x, t):
     return HEIGHT / 2 * np.cos(2 * np.pi * (x / LENGTH - t / PERIOD))
 
 
-def record(path, tank=TANK, *, elevation=travelling, paddle=0.0, times=TIMES, title=""):
-    """Write a run directory with an elevation(x, t) and a paddle that moves by so much [m]."""
-    with RunWriter(path, {"scene": {"title": title, "tank": tank, "wall": {"type": "fixed"}}}) as writer:
-        surface = writer.surface()
+def record(path, tank=TANK, *, elevation=travelling, paddle=0.0, times=TIMES, title="", gauges=(), sponge=None):
+    """Write a run directory with an elevation(x, t), a paddle that moves by so much, and gauges at some x [m]."""
+    scene = {"title": title, "tank": tank, "wall": {"type": "fixed"}, "sponge": sponge}
+    with RunWriter(path, {"scene": scene}) as writer:
+        surface, table = writer.surface(), writer.gauges([(str(n), x) for n, x in enumerate(gauges, start=1)])
         x = np.linspace(0.0, LENGTH, 81)[: -1 if tank["type"] == "ring" else None]
         for t in times:
             moved = x + paddle * np.sin(2 * np.pi * t / PERIOD) * (1 - x / LENGTH)
             surface.append(t, moved, elevation(moved, t), 0 * x)
+            table.append([t, *(0.0 for _ in gauges)])
     return RunDirectory(path)
 
 
@@ -141,6 +143,56 @@ def test_the_whole_tank_is_in_the_picture_and_reaches_its_room(run):
         assert np.all(share < view.ROOM)
         assert np.any(share > 0.9 * np.array(view.ROOM))  # the bed's slab and its margins take the rest
         picture.close()
+
+
+# ---------------------------------------------------------------- what is read off
+def test_the_vertical_ruler_stands_left_of_the_tank_with_heights_at_their_heights(run):
+    """Exaggerated as waves are: the tick of still water is as high as still water, the lowest as the bed."""
+    picture = view.View(tank := view_tank.tank_view(run), "", size=(960, 540))
+    labels = tank.ruler().labels
+    assert labels.texts == ["z = 0 m", "-0.2", "-0.4", "-0.6", "-0.8", "-1"]
+    assert labels.places[:, 2] == pytest.approx(np.linspace(0.0, -1.0, 6))
+    columns, rows = picture.place(labels.places).T
+    (left, water), (_, bed) = picture.place(np.array([[0.0, -tank.width / 2, z] for z in (0.0, -DEPTH)]))
+    assert np.all(columns < left) and np.all(columns > 0.03 * 960)
+    assert abs(rows[0] - water) < 0.1 * (bed - water) and abs(rows[-1] - bed) < 0.1 * (bed - water)
+    picture.close()
+
+
+def test_a_ring_has_its_ruler_and_gauges_where_they_are_in_it(tmp_path):
+    ring = view_tank.tank_view(record(tmp_path / "run", {**TANK, "type": "ring"}, gauges=(0.0, LENGTH / 4)))
+    radius = LENGTH / (2 * np.pi)
+    assert ring.gauges().places == pytest.approx(np.array([[0.0, -radius, 0.0], [radius, 0.0, 0.0]]), abs=1e-9)
+    assert np.hypot(*ring.ruler().labels.places[0, :2]) > ring.extent / 2
+
+
+def test_gauges_are_rods_through_the_water_and_named_where_there_is_room(tmp_path):
+    run = record(tmp_path / "run", gauges=(2.0, 5.0, 5.01))
+    picture = view.View(tank := view_tank.tank_view(run), "", size=(960, 540))
+    assert tank.gauges().texts == ["1", "2", "3"]
+    rods = view.rods_of(tank)
+    assert rods.n_cells == 3 and rods.points[::2, 0] == pytest.approx([2.0, 5.0, 5.01])
+    assert np.all(rods.points[1::2, 2] > tank.waves.high)
+    tops = picture.place(rods.points[1::2])
+    assert view.with_room(tops, tank.gauges().texts, letter=9, line=17) == [0, 1]  # the third lies on the second
+    column, row = np.round(picture.place((rods.points[2:3] + rods.points[3:4]) / 2)[0]).astype(int)
+    around = picture.pixels(0.0)[row, column - 3 : column + 4] / 255
+    assert np.max(around[:, 0] - around[:, 2]) > 0.2  # red, over blue water
+    picture.close()
+
+
+@pytest.mark.parametrize(
+    "sponge", [{"type": "end", "length": 2.0}, {"type": "formula", "gamma": "5 * (max(x - 6, 0) / 2)**2"}]
+)
+def test_a_sponge_covers_the_surface_as_it_damps(tmp_path, sponge):
+    """Oracle: gamma over its largest, ((x - 6 m) / 2 m)²; the colour covers with its root."""
+    tank = view_tank.tank_view(record(tmp_path / "run", sponge=sponge))
+    veil = tank.at(0.0).sponge
+    x = veil.points[:, 0]
+    cover = veil[view_sight.VEILED][:, 3] / view_sight.COVER
+    assert cover == pytest.approx(np.clip((x - 6.0) / 2.0, 0.0, 1.0), abs=0.01)
+    assert tank.note == "sponge: violet"
+    assert view_tank.tank_view(record(tmp_path / "other")).at(0.0).sponge is None
 
 
 # ---------------------------------------------------------------- meshes

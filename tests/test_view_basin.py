@@ -11,7 +11,7 @@ from postprocess import basin_figures, view, view_command
 from postprocess.basin_surface import BasinSurface, Extremes, history
 from postprocess.figures import draw_run
 from postprocess.view_basin import Basin
-from postprocess.view_sight import ELEVATION, HEIGHT
+from postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory, RunWriter
 from wavetank.vtu_series import Cells, VtuSeries
@@ -72,8 +72,12 @@ def record(
     triangles=False,
     times=TIMES,
     motion=None,
+    damping=None,
 ):
-    """Write a run directory of a basin with an elevation(x, y, t), a depth(x, y) and a paddle's place(y, t) [m]."""
+    """Write a run directory of a basin with an elevation(x, y, t), a depth(x, y) and a paddle's place(y, t) [m].
+
+    And a sponge of damping(x, y) [1/s].
+    """
     plan = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
     scene = {"title": "A basin", "tank": {"type": "basin", "depth": DEPTH, "plan": plan}, "wall": {"motion": motion}}
     places, pieces = mesh(kept, triangles)
@@ -91,6 +95,7 @@ def record(
             moved = x + (0.0 if paddle is None else np.maximum(0.0, 1 - x / REACH) * paddle(y, t))
             eta = elevation(moved, y, t)
             arrays = {"elevation": eta, "surface potential": 0 * eta, "depth": depth(x, y)}
+            arrays |= {} if damping is None else {"damping rate": damping(x, y)}
             cells = Cells.flat(corners.reshape(own.shape).astype(np.int32))
             series.append(float(t), np.column_stack([moved, y, eta]), cells=cells, arrays=arrays)
     return RunDirectory(path)
@@ -256,13 +261,42 @@ def test_two_ranks_give_the_same_picture(tmp_path):
 )
 def test_marks_are_in_the_picture_and_the_title_where_there_is_room(tmp_path, kept, x, side):
     picture = view.View(tank := Basin(record(tmp_path / "run", kept=kept, times=TIMES[:2])), "A basin", size=SIZE)
-    places, texts = tank.marks()
+    places, texts = tank.marks().places, tank.marks().texts
     assert texts == [*x, "0", "0.5", "1", "1.5", "2", "2.5", "3", "3.5", "y = 4 m"]
     columns, rows = picture.place(places).T
     assert min(columns.min(), rows.min()) > 0 and columns.max() < SIZE[0] and rows.max() < SIZE[1]
     assert picture.plotter.actors["title"].prop.justification_horizontal == side
     assert picture.plotter.actors["note"].input.startswith("vertical exaggeration")
     picture.close()
+
+
+def test_a_basins_picture_has_its_sponge_its_gauge_and_a_vertical_ruler(tmp_path):
+    """Still water is as without a sponge before it, and at its end covered by violet as its rate's root says."""
+
+    def still(x, y, t):
+        return 0.01 * np.exp(-((x - 2) ** 2) - (y - 2) ** 2)
+
+    def end(x, y):
+        return 3.0 * np.clip((x - 5.0) / 3.0, 0.0, 1.0) ** 2
+
+    seen = []
+    for name, damping in (("without", None), ("with", end)):
+        run = record(tmp_path / name, elevation=still, damping=damping, times=TIMES[:2])
+        picture = view.View(Basin(run), "", size=SIZE)
+        pixels = picture.pixels(0.0)
+        seen.append([pixel(picture, pixels, (x, 2.0, 0.0)) for x in (4.5, 7.9)])
+        notes = picture.plotter.actors["note"].input
+        assert ("sponge: violet" in notes) == (damping is not None)
+        picture.close()
+    (before, clear), (after, covered) = seen
+    assert after == pytest.approx(before, abs=0.02)
+    share = COVER / 255 * 2.9 / 3.0
+    assert covered == pytest.approx((1 - share) * clear + share * np.array(VEIL) / 255, abs=0.04)
+    tank = Basin(run)
+    assert tank.gauges().texts == ["mast"] and tank.gauges().places == pytest.approx(np.array([[3.0, 1.0, 0.0]]))
+    ruler = tank.ruler()
+    assert ruler.labels.texts == ["z = 0 m", "-0.1", "-0.2", "-0.3", "-0.4", "-0.5"]
+    assert ruler.mesh.bounds[4:] == pytest.approx((-DEPTH, tank.waves.high))
 
 
 # ---------------------------------------------------------------- maps
@@ -272,10 +306,10 @@ def words(run, tmp_path):
 
 
 def test_the_maps_say_what_they_show(tmp_path):
-    text = words(record(tmp_path / "run", depth=shoal, paddle=swinging), tmp_path)
+    text = words(record(tmp_path / "run", depth=shoal, paddle=swinging, damping=lambda x, y: x - 0.0), tmp_path)
     for word in ("A basin", "at the highest crest, t = ", "the highest elevation reached", "elevation [cm]"):
         assert word in text
-    for word in (">x [m]<", ">y [m]<", ">mast<", ">0.25 m<", ">0.45 m<"):
+    for word in (">x [m]<", ">y [m]<", ">mast<", ">sponge<", ">0.25 m<", ">0.45 m<"):
         assert word in text
     assert "crest minus trough" not in text  # no period is known
 

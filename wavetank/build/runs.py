@@ -182,7 +182,7 @@ def build_observers(scene: Scene, waves: Waves, records: Records, *, sinks: Sequ
     if waves.plane.mesh.topology.dim == 1:
         snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
         observers.append(snapshots)
-    observers += _field_observers(scene, waves, records)
+    observers += _field_observers(scene, waves, records, sinks)
     if scene.all_gauges:
         observers.append(_gauges(scene, waves, records.gauges))
     return observers
@@ -197,14 +197,15 @@ def _gauges(scene: Scene, waves: Waves, record: Record) -> Gauges:
         raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
 
 
-def _field_observers(scene: Scene, waves: Waves, records: Records) -> list[Observer]:
-    """Return what writes a basin's surface, and the velocity field where it is asked for; collective."""
+def _field_observers(scene: Scene, waves: Waves, records: Records, sinks: Sequence[Sink]) -> list[Observer]:
+    """Return what writes a basin's surface and sponge, and the velocity field where it is asked for; collective."""
     observers = list[Observer]()
     if records.fields is None:
         return observers
     if waves.plane.mesh.topology.dim == 2:
         schedule = EveryTime(scene.surface_every)
-        observers.append(SurfaceFields(waves, records.fields("surface"), schedule=schedule))
+        damping = next((one.gamma for one in sinks if isinstance(one, Absorbing)), None)
+        observers.append(SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=damping))
     if scene.output.velocity_every is not None and isinstance(waves, NonlinearWaves):
         schedule = EveryTime(scene.output.velocity_every)
         observers.append(VelocityFields(waves, records.fields("velocity"), schedule=schedule))

@@ -56,13 +56,21 @@ class SurfaceFields:
     """The surface (x, y, eta): ``elevation`` [m], ``surface potential`` [m²/s] and still-water ``depth`` [m].
 
     In double precision: where there are no other records of the surface, it is measured by these.
+
+    Parameters
+    ----------
+    damping
+        Rate of the sponge at this rank's degrees of freedom [1/s], shape (owned,), written as ``damping rate``; None:
+        there is no sponge.
     """
 
-    def __init__(self, waves: WavesOverABed, series: FieldRecord, *, schedule: Schedule):
+    def __init__(self, waves: WavesOverABed, series: FieldRecord, *, schedule: Schedule, damping: Vector | None = None):
+        self._damping = damping
         self._waves, self._series, self.schedule = waves, series, schedule
         self._places = Places(waves)
         self._cells = Cells.flat(self._places.lattice.pieces)
         self._eta, self._psi = waves.plane.function("elevation"), waves.plane.function("surface potential")
+        self._rate = waves.plane.function("damping rate")
 
     def observe(self, moment: Moment) -> None:
         """Write a snapshot; raises ``RunError``, on all ranks, if it cannot be written; collective."""
@@ -70,6 +78,9 @@ class SurfaceFields:
         self._psi.set(moment.p)
         eta, psi = self._places.at(self._eta), self._places.at(self._psi)
         arrays = {"elevation": eta, "surface potential": psi, "depth": self._places.depths()}
+        if self._damping is not None:
+            self._rate.set(self._damping)
+            arrays["damping rate"] = self._places.at(self._rate)
         self._series.append(moment.t, self._places.points(eta), cells=self._cells, arrays=arrays)
 
 
