@@ -12,8 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
-from postprocess.figures import CM, FLAT, PADDLE, SATURATED
-from postprocess.style import picture
+from postprocess.style import CM, FLAT, PADDLE, SATURATED, picture
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory
 from wavetank.series import GaugeSeries

@@ -11,7 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator
 
-from postprocess.figures import CM, FLAT, SATURATED
+from postprocess.style import CM, FLAT, SATURATED
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory
 

@@ -2,35 +2,40 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from postprocess.beds import still_water
 from postprocess.compare import MATCH, compare_gauge, matched
-from postprocess.style import picture
+from postprocess.style import (
+    CM,
+    COMPUTED,
+    FLAT,
+    GREEN,
+    INK,
+    MEASURED,
+    ORANGE,
+    PADDLE,
+    PUBLISHED,
+    SATURATED,
+    VERMILION,
+    WATER,
+    picture,
+)
 from wavetank.errors import InputError
-from wavetank.rundir import SURFACE, RunDirectory, Surface, index_file
+from wavetank.rundir import Surface
 from wavetank.scene.beds import Depth
 from wavetank.series import GaugeSeries
 
-# colours that colour-blind eyes tell apart (Okabe and Ito), on grey for the measurement
-MEASURED, COMPUTED, PUBLISHED = "#9a9a9a", "#0072b2", "#d55e00"
-KINETIC, POTENTIAL, TOTAL, WORK = "#d55e00", "#009e73", "#8cc5e8", "#222222"
-BEFORE, CREST, AFTER, PADDLE = "#e69f00", "#0b2d5c", "#a0417f", "#222222"
-WATER = LinearSegmentedColormap.from_list("water", ["#0b2d5c", "#2f7ab9", "#a8d3ee"])
+KINETIC, POTENTIAL, TOTAL, WORK = VERMILION, GREEN, "#8cc5e8", INK
+BEFORE, CREST, AFTER = ORANGE, "#0b2d5c", "#a0417f"
 SKY, STILL, SAND = "#f4f9fd", "#a8d3ee", "#cdb990"
 FOCUS = 4.0  # s shown on either side of the largest crest
-CM = 100.0  # elevations are drawn in centimetres
-FLAT = 1e-3  # cm; smaller waves are drawn as still water
 SEEN = 1e-3  # of the largest energy; less dissipation is not drawn
-SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
 
 
 # ---------------------------------------------------------------- the surface
@@ -299,58 +304,3 @@ def _draw_balance(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
     axes.plot(t, balance / largest, color=COMPUTED)
     axes.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
     axes.set(xlabel="time [s]", ylabel="what does not balance,\nper largest total", xlim=(t[0], t[-1]))
-
-
-# ---------------------------------------------------------------- all of a run
-def draw_run(run: RunDirectory) -> list[Path]:
-    """Draw the standard pictures of a run into its directory; return the paths of those drawn.
-
-    What a run that was killed early did not come to record is left out, and so are a basin's maps where pyvista, which
-    reads its surface, is not installed. Raises ``InputError`` for missing files.
-    """
-    gauges, energy = run.gauges(), run.energy()
-    pictures = []
-    if _snapshots(run) > 1:
-        pictures.append(draw_surface(run))
-    if any(gauge.t.size > 1 for gauge in gauges):
-        pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
-    if all(column.size > 1 for column in energy.values()) and energy:
-        pictures.append(
-            energy_figure(energy, run.path / "energy.png", title=f"{run.title}: energy budget".lstrip(": "))
-        )
-    return pictures
-
-
-def _snapshots(run: RunDirectory) -> int:
-    """Return how many snapshots of the surface can be drawn."""
-    if (run.path / SURFACE).exists():
-        return int(run.surface().t.size)
-    return len(run.fields("surface")) if index_file(run.path, "surface").exists() and find_spec("pyvista") else 0
-
-
-ORIGINS = {"ring": "along the ring", "piston": "from the paddle's rest position", "fixed": "from the wall"}
-
-
-def draw_surface(run: RunDirectory) -> Path:
-    """Draw the surface as the run's scene asks for, ``surface.png``: a basin's from above, else over x and t.
-
-    Return the picture's path; raises ``InputError`` for less than two snapshots.
-    """
-    scene, path = run.manifest.get("scene", {}), run.path / "surface.png"
-    tank, wall = scene.get("tank", {}), scene.get("wall", {})
-    if not (run.path / SURFACE).exists():
-        from postprocess.basin_figures import basin_figure  # which needs pyvista
-
-        return basin_figure(run, path)
-    ring, surface = tank.get("type") == "ring", run.surface()
-    origin = ORIGINS.get("ring" if ring else wall.get("type"), "along the tank")
-    shown = _closed(surface, tank["length"]) if ring else surface
-    depth = still_water(run) or tank.get("depth", np.inf)
-    return surface_figure(shown, path, title=run.title, depth=depth, origin=origin)
-
-
-def _closed(surface: Surface, length: float) -> Surface:
-    """Return the surface of a ring [m] with its first point once more at the end."""
-    x, eta, psi = (np.column_stack([field, field[:, 0]]) for field in (surface.x, surface.eta, surface.psi))
-    x[:, -1] += length
-    return Surface(surface.t, x, eta, psi)

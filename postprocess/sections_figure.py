@@ -10,9 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from postprocess.beds import still_water
-from postprocess.figures import COMPUTED
 from postprocess.sections import ComputedHeights, Profile, SectionComparison, line
-from postprocess.style import picture
+from postprocess.style import COMPUTED, picture
 from wavetank.data import HeightSeries
 from wavetank.rundir import RunDirectory
 

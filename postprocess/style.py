@@ -1,4 +1,4 @@
-"""The look that all pictures share."""
+"""The look that all pictures share: colours, sizes, axes, legends."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,13 +8,20 @@ from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axis import Axis
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 # colours that colour-blind eyes tell apart (Okabe and Ito), and greys
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, LIGHT_BLUE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"
-GREY, PALE_GREY = "#555555", "#9a9a9a"
+INK, GREY, PALE_GREY = "#222222", "#555555", "#9a9a9a"
+MEASURED, COMPUTED, PUBLISHED, PADDLE = PALE_GREY, BLUE, VERMILION, INK
+WATER = LinearSegmentedColormap.from_list("water", ["#0b2d5c", "#2f7ab9", "#a8d3ee"])
+
+CM = 100.0  # elevations are drawn in centimetres
+FLAT = 1e-3  # cm; smaller waves are drawn as still water
+SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
 
 STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take any
     "font.size": 10,

@@ -18,7 +18,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image
 from vtkmodules.vtkCommonCore import vtkLogger
 
-from postprocess.figures import CM, WATER, draw_surface
+from postprocess.run_figures import draw_surface
+from postprocess.style import CM, WATER
 from postprocess.view_film import Pixels, film_format
 from postprocess.view_sight import DRY, ELEVATION, HEIGHT, INK, PAINT, VEILED, Array, Labels, TankView
 from postprocess.view_tank import tank_view

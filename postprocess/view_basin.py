@@ -6,8 +6,8 @@ import numpy as np
 import pyvista as pv
 
 from postprocess.basin_surface import BasinSurface, Indices, history
-from postprocess.figures import CM
 from postprocess.fittings import gauges_of
+from postprocess.style import CM
 from postprocess.view_sight import (
     DRY,
     ELEVATION,

@@ -12,8 +12,8 @@ import pyvista as pv
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from postprocess.beds import still_water
-from postprocess.figures import CM, FLAT, SATURATED
 from postprocess.fittings import damping_along, gauges_of
+from postprocess.style import CM, FLAT, SATURATED
 from postprocess.view_basin import Basin
 from postprocess.view_sight import (
     DRY,

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "wavetank"
+CHECKOUT = Path(__file__).resolve().parents[1]
+PACKAGE = CHECKOUT / "wavetank"
 
 ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "errors": set(),
@@ -37,6 +38,8 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "observers": {"errors", "fe", "hamiltonian", "run_log", "rundir", "vtu_series", "water"},
     "run": {"errors", "clock", "hamiltonian", "integrators", "observers"},
 }
+DRAWS_FROM = {"data", "errors", "run_place", "rundir", "scene", "series"}  # what postprocess may import
+STILL_A_CIRCLE = {"case_file", "meshes", "noun", "scene"}  # layers whose modules import one another
 SEES_ALL = {"build", "plan", "study", "recorded_run", "cli", "__main__", "__init__", "verify"}
 
 
@@ -62,6 +65,58 @@ def test_imports_go_one_way(path):
     if own in SEES_ALL:
         return
     assert imported_layers(path) <= ALLOWED[own] | {own}
+
+
+@pytest.mark.parametrize("path", sorted((CHECKOUT / "postprocess").rglob("*.py")), ids=lambda path: path.name)
+def test_postprocess_knows_nothing_of_the_solver(path):
+    assert imported_layers(path) <= DRAWS_FROM
+
+
+def modules(package: str) -> dict[str, Path]:
+    """Return the files of a package by their modules' names."""
+    found = (CHECKOUT / package).rglob("*.py")
+    return {
+        ".".join(path.relative_to(CHECKOUT).with_suffix("").parts).removesuffix(".__init__"): path for path in found
+    }
+
+
+def imports(path: Path, known: set[str]) -> set[str]:
+    """Return the known modules that a file imports, wherever in it."""
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= names & known or {node.module}
+    return found & known
+
+
+def circles(graph: dict[str, set[str]]) -> list[set[str]]:
+    """Return the sets of modules that reach one another."""
+    reached = {module: set(others) for module, others in graph.items()}
+    for middle in graph:  # Warshall's closure
+        for others in reached.values():
+            if middle in others:
+                others |= reached[middle]
+    found = {frozenset(other for other in others if module in reached[other]) for module, others in reached.items()}
+    return [set(circle) for circle in found if len(circle) > 1]
+
+
+def test_a_circle_is_found():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == [{"b", "c"}]
+    assert not circles({"a": {"b", "c"}, "b": {"c"}, "c": set()})
+
+
+def test_no_module_imports_itself_by_others():
+    files = modules("wavetank") | modules("postprocess")
+    found = circles({name: imports(path, set(files)) - {name} for name, path in files.items()})
+    told = [sorted(circle) for circle in found if not circle <= _in(STILL_A_CIRCLE, files)]
+    assert not told
+
+
+def _in(layers: set[str], files: dict[str, Path]) -> set[str]:
+    return {name for name in files if name.startswith("wavetank.") and name.split(".")[1] in layers}
 
 
 def test_the_scene_needs_no_dolfinx(wavetank):

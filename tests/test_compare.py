@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from postprocess.compare import COLUMNS, compare, comparison_table, matched, write_comparison
-from postprocess.figures import draw_run, gauges_figure
+from postprocess.figures import gauges_figure
+from postprocess.run_figures import draw_run
 from wavetank import data
 from wavetank.cli import main
 from wavetank.errors import InputError

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from scipy.optimize import brentq
 
-from postprocess import figures
-from postprocess.figures import draw_run, energy_figure, gauges_figure, gauges_overview, surface_figure
+from postprocess import figures, run_figures
+from postprocess.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
+from postprocess.run_figures import draw_run
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory, RunWriter, Surface
 from wavetank.series import GaugeSeries
@@ -120,12 +121,12 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
         for t in range(4):
             record.append(t, x, 0.01 * np.cos(np.pi / 4 * (x - t)), 0 * x)
     run = RunDirectory(tmp_path / "run")
-    surface = figures._closed(run.surface(), 8.0)
+    surface = run_figures._closed(run.surface(), 8.0)
     assert np.all(surface.x[:, -1] == 8.0) and np.array_equal(surface.eta[:, -1], surface.eta[:, 0])
     text = words(lambda path: surface_figure(surface, path, depth=0.01, origin="along the ring"), tmp_path)
     assert "distance along the ring, x [m]" in text
     assert ">\u22121.0<" in text and ">\u22121.5<" not in text  # ticks [cm]
-    assert figures.draw_surface(run).exists()
+    assert run_figures.draw_surface(run).exists()
 
 
 def test_a_varying_bed_is_drawn_at_its_depth(tmp_path):
@@ -145,13 +146,13 @@ def test_a_varying_bed_is_drawn_at_its_depth(tmp_path):
 
 def test_a_slices_bed_is_read_from_its_scene(tmp_path, monkeypatch):
     drawn = {}
-    monkeypatch.setattr(figures, "surface_figure", lambda surface, path, **given: drawn.update(given) or path)
+    monkeypatch.setattr(run_figures, "surface_figure", lambda surface, path, **given: drawn.update(given) or path)
     bed = {"type": "formula", "depth": "0.6 - 0.01 * x"}
     for name, tank in (("sloping", {"bed": bed}), ("flat", {})):
         scene = {"tank": {"type": "slice", "length": 8.0, "depth": 0.6, **tank}}
         with RunWriter(tmp_path / name, {"scene": scene}) as writer:
             writer.surface()
-        figures.draw_surface(RunDirectory(tmp_path / name))
+        run_figures.draw_surface(RunDirectory(tmp_path / name))
         depth = drawn["depth"]
         assert depth == 0.6 if name == "flat" else depth(np.array([5.0]), np.zeros(1)) == pytest.approx(0.55)
 
@@ -237,7 +238,7 @@ def test_nothing_to_draw_is_bad_input(tmp_path):
 
 def test_pictures_need_neither_the_solver_nor_a_display():
     code = (
-        "import sys, postprocess.figures; "
+        "import sys, postprocess.run_figures; "
         "sys.exit(any(name in sys.modules for name in ('dolfinx', 'petsc4py', 'mpi4py', 'matplotlib.pyplot')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

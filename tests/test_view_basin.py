@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from postprocess import basin_figures, view, view_command
 from postprocess.basin_surface import BasinSurface, Extremes, history
-from postprocess.figures import draw_run
+from postprocess.run_figures import draw_run
 from postprocess.view_basin import Basin
 from postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
 from wavetank.errors import InputError

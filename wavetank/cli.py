@@ -70,7 +70,7 @@ def run(
 
 
 def _draw(directory: RunDirectory) -> list[Path]:
-    from postprocess.figures import draw_run  # matplotlib takes a second to load
+    from postprocess.run_figures import draw_run  # matplotlib takes a second to load
 
     return draw_run(directory)
 

@@ -5,12 +5,12 @@ from itertools import cycle
 
 from matplotlib.lines import Line2D
 
-from postprocess.style import BLUE, GREEN, ORANGE, PURPLE, VERMILION, entry
+from postprocess.style import BLUE, GREEN, INK, ORANGE, PURPLE, VERMILION, entry
 from wavetank.study.sweep import Axis
 from wavetank.study.table import Row
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE)
-MARK, EDGE = ORANGE, "#222222"  # of the star that a marked combination is
+MARK, EDGE = ORANGE, INK  # of the star that a marked combination is
 MARKERS = "osD^v<>Pph"
 INTEGRATOR = "integrator"
 

@@ -1,0 +1,64 @@
+"""The standard pictures of a run, drawn into its directory."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from postprocess.beds import still_water
+from postprocess.figures import energy_figure, gauges_overview, surface_figure
+from wavetank.rundir import SURFACE, RunDirectory, Surface, index_file
+
+
+def draw_run(run: RunDirectory) -> list[Path]:
+    """Draw the standard pictures of a run into its directory; return the paths of those drawn.
+
+    What a run that was killed early did not come to record is left out, and so are a basin's maps where pyvista, which
+    reads its surface, is not installed. Raises ``InputError`` for missing files.
+    """
+    gauges, energy = run.gauges(), run.energy()
+    pictures = []
+    if _snapshots(run) > 1:
+        pictures.append(draw_surface(run))
+    if any(gauge.t.size > 1 for gauge in gauges):
+        pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
+    if all(column.size > 1 for column in energy.values()) and energy:
+        pictures.append(
+            energy_figure(energy, run.path / "energy.png", title=f"{run.title}: energy budget".lstrip(": "))
+        )
+    return pictures
+
+
+def _snapshots(run: RunDirectory) -> int:
+    """Return how many snapshots of the surface can be drawn."""
+    if (run.path / SURFACE).exists():
+        return int(run.surface().t.size)
+    return len(run.fields("surface")) if index_file(run.path, "surface").exists() and find_spec("pyvista") else 0
+
+
+ORIGINS = {"ring": "along the ring", "piston": "from the paddle's rest position", "fixed": "from the wall"}
+
+
+def draw_surface(run: RunDirectory) -> Path:
+    """Draw the surface as the run's scene asks for, ``surface.png``: a basin's from above, else over x and t.
+
+    Return the picture's path; raises ``InputError`` for less than two snapshots.
+    """
+    scene, path = run.manifest.get("scene", {}), run.path / "surface.png"
+    tank, wall = scene.get("tank", {}), scene.get("wall", {})
+    if not (run.path / SURFACE).exists():
+        from postprocess.basin_figures import basin_figure  # which needs pyvista
+
+        return basin_figure(run, path)
+    ring, surface = tank.get("type") == "ring", run.surface()
+    origin = ORIGINS.get("ring" if ring else wall.get("type"), "along the tank")
+    shown = _closed(surface, tank["length"]) if ring else surface
+    depth = still_water(run) or tank.get("depth", np.inf)
+    return surface_figure(shown, path, title=run.title, depth=depth, origin=origin)
+
+
+def _closed(surface: Surface, length: float) -> Surface:
+    """Return the surface of a ring [m] with its first point once more at the end."""
+    x, eta, psi = (np.column_stack([field, field[:, 0]]) for field in (surface.x, surface.eta, surface.psi))
+    x[:, -1] += length
+    return Surface(surface.t, x, eta, psi)
