@@ -62,17 +62,20 @@ def test_what_is_hard_to_read_is_found(drawn, tmp_path):
 
 
 def test_steepness(drawn, report):
-    rows = [
-        steepness.Row(kd, height, 12, 6, "third-order", 40, 20, (1 + kd) * 1e-4 * height, 1e-4, 1e-5, 0.0, 1e-13, "")
-        for kd in steepness.VERTICAL_ORDER
-        for height in steepness.RESOLUTION
-    ]
-    steepness.draw(report, rows)
+    def row(kd, height, scheme, longer):
+        cells, steps = steepness.resolution(kd, height)
+        errors = ((1 + kd) * 1e-4 * height, 1e-4, 1e-5, 0.0, 1e-13)
+        return steepness.Row(kd, height, cells, 6, scheme, steps // longer, 20.0, *errors, 100 * height, "")
+
+    schemes, depths = steepness.SCHEMES, steepness.VERTICAL_ORDER
+    steepness.draw(
+        report, [row(kd, height, *one) for kd in depths for height in steepness.RESOLUTION for one in schemes]
+    )
     (figure,) = drawn
     assert not faults(figure)
-    phase, energy = figure.axes
-    assert [axes.get_ylabel().rpartition(" ")[2] for axes in (phase, energy)] == ["[rad]", "[-]"]
-    assert phase.lines[0].get_ydata() == pytest.approx([1.5e-4 * height for height in steepness.RESOLUTION])
+    assert [axes.get_ylabel().rpartition(" ")[2] for axes in figure.axes] == ["[rad]", "[-]", "[s]"]
+    phase = figure.axes[0].lines[0].get_ydata()
+    assert phase == pytest.approx([1.5e-4 * height for height in steepness.RESOLUTION])
 
 
 def test_growth(drawn, report):

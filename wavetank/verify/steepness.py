@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
 
-from postprocess.style import BLUE, GREEN, ORANGE, VERMILION, number_logarithms
+from postprocess.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_logarithms
 from wavetank.build import build_run
 from wavetank.errors import RunError
 from wavetank.observers.contract import Moment
@@ -43,8 +43,8 @@ SCHEMES = ((SIMPSON, 1), (SIMPSON, 2), (GAUSS, 1))  # and of how many of the ste
 class Row(NamedTuple):
     """A wave of kd and a part of the maximum height, and how it differs from itself after the periods it ran.
 
-    Crest, energies and mass are relative to those at the start; ``dissipated`` is what the penalty took, ``cpu_seconds``
-    what the steps cost, ``broke_down`` why it did, if so.
+    Crest, energies and mass are relative to those at the start; ``dissipated`` is what the penalty took, and
+    ``cpu_seconds`` what the steps cost; ``broke_down`` says why it did, if so.
     """
 
     kd: float
@@ -158,32 +158,32 @@ def write(report: Report) -> None:
 
 
 LOOKS = dict(zip(VERTICAL_ORDER, ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (ORANGE, "D")), strict=True))  # by kd
-LINES = {SIMPSON: {"linestyle": "-"}, GAUSS: {"linestyle": ":", "markerfacecolor": "none"}}
+LINES: dict[str, dict[str, Any]] = {SIMPSON: {"ls": "-"}, GAUSS: {"ls": ":", "mfc": "none"}}
+SHOWN = {"phase_error": "phase error [rad]", "energy_change": "change of energy / energy [-]", "cpu_seconds": "CPU [s]"}
 
 
 def draw(report: Report, table: Sequence[Row]) -> None:
-    """Draw phase errors, changes of energy and cost against steepness, a panel each, at equal steps."""
-    shown = {"phase_error": "phase error [rad]", "energy_change": "relative change of energy [-]", "cpu_seconds": "CPU [s]"}
+    """Draw phase errors, changes of energy and cost against steepness, a panel each, at the steps of ``RESOLUTION``."""
     with report.figure("steepness", 13, 4.8) as figure:
-        panels = figure.subplots(1, len(shown), sharex=True)
-        for axes, (column, label) in zip(panels, shown.items(), strict=True):
+        panels = figure.subplots(1, len(SHOWN), sharex=True)
+        for axes, column in zip(panels, SHOWN, strict=True):
             _draw(axes, table, column)
-            axes.set(ylabel=label)
-        panels[0].set_title("Around a ring, simpson-4 (full) and Gauss-Legendre (open) at equal steps")
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=len(LOOKS))
+        panels[0].set_title("After 20 periods around a ring (98 %: 5)")
+        names = [entry(f"kd = {kd:g}", color=colour, marker=marker) for kd, (colour, marker) in LOOKS.items()]
+        names += [entry(name, marker="o", **look) for name, look in LINES.items()]
+        figure.legend(handles=names, loc="outside lower center", ncols=len(names))
 
 
 def _draw(axes: Axes, table: Sequence[Row], column: str) -> None:
     """Draw the sizes of a column over steepness, a line for each kd and scheme, of the waves that ran to the end."""
     for kd, (colour, marker) in LOOKS.items():
         for scheme, look in LINES.items():
-            chosen = [one for one in table if (one.kd, one.integrator) == (kd, scheme) and _at_equal_steps(one)]
+            chosen = [one for one in table if (one.kd, one.integrator) == (kd, scheme) and _at_the_step(one)]
             x, y = [100 * one.steepness for one in chosen], [abs(getattr(one, column)) for one in chosen]
-            label = f"kd = {kd:g}" if scheme == SIMPSON else None
-            axes.semilogy(x, y, marker, color=colour, label=label, **look)
-    axes.set(xlabel="height / maximum height [%]", xticks=[100 * one for one in RESOLUTION])
+            axes.semilogy(x, y, color=colour, marker=marker, **look)
+    axes.set(xlabel="height / maximum height [%]", ylabel=SHOWN[column], xticks=range(10, 100, 20))
     number_logarithms(axes.yaxis)
 
 
-def _at_equal_steps(one: Row) -> bool:
+def _at_the_step(one: Row) -> bool:
     return not one.broke_down and one.steps_per_period == resolution(one.kd, one.steepness)[1]
