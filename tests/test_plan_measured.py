@@ -118,7 +118,7 @@ class Trial:
             vertical_order=min(12, best.vertical_order + 4),
             dt=best.dt / 4,
         )
-        return run(with_settings(self.scene, self.plan, replace(finer, integrator="third-order"), tolerance=1e-9))
+        return run(with_settings(self.scene, self.plan, replace(finer, integrator="simpson-4"), tolerance=1e-9))
 
     def measure(self, settings: Settings) -> tuple[float, float]:
         """Return error and CPU seconds; infinite where the run breaks down."""
@@ -160,8 +160,8 @@ class Trial:
 
     def _neighbours(self, now: Settings) -> list[Settings]:
         fewer = max(self.scene.tank.fewest_cells, int(0.8 * now.cells))
-        other = {"third-order": "gauss-legendre-4", "gauss-legendre-4": "third-order"}.get(
-            now.integrator, "third-order"
+        other = {"simpson-4": "gauss-legendre-4", "gauss-legendre-4": "simpson-4"}.get(
+            now.integrator, "simpson-4"
         )
         steps = np.ceil(self.scene.run.duration / now.dt / 1.25)
         changes = [

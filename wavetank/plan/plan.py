@@ -34,7 +34,7 @@ from wavetank.water.edge_penalty import NEEDED
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
-SCHEMES = ("third-order", "stormer-verlet", "gauss-legendre-4")
+SCHEMES = ("simpson-4", "stormer-verlet", "gauss-legendre-4")
 PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit

@@ -57,7 +57,10 @@ class Numerics(Noun):
     order: int = Field(default=3, ge=1, le=8, description="horizontal polynomial order p")
     vertical_order: int = Field(default=8, ge=1, le=HIGHEST_VERTICAL_ORDER, description="vertical polynomial order n")
     dt: Duration | None = Field(default=None, description="time step [s]; default: from accuracy and stability")
-    integrator: IntegratorName = Field(default="third-order", description="time integrator")
+    integrator: IntegratorName = Field(
+        default="simpson-4",
+        description="time integrator; third-order is the paper's, reported at the plus trace, its jumps undamped",
+    )
     tolerance: float = Field(
         default=1e-6, ge=1e-13, le=1e-4, description="tolerance of implicit stages, relative to the waves"
     )
