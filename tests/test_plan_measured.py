@@ -160,9 +160,7 @@ class Trial:
 
     def _neighbours(self, now: Settings) -> list[Settings]:
         fewer = max(self.scene.tank.fewest_cells, int(0.8 * now.cells))
-        other = {"simpson-4": "gauss-legendre-4", "gauss-legendre-4": "simpson-4"}.get(
-            now.integrator, "simpson-4"
-        )
+        other = {"simpson-4": "gauss-legendre-4", "gauss-legendre-4": "simpson-4"}.get(now.integrator, "simpson-4")
         steps = np.ceil(self.scene.run.duration / now.dt / 1.25)
         changes = [
             {"dt": self.scene.run.duration / steps},

@@ -13,7 +13,7 @@ from mpi4py import MPI
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.oscillators import Harmonic
-from wavetank.integrators import GaussLegendre4, StormerVerlet, ThirdOrder, Traces
+from wavetank.integrators import GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.filtered import Filtered
 from wavetank.motions import Ramped, Sinusoid
@@ -33,7 +33,7 @@ from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.walls import FixedWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
-SCHEMES = (StormerVerlet(), ThirdOrder(), GaussLegendre4())
+SCHEMES = (StormerVerlet(), ThirdOrder(), Simpson4(), GaussLegendre4())
 BALANCE, TAKEN, TOTAL = (COLUMNS.index(f"{name} [m^4/s^2]") for name in ("balance", "dissipated", "total"))
 
 
@@ -77,18 +77,18 @@ def test_the_damped_oscillator_is_met_to_second_order(scheme):
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=named)
 def test_without_damping_nothing_changes(scheme):
-    """Bit by bit, on a system that solves exactly."""
+    """To round-off, which is what a jump loses that is added to a trace and taken from it again."""
     waves = linear()
     start = waves.state(0.1 * np.cos(np.pi * waves.plane.x), 0.1 * np.cos(2 * np.pi * waves.plane.x))
     absorbing = Absorbing(scheme, np.zeros(waves.plane.owned))
     bare, wrapped = (ends(waves, one, start, steps=20, dt=0.01) for one in (scheme, absorbing))
-    assert all(np.array_equal(a, b) for a, b in zip(bare, wrapped, strict=True))
-    assert absorbing.energy_taken == 0.0
+    assert max(np.abs(bare.q - wrapped.q).max(), np.abs(bare.p - wrapped.p).max()) < 1e-14
+    assert abs(absorbing.energy_taken) < 1e-15
     known = ("name", "stability_limit", "frequency_error", "nodes")
     assert all(getattr(absorbing, name) == getattr(scheme, name) for name in known)
 
 
-@pytest.mark.parametrize("scheme", [StormerVerlet(), ThirdOrder()], ids=named)
+@pytest.mark.parametrize("scheme", [StormerVerlet(), Simpson4()], ids=named)
 def test_uniform_damping_of_a_standing_wave_is_that_of_an_oscillator(scheme):
     """Of eta'' + gamma eta' + omega² eta = 0 with Airy's omega; space is resolved to 1e-8."""
     waves, gamma, t = linear(cells=8, order=6, n=10), 1.5, 2.0
@@ -105,31 +105,34 @@ def test_uniform_damping_of_a_standing_wave_is_that_of_an_oscillator(scheme):
     assert -fitted_slope(counts, errors) == pytest.approx(2, abs=0.1)
 
 
+@pytest.mark.parametrize("inner", [ThirdOrder(), Simpson4()], ids=named)
 @pytest.mark.parametrize("strength", [1.0, 100.0])
-def test_a_step_below_the_schemes_limit_is_stable_with_a_sponge_of_any_strength(strength):
+def test_a_step_below_the_schemes_limit_is_stable_with_a_sponge_of_any_strength(inner, strength):
     """The spectral radius of a step of linear waves, as a dense matrix, is one to round-off."""
     waves = linear(length=2.0, cells=4, n=4, depth=1.0)
-    size, dt = waves.plane.owned, 0.99 * ThirdOrder().stability_limit / waves.largest_frequency
-    scheme = Absorbing(ThirdOrder(), profile(waves.plane.x - 1.0, width=1.0, strength=strength))
+    size, dt = waves.plane.owned, 0.99 * inner.stability_limit / waves.largest_frequency
+    scheme = Absorbing(inner, profile(waves.plane.x - 1.0, width=1.0, strength=strength))
     rest = scheme.start(*waves.state(np.zeros(size), np.zeros(size)))
 
     def stepped(change):
-        state = Traces(*(one + part for one, part in zip(rest, np.split(change, 4), strict=True)))
+        state = type(rest)(*(one + part for one, part in zip(rest, np.split(change, len(rest)), strict=True)))
         return np.concatenate(scheme.step(waves, state, 0.0, dt))
 
-    still = stepped(np.zeros(4 * size))
-    matrix = np.column_stack([stepped(unit) - still for unit in np.eye(4 * size)])
+    still = stepped(np.zeros(len(rest) * size))
+    matrix = np.column_stack([stepped(unit) - still for unit in np.eye(len(rest) * size)])
     assert np.abs(np.linalg.eigvals(matrix)).max() == pytest.approx(1.0, abs=1e-9)
 
 
-def test_it_costs_two_evaluations_a_step_of_a_system_that_remembers_its_last_point():
+@pytest.mark.parametrize("inner", [ThirdOrder(), Simpson4()], ids=named)
+def test_it_costs_two_evaluations_a_step_of_a_system_that_remembers_its_last_point(inner):
     """Counted in solves of linear waves, which remember the potential of the last psi, with a look at every step."""
     waves, found = linear(), []
     start = waves.state(np.zeros(waves.plane.owned), np.cos(np.pi * waves.plane.x))
-    for scheme in (ThirdOrder(), Absorbing(ThirdOrder(), np.full(waves.plane.owned, 0.5))):
+    for scheme in (inner, Absorbing(inner, np.full(waves.plane.owned, 0.5))):
         state, before = scheme.start(*start), waves.potential.counters.solves
         for step in range(10):
-            waves.energy(state.q, state.p, step * 0.01)
+            for point in state.known:
+                waves.energy(*point, step * 0.01)
             state = scheme.step(waves, state, step * 0.01, 0.01)
         found.append((waves.potential.counters.solves - before) / 10)
     assert found[1] - found[0] == pytest.approx(2, abs=0.2)  # the first look may find its point known
@@ -140,12 +143,12 @@ def driven(make_tank, *, steps):
     """Return two seconds of the budget of a standing wave, a piston, and a sponge from one metre on."""
     motion = Ramped(Sinusoid(0.05, 1.3), 1.0)
     waves = make_tank(length=3.0, cells=6, order=3, n=4, motion=motion, reach=1.0)
-    sponge = Absorbing(ThirdOrder(), profile(waves.plane.x - 1.0, width=2.0, strength=3.0))
+    sponge = Absorbing(Simpson4(), profile(waves.plane.x - 1.0, width=2.0, strength=3.0))
     record, dt = Memory(), 2.0 / steps
     budget = EnergyBudget(waves, record=record, sinks=[sponge])
     state = sponge.start(*waves.state(0.05 * np.cos(np.pi * waves.plane.x / 3), 0 * waves.plane.x))
     for step in range(steps + 1):
-        budget.observe(Moment(step, step * dt, state.q, state.p))
+        budget.observe(Moment(step, step * dt, state.q, state.p, state.known))
         state = sponge.step(waves, state, step * dt, dt)
     return record.array()
 
@@ -176,7 +179,8 @@ def test_a_sponge_that_gives_energy_is_told(make_tank, strength, sound):
     assert any("should damp the waves has given them" in sentence for sentence in budget.verdict()) != sound
 
 
-def test_energy_and_mass_of_damped_nonlinear_waves_with_a_penalty(make_tank):
+@pytest.mark.parametrize(("scheme", "order"), [(ThirdOrder(), 3), (Simpson4(), 4)])
+def test_energy_and_mass_of_damped_nonlinear_waves_with_a_penalty(make_tank, scheme, order):
     """Between fixed walls: what is lost is what sponge and penalty have counted, to the error of the scheme alone."""
     waves = make_tank(length=2.0, cells=8, order=3, n=4)
     q, p = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0 * waves.plane.x)
@@ -184,14 +188,14 @@ def test_energy_and_mass_of_damped_nonlinear_waves_with_a_penalty(make_tank):
     for count in counts:
         dt = 1.0 / count
         penalty = EdgePenalty(waves, SurfaceFlow(waves), cell_size=0.25, dt=dt, threshold=0.0)
-        sponge = Absorbing(ThirdOrder(), profile(waves.plane.x - 1.0, width=1.0, strength=2.0))
+        sponge = Absorbing(scheme, profile(waves.plane.x - 1.0, width=1.0, strength=2.0))
         state = ends(waves, Filtered(sponge, [penalty]), (q, p), steps=count, dt=dt)
         taken = sponge.energy_taken + penalty.energy_taken
         assert sponge.energy_taken > 0.1 * start and penalty.energy_taken > 0.0
         missing.append(abs(start - waves.energy(state.q, state.p, 1.0) - taken))
         assert waves.total_mass(state.q) == pytest.approx(waves.total_mass(q), rel=1e-14)
-    assert missing[-1] < 1e-5 * start
-    assert -fitted_slope(counts, missing) > 2.8
+    assert missing[-1] < 10 ** (-2 * order + 1) * start
+    assert -fitted_slope(counts, missing) > order - 0.35
 
 
 # ---------------------------------------------------------------- reflection
@@ -278,7 +282,7 @@ def figures_of_sponges():
     plane = Plane(plan.mesh, 3, plan.chart)
     tolerances = Tolerances(stage=1e-12, interior=1e-13)
     waves = NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=4, tolerances=tolerances)
-    scheme = Absorbing(ThirdOrder(), profile(plane.x - 1.0, width=2.0, strength=2.0))
+    scheme = Absorbing(Simpson4(), profile(plane.x - 1.0, width=2.0, strength=2.0))
     state = ends(waves, scheme, waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x), steps=10, dt=0.03)
     space = Plane(mesh.create_rectangle(MPI.COMM_WORLD, [[0.0, 0.0], [4.0, 1.0]], [8, 4], mesh.CellType.triangle), 2)
     corner = mesh.locate_entities(space.mesh, 2, lambda x: (x[0] > 2.5 - 1e-9) & (x[1] > 0.5 - 1e-9))

@@ -85,3 +85,6 @@ class HamiltonianSystem(Protocol):
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(q, p, t)."""
+
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the sum of a b over the unknowns of all ranks: what H changes by along b, a being its derivative."""

@@ -48,8 +48,16 @@ class LinearStages:
         return self.pair
 
 
+class OnOneRank:
+    """A system all of whose unknowns are here."""
+
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the sum of a b."""
+        return float(a @ b)
+
+
 @dataclass(frozen=True)
-class Harmonic:
+class Harmonic(OnOneRank):
     """H = (p² + omega² q²) / 2, the linear oscillator of [G16], section 4."""
 
     omega: float = 1.0
@@ -78,7 +86,7 @@ class Harmonic:
 
 
 @dataclass(frozen=True)
-class Forced:
+class Forced(OnOneRank):
     """dp/dt = -q + slope t, dq/dt = p: the forced oscillator (50)-(51) of [G16], H = (p² + q²) / 2 - slope t q."""
 
     slope: float = 1.0
@@ -108,7 +116,7 @@ class Forced:
 
 
 @dataclass(frozen=True)
-class NonSeparable:
+class NonSeparable(OnOneRank):
     """H = (q² + 1)(p² + 1) / 2: nonlinear, and q and p do not separate, as in the water."""
 
     stages: Stages = field(default_factory=_stages, compare=False)
@@ -147,7 +155,7 @@ class NonSeparable:
 
 
 @dataclass
-class Counted:
+class Counted(OnOneRank):
     """A system that counts its evaluations as the tank pays for them: H_q and H_p at one (q, p, t) in a row are one.
 
     Attributes

@@ -43,6 +43,9 @@ class _Growing:
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         return self.system.energy(q, p / self._growth(t), t)
 
+    def inner(self, a: Vector, b: Vector) -> float:
+        return self.system.inner(a, b)
+
 
 @dataclass(frozen=True)
 class Damped(Generic[S]):

@@ -6,6 +6,7 @@ from typing import Generic, Protocol
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
 from wavetank.integrators.contract import Integrator, S
+from wavetank.integrators.reported_energy import reported_energy
 
 
 class Filter(Protocol):
@@ -44,7 +45,7 @@ class Filtered(Generic[S]):
         state = self.scheme.step(system, state, t, dt)
         for one in self.filters:
             if one.needed(state.q, state.p, t + dt):
-                before = system.energy(*state.known[-1], t + dt)
+                before = reported_energy(system, state, t + dt)
                 state = state.mapped(one.coordinate, one.momentum)
-                one.account(before, system.energy(*state.known[-1], t + dt))
+                one.account(before, reported_energy(system, state, t + dt))
         return state

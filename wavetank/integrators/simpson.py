@@ -69,9 +69,10 @@ class MeanAndJumps(NamedTuple):
         return Evaluated(self.q + side * self.q_jump, self.p + side * self.p_jump)
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
-        """Return the state with both traces mapped; the jumps of earlier steps are what they were."""
-        minus, plus = (np.concatenate([coordinate(q), momentum(p)]) for q, p in (self._trace(-0.5), self._trace(0.5)))
-        return self.of((minus + plus) / 2, plus - minus, *self.pairs[2:4], plus)
+        """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
+        mean, plus = (np.concatenate([coordinate(q), momentum(p)]) for q, p in ((self.q, self.p), self._trace(0.5)))
+        jump = 2 * (plus - mean)
+        return self.of(mean, jump, *self.pairs[2:4], mean + 0.5 * jump)
 
 
 @dataclass(frozen=True)

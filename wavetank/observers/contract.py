@@ -91,5 +91,8 @@ class ObservedWaves(Protocol):
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi, shape (owned,)."""
 
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the sum of a b over the degrees of freedom of all ranks."""
+
     def total_mass(self, q: Vector) -> float:
         """Return the water's volume, of a slice per width [m³, m²]."""

@@ -98,9 +98,10 @@ class EnergyBudget:
         there = waves.energies(q, p, moment.t)
         if q is moment.q and p is moment.p:
             return there
-        slope = waves.H_q(q, p, moment.t) * (moment.q - q) + waves.H_p(q, p, moment.t) * (moment.p - p)
-        potential = waves.gravity * waves.plane.sum(waves.elevation(q, p, moment.t) * (moment.q - q))
-        kinetic = waves.plane.sum(slope) - potential
+        dq, dp = moment.q - q, moment.p - p
+        total = waves.inner(waves.H_q(q, p, moment.t), dq) + waves.inner(waves.H_p(q, p, moment.t), dp)
+        potential = waves.gravity * waves.inner(waves.elevation(q, p, moment.t), dq)
+        kinetic = total - potential
         return replace(there, kinetic=there.kinetic + kinetic, potential=there.potential + potential)
 
     def verdict(self) -> list[str]:

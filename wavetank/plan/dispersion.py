@@ -28,6 +28,7 @@ from scipy.special import spherical_jn
 
 from wavetank.fe.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_legendre
 from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.oscillators import OnOneRank
 from wavetank.integrators.contract import Integrator
 from wavetank.reference import airy
 
@@ -198,7 +199,7 @@ class _EachAlone:
 
 
 @dataclass(frozen=True)
-class _Oscillators:
+class _Oscillators(OnOneRank):
     """H = sum x (p² + q²) / 2: oscillators of the frequencies x, all stepped together."""
 
     x: Vector

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from wavetank.hamiltonian.contract import Stage, Vector
-from wavetank.hamiltonian.oscillators import LinearStages, NonSeparable
+from wavetank.hamiltonian.oscillators import LinearStages, NonSeparable, OnOneRank
 from wavetank.integrators import GaussLegendre4, Simpson4, ThirdOrder
 from wavetank.integrators.contract import Integrator
 from wavetank.verify.report import Report
@@ -167,7 +167,7 @@ class FixedPoint:
         return z
 
 
-class Orbits:
+class Orbits(OnOneRank):
     """Orbits of H = (q² + 1)(p² + 1) / 2 side by side, each in its own time: a period lasts 1.
 
     Parameters

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stages, Vector
-from wavetank.hamiltonian.oscillators import Forced
+from wavetank.hamiltonian.oscillators import Forced, OnOneRank
 from wavetank.integrators import Simpson4, StormerVerlet, StormerVerletAdjoint, ThirdOrder
 from wavetank.integrators.contract import Integrator
 from wavetank.verify.report import Report
@@ -24,7 +24,7 @@ Times = Mapping[float, float]
 
 
 @dataclass(frozen=True)
-class _Moved:
+class _Moved(OnOneRank):
     """A system seen through another clock: H at t + c dt is H at t + times[c] dt."""
 
     system: HamiltonianSystem

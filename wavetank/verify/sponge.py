@@ -23,7 +23,7 @@ from scipy.optimize import minimize_scalar
 
 from postprocess.style import BLUE, GREEN, GREY, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.fe.plane import Plane
-from wavetank.integrators import ThirdOrder
+from wavetank.integrators import Simpson4
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.motions import Motion, Ramped, Sinusoid
 from wavetank.reference.airy import angular_frequency, group_velocity, wave_number
@@ -126,7 +126,7 @@ def in_time(beach: Beach, waves: LinearWaves | NonlinearWaves, *, steps: int = S
     period = 2 * np.pi / beach.omega
     crossing = beach.length / float(group_velocity(beach.k, 1.0, 9.81))
     count, dt = steps * int(np.ceil(2.5 * crossing / period + 6)), period / steps
-    scheme = Absorbing(ThirdOrder(), beach.gamma)
+    scheme = Absorbing(Simpson4(), beach.gamma)
     harmonic: Complex = np.zeros(beach.plane.owned, dtype=np.complex128)
     state = scheme.start(*waves.state(0 * beach.plane.x, 0 * beach.plane.x))
     for step in range(1, count + 1):

@@ -173,6 +173,10 @@ class LinearWaves:
         parts = self.energies(q, p, t)
         return parts.total + parts.wall
 
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the sum of a b over the degrees of freedom of all ranks; collective."""
+        return self.plane.sum(a * b)
+
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi), X_p'' F [m^4/s³]: what the paddle does; collective."""
         return self.motion.acceleration(t) * self._through_wall(p, self.motion.velocity(t))

@@ -241,6 +241,10 @@ class NonlinearWaves:
         parts = self.energies(q, p, t)
         return parts.total + parts.wall
 
+    def inner(self, a: Vector, b: Vector) -> float:
+        """Return the sum of a b over the degrees of freedom of all ranks; collective."""
+        return self.plane.sum(a * b)
+
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
         return self._wall_forms.explicit_rate(lambda: self.H_q(q, p, t))
