@@ -301,6 +301,18 @@ def test_damped_jumps_stay_small_on_orbits_on_which_those_of_the_paper_s_scheme_
     assert (errors["Simpson4"] < 2 * errors["GaussLegendre4"]).all()
 
 
+@pytest.mark.parametrize("gamma_dt", [0.01, 0.1, 1.0, 10.0])
+def test_what_damps_between_steps_damps_the_motion_as_it_should_and_lets_no_jump_grow(gamma_dt):
+    """On the oscillator, whose moduli are e^(-gamma dt / 2) where it oscillates; earlier jumps stay what they were."""
+    absorbing = damping.damped(simpson(), Absorbing)
+    for theta in np.linspace(0.05, 0.999 * Simpson4.stability_limit, 12):
+        values = np.linalg.eigvals(absorbing(gamma_dt / theta, theta))
+        assert np.abs(values).max() < 1
+        if gamma_dt < 2 * theta and theta < 1.2:
+            physical = np.abs(values[np.argmin(np.abs(values - np.exp(-gamma_dt / 2 + 1j * theta)))])
+            assert physical == pytest.approx(np.exp(-gamma_dt / 2), abs=2e-9 + 2e-5 * theta**10)
+
+
 def test_without_damping_the_mean_and_jump_keep_their_two_form_and_are_reversible():
     """Dq ^ dp - 1/4 d(jump of q) ^ d(jump of p), which is (37); with damping it holds to what is taken."""
     assert symplecticity.two_form_defect(simpson(Simpson4(0.0))) < 1e-9
