@@ -74,7 +74,9 @@ def test_frequency_converges_to_airy_with_twice_the_order(make_linear, order):
     assert -fitted_slope(counts, errors) == pytest.approx(2 * order, abs=0.25)
 
 
-@pytest.mark.parametrize(("name", "order"), [("stormer-verlet", 2), ("stormer-verlet-adjoint", 2), ("third-order", 3), ("simpson-4", 4)])
+@pytest.mark.parametrize(
+    ("name", "order"), [("stormer-verlet", 2), ("stormer-verlet-adjoint", 2), ("third-order", 3), ("simpson-4", 4)]
+)
 def test_fully_discrete_standing_wave_converges_to_airy(make_linear, name, order):
     """The elevation at the wall after each step against a cos(omega t); space is resolved to 1e-9."""
     waves = make_linear(length=1.0, cells=8, order=6, n=12, depth=0.5)

@@ -75,7 +75,9 @@ def run_mode(tank, shape, omega, scheme, *, periods, steps_per_period):
     return dt * np.arange(len(amplitudes)), np.array(amplitudes)
 
 
-@pytest.mark.parametrize(("name", "order"), [("stormer-verlet", 2), ("stormer-verlet-adjoint", 2), ("third-order", 3), ("simpson-4", 4)])
+@pytest.mark.parametrize(
+    ("name", "order"), [("stormer-verlet", 2), ("stormer-verlet-adjoint", 2), ("third-order", 3), ("simpson-4", 4)]
+)
 def test_error_in_time_has_the_order_of_the_scheme(oscillator, name, order):
     tank, shape, omega = oscillator
     steps, errors = (20, 30, 40, 60), []

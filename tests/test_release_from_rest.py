@@ -52,10 +52,11 @@ def test_elevation_converges_in_cell_size(case):
     assert errors[-1] < 1e-6  # a micrometre of 3 cm
 
 
-def test_elevation_converges_in_time_with_third_order():
-    steps = (2, 3, 4, 6)
+def test_elevation_converges_in_time_with_fourth_order():
+    """Down to some nanometres, which are the reference's and the mesh's."""
+    steps = (2, 3, 4)
     errors = [largest_error(CASES[1], cells=4, order=8, n=6, steps=count) for count in steps]
-    assert -fitted_slope(steps, errors) == pytest.approx(3, abs=0.2)
+    assert -fitted_slope(steps, errors) == pytest.approx(4, abs=0.25)
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,7 @@ def test_what_is_recorded_costs_no_solve():
 
 
 def test_a_run_goes_on_from_its_pickled_state_in_a_new_tank():
-    """To the stages' tolerance: the jumps of the last steps are part of the state, and what the system recalls is not."""
+    """To the stages' tolerance: the jumps of the last steps are in the state, and what the system recalls is not."""
     numerics = {"integrator": "simpson-4", "dt": 0.06, "edge_penalty": 0.25}
     whole, waves = built(SLICE, **numerics)
     half = whole.clock.steps // 2
