@@ -28,9 +28,10 @@ def view(
     size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
 ) -> None:
     """View a run in three dimensions: a still (the default), a film, a window; or draw its space-time diagram."""
-    drawing, directory, console = _drawing(), RunDirectory(run), Console(soft_wrap=True, markup=False)
+    directory, console = RunDirectory(run), Console(soft_wrap=True, markup=False)
     check_new(*(file for file in (out, film) if file is not None), overwrite=overwrite)
     given = {} if size is None else {"size": _pixels(size)}
+    drawing = _drawing()
 
     def made() -> Iterator[Path]:
         if time is not None or out is not None or not (film or diagram or window):

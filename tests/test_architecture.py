@@ -4,6 +4,7 @@ import ast
 from pathlib import Path
 
 import pytest
+from ranks import launch
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGE = CHECKOUT / "wavetank"
@@ -119,18 +120,23 @@ def _in(layers: set[str], files: dict[str, Path]) -> set[str]:
     return {name for name in files if name.startswith("wavetank.") and name.split(".")[1] in layers}
 
 
-def test_the_scene_needs_no_dolfinx(wavetank):
-    import subprocess
-    import sys
+def test_what_takes_long_to_load_is_loaded_by_whom_it_serves(tmp_path):
+    """A case that is refused, and a run of low waves without pictures, load a second of modules less."""
+    code = """
+import sys
+from wavetank.cli import main
 
-    code = "import sys, wavetank.scene; sys.exit('dolfinx' in sys.modules or 'petsc4py' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+def loaded(*names):
+    return [name for name in names if name in sys.modules]
 
-
-def test_a_run_loads_nothing_of_statistics():
-    """Half a second, for one function of scipy.signal."""
-    import subprocess
-    import sys
-
-    code = "import sys, wavetank.recorded_run; sys.exit('scipy.stats' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+late = "matplotlib", "netCDF4", "pandas", "pyvista", "scipy.stats", "sympy", "xarray"
+case, out = sys.argv[1:]
+assert main(["run", case, "--set", "tank.depth=-1"]) == 2
+assert not loaded("dolfinx", "petsc4py", *late), loaded(*late)
+changes = "initial.amplitude=0.01", "run.duration=0.02", "numerics.dt=0.01", "numerics.vertical_order=2"
+assert main(["run", case, "--no-plots", "--out", out, *(word for one in changes for word in ("--set", one))]) == 0
+assert not loaded(*late), loaded(*late)
+"""
+    case = CHECKOUT / "cases" / "standing-wave.toml"
+    done = launch([sys.executable, "-c", code, str(case), str(tmp_path / "run")])
+    assert done.returncode == 0, done.stderr

@@ -60,10 +60,10 @@ def run(
     yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
 ) -> None:
     """Run a case; also under mpirun."""
-    from wavetank.recorded_run import record_run  # dolfinx takes a second to load
-
     scene = Scene.from_toml(case, overrides or [])
     place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite)
+    from wavetank.recorded_run import record_run  # dolfinx takes a second to load
+
     with located(case, overrides or []):
         draw = _draw if plots else None
         record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, unasked=yes)

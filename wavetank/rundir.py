@@ -28,7 +28,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import import_module
-from io import StringIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -51,6 +51,7 @@ LOG = "run.log"
 PICTURES = ("surface.png", "gauges.png", "energy.png", "view.png", "compare.png", "compare.csv")  # drawn of the records
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 NUMBER = np.dtype("<f8")
+COORDINATES = ["station_name", "x", "y"]  # of gauges, in their data set
 
 
 def environment() -> dict[str, Any]:
@@ -333,10 +334,7 @@ class RunWriter:
 
     def _write_netcdf(self) -> None:
         try:
-            gauges = RunDirectory(self.path).gauges_dataset()
-            unfilled = {name: {"_FillValue": None} for name in gauges.variables}  # nothing is missing
-            content = gauges.to_netcdf(format="NETCDF3_64BIT", engine="scipy", encoding=unfilled)
-            replace(self.path / GAUGES_NETCDF, content)
+            replace(self.path / GAUGES_NETCDF, RunDirectory(self.path).gauges_netcdf())
         except (OSError, InputError) as error:
             why = getattr(error, "strerror", None) or str(error)
             said = f"{GAUGES_NETCDF} could not be written ({why}); {GAUGES} has the same"
@@ -387,6 +385,12 @@ def _check_free(path: Path, *, overwrite: bool) -> None:
         raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
     if there and not overwrite:
         raise InputError(f"{path}: holds a run already; give another directory (--out), or --overwrite.")
+
+
+def _set(named: Any, attributes: dict[str, str]) -> None:
+    """Give a NetCDF file, or a variable of one, its attributes."""
+    for name, text in attributes.items():
+        setattr(named, name, text.encode())
 
 
 def _column(name: str, x: float, y: float = 0.0) -> str:
@@ -461,6 +465,37 @@ class RunDirectory:
         """
         from xarray import Dataset  # which takes a second to load
 
+        return Dataset(self._stations(), attrs=self._conventions()).set_coords(COORDINATES)
+
+    def gauges_netcdf(self) -> bytes:
+        """Return what ``gauges_dataset`` does as a file in NetCDF's classic 64-bit format.
+
+        Raises ``InputError`` where there is no gauge or no row: the format takes a length of zero for unlimited.
+        """
+        from scipy.io import netcdf_file
+
+        content, stations = BytesIO(), self._stations()
+        if not stations["elevation"][1].size:
+            raise InputError(f"{GAUGES} has no elevation")
+        with netcdf_file(content, "w", version=2) as file:
+            _set(file, self._conventions())
+            for name, (dimensions, values, attributes) in stations.items():
+                if values.dtype.kind == "U":  # text is characters in UTF-8, along a dimension of their own
+                    encoded = np.char.encode(values, "utf-8")
+                    values = encoded.view("S1").reshape(*values.shape, encoded.itemsize)
+                    dimensions, attributes = (*dimensions, f"{name}_length"), {**attributes, "_Encoding": "utf-8"}
+                for dimension, length in zip(dimensions, values.shape, strict=True):
+                    if dimension not in file.dimensions:
+                        file.createDimension(dimension, length)
+                variable = file.createVariable(name, values.dtype, dimensions)
+                variable[:] = values
+                _set(variable, attributes)
+            _set(file.variables["elevation"], {"coordinates": " ".join(COORDINATES)})
+            file.flush()
+            return content.getvalue()
+
+    def _stations(self) -> dict[str, tuple[tuple[str, ...], NDArray[Any], dict[str, str]]]:
+        """Return the gauges' records and places: dimensions, values and attributes of each variable."""
         header, rows = self._table(GAUGES)
         names, x, y = zip(*map(_place, header[1:]), strict=True) if header[1:] else ((), (), ())
         elevation = {
@@ -469,23 +504,21 @@ class RunDirectory:
             "units": "m",
         }
         along, across = "distance along the tank from the paddle at rest", "distance across the tank"
-        return Dataset(
-            {"elevation": (("station", "time"), rows.T[1:], elevation)},
-            {
-                "time": ("time", rows[:, 0], {"long_name": "time since the start", "units": "s", "axis": "T"}),
-                "station_name": ("station", np.array(names, dtype=str), {"cf_role": "timeseries_id"}),
-                "x": ("station", np.array(x, dtype=float), {"long_name": along, "units": "m", "axis": "X"}),
-                "y": ("station", np.array(y, dtype=float), {"long_name": across, "units": "m", "axis": "Y"}),
-            },
-            self._origin() | {"Conventions": "CF-1.8", "featureType": "timeSeries"},
-        )
+        return {
+            "time": (("time",), rows[:, 0], {"long_name": "time since the start", "units": "s", "axis": "T"}),
+            "station_name": (("station",), np.array(names, dtype=str), {"cf_role": "timeseries_id"}),
+            "x": (("station",), np.array(x, dtype=float), {"long_name": along, "units": "m", "axis": "X"}),
+            "y": (("station",), np.array(y, dtype=float), {"long_name": across, "units": "m", "axis": "Y"}),
+            "elevation": (("station", "time"), rows.T[1:], elevation),
+        }
 
-    def _origin(self) -> dict[str, str]:
-        """Return what CF calls title, source and history."""
+    def _conventions(self) -> dict[str, str]:
+        """Return what CF says of a data set: title, source, history and conventions."""
         version = self.manifest.get("versions", {}).get("wavetank", "unknown")
         source = f"wavetank {version}, revision {self.manifest.get('git') or 'unknown'}"
         history = f"{self.manifest.get('started', '')} {shlex.join(self.manifest.get('command', []))}".strip()
-        return {"title": self.title, "source": source, "history": history}
+        origin = {"title": self.title, "source": source, "history": history}
+        return origin | {"Conventions": "CF-1.8", "featureType": "timeSeries"}
 
     def fields(self, name: str) -> list[tuple[float, Path]]:
         """Return time [s] and file, for pyvista or ParaView, of each snapshot of a series, one of ``SERIES``."""
