@@ -2,16 +2,16 @@
 
 import io
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
+from typing import NamedTuple
 
 import hypothesis
 import numpy as np
 import pytest
 from mpi4py import MPI
-from ranks import CHECKOUT, Crews, launch
+from ranks import CHECKOUT, Crews
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -54,12 +54,34 @@ def make_tank() -> Callable[..., object]:
     return make
 
 
-@pytest.fixture
-def wavetank() -> Callable[..., subprocess.CompletedProcess]:
-    """Return a function that runs the command line, optionally on several ranks."""
+class Said(NamedTuple):
+    """How a command has ended: its exit code, and what it has printed."""
 
-    def run(*arguments: str, ranks: int = 1, cwd: Path = CHECKOUT) -> subprocess.CompletedProcess:
-        return launch([sys.executable, "-m", "wavetank", *arguments], ranks=ranks, cwd=cwd)
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+def commanded(*arguments: str) -> Said:
+    """Run the command line in this process, in the checkout."""
+    from wavetank.cli import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with chdir(CHECKOUT), redirect_stdout(out), redirect_stderr(err):
+        code = main(list(arguments))
+    return Said(code, out.getvalue(), err.getvalue())
+
+
+@pytest.fixture
+def wavetank(on_ranks) -> Callable[..., Said]:
+    """Return a function that runs the command line, optionally on several ranks, of which all print together."""
+
+    def run(*arguments: str, ranks: int = 1) -> Said:
+        if ranks == 1:
+            return commanded(*arguments)
+        codes, out, err = zip(*on_ranks(commanded, *arguments, ranks=ranks), strict=True)
+        assert len(set(codes)) == 1, (codes, err)
+        return Said(codes[0], "".join(out), "".join(err))
 
     return run
 

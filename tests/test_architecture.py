@@ -1,6 +1,7 @@
 """Imports go one way; the lower layers never see the higher ones."""
 
 import ast
+import sys
 from pathlib import Path
 
 import pytest

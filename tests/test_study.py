@@ -3,13 +3,15 @@
 import csv
 import io
 import json
+import re
+import shlex
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from conftest import CHECKOUT, fitted_slope
+from conftest import CHECKOUT, commanded, fitted_slope
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
@@ -235,9 +237,11 @@ def test_without_a_gauge_in_common_surfaces_are_compared(tmp_path):
 
 
 # ---------------------------------------------------------------- small real studies
-LINEAR = ["initial.amplitude=1e-5", "numerics.tolerance=1e-12", "numerics.cells=6", "numerics.vertical_order=4"]
-LINEAR += ["run.duration=3.3425"]  # two periods
-SWEEPS = ["dt=0.06685,0.033425", "integrator=third-order,stormer-verlet"]
+LINEAR = ["initial.amplitude=1e-5", "water.type=linear", "numerics.cells=6", "numerics.vertical_order=4"]
+LINEAR += ["numerics.order=4", "run.duration=3.34"]  # two periods, less a thousandth of one
+(README,) = re.findall(r"^\./env wavetank (study .*)$", (CHECKOUT / "README.md").read_text(), flags=re.MULTILINE)
+SWEEPS = re.findall(r"--sweep (\S+)", README)
+STEPS = ("0.02", "0.01")
 
 
 def run_study(out: Path, sweeps=SWEEPS, overrides=LINEAR, **others) -> tuple[list[Row], str]:
@@ -248,7 +252,11 @@ def run_study(out: Path, sweeps=SWEEPS, overrides=LINEAR, **others) -> tuple[lis
 
 @pytest.fixture(scope="module")
 def linear_study(tmp_path_factory):
+    """The folder of the README's study, but of a low wave, and what the same study finds where it has been run."""
     out = tmp_path_factory.mktemp("study")
+    words = shlex.split(README.replace("runs/study", str(out))) + ["--reference", "exact"]
+    done = commanded(*words, *(word for change in LINEAR for word in ("--set", change)))
+    assert done.returncode == 0 and "4/4 dt=" in done.stdout, done
     rows, _ = run_study(out, reference="exact")
     return out, rows
 
@@ -260,13 +268,13 @@ def test_phase_errors_are_those_of_the_schemes(linear_study):
     """
     _, rows = linear_study
     phase = {tuple(row.combination.values.values()): row.errors[PHASE] for row in rows}
-    omega, steps = float(angular_frequency(np.pi / 2, 1.0, 9.81)), np.array([0.06685, 0.033425])
-    verlet = np.array([phase[str(dt), "stormer-verlet"] for dt in steps])
-    np.testing.assert_allclose(verlet, omega * 3.3425 * (omega * steps) ** 2 / 24, rtol=0.02)
+    omega, steps = float(angular_frequency(np.pi / 2, 1.0, 9.81)), np.array(STEPS, dtype=float)
+    verlet = np.array([phase[dt, "stormer-verlet"] for dt in STEPS])
+    np.testing.assert_allclose(verlet, omega * 3.34 * (omega * steps) ** 2 / 24, rtol=0.02)
     surface = {tuple(row.combination.values.values()): row.errors[SURFACE] for row in rows}
-    third = [surface[str(dt), "third-order"] for dt in steps]
+    third = [surface[dt, "third-order"] for dt in STEPS]
     assert fitted_slope(steps, third) > 2.5
-    assert third[0] < 0.05 * surface["0.06685", "stormer-verlet"]
+    assert third[0] < 0.05 * surface[STEPS[0], "stormer-verlet"]
 
 
 def test_the_table_says_settings_errors_costs_and_status(linear_study):
@@ -274,13 +282,13 @@ def test_the_table_says_settings_errors_costs_and_status(linear_study):
     with (out / "study.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [(line["dt [s]"], line["integrator"]) for line in table] == list(
-        product(("0.06685", "0.033425"), ("third-order", "stormer-verlet"))
+        product(STEPS, ("third-order", "stormer-verlet"))
     )
     for line, row in zip(table, rows, strict=True):
         manifest = json.loads((out / row.combination.name / "manifest.json").read_text())
         assert line["status"] == "finished" and line["cause"] == ""
         assert float(line[PHASE]) == pytest.approx(row.errors[PHASE], rel=1e-6)
-        assert int(line["steps"]) == manifest["numerics"]["steps"] == round(3.3425 / float(line["dt [s]"]))
+        assert int(line["steps"]) == manifest["numerics"]["steps"] == round(3.34 / float(line["dt [s]"]))
         assert int(line["interior solves"]) == manifest["counters"]["interior_solves"] > int(line["steps"])
         assert 0 < float(line["CPU [s]"]) < 60  # of the stepping, no more than the machine's clock allows
         assert 50 < float(line["memory [MiB]"]) < 5000
