@@ -18,6 +18,7 @@ from wavetank.verify import (
     damping,
     dispersion,
     forcing,
+    long_orbits,
     mean_jump,
     overview,
     parasitic,
@@ -25,6 +26,7 @@ from wavetank.verify import (
     stability,
     symplecticity,
     table_1,
+    traced,
 )
 from wavetank.verify.schemes import (
     all_schemes,
@@ -290,14 +292,14 @@ def test_the_limit_of_the_scheme_with_damped_jumps():
 
 def test_damped_jumps_stay_small_on_orbits_on_which_those_of_the_paper_s_scheme_grow():
     """30 periods in 48 steps each: its energy is as right as Gauss-Legendre's, to a factor of two."""
-    orbits = damped_jumps.Orbits([(1.0, 0.5), (1.2, 0.5), (1.5, 0.5)])
+    orbits = damped_jumps.Orbits([(1.0, 0.5), (1.2, 0.5), (1.5, 0.5)], 48)
     errors = {}
-    for scheme in (Simpson4(), damped_jumps.Cured(), GaussLegendre4()):
-        found = orbits.errors(scheme, dt=1 / 48, steps=30 * 48)
+    for scheme in (Simpson4(), damped_jumps.SideBySide(), GaussLegendre4()):
+        found = orbits.errors(scheme, steps=30 * 48)
         errors[type(scheme).__name__] = np.abs(found).max(axis=0)
         if scheme == Simpson4():
             assert max(abs(damped_jumps.drift(one, 48)) for one in found.T) < 2e-9
-    assert (errors["Cured"] > 0.01).all()
+    assert (errors["SideBySide"] > 0.01).all()
     assert (errors["Simpson4"] < 2 * errors["GaussLegendre4"]).all()
 
 
@@ -311,6 +313,24 @@ def test_what_damps_between_steps_damps_the_motion_as_it_should_and_lets_no_jump
         if gamma_dt < 2 * theta and theta < 1.2:
             physical = np.abs(values[np.argmin(np.abs(values - np.exp(-gamma_dt / 2 + 1j * theta)))])
             assert physical == pytest.approx(np.exp(-gamma_dt / 2), abs=2e-9 + 2e-5 * theta**10)
+
+
+@pytest.mark.parametrize("scheme", [simpson(), third_order(), continuous("", GaussLegendre4())])
+def test_a_compiled_orbit_is_that_of_the_scheme(scheme):
+    """Its mean energy over each of four periods, against the scheme's own steps with stages solved by PETSc."""
+    system = NonSeparable()
+    compiled = traced.energies(scheme.integrator, q=0.5, p=0.25, steps=24, periods=4)
+    _, q, p = trajectory(scheme, system, q=0.5, p=0.25, dt=system.period(0.5, 0.25) / 24, steps=4 * 24)
+    assert compiled == pytest.approx(((q**2 + 1) * (p**2 + 1) / 2)[1:].reshape(4, 24).mean(axis=1), abs=1e-12)
+
+
+def test_energy_drifts_with_the_ninth_power_of_the_step_and_by_what_the_damping_takes():
+    """10⁴ periods against theory to leading order; without damping, and with Gauss-Legendre, nothing drifts."""
+    drifts = [long_orbits.drift(long_orbits.error(long_orbits.DAMPED, steps, periods=10_000)) for steps in (32, 48, 64)]
+    assert fitted_slope([1 / 32, 1 / 48, 1 / 64], drifts) == pytest.approx(9, abs=0.15)
+    assert drifts[2] == pytest.approx(long_orbits.predicted(64), rel=0.04)
+    for scheme in ("(23), mean", "Gauss-Legendre 4"):
+        assert abs(long_orbits.drift(long_orbits.error(scheme, 32, periods=10_000))) < 1e-15
 
 
 def test_without_damping_the_mean_and_jump_keep_their_two_form_and_are_reversible():

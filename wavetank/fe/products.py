@@ -105,11 +105,11 @@ def _kernel(terms: int, numbers: int, comm: MPI.Comm) -> Any:
         builder.compile(tmpdir=str(folder))
 
     folder = compiled(comm, f"{name} {DECLARATION} {source} {FLAGS}", build=build)
-    return _loaded(folder / f"{name}{EXTENSION_SUFFIXES[0]}")
+    return loaded(folder / f"{name}{EXTENSION_SUFFIXES[0]}")
 
 
 @cache
-def _loaded(file: Path) -> Any:
+def loaded(file: Path) -> Any:
     """Return a compiled module."""
     spec = spec_from_file_location(file.name.split(".")[0], file)
     if spec is None or spec.loader is None:

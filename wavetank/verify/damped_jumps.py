@@ -1,8 +1,7 @@
 """Part 11: the parasitic modes of (23) damped, against other cures; what the damping costs.
 
 Eigenvalues on the oscillator for differences of order m and strengths kappa; strongly nonlinear orbits of
-H = (q² + 1)(p² + 1) / 2 on which (23) fails; the energy of a mild one over many periods. All orbits of a figure are
-stepped at once, as one vector.
+H = (q² + 1)(p² + 1) / 2 on which (23) fails. All orbits are stepped at once, as one vector, under all rules for jumps.
 """
 
 from collections.abc import Callable, Sequence
@@ -23,13 +22,11 @@ from wavetank.verify.report import Report
 ORBITS = ((0.5, 0.25), (1.0, 0.5), (1.2, 0.5), (1.5, 0.5))
 STEPS = (24, 48)  # a period
 PERIODS = 50
-MILD = (0.5, 0.25)
-MILD_STEPS, MILD_PERIODS = (12, 16, 24, 32), 500
 
 
 # ---------------------------------------------------------------- the oscillator
-def matrix(theta: float, kappa: float, m: int) -> NDArray[Any]:
-    """Return the step of dz/dt = i z, omega dt = theta, on (z, d_n, ..., d_n-m+1), shape (m + 1, m + 1), m from 1."""
+def matrices(theta: NDArray[Any], kappa: float, m: int) -> NDArray[Any]:
+    """Return the steps of dz/dt = i z, omega dt = theta, on (z, d_n, ..., d_n-m+1), shape (thetas, m + 1, m + 1)."""
     columns = []
     for z, d, *earlier in np.eye(m + 1):
         plus = z + d / 2
@@ -37,33 +34,41 @@ def matrix(theta: float, kappa: float, m: int) -> NDArray[Any]:
         f_0, f_half, f_1 = 1j * theta * plus, 1j * theta * half, 1j * theta * (plus + 1j * theta * half)
         jumps = [-d + (f_0 - 2 * f_half + f_1) / 3, d, *earlier]
         alternating = sum((-1) ** k * comb(m, k) * jump for k, jump in enumerate(jumps)) / 2**m
-        columns.append([z + (f_0 + 4 * f_half + f_1) / 6, jumps[0] - kappa * alternating, *jumps[1:-1]])
-    return np.array(columns).T
+        column = [z + (f_0 + 4 * f_half + f_1) / 6, jumps[0] - kappa * alternating, *jumps[1:-1]]
+        columns.append(np.broadcast_arrays(*column))
+    return np.array(columns).transpose(2, 1, 0)
 
 
 class Roots(NamedTuple):
-    """Moduli of the roots on the oscillator: that of the motion, and the largest of the others."""
+    """Moduli of the roots, each shape (thetas,): that of the motion, and the largest of the others."""
 
-    physical: float
-    parasitic: float
+    physical: NDArray[Any]
+    parasitic: NDArray[Any]
+
+    @property
+    def largest(self) -> NDArray[Any]:
+        """The largest of all."""
+        return np.asarray(np.maximum(self.physical, self.parasitic))
 
 
-def roots(theta: float, kappa: float, m: int) -> Roots:
+def roots(theta: NDArray[Any], kappa: float, m: int) -> Roots:
     """Return the moduli; the motion's root is the one next to exp(i theta)."""
-    values = np.linalg.eigvals(matrix(theta, kappa, m))
-    physical = int(np.argmin(np.abs(values - np.exp(1j * theta))))
-    return Roots(float(np.abs(values[physical])), float(np.delete(np.abs(values), physical).max()))
+    values = np.linalg.eigvals(matrices(theta, kappa, m))
+    physical = np.argmin(np.abs(values - np.exp(1j * theta)[:, None]), axis=1)[:, None]
+    moduli = np.abs(values)
+    motion = np.take_along_axis(moduli, physical, axis=1)[:, 0]
+    np.put_along_axis(moduli, physical, 0.0, axis=1)
+    return Roots(motion, moduli.max(axis=1))
 
 
 def limit(kappa: float, m: int, *, growth: float = 1e-9) -> float:
-    """Return the smallest omega dt with a modulus above 1 + growth, to 1e-10."""
-    thetas = np.arange(0.01, 2.0, 0.01).tolist()
-    high = next(theta for theta in thetas if max(roots(theta, kappa, m)) > 1 + growth)
-    low = high - 0.01
+    """Return the smallest omega dt with a modulus above 1 + growth, to 1e-10: on ever finer grids."""
+    low, high = 0.0, 2.0
     while high - low > 1e-11:
-        middle = (low + high) / 2
-        low, high = (low, middle) if max(roots(middle, kappa, m)) > 1 + growth else (middle, high)
-    return float(low)
+        grid = np.linspace(low, high, 202)[1:]
+        first = int(np.argmax(roots(grid, kappa, m).largest > 1 + growth))
+        low, high = float(grid[first] - (grid[1] - grid[0])), float(grid[first])
+    return low
 
 
 class LimitRow(NamedTuple):
@@ -83,9 +88,8 @@ def limit_rows() -> list[LimitRow]:
     rows = []
     for m in (1, 2, 3, 4):
         for kappa in (0.02, 0.05, 0.1, 0.2, 0.5):
-            mild, long = roots(0.8, kappa, m), roots(1.2, kappa, m)
-            moduli = (mild.physical - 1, mild.parasitic, long.physical - 1, long.parasitic)
-            rows.append(LimitRow(m, kappa, limit(kappa, m), *moduli))
+            (mild, long), (mild_others, long_others) = roots(np.array([0.8, 1.2]), kappa, m)
+            rows.append(LimitRow(m, kappa, limit(kappa, m), mild - 1, mild_others, long - 1, long_others))
     return rows
 
 
@@ -94,16 +98,21 @@ Settle = Callable[[Sequence[Vector], Vector, int], Vector]  # jumps, smooth jump
 
 
 @dataclass(frozen=True)
-class Cured(Simpson4):
-    """(23) in mean and jump with another rule for the jumps."""
+class SideBySide(Simpson4):
+    """(23) in mean and jump with other rules for the jumps: as many equal parts of the orbits, each with its own.
 
-    rule: Settle = lambda jumps, smooth, n: jumps[0]
+    A rule sees jumps of shape (2, orbits).
+    """
+
+    rules: tuple[Settle, ...] = (lambda jumps, smooth, n: jumps[0],)
     _count: list[int] = field(default_factory=list, compare=False)
 
     def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
-        """Return the new jump by the rule."""
+        """Return the new jumps by the rules."""
         self._count.append(0)
-        return self.rule(jumps, smooth, len(self._count))
+        parts = [np.split(one.reshape(2, -1), len(self.rules), axis=1) for one in (smooth, *jumps)]
+        new = [rule(own, smooth, len(self._count)) for rule, smooth, *own in zip(self.rules, *parts, strict=True)]
+        return np.asarray(np.concatenate(new, axis=1).ravel())
 
 
 def difference(kappa: float, m: int) -> Settle:
@@ -130,27 +139,24 @@ def beyond(factor: float) -> Settle:
     """Return the rule that takes the smooth jump where the difference from it passes a multiple of its size."""
 
     def rule(jumps: Sequence[Vector], smooth: Vector, n: int) -> Vector:
-        off, size = (np.hypot(*np.split(one, 2)) for one in (jumps[0] - smooth, smooth))
-        return np.where(np.tile(off > factor * size, 2), smooth, jumps[0])
+        off, size = np.hypot(*(jumps[0] - smooth)), np.hypot(*smooth)
+        return np.where(off > factor * size, smooth, jumps[0])
 
     return rule
 
 
-def cures() -> dict[str, Integrator[Any]]:
-    """Return what is compared, by name."""
-    return {
-        "(23), plus trace": ThirdOrder(),
-        "(23), mean": Cured(),
-        **{f"third difference, κ = {kappa:g}": Simpson4(kappa) for kappa in (0.02, 0.05, 0.1, 0.2)},
-        "second difference, κ = 0.1": Cured(rule=difference(0.1, 2)),
-        "first difference, κ = 0.1": Cured(rule=difference(0.1, 1)),
-        "towards the smooth jump, κ = 0.05": Cured(rule=towards(0.05)),
-        "smooth jump every 20 steps": Cured(rule=at_intervals(20, lambda smooth: smooth)),
-        "smooth jump every 200 steps": Cured(rule=at_intervals(200, lambda smooth: smooth)),
-        "restart every 200 steps": Cured(rule=at_intervals(200, lambda smooth: 0 * smooth)),
-        "smooth jump beyond 3 times it": Cured(rule=beyond(3.0)),
-        "Gauss-Legendre 4": GaussLegendre4(),
-    }
+RULES = {
+    "(23), mean": difference(0.0, 3),
+    **{f"third difference, κ = {kappa:g}": difference(kappa, 3) for kappa in (0.02, 0.05, 0.1, 0.2)},
+    "second difference, κ = 0.1": difference(0.1, 2),
+    "first difference, κ = 0.1": difference(0.1, 1),
+    "towards the smooth jump, κ = 0.05": towards(0.05),
+    "smooth jump every 20 steps": at_intervals(20, lambda smooth: smooth),
+    "smooth jump every 200 steps": at_intervals(200, lambda smooth: smooth),
+    "restart every 200 steps": at_intervals(200, lambda smooth: 0 * smooth),
+    "smooth jump beyond 3 times it": beyond(3.0),
+}
+OTHERS: dict[str, Integrator[Any]] = {"(23), plus trace": ThirdOrder(), "Gauss-Legendre 4": GaussLegendre4()}
 
 
 class FixedPoint:
@@ -168,27 +174,29 @@ class FixedPoint:
 
 
 class Orbits(OnOneRank):
-    """Orbits of H = (q² + 1)(p² + 1) / 2 side by side, each in its own time: a period lasts 1.
+    """Orbits of H = (q² + 1)(p² + 1) / 2 side by side, each in its own time: a step lasts 1.
 
     Parameters
     ----------
     starts
         (q, p) of each.
+    steps
+        How many a period, of all or of each.
     """
 
-    def __init__(self, starts: Sequence[tuple[float, float]]):
+    def __init__(self, starts: Sequence[tuple[float, float]], steps: int | Sequence[int]):
         self._system = NonSeparable()
         self.q, self.p = (np.array(values) for values in zip(*starts, strict=True))
-        self._rate = np.array([self._system.period(q, p) for q, p in starts])
+        self._rate: Vector = np.array([self._system.period(q, p) for q, p in starts]) / np.array(steps)
         self.stages = LinearStages(pair=FixedPoint())
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return q (p² + 1) in the orbits' own times."""
-        return self._rate * self._system.H_q(q, p, t)
+        return np.asarray(self._rate * self._system.H_q(q, p, t))
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return p (q² + 1) in the orbits' own times."""
-        return self._rate * self._system.H_p(q, p, t)
+        return np.asarray(self._rate * self._system.H_p(q, p, t))
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return the sum of the energies."""
@@ -198,16 +206,14 @@ class Orbits(OnOneRank):
         """Return each orbit's H."""
         return np.asarray(0.5 * (q**2 + 1) * (p**2 + 1))
 
-    def errors(self, integrator: Integrator[Any], *, dt: float, steps: int) -> Vector:
+    def errors(self, integrator: Integrator[Any], *, steps: int) -> Vector:
         """Return the relative error of each energy after each step, shape (steps, orbits); inf once it is lost."""
         start, state = self.energies(self.q, self.p), integrator.start(self.q, self.p)
         rows = np.full((steps, self.q.size), np.inf)
         with np.errstate(all="ignore"):
             for n in range(steps):
-                state = integrator.step(self, state, n * dt, dt)
+                state = integrator.step(self, state, float(n), 1.0)
                 rows[n] = self.energies(state.q, state.p) / start - 1
-                if not np.isfinite(rows[n]).any():
-                    break
         return np.nan_to_num(rows, nan=np.inf, posinf=np.inf)
 
 
@@ -224,14 +230,17 @@ class CureRow(NamedTuple):
 
 def cure_rows() -> list[CureRow]:
     """Return all cures on ``ORBITS`` over ``PERIODS``."""
+    settings = [(orbit, steps) for steps in STEPS for orbit in ORBITS]
+    groups: list[tuple[Sequence[str], Integrator[Any]]] = [(list(RULES), SideBySide(rules=tuple(RULES.values())))]
+    groups += [([name], scheme) for name, scheme in OTHERS.items()]
     rows = []
-    for steps in STEPS:
-        for name, integrator in cures().items():
-            errors = Orbits(ORBITS).errors(integrator, dt=1 / steps, steps=PERIODS * steps)
-            rows += [
-                CureRow(name, q, p, steps, float(np.abs(error).max()), drift(error, steps))
-                for (q, p), error in zip(ORBITS, errors.T, strict=True)
-            ]
+    for names, scheme in groups:
+        orbits, counts = zip(*(settings * len(names)), strict=True)
+        errors = Orbits(orbits, counts).errors(scheme, steps=PERIODS * max(STEPS))
+        parts = [(name, *setting) for name in names for setting in settings]
+        for (name, (q, p), steps), error in zip(parts, errors.T, strict=True):
+            own = error[: PERIODS * steps]
+            rows.append(CureRow(name, q, p, steps, float(np.abs(own).max()), drift(own, steps)))
     return rows
 
 
@@ -242,34 +251,12 @@ def drift(error: Vector, steps: int) -> float:
     return float((means[-part:].mean() - means[:part].mean()) / (means.size - part))
 
 
-class DriftRow(NamedTuple):
-    """The mild orbit: its step as omega dt, and the relative change of its energy a period."""
-
-    scheme: str
-    omega_dt: float
-    largest_error: float
-    drift_per_period: float
-
-
-def drift_rows(periods: int = MILD_PERIODS) -> list[DriftRow]:
-    """Return (23), the scheme with damped jumps and Gauss-Legendre over that many periods of ``MILD``."""
-    schemes: tuple[Integrator[Any], ...] = (Cured(), Simpson4(), GaussLegendre4())
-    labels = ("(23), mean", "jumps damped", "Gauss-Legendre 4")
-    rows = []
-    for label, scheme in zip(labels, schemes, strict=True):
-        for steps in MILD_STEPS:
-            error = Orbits([MILD]).errors(scheme, dt=1 / steps, steps=periods * steps)[:, 0]
-            rows.append(DriftRow(label, 2 * np.pi / steps, float(np.abs(error).max()), drift(error, steps)))
-    return rows
-
-
 # ---------------------------------------------------------------- tables and pictures
 def write(report: Report) -> None:
-    """Write damped-jumps-limits.csv, -cures.csv, -drift.csv and damped-jumps-roots.png, -cures.png."""
+    """Write damped-jumps-limits.csv, -cures.csv and damped-jumps-roots.png, -cures.png."""
     report.table("damped-jumps-limits", LimitRow._fields, limit_rows())
     rows = cure_rows()
     report.table("damped-jumps-cures", CureRow._fields, rows)
-    report.table("damped-jumps-drift", DriftRow._fields, drift_rows())
     with report.figure("damped-jumps-roots", 11, 4.6) as figure:
         _draw_roots(*figure.subplots(1, 2))
     with report.figure("damped-jumps-cures", 11, 5.5) as figure:
@@ -278,24 +265,22 @@ def write(report: Report) -> None:
 
 def _draw_roots(left: Axes, right: Axes) -> None:
     theta = np.arange(0.005, 1.8, 0.005)
-    orders = {1: "first difference", 2: "second", 3: "third", 4: "fourth"}
-    kinds = {(0.0, 3): "(23) as it is", **{(0.1, m): name for m, name in orders.items()}}
-    for (kappa, m), label in kinds.items():
-        moduli = np.array([roots(value, kappa, m) for value in theta.tolist()])
-        style = "k--" if kappa == 0 else f"C{m}-"
-        left.plot(theta, moduli[:, 1], style, label=label)
-        if kappa:
-            right.semilogy(theta, np.abs(moduli[:, 0] - 1), style, label=label)
+    left.plot(theta, roots(theta, 0.0, 3).parasitic, "k--", label="(23) as it is")
+    names = ("first difference", "second", "third", "fourth")
+    for m, (label, colour) in enumerate(zip(names, ("#56b4e9", "#e69f00", "#009e73", "#d55e00"), strict=True), start=1):
+        moduli = roots(theta, 0.1, m)
+        left.plot(theta, moduli.parasitic, color=colour, label=label)
+        right.semilogy(theta, np.abs(moduli.physical - 1), color=colour, label=label)
     right.semilogy(theta, 0.1 / (1536 * 7.9) * theta**10, "k:", label="κ (ωΔt)¹⁰ / (1536 (8 - κ))")
     left.set(xlabel="ω Δt [-]", ylabel="largest modulus of a parasitic root [-]", ylim=(0.85, 1.1), title="κ = 0.1")
     right.set(xlabel="ω Δt [-]", ylabel="what a step takes from the motion, | |λ| - 1 |", ylim=(1e-14, 1e-1))
     right.set_title("κ = 0.1")
-    left.legend()
-    right.legend()
+    left.legend(loc="upper left")
+    right.legend(loc="lower right")
 
 
 def _draw_cures(panels: NDArray[Any], rows: Sequence[CureRow]) -> None:
-    names = list(cures())[::-1]
+    names = ["(23), plus trace", *RULES, "Gauss-Legendre 4"][::-1]
     for axes, (q, p) in zip(panels, ((1.0, 0.5), (1.5, 0.5)), strict=True):
         for steps, colour, marker in zip(STEPS, ("#d55e00", "#0072b2"), "os", strict=True):
             orbit = [row for row in rows if (row.q, row.p, row.steps_per_period) == (q, p, steps)]
@@ -305,4 +290,4 @@ def _draw_cures(panels: NDArray[Any], rows: Sequence[CureRow]) -> None:
         axes.set(xlabel=f"largest relative error of H in {PERIODS} periods")
         axes.set_title(f"orbit through q = {q:g}, p = {p:g}")
     panels[0].set_yticks(range(len(names)), names)
-    panels[0].legend(loc="upper left", fontsize=8)
+    panels[1].legend(loc="center right")

@@ -9,6 +9,7 @@ from wavetank.verify import (
     damping,
     dispersion,
     forcing,
+    long_orbits,
     overview,
     parasitic,
     phase_space,
@@ -31,6 +32,7 @@ PARTS = (
     work_precision,
     parasitic,
     damped_jumps,
+    long_orbits,
 )
 
 
