@@ -1,16 +1,21 @@
 """When steps are: they end where the duration, or a record of the paddle, ends. The oracle is arithmetic."""
 
+from io import StringIO
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
+from rich.console import Console
 
 from wavetank.build import build_run
 from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
+from wavetank.noun import SceneError
 from wavetank.plan.forewarnings import forewarnings
+from wavetank.recorded_run import record_run
 from wavetank.scene import Scene
 
 times = st.floats(1e-3, 1e3)
@@ -80,3 +85,23 @@ def test_a_record_of_another_time_is_refused(wavetank, tmp_path):
     assert result.returncode == 2 and not (tmp_path / "run").exists()
     line = f"{case}, line 10: run.duration = 10.0: must be more than 100 s, where the recorded motion begins."
     assert result.stderr.strip() == f"wavetank: {line}"
+
+
+ORIGINS = {  # what a case has beside a step of 3 s: where its cells come from
+    "named": ({"cells": 12}, 2, "its cells are those of numerics.cells = 12"),
+    "their size": ({"cell_size": 0.25}, 2, "its cells are those of numerics.cell_size = 0.25"),
+    "a short wave": ({}, 16, "its cells of 0.0833 m are as small as the shortest wave known of the case requires; num"),
+    "a long one": ({"order": 4}, 2, "its cells of 0.2 m are usual for the depth; numerics.cell_size would name others"),
+}
+
+
+@pytest.mark.parametrize(("numerics", "mode", "origin"), ORIGINS.values(), ids=ORIGINS)
+def test_a_step_too_long_for_its_mesh_tells_where_that_comes_from(tmp_path, numerics, mode, origin):
+    parts = {
+        "tank": {"length": 2.0, "depth": 1.0},
+        "initial": {"type": "standing-wave", "amplitude": 1e-3, "mode": mode},
+        "run": {"duration": 6.0},
+        "numerics": {"dt": 3.0, **numerics},
+    }
+    with pytest.raises(SceneError, match=r"numerics.dt = 3.0: must be below 0.\d+ s, .*; " + origin):
+        record_run(Scene.model_validate(parts), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(file=StringIO()))

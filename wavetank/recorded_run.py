@@ -22,7 +22,7 @@ from wavetank.observers.record import Discard, Kept, Record, RecordCheck
 from wavetank.observers.surface import SurfaceRecord
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
-from wavetank.plan.planned import planned
+from wavetank.plan.planned import mesh_told, planned
 from wavetank.run import Run
 from wavetank.run_log import RunLog
 from wavetank.run_place import Place
@@ -111,7 +111,8 @@ def record_run(
         asked, (scene, doubts) = scene, planned(scene, comm)
         if not unasked:
             check_affordable(scene, comm)
-        run, waves = build_run(scene, comm)
+        with mesh_told(asked, scene):
+            run, waves = build_run(scene, comm)
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
             warnings.add(doubt)
         built, busy = time.monotonic(), time.process_time()

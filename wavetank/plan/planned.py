@@ -1,14 +1,18 @@
 """What stands for an accuracy in a case, and for numerics that it does not name: the same on all ranks."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NamedTuple
 
 from mpi4py import MPI
 
 from wavetank.errors import InputError
 from wavetank.fe.agreed import from_first
+from wavetank.meshes import MeshFile
+from wavetank.noun import SceneError
 from wavetank.plan.defaults import DEFAULT, resolved
 from wavetank.plan.plan import Plan, UnreachableError, make_plan
-from wavetank.scene import Scene
+from wavetank.scene import BasinTank, Scene
 
 LESS = (0.03, 0.1)  # accuracies that are tried where the default one cannot be had
 
@@ -54,3 +58,30 @@ def default_plan(scene: Scene) -> Plan | None:
         except InputError:  # nothing moves, or nothing that a plan knows
             return None
     return None
+
+
+@contextmanager
+def mesh_told(asked: Scene, scene: Scene) -> Iterator[None]:
+    """Say of a step that is too long for a mesh where that comes from, in the scene as it was asked for, or planned."""
+    try:
+        yield
+    except SceneError as error:
+        problems = [
+            one._replace(allowed=f"{one.allowed}; {_origin(asked, scene)}") if one.key == ("numerics", "dt") else one
+            for one in error.problems
+        ]
+        raise SceneError(problems) from error
+
+
+def _origin(asked: Scene, scene: Scene) -> str:
+    """Return where the cells come from, and what names others."""
+    numerics, cells = asked.numerics, f"its cells of {scene.cell_size:.3g} m"
+    if isinstance(asked.tank, BasinTank) and isinstance(asked.tank.plan, MeshFile):
+        return "its cells are those of the file that tank.plan names"
+    if named := next((key for key in ("cells", "cell_size") if getattr(numerics, key) is not None), ""):
+        return f"its cells are those of numerics.{named} = {getattr(numerics, named):g}"
+    if numerics.accuracy is not None:
+        return f"{cells} are planned for numerics.accuracy = {numerics.accuracy:g}"
+    shorter = scene.numerics.model_fields_set & {"cells", "cell_size"}
+    why = "are as small as the shortest wave known of the case requires" if shorter else "are usual for the depth"
+    return f"{cells} {why}; numerics.cell_size would name others"
