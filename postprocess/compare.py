@@ -178,6 +178,6 @@ def comparison_table(comparisons: Sequence[GaugeComparison]) -> Table:
     table = Table(*names, box=SIMPLE, padding=0)
     for one in comparisons:
         numbers = (one.nrms, one.nrms_fitted, one.gain, one.shift, one.correlation)
-        crests = (f"{one.crest_computed:.4f}", f"{one.crest_reference:.4f}")
+        crests = (f"{one.crest_computed:.4g}", f"{one.crest_reference:.4g}")
         table.add_row(one.gauge, f"{one.x:g}", *(f"{number:.3f}" for number in numbers), *crests)
     return table

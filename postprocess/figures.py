@@ -256,12 +256,14 @@ def _draw_gauge(whole: Axes, zoom: Axes, reference: GaugeSeries, computations: S
     focus = float(shared.t[int(np.argmax(shared.eta))])
     styles = [(MEASURED, "-", 2.0), *[(PUBLISHED, "--", 1.1)] * (len(computations) - 1), (COMPUTED, "-", 1.2)]
     for record, (colour, line, width) in zip([reference, *computations], styles, strict=True):
+        there = (record.t >= shared.t[0]) & (record.t <= shared.t[-1])
         for panel, scale in ((whole, 0.6), (zoom, 1.0)):
-            panel.plot(record.t, CM * record.eta, line, color=colour, lw=scale * width, label=record.source)
+            t, eta = record.t[there], CM * record.eta[there]
+            panel.plot(t, eta, line, color=colour, lw=scale * width, label=record.source)
     whole.set_title(f"gauge {reference.name}, x = {reference.x:g} m;  nrms: {misfits}", pad=3, parse_math=False)
     whole.set_xlim(shared.t[0], shared.t[-1])
     zoom.set_title(f"around its largest crest, t = {focus:.2f} s", pad=3)
-    zoom.set_xlim(focus - FOCUS, focus + FOCUS)
+    zoom.set_xlim(max(focus - FOCUS, shared.t[0]), min(focus + FOCUS, shared.t[-1]))
 
 
 # ---------------------------------------------------------------- energy

@@ -7,6 +7,7 @@ import numpy as np
 
 from postprocess.beds import still_water
 from postprocess.figures import energy_figure, gauges_overview, surface_figure
+from postprocess.within_cells import within_cells
 from wavetank.rundir import SURFACE, RunDirectory, Surface, index_file
 
 
@@ -53,6 +54,8 @@ def draw_surface(run: RunDirectory) -> Path:
     ring, surface = tank.get("type") == "ring", run.surface()
     origin = ORIGINS.get("ring" if ring else wall.get("type"), "along the tank")
     shown = _closed(surface, tank["length"]) if ring else surface
+    numerics = (run.manifest.get("planned") or scene).get("numerics", {})
+    shown = within_cells(shown, numerics.get("order", 1))
     depth = still_water(run) or tank.get("depth", np.inf)
     return surface_figure(shown, path, title=run.title, depth=depth, origin=origin)
 

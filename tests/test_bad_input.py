@@ -147,7 +147,7 @@ def test_a_bed_that_ends_the_program_is_an_error_of_the_bed(tmp_path, where, lin
         assert re.search(rf"line 4: tank\.bed\.file = .*bed\.py, line {line}: SystemExit: 0\.", refused(tmp_path, text))
 
 
-@pytest.mark.parametrize(
+READERS = pytest.mark.parametrize(
     ("read", "name"),
     [
         (Scene.from_toml, "case.toml"),
@@ -157,10 +157,22 @@ def test_a_bed_that_ends_the_program_is_an_error_of_the_bed(tmp_path, where, lin
     ],
     ids=["case", "record", "python", "csv", "xyz", "netcdf"],
 )
+
+
+@READERS
 def test_a_file_that_need_not_end_is_not_read(tmp_path, read, name):
     """The device gives zeros for ever."""
     (tmp_path / name).symlink_to("/dev/zero")
     with pytest.raises(InputError, match=rf"{name}: cannot be read \(not a regular file\)"):
+        read(tmp_path / name)
+
+
+@READERS
+def test_a_file_of_gigabytes_is_not_read(tmp_path, read, name):
+    """One that takes no room on the disk."""
+    with (tmp_path / name).open("wb") as file:
+        file.truncate(3 * 10**9)
+    with pytest.raises(InputError, match=rf"{name}: cannot be read \(3 GB; at most (0\.1|2) are read\)"):
         read(tmp_path / name)
 
 

@@ -19,6 +19,7 @@ from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.plane import Plane
 from wavetank.recorded_run import record_run
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
+from wavetank.rundir import RunDirectory
 from wavetank.verify.breaking import bore, cases, over_steep, row
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.crests import Profile, SteepCrest, peaks, steep_crests
@@ -209,6 +210,9 @@ def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_p
     (begins,) = re.findall(r"(t = \S+ s, x = \S+ m): a wave breaks; an eddy viscosity acts on it", said.getvalue())
     (taken,) = re.findall(rf"1 wave broke, at {re.escape(begins)}; (\S+) % of the energy was taken", said.getvalue())
     assert 0.1 < float(taken) < 20.0
+    kept = RunDirectory(tmp_path / "run").manifest["breaking"]
+    assert [f"t = {one['t']:.6g} s, x = {one['x']:.4g} m" for one in kept["began"]] == [begins] and kept["waves"] == 1
+    assert 100 * kept["part_taken"] == pytest.approx(float(taken), rel=0.06) and kept["energy_taken"] > 0.0
 
 
 @pytest.mark.slow

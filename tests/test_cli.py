@@ -127,3 +127,26 @@ def test_a_case_built_in_python_runs_without_a_directory():
     run.observers += build_observers(scene, waves, Records(gauges, energy, None))
     run.execute()
     assert gauges.array()[0, 1] == pytest.approx(0.01) and run.t >= 0.5
+
+
+ALONE = """
+import sys
+from mpi4py import MPI
+from wavetank import cli
+from wavetank.errors import InputError
+
+def app(arguments):
+    if MPI.COMM_WORLD.rank == 1:
+        raise InputError("known to this rank alone")
+    MPI.COMM_WORLD.barrier()
+
+cli.app, cli.TOGETHER = app, 0.5
+sys.exit(cli.main([]))
+"""
+
+
+def test_a_rank_that_ends_alone_says_why_and_ends_the_others():
+    """Which wait for it: none hangs, whatever they wait in."""
+    done = launch([sys.executable, "-c", ALONE], ranks=2)
+    assert "wavetank: rank 1: known to this rank alone" in done.stderr
+    assert done.returncode == 2

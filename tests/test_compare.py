@@ -79,6 +79,15 @@ def test_the_table_is_written(tmp_path: Path):
     assert comparison_table(comparisons).row_count == 1
 
 
+def test_small_crests_have_their_digits_in_the_table():
+    t = np.arange(0, 60, 0.02)
+    one = series("5", 50.0, t, 1e-4 * group(t, 30.0))
+    said = StringIO()
+    Console(file=said, width=120).print(comparison_table(compare([one], [one])))
+    crest = 1e-4 * group(t, 30.0).max()
+    assert said.getvalue().count(f"{crest:.4g}") == 2
+
+
 def test_pictures_of_a_run_are_drawn(tmp_path: Path):
     with RunWriter(tmp_path / "run", {"scene": {"title": "a group", "tank": {"depth": 1.0}}}) as writer:
         columns = ["t [s]", "kinetic [u]", "potential [u]", "total [u]", "paddle_work [u]", "balance [u]", "mass [u]"]

@@ -22,7 +22,7 @@ from wavetank.recorded_run import record_run
 from wavetank.run_place import Place
 from wavetank.rundir import RunDirectory, RunWriter
 from wavetank.scene import Scene
-from wavetank.vtu_series import VtuSeries
+from wavetank.vtu_series import Cells, VtuSeries
 from wavetank.water.bed import VaryingBed
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.plan_view import Ring, Slice
@@ -309,6 +309,21 @@ def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_pa
     with pytest.raises(RunError, match=r"t = 0\.5 s: .*surface\.pvd is not a finite number"):
         observer.observe(Moment(2, 0.5, psi, psi))
     assert len(RunDirectory(tmp_path).fields("surface")) == 1
+
+
+def test_a_folder_that_is_anothers_by_now_is_not_written_to(tmp_path):
+    """The run's has been moved away, and a new one stands where it was."""
+    path = tmp_path / "run"
+    path.mkdir()
+    series = VtuSeries(path, "surface", comm=MPI.COMM_SELF)
+    points, cells = np.zeros((2, 3)), Cells.flat(np.array([[0, 1]], dtype=np.int32))
+    series.append(0.0, points, cells=cells, arrays={})
+    path.rename(tmp_path / "moved")
+    for _ in range(2):
+        with pytest.raises(RunError, match=r"run: is no longer this run's; moved or deleted during the run\."):
+            series.append(0.1, points, cells=cells, arrays={})
+        path.mkdir(exist_ok=True)
+    assert not any(path.iterdir())
 
 
 def test_a_rank_without_cells_has_an_empty_piece(tmp_path):

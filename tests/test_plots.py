@@ -1,5 +1,6 @@
 """Pictures of a run: they exist, say what they show with units, and interpolate a known group to known accuracy."""
 
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -129,6 +130,25 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
     assert run_figures.draw_surface(run).exists()
 
 
+def test_cells_of_high_order_are_drawn_as_curves_between_their_nodes(tmp_path, monkeypatch):
+    """Oracle: quartics, which cells of order 4 hold exactly; nodes as the mesh has them, at Gauss-Lobatto's places."""
+    drawn = []
+    monkeypatch.setattr(run_figures, "surface_figure", lambda surface, path, **_: drawn.append(surface) or path)
+    within = 0.5 + 0.5 * np.array([-1.0, -np.sqrt(3 / 7), 0.0, np.sqrt(3 / 7)])
+    nodes = np.append((np.arange(3)[:, None] + within).ravel(), 3.0)
+    tank = {"type": "slice", "length": 3.0, "depth": 1.0}
+    for chosen in ({"scene": {"tank": tank, "numerics": {"order": 4}}}, {"planned": {"numerics": {"order": 4}}}):
+        with RunWriter(tmp_path / "run", chosen) as writer:
+            record = writer.surface()
+            for t in range(2):
+                record.append(t, nodes, 0.01 * nodes**4 + t, 0 * nodes)
+        run_figures.draw_surface(RunDirectory(tmp_path / "run"))
+        surface = drawn.pop()
+        assert surface.x.shape[1] == 1201 and np.all(np.diff(surface.x) > 0)
+        assert surface.eta == pytest.approx(0.01 * surface.x**4 + surface.t[:, None], abs=1e-12)
+        shutil.rmtree(tmp_path / "run")
+
+
 def test_a_varying_bed_is_drawn_at_its_depth(tmp_path):
     def shoal(x, y):
         return 1.0 - 0.5 * np.exp(-((x - 12.0) ** 2)) + y
@@ -207,6 +227,16 @@ def test_all_misfits_are_of_the_time_that_the_run_has(tmp_path):
     short = replace(run, t=T[early], eta=0.9 * run.eta[early])
     text = words(lambda path: gauges_figure([measured], [short], [wrong_later], path), tmp_path)
     assert "nrms: computed 0.100, Published 2014 0.200" in text
+
+
+def test_a_comparison_is_drawn_over_the_time_that_both_have():
+    """The crest stands 1 s from the end of the run: nothing that comes later is drawn."""
+    early, measured = T <= 21.0, gauge(10.0, source="measured")
+    whole, zoom = Figure().subplots(1, 2)
+    figures._draw_gauge(whole, zoom, measured, [replace(gauge(10.0), t=T[early], eta=measured.eta[early])])
+    assert zoom.get_xlim() == pytest.approx((16.0, 21.0))
+    for line in (*whole.lines, *zoom.lines):
+        assert line.get_xdata().max() <= 21.0
 
 
 def test_the_overview_orders_gauges_from_the_paddle_outwards(tmp_path):

@@ -5,6 +5,7 @@ import sys
 import time
 import traceback
 from contextlib import suppress
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated
@@ -44,7 +45,7 @@ app.command()(plan)
 CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
 
 
-PATIENCE = 60.0  # s in which all ranks must have come to the same end
+TOGETHER = 60.0  # s in which all ranks must have come to the same end
 OVERWRITE = "replace what an earlier command has written there"
 
 
@@ -122,17 +123,17 @@ for _name, _meaning in VERIFICATIONS.items():
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return its exit code."""
     os.environ.setdefault("PETSC_OPTIONS", "-no_signal_handler")  # a closed pipe or Ctrl-C is Python's to report
-    given = sys.argv[1:] if arguments is None else arguments
+    given, ranks = sys.argv[1:] if arguments is None else arguments, _ranks()
     debug = "--debug" in given
     try:
         app([word for word in given if word != "--debug"])
     except WavetankError as error:
         if debug:
             raise
-        return _report(str(error), error.exit_code)
+        return _report(str(error), error.exit_code, ranks)
     except MemoryError as error:
         _abort(error)
-        return _report("there is not enough memory for this; a smaller case is needed, or a larger machine.", 1)
+        return _report("there is not enough memory for this; a smaller case is needed, or a larger machine.", 1, ranks)
     except SystemExit as stop:
         return int(stop.code or 0)
     except Exception as error:
@@ -143,16 +144,33 @@ def main(arguments: list[str] | None = None) -> int:
     return 0
 
 
-def _report(message: str, code: int) -> int:
-    """Print why all ranks end, and wait for the first: mpirun kills the others as soon as one has ended so."""
+@cache
+def _ranks() -> MPI.Comm:
+    """Return all ranks, to wait for at the end; what they still say to each other elsewhere is not mixed with that."""
+    return MPI.COMM_WORLD.Dup()
+
+
+def _report(message: str, code: int, ranks: MPI.Comm) -> int:
+    """Print why all ranks end, and wait for the first: mpirun kills the others as soon as one has ended so.
+
+    Where the others do not come it is this rank alone that ends: it says so itself, and ends them.
+    """
     drain()
-    if MPI.COMM_WORLD.rank == 0:
-        with suppress(OSError):  # nobody may read it
-            print(f"wavetank: {printable(message)}", file=sys.stderr, flush=True)
-    printed, give_up = MPI.COMM_WORLD.Ibarrier(), time.monotonic() + PATIENCE
-    while not printed.Test() and time.monotonic() < give_up:
+    if ranks.rank == 0:
+        _print_error(message)
+    printed, give_up = ranks.Ibarrier(), time.monotonic() + TOGETHER
+    while not printed.Test():
+        if time.monotonic() > give_up:
+            if ranks.rank:
+                _print_error(f"rank {ranks.rank}: {message}")
+            ranks.Abort(code)
         time.sleep(0.01)
     return code
+
+
+def _print_error(message: str) -> None:
+    with suppress(OSError):  # nobody may read it
+        print(f"wavetank: {printable(message)}", file=sys.stderr, flush=True)
 
 
 def _abort(error: BaseException) -> None:

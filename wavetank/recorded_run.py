@@ -271,4 +271,5 @@ def _figures(run: Run, waves: Waves) -> dict[str, Any]:
             "stage_evaluations": stages.evaluations,
             "newton_solves": stages.newton_solves,
         },
+        **({"breaking": breaking[0].figures} if (breaking := _breaking(run)) else {}),
     }

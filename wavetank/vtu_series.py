@@ -8,6 +8,7 @@ The .pvd names a snapshot only once all ranks have written theirs, so that a kil
 is gathered, and nothing but the present snapshot is held.
 """
 
+import os
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -103,6 +104,7 @@ class VtuSeries:
     def __init__(self, run: Path, name: str, *, comm: MPI.Comm):
         self._run, self._name, self._comm = run, name, comm
         self._snapshots: list[tuple[float, str]] = []
+        self._folder: os.stat_result | None = None  # once a snapshot has been written to it
 
     def append(self, t: float, points: Array, *, cells: Cells, arrays: Arrays) -> None:
         """Write a snapshot at t [s]: this rank's points (x, y, z) [m], shape (N, 3), its cells and arrays; collective.
@@ -115,6 +117,7 @@ class VtuSeries:
 
         def write_piece() -> None:
             self._check(t, [points, *arrays.values()])
+            self._check_folder()
             (self._run / FIELDS).mkdir(exist_ok=True)
             replace(self._run / f"{stem}_{self._comm.rank:04d}.vtu", *_piece(len(points), described, cells))
 
@@ -131,6 +134,13 @@ class VtuSeries:
         if not all(np.all(np.isfinite(values)) for values in arrays):
             where = index_file(self._run, self._name).name
             raise RunError(f"t = {t:.6g} s: a value for {where} is not a finite number; the run has broken down.")
+
+    def _check_folder(self) -> None:
+        """Raise ``RunError`` where the directory is another than that of the first snapshot."""
+        there = self._run.stat() if self._run.exists() else None
+        self._folder = self._folder or there
+        if there is None or self._folder is None or not os.path.samestat(self._folder, there):
+            raise RunError(f"{self._run}: is no longer this run's; moved or deleted during the run.")
 
     def _together(self, action: Callable[[], None]) -> None:
         """Act, and raise what any rank met on all of them; collective."""

@@ -174,6 +174,12 @@ class BreakingDissipation(Smoothing):
         """What has been taken so far, of the energy there was [-]."""
         return self.energy_taken / self._had if self._had else 0.0
 
+    @property
+    def figures(self) -> dict[str, object]:
+        """How many waves broke, when and where each began to, and what was taken of the energy there was."""
+        began = [{"t": t, "x": x} for t, x in self.began]
+        return {"waves": len(began), "began": began, "energy_taken": self.energy_taken, "part_taken": self.part_taken}
+
     def _apart(self, x: Vector, crest: SteepCrest) -> Vector:
         """Return how far places are from a crest, in R, shape (N,)."""
         return np.asarray(self._waves.plane.chart.apart(x, crest.x) / (REACH * crest.height))
