@@ -33,6 +33,7 @@ STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take a
     "axes.titlelocation": "left",
     "legend.frameon": False,
     "lines.linewidth": 1.2,
+    "hatch.linewidth": 0.5,
     "savefig.dpi": 130,
 }
 

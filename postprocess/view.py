@@ -34,6 +34,7 @@ SURFACE = LinearSegmentedColormap.from_list(
     "surface", ["#08204a", "#0f4c8a", "#2f86bd", "#7fc4dc", "#cdebf0", "#f2fbfc"]
 )
 SKY, HORIZON, SHOAL, ROD = "#d5e3ef", "#ffffff", "#ffc83d", "#d43d2a"
+NAMED = 24  # gauges at most that are called by their names
 ROD_OVER = 0.4  # of a gauge over the highest crest, over the height of the waves
 
 VIEW_ANGLE = 16.0  # degrees, from low to high
@@ -278,9 +279,11 @@ class View:
             self._add_gauges(gauges)
 
     def _add_gauges(self, names: Sequence[str]) -> None:
-        """Draw each gauge as a rod in the water with its name."""
-        rods = rods_of(self.tank)
-        self._add("gauges", rods, color=ROD, line_width=2.6 * self._pixel, lighting=False)
+        """Draw each gauge as a rod in the water with its name; rows of very many as thin rods without."""
+        rods, many = rods_of(self.tank), len(names) > NAMED
+        self._add("gauges", rods, color=ROD, line_width=(1.0 if many else 2.6) * self._pixel, lighting=False)
+        if many:
+            return
         labels = Labels(rods.points[1::2], list(names))
         self._label("gauge names", labels, ("center", "bottom"), shape="rounded_rect", shape_color="white", margin=2)
 
@@ -358,9 +361,12 @@ def with_room(places: Array, texts: Sequence[str], *, letter: float, line: float
 
 
 def rods_of(tank: TankView) -> pv.PolyData:
-    """Return a vertical line [m] through the surface at each gauge, bottom and top by turns, higher than any crest."""
+    """Return a vertical line [m] through the surface at each gauge, bottom and top by turns.
+
+    Up to the highest crest, or, if they are to be named, above it.
+    """
     places, waves = tank.gauges().places, tank.waves
-    top = waves.high + ROD_OVER * (waves.high - waves.low)
+    top = waves.high + (ROD_OVER if len(places) <= NAMED else 0.0) * (waves.high - waves.low)
     ends = np.stack([places + (0.0, 0.0, waves.low), places + (0.0, 0.0, top)], axis=1)
     return pv.line_segments_from_points(ends.reshape(-1, 3))
 

@@ -170,9 +170,10 @@ class Flume:
         return self._plate(x - PLATE * self.length) if self._moving else None
 
     def _plate(self, x: float) -> pv.PolyData:
-        """Return a plate across the flume whose left side is at x [m], and which the highest crest does not reach."""
+        """Return a plate across the flume from its bed, its left side at x [m], which no crest overtops."""
         half, top = self.width / 2, 1.3 * self.waves.high - 0.3 * self.waves.low
-        return pv.Box((x, x + PLATE * self.length, -half, half, -self.depth, top))
+        foot = -float(self._still_water(np.array([x]))[0])
+        return pv.Box((x, x + PLATE * self.length, -half, half, foot, top))
 
 
 class Ring(Flume):

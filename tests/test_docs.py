@@ -155,3 +155,32 @@ def test_snippets_run(block, small_runs, monkeypatch):
     monkeypatch.chdir(small_runs)
     monkeypatch.setattr("pyvista.OFF_SCREEN", True)
     exec(block.text, {})
+
+
+# ---------------------------------------------------------------- pictures
+FIGURES = CHECKOUT / "docs" / "figures"
+EVERY_PAGE = [*PAGES, CHECKOUT / "CHANGELOG.md", *sorted((CHECKOUT / "wavetank").rglob("*.md"))]
+
+
+def shown(page: Path) -> set[Path]:
+    """Return the figures that a page shows."""
+    found = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", page.read_text())
+    return {(page.parent / one).resolve() for one in found}
+
+
+def test_every_figure_stands_on_a_page_and_every_page_finds_its_figures():
+    on_pages = set().union(*map(shown, EVERY_PAGE))
+    assert on_pages == {path.resolve() for path in FIGURES.rglob("*.png")}
+
+
+def test_the_gallery_tells_how_each_picture_is_made():
+    """A command, or the page that has it, before each; cases and pages are there; README links it."""
+    gallery = CHECKOUT / "docs" / "gallery.md"
+    text = gallery.read_text()
+    captions = [part.rpartition("\n\n**")[2] for part in text.split("![")[:-1]]
+    assert len(captions) > 10 and all("./env wavetank " in one or ".md)" in one for one in captions)
+    for case in re.findall(r"cases/[\w-]+\.toml", text):
+        assert (CHECKOUT / case).exists()
+    for page in re.findall(r"\]\(([^)]+\.md)\)", text):
+        assert (gallery.parent / page).exists()
+    assert "docs/gallery.md" in (CHECKOUT / "README.md").read_text()

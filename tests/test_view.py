@@ -174,10 +174,19 @@ def test_gauges_are_rods_through_the_water_and_named_where_there_is_room(tmp_pat
     assert rods.n_cells == 3 and rods.points[::2, 0] == pytest.approx([2.0, 5.0, 5.01])
     assert np.all(rods.points[1::2, 2] > tank.waves.high)
     tops = picture.place(rods.points[1::2])
+    assert "gauge names-labels" in picture.plotter.actors
     assert view.with_room(tops, tank.gauges().texts, letter=9, line=17) == [0, 1]  # the third lies on the second
     column, row = np.round(picture.place((rods.points[2:3] + rods.points[3:4]) / 2)[0]).astype(int)
     around = picture.pixels(0.0)[row, column - 3 : column + 4] / 255
     assert np.max(around[:, 0] - around[:, 2]) > 0.2  # red, over blue water
+    picture.close()
+
+
+def test_rows_of_very_many_gauges_are_thin_rods_without_names(tmp_path):
+    run = record(tmp_path / "run", gauges=np.linspace(1.0, 7.0, view.NAMED + 1))
+    picture = view.View(tank := view_tank.tank_view(run), "", size=SMALL)
+    assert view.rods_of(tank).points[:, 2].max() == pytest.approx(tank.waves.high)
+    assert "gauges" in picture.plotter.actors and "gauge names-labels" not in picture.plotter.actors
     picture.close()
 
 
@@ -227,6 +236,7 @@ def test_a_slices_water_reaches_down_to_its_bed(tmp_path):
     bed = {"type": "formula", "depth": "1.2 - 0.1 * x"}
     tank = view_tank.tank_view(record(tmp_path / "run", {**TANK, "bed": bed}, paddle=0.2))
     assert tank.depth == pytest.approx(1.2)
+    assert tank.walls().bounds[4] == pytest.approx(-0.4)  # the far wall stands on the bed
     sides = tank.at(0.5).sides.points
     foot = sides[sides[:, 2] < -0.1]
     assert foot[:, 2] == pytest.approx(-(1.2 - 0.1 * foot[:, 0].clip(0.0)), abs=1e-6)
