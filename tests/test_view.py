@@ -55,7 +55,7 @@ def standing_wave(tmp_path_factory):
 
     tank = {"type": "slice", "length": 2.0, "depth": 1.0}
     initial = {"type": "standing-wave", "amplitude": 0.1}
-    numerics = {"cells": 8, "vertical_order": 4, "dt": 0.05}
+    numerics = {"cells": 8, "vertical_order": 4, "dt": 0.045}
     content = {"tank": tank, "initial": initial, "numerics": numerics, "run": {"duration": 0.9}}
     path = tmp_path_factory.mktemp("view") / "standing"
     record_run(Scene.model_validate(content), path, comm=MPI.COMM_SELF, console=Console(quiet=True))
