@@ -3,12 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation, Text
 from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import Bbox
 from matplotlib.tri import Triangulation
 
 from postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
@@ -23,6 +26,7 @@ LONG = 0.4  # width over length of a basin up to which they are below each other
 NAMED = 12  # gauges at most that are called by their names
 PERIODS, SNAPSHOTS = 3, 6  # wave heights are those of the last periods, if there are so many snapshots in each
 DAMPED = 1e-3  # of the largest rate of a sponge: where it begins
+GAUGE, AROUND = "gauge", 3.0  # what names of gauges are known by; pixels around a gauge that none is to hide
 RIM, DARK, LIGHT = "#444444", "#3a2c0a", "#ffffff"
 
 
@@ -71,11 +75,15 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
         *_wave_heights(run, surface),
     ]
     with picture(path, *_size(surface, len(maps))) as figure:
-        for axes, one in zip(_panels(figure, surface, len(maps)), maps, strict=True):
+        panels = _panels(figure, surface, len(maps))
+        for axes, one in zip(panels, maps, strict=True):
             _draw_map(figure, axes, surface, one)
             axes.plot(*one.points[paddle, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
             _draw_gauges(axes, run.gauges(), one.ink)
         figure.suptitle(run.title or "Surface elevation", fontsize=13, parse_math=False)
+        figure.draw_without_rendering()  # where names are is known only now
+        for axes in panels:
+            _leave_out_overlaps(axes)
     return path
 
 
@@ -161,5 +169,20 @@ def _triangles(pieces: Indices) -> Indices:
 def _draw_gauges(axes: Axes, gauges: Sequence[GaugeSeries], ink: str) -> None:
     few = len(gauges) <= NAMED
     axes.plot([one.x for one in gauges], [one.y for one in gauges], "+" if few else ",", color=ink, ms=7, mew=1.2)
+    look: Any = {"fontsize": 8, "color": DARK, "bbox": {"facecolor": LIGHT, "alpha": 0.7, "lw": 0, "pad": 0.5}}
     for one in gauges if few else ():
-        axes.annotate(one.name, (one.x, one.y), xytext=(4, 3), textcoords="offset points", fontsize=8, color=ink)
+        axes.annotate(one.name, (one.x, one.y), xytext=(4, 3), textcoords="offset points", gid=GAUGE, **look)
+
+
+def _leave_out_overlaps(axes: Axes) -> None:
+    """Take away the names of gauges that lie on one before, or on another gauge."""
+    names = [text for text in axes.texts if isinstance(text, Annotation) and text.get_gid() == GAUGE]
+    places = [axes.transData.transform(name.xy) for name in names]
+    marks = [Bbox.from_extents(*(place - AROUND), *(place + AROUND)) for place in places]
+    kept: list[Bbox] = []
+    for number, name in enumerate(names):
+        box = Text.get_window_extent(name)
+        if box.count_overlaps([*kept, *marks[:number], *marks[number + 1 :]]):
+            name.remove()
+        else:
+            kept.append(box)

@@ -285,7 +285,7 @@ class View:
         if many:
             return
         labels = Labels(rods.points[1::2], list(names))
-        self._label("gauge names", labels, ("center", "bottom"), shape="rounded_rect", shape_color="white", margin=2)
+        self._label("gauge names", labels, ("left", "bottom"), shape="rect", shape_color="white", margin=2)
 
     def _label(self, name: str, labels: Labels, justified: tuple[str, str], **look: Any) -> None:
         """Write texts at places, that corner or side of each at its place; none on one written before."""

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
+from numpy.typing import NDArray
 
 GREYS = {"#555555", "#666666", "#777777", "#888888", "#9a9a9a", "#222222", "#000000"}  # stand for no quantity
 FEWEST = 2  # numbers an axis needs to be one
@@ -21,7 +22,7 @@ def faults(figure: Figure) -> list[str]:
     """Return what is wrong with a figure, a sentence each.
 
     Axes with fewer than two numbers, axes without a unit, colours that no legend of the panel or of the figure names,
-    legends on curves, texts on texts.
+    legends and texts on curves, texts on texts.
     """
     figure.draw_without_rendering()
     panels = [axes for axes in figure.axes if axes.lines]
@@ -75,15 +76,18 @@ def _curves(axes: Axes) -> list[Line2D]:
 
 def _covered(axes: Axes) -> Iterator[str]:
     legend = axes.get_legend()
-    if legend is None or not axes.bbox.fully_overlaps(box := legend.get_window_extent()):
-        return
-    for line in _curves(axes):
-        corners = axes.transData.transform(np.column_stack([line.get_xdata(), line.get_ydata()]))
-        parts = np.linspace(corners[:-1], corners[1:], 20).reshape(-1, 2)
-        inside = parts if line.get_linestyle() not in ("None", "") else corners
-        if any(box.contains(x, y) for x, y in inside):
-            yield f"{_named(axes)}: the legend lies on {line.get_label()}"
-            return
+    boxes = {"the legend": legend.get_window_extent()} if legend else {}
+    boxes |= {repr(one.get_text()): Text.get_window_extent(one) for one in axes.texts if one.get_text()}
+    for what, box in boxes.items():
+        if any(box.count_contains(_places(axes, line)) for line in _curves(axes)):
+            yield f"{_named(axes)}: {what} lies on a curve"
+
+
+def _places(axes: Axes, line: Line2D) -> NDArray[np.float64]:
+    """Return where a line is seen [pixels], shape (N, 2): its marks, and many places between."""
+    corners = axes.transData.transform(np.column_stack([line.get_xdata(), line.get_ydata()]))
+    drawn = np.linspace(corners[:-1], corners[1:], 50).reshape(-1, 2)
+    return drawn if line.get_linestyle() not in ("None", "") else corners
 
 
 def _texts(axes: Axes) -> Iterator[str]:

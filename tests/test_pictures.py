@@ -55,7 +55,7 @@ def test_what_is_hard_to_read_is_found(drawn, tmp_path):
         "0 numbers at 'time [s]'",
         "no unit at 'error'",
         "no legend says what #d55e00 is",
-        "the legend lies on",
+        "the legend lies on a curve",
         "'a text' lies on 'another'",
     ):
         assert fault in found

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import typer
 from matplotlib import rc_context
+from matplotlib.figure import Figure
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
@@ -14,6 +15,7 @@ from postprocess.view_basin import Basin
 from postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
 from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory, RunWriter
+from wavetank.series import GaugeSeries
 from wavetank.vtu_series import Cells, VtuSeries
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
@@ -312,6 +314,18 @@ def test_the_maps_say_what_they_show(tmp_path):
     for word in (">x [m]<", ">y [m]<", ">mast<", ">sponge<", ">0.25 m<", ">0.45 m<"):
         assert word in text
     assert "crest minus trough" not in text  # no period is known
+
+
+def test_names_of_gauges_side_by_side_do_not_lie_on_one_another():
+    figure = Figure(figsize=(4, 4))
+    axes = figure.subplots()
+    axes.set(xlim=(0, 8), ylim=(0, 4))
+    none = np.zeros(1)
+    places = (("first", 2.0), ("second", 2.05), ("third", 6.0))
+    basin_figures._draw_gauges(axes, [GaugeSeries(name, x, none, none, "computed", 1.0) for name, x in places], "k")
+    figure.draw_without_rendering()
+    basin_figures._leave_out_overlaps(axes)
+    assert [text.get_text() for text in axes.texts] == ["first", "third"]
 
 
 def test_heights_of_regular_waves_are_mapped_once_they_have_come(tmp_path):

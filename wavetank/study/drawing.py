@@ -19,6 +19,7 @@ from wavetank.study.table import CPU, Row, measured
 
 FRONT, DASHES = EDGE, (0, (5, 3))
 ROOM = 0.25  # of the width, on the left, and of the height, below, for what is written there
+AROUND = 4.0  # pixels around a mark that no text is to hide
 SIDES = ((-7, -5), (-7, 5), (7, 5), (7, -5), (0, -9), (0, 9), (-7, -16), (7, 16))  # where a text may be, in points
 
 Point = tuple[float, float]
@@ -89,17 +90,22 @@ def _point(row: Row, name: str) -> Point:
 
 
 def _write_settings(panel: Axes, texts: dict[Point, str]) -> None:
-    """Write texts at points, each on the first side where it hides no text and no mark; on none of them, if on none."""
-    corners = [panel.transData.transform(np.column_stack(line.get_data())) for line in panel.lines]
-    taken = [Bbox.from_bounds(x - 4, y - 4, 8, 8) for x, y in np.concatenate(corners or [np.empty((0, 2))])]
+    """Write texts at points, on the first side where one hides nothing, or no mark and no text at least, or not."""
+    lines = [panel.transData.transform(np.column_stack(line.get_data())) for line in panel.lines]
+    marks = [Bbox.from_extents(*(place - AROUND), *(place + AROUND)) for line in lines for place in line]
+    passed = np.concatenate(
+        [np.linspace(line[:-1], line[1:], 100).reshape(-1, 2) for line in lines] or [np.empty((0, 2))]
+    )
     for point, text in texts.items():
-        for side in SIDES:
-            written = _written(panel, text, point, side)
-            box = written.get_window_extent()
-            if not any(box.overlaps(other) for other in taken) and panel.bbox.containsx(box.x0):
-                taken.append(box)
-                break
-            written.remove()
+        sides = [_written(panel, text, point, side) for side in SIDES]
+        boxes = {one: one.get_window_extent() for one in sides}
+        free = [one for one in sides if panel.bbox.containsx(boxes[one].x0) and not boxes[one].count_overlaps(marks)]
+        chosen = next((one for one in free if not boxes[one].count_contains(passed)), next(iter(free), None))
+        for one in sides:
+            if one is not chosen:
+                one.remove()
+        if chosen:
+            marks.append(boxes[chosen])
 
 
 def _written(panel: Axes, text: str, point: Point, side: tuple[int, int]) -> Annotation:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from scipy.optimize import minimize_scalar
 
-from postprocess.style import BLUE, GREEN, GREY, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
+from postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.fe.plane import Plane
 from wavetank.integrators import Simpson4
 from wavetank.integrators.absorbing import Absorbing
@@ -41,6 +41,7 @@ DEPTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  # kd
 LENGTHS = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0)  # sponge over wave length
 SIZES = (1.0, 2.0, 3.0)  # the same, for the band
 COLOURS = dict(zip(DEPTHS, (LIGHT_BLUE, BLUE, GREEN, ORANGE, VERMILION), strict=True))
+TWO_PER_CENT = entry("2 %", color=PALE_GREY, lw=0.8)
 DASHES = dict(zip(SIZES, ("-", "--", ":"), strict=True))
 RATIOS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)  # frequency over the design's
 AHEAD, QUIET = 1.5, 5.0  # wave lengths and depths between paddle and sponge; the depths keep the paddle's near field
@@ -203,7 +204,7 @@ def _draw_lengths(axes: Axes, lengths: Sequence[LengthRow], times: Sequence[Time
     axes.semilogy(*zip(*marked, strict=True), "kx", ms=6)
     axes.set(xlabel="length of the sponge over that of the wave [-]", title="The wave that the sponge is made for")
     nonlinear = entry("nonlinear, in time, ka = 0.01 and 0.1", color="k", marker="x", ls="")
-    axes.legend(handles=[entry("linear, of one frequency", marker="o", ms=4), nonlinear])
+    axes.legend(handles=[entry("linear, of one frequency", marker="o", ms=4), nonlinear, TWO_PER_CENT])
 
 
 def _draw_bands(axes: Axes, bands: Sequence[BandRow]) -> None:
@@ -214,8 +215,7 @@ def _draw_bands(axes: Axes, bands: Sequence[BandRow]) -> None:
                 [row.frequency_ratio for row in chosen], [100 * row.reflection for row in chosen], look, color=colour
             )
     axes.set(xlabel="frequency over the design's [-]", title="Waves of other frequencies")
-    handles = [entry(f"sponge of {size:g} λ", ls=look) for size, look in DASHES.items()]
-    axes.legend(handles=handles)
+    axes.legend(handles=[*(entry(f"sponge of {size:g} λ", ls=look) for size, look in DASHES.items()), TWO_PER_CENT])
 
 
 def write(report: Report) -> None:
@@ -235,7 +235,6 @@ def draw(report: Report, lengths: Sequence[LengthRow], bands: Sequence[BandRow],
         _draw_bands(right, bands)
         for axes in (left, right):
             axes.axhline(2.0, color=PALE_GREY, lw=0.8)
-            axes.text(1.0, 2.0, "2 % ", transform=axes.get_yaxis_transform(), ha="right", va="bottom", color=GREY)
         left.set(ylabel="reflected over incident amplitude [%]", ylim=(1e-3, 60))
         handles = [entry(f"kd = {kd:g}", color=colour, lw=3) for kd, colour in COLOURS.items()]
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
