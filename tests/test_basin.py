@@ -55,7 +55,7 @@ def basin(length, width, cells, *, order=3, n=4, depth=0.5, motion=None, reach=2
     return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
 
 
-def run(waves, *, steps, dt, start=None, scheme="third-order"):
+def run(waves, *, steps, dt, start=None, scheme="simpson-4"):
     """Return the final state and the energy budget's rows."""
     still = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned))
     record = Memory()

@@ -13,7 +13,7 @@ from wavetank.errors import InputError
 from wavetank.fe.plan_mesh import draw_plan, read_plan
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
-from wavetank.integrators import ThirdOrder
+from wavetank.integrators import Simpson4
 from wavetank.meshes import Bend, Cylinder, Harbour, Rectangle
 from wavetank.water.walls import FixedWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
@@ -448,7 +448,7 @@ def stepped(which, *, steps, comm=MPI.COMM_SELF):
     """Return what 0.16 s of steep waves on a coarse plan come to: energy, its and the mass's error, places' heights."""
     name, cells, geometry = which.split(", ")
     plan = drawn(name, 0.5, comm, cells=cells, geometry=int(geometry))
-    plane, tolerances, scheme = Plane(plan.mesh, 2), Tolerances(stage=1e-11, interior=1e-12), ThirdOrder()
+    plane, tolerances, scheme = Plane(plan.mesh, 2), Tolerances(stage=1e-11, interior=1e-12), Simpson4()
     waves = NonlinearWaves(plane, depth=0.6, wall=FixedWall(), vertical_order=2, tolerances=tolerances)
     x, y = plane.places.T
     state, dt = scheme.start(*waves.state(0.05 * np.cos(x + 0.5 * y), 0.1 * np.sin(x - y))), 0.16 / steps

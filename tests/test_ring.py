@@ -10,7 +10,7 @@ from mpi4py import MPI
 from wavetank.build import Records, build_observers, build_run
 from wavetank.errors import InputError
 from wavetank.fe.charts import Polygon
-from wavetank.integrators import ThirdOrder
+from wavetank.integrators import Simpson4
 from wavetank.observers.energy import COLUMNS
 from wavetank.observers.record import Memory
 from wavetank.reference.airy import angular_frequency
@@ -28,7 +28,7 @@ def make_ring(make_tank):
 
 def advanced(tank, state, dt, *, steps, scheme=None):
     """Return the state after some steps."""
-    scheme = scheme or ThirdOrder()
+    scheme = scheme or Simpson4()
     now = scheme.start(*state)
     for step in range(steps):
         now = scheme.step(tank, now, step * dt, dt)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavetank.integrators import ThirdOrder
+from wavetank.integrators import Simpson4
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.gauges import Gauges
@@ -33,7 +33,7 @@ def test_height_to_stroke_is_biesels(make_tank, kd):
     steps_per_period = int(np.ceil(period * tank.largest_frequency / 1.0))
     dt = period / steps_per_period
     rest = np.zeros(tank.plane.owned)
-    scheme = ThirdOrder()
+    scheme = Simpson4()
     state = scheme.start(*tank.state(rest, rest))
     for step in range(int(duration / dt)):
         state = scheme.step(tank, state, step * dt, dt)
