@@ -472,7 +472,7 @@ def keeps_mass_and_energy(which):
     coarse, fine = (stepped(which, steps=steps) for steps in (4, 8))
     assert max(coarse["mass error"], fine["mass error"]) < 1e-14
     assert coarse["energy error"] < 2e-4
-    return coarse["energy error"] / fine["energy error"] == pytest.approx(8, abs=4)  # the scheme is of third order
+    return coarse["energy error"] / fine["energy error"] > 12  # the scheme is of fourth order
 
 
 @pytest.mark.parametrize("which", FEW)

@@ -92,8 +92,8 @@ class Simpson4:
 
     def start(self, q: Vector, p: Vector) -> MeanAndJumps:
         """Return the state of a start without jumps."""
-        mean = np.concatenate([q, p])
-        return MeanAndJumps.of(mean, *[0 * mean] * 3, mean)
+        none = 0 * q, 0 * p
+        return MeanAndJumps(q, p, *none, *none, *none, q, p)
 
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
