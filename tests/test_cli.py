@@ -140,7 +140,7 @@ def app(arguments):
         raise InputError("known to this rank alone")
     MPI.COMM_WORLD.barrier()
 
-cli.app, cli.TOGETHER = app, 0.5
+cli.app, cli.LAST_RANK = app, 0.5
 sys.exit(cli.main([]))
 """
 

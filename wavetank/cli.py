@@ -45,7 +45,7 @@ app.command()(plan)
 CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
 
 
-TOGETHER = 60.0  # s in which all ranks must have come to the same end
+LAST_RANK = 60.0  # s in which all ranks must have come to the same end
 OVERWRITE = "replace what an earlier command has written there"
 
 
@@ -158,7 +158,7 @@ def _report(message: str, code: int, ranks: MPI.Comm) -> int:
     drain()
     if ranks.rank == 0:
         _print_error(message)
-    printed, give_up = ranks.Ibarrier(), time.monotonic() + TOGETHER
+    printed, give_up = ranks.Ibarrier(), time.monotonic() + LAST_RANK
     while not printed.Test():
         if time.monotonic() > give_up:
             if ranks.rank:

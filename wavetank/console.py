@@ -13,7 +13,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 PENDING = 10_000  # texts that wait for a slow reader; more are dropped
-PATIENCE = 5.0  # s, at the end, in which a slow reader must have taken something
+SLOW_READER = 5.0  # s, at the end, in which a slow reader must have taken something
 
 
 def console() -> Console:
@@ -59,7 +59,7 @@ class Unhurried(TextIOBase):
     def drain(self) -> None:
         """Wait until all is written, or the reader stands still."""
         left, since = self._texts.unfinished_tasks, time.monotonic()
-        while self._texts.unfinished_tasks and time.monotonic() < since + PATIENCE:
+        while self._texts.unfinished_tasks and time.monotonic() < since + SLOW_READER:
             if self._texts.unfinished_tasks < left:
                 left, since = self._texts.unfinished_tasks, time.monotonic()
             time.sleep(0.002)

@@ -4,10 +4,10 @@ import errno
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 
-LARGEST = 10**8  # bytes of a text that is read whole: a day at 50 rows a second has 10^8
+TEXT = 10**8  # bytes of a text that is read whole: a day at 50 rows a second has 10^8
 
 
-def regular(path: Path, *, largest: float = LARGEST) -> Path:
+def regular(path: Path, *, largest: float = TEXT) -> Path:
     """Return a path; raise ``OSError`` where it leads to a device, a pipe or a socket, of which none need ever end.
 
     And where there are more than ``largest`` bytes.

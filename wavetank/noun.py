@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from wavetank.scene.scene import Scene
 
 
-LONGEST = 200  # characters of a key in a message
+KEY_SHOWN = 200  # characters of a key in a message
 
 
 class Problem(NamedTuple):
@@ -36,7 +36,7 @@ class Problem(NamedTuple):
     def __str__(self) -> str:
         """Return the sentence, e.g. ``tank.depth = -1: must be greater than 0``; a value of None was not given."""
         shown = "" if self.received is None else f" = {_shown(self.received)}"
-        key = printable(".".join(map(str, self.key))[:LONGEST]).replace("\n", "\\n")
+        key = printable(".".join(map(str, self.key))[:KEY_SHOWN]).replace("\n", "\\n")
         return f"{key}{shown}: {self.allowed}"
 
 

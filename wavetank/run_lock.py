@@ -16,7 +16,7 @@ from typing import IO, NamedTuple
 from wavetank.errors import InputError
 
 LOCK = ".lock"
-PATIENCE, PAUSE = 0.5, 0.05  # s: a reader that asks who holds the lock has it for a moment
+ASKING, PAUSE = 0.5, 0.05  # s: a reader that asks who holds the lock has it for a moment
 
 
 class Holder(NamedTuple):
@@ -67,7 +67,7 @@ class RunLock:
 
     def _locked(self) -> IO[bytes]:
         """Return the file, locked."""
-        give_up = time.monotonic() + PATIENCE
+        give_up = time.monotonic() + ASKING
         while True:
             file = os.fdopen(os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666), "r+b")  # another's stays as it is
             if _lock(file, fcntl.LOCK_EX) and _is_at(file, self._path):

@@ -20,7 +20,7 @@ SIGN: dict[str, float] = {"down": 1.0, "up": -1.0}  # of a depth
 OTHER = {"down": "up", "up": "down"}
 METRES = ("m", "metre", "metres", "meter", "meters")
 XYZ = ["x", "y", "depth"]
-LARGEST = 2e9  # bytes of a file
+SURVEYS = 2e9  # bytes of a file
 FILLED = 0.5  # of a grid, at least; what leaves more of it empty is survey points
 
 
@@ -64,7 +64,7 @@ def read_bed(
             "gdal_translate -of XYZ makes one of a raster."
         )
     try:
-        found = READERS[path.suffix](regular(path, largest=LARGEST), variable)
+        found = READERS[path.suffix](regular(path, largest=SURVEYS), variable)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error).strip().removesuffix(".")
         raise InputError(f"{path}: cannot be read ({reason}).") from None

@@ -14,6 +14,7 @@ from wavetank.clock import Clock
 from wavetank.errors import InputError, OutsideError
 from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.contract import Vector
+from wavetank.hamiltonian.stage_solver import ITERATES
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.contract import Integrator
@@ -66,9 +67,6 @@ def initial_state(scene: Scene, waves: Waves) -> tuple[Vector, Vector]:
         if not lowest > 0.0:
             raise InputError(f"its surface lies down to {-lowest:.3g} m below the bed; must be above it everywhere.")
         return state
-
-
-ITERATES = 2.0  # dt omega: what the stages of schemes iterate well with that are stable at any step
 
 
 def build_clock(

@@ -12,7 +12,7 @@ ITERATIONS = 25  # of Gauss and Newton's method; a few do where a point is in it
 SETTLED = 1e-13  # a smaller step in reference coordinates is round-off
 
 
-class Places(NamedTuple):
+class Nearest(NamedTuple):
     """The nearest places of points in cells.
 
     Attributes
@@ -55,7 +55,7 @@ class CellPlaces:
         off = self._nodes - weights @ self._nodes[:, : straight.dim]  # corners come first
         return np.asarray(np.linalg.norm(off, axis=2).max(axis=1, initial=0.0))
 
-    def find(self, points: Vector, cells: Vector) -> Places:
+    def find(self, points: Vector, cells: Vector) -> Nearest:
         """Return the nearest place of each point in the cell that is named with it.
 
         Parameters
@@ -76,7 +76,7 @@ class CellPlaces:
             if step < SETTLED:
                 break
         found = np.einsum("nd,ndg->ng", tabulate(self._element, 0, local)[0], nodes)
-        return Places(local, np.linalg.norm(targets - found, axis=1))
+        return Nearest(local, np.linalg.norm(targets - found, axis=1))
 
     def _inside(self, local: Vector) -> Vector:
         """Return the nearest places in the reference cell."""

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.errors import OutsideError
-from wavetank.fe.cell_places import CellPlaces, Places, tabulate
+from wavetank.fe.cell_places import CellPlaces, Nearest, tabulate
 from wavetank.fe.plane import Field, Plane
 from wavetank.hamiltonian.contract import Vector
 
@@ -71,7 +71,7 @@ class Points:
         self._plane.comm.Allreduce(MPI.IN_PLACE, least, op=MPI.MIN)
         return least
 
-    def _nearest(self, points: Vector) -> tuple[Cells, Places]:
+    def _nearest(self, points: Vector) -> tuple[Cells, Nearest]:
         """Return the nearest of this rank's cells, and the places in it; -1 and inf where none is near."""
         near = geometry.compute_collisions_points(self._tree, points)  # of boxes, which may hold more than their cells
         which = np.repeat(np.arange(len(points)), np.diff(near.offsets))
@@ -82,7 +82,7 @@ class Points:
         cells, distances = np.full(len(points), -1, dtype=np.int32), np.full(len(points), np.inf)
         local = np.zeros((len(points), found.local.shape[1]))
         cells[seen], distances[seen], local[seen] = near.array[best], found.distances[best], found.local[best]
-        return cells, Places(local, distances)
+        return cells, Nearest(local, distances)
 
     def evaluate(self, field: Field) -> Vector:
         """Return the field's values, shape (N,), on every rank; collective."""

@@ -22,6 +22,7 @@ from wavetank.hamiltonian.start_values import Extrapolation
 Preconditioner = Callable[[Stage, Vector], Vector]
 Size = Callable[[], float]
 
+ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 MEMORY = 0.95  # of the waves' size, from one step to the next: a standing wave has moments without elevation
 ROUND_OFF = 30 * np.finfo(float).eps  # of the solution, below which no residual is asked for
 

@@ -24,7 +24,7 @@ class WavesOverABed(ObservedWaves, Protocol):
         """The bed."""
 
 
-class Places:
+class LatticePlaces:
     """Where the points of a lattice are in the laboratory, for the state that the waves evaluated last.
 
     Attributes
@@ -67,7 +67,7 @@ class SurfaceFields:
     def __init__(self, waves: WavesOverABed, series: FieldRecord, *, schedule: Schedule, damping: Vector | None = None):
         self._damping = damping
         self._waves, self._series, self.schedule = waves, series, schedule
-        self._places = Places(waves)
+        self._places = LatticePlaces(waves)
         self._cells = Cells.flat(self._places.lattice.pieces)
         self._eta, self._psi = waves.plane.function("elevation"), waves.plane.function("surface potential")
         self._rate = waves.plane.function("damping rate")
@@ -98,7 +98,7 @@ class VelocityFields:
     def __init__(self, waves: NonlinearWaves, series: FieldRecord, *, schedule: Schedule, levels: Vector | None = None):
         self._waves, self._series, self.schedule = waves, series, schedule
         self._levels = waves.vertical.nodes if levels is None else levels
-        self._places, self._velocity = Places(waves), Velocity(waves)
+        self._places, self._velocity = LatticePlaces(waves), Velocity(waves)
         lattice = self._places.lattice
         self._cells = Cells.layered(lattice.pieces, points=len(lattice.dofs), levels=len(self._levels))
 

@@ -31,7 +31,7 @@ EIGHTH = np.array([1, -8, 28, -56, 70, -56, 28, -8, 1]) / 256
 SHORT = 0.5  # the eighth over the sixth: more of what has fewer than four steps a period
 NOISE = 5e-3  # of the highest elevation so far; ten times what was found in sound waves
 DRIVEN = 4.0  # of what alternates of a paddle's way in a step: its waves are at most twice as high, and may meet
-PATIENCE = 10  # steps in a row: one jolt is in seven differences
+IN_A_ROW = 10  # steps in a row: one jolt is in seven differences
 CALM = 1e-6  # of the depth: lower waves are not looked at
 
 
@@ -88,9 +88,9 @@ class StabilityWatch:
         if noise < NOISE / 10:  # what moves is still the water
             self._frequency = max(self._frequency, self._short.largest_frequency(self._flow))
         self._steps = self._steps + 1 if noise > NOISE else 0
-        if self._steps == PATIENCE and self.noise <= NOISE:
+        if self._steps == IN_A_ROW and self.noise <= NOISE:
             self._warn(self._sentence(moment.t, noise, self._place()))
-        if self._steps >= PATIENCE:
+        if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
 
     def _largest(self, values: Vector) -> float:

@@ -21,7 +21,7 @@ from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.error_model import Settings
 from wavetank.scene import BasinTank, FixedWall, Scene
 
-LONGEST = 86_400.0  # s of wall time, if each rank has a core of its own
+A_DAY = 86_400.0  # s of wall time, if each rank has a core of its own
 STEP, PER_UNKNOWN = 0.1, 7e-6  # s of a basin's step
 PER_PLACE, PER_MODE = 7300.0, 270.0  # bytes a degree of freedom of a basin's plan
 PER_CELL = 60.0  # bytes of a mesh file, at least
@@ -36,7 +36,7 @@ class Needs(NamedTuple):
     memory: float
 
 
-def check_affordable(scene: Scene, comm: MPI.Comm, *, longest: float = LONGEST) -> None:
+def check_affordable(scene: Scene, comm: MPI.Comm, *, longest: float = A_DAY) -> None:
     """Raise ``SceneError`` for a scene with all numerics that needs longer [s], or too much memory; collective."""
     there = available_memory(comm)
     on_first(comm, lambda: _check(needs_of(scene, comm.size), there, ranks=comm.size, longest=longest))

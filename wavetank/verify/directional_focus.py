@@ -26,7 +26,7 @@ from wavetank.verify.report import Report, write_parts
 
 CASE = Path(__file__).resolve().parents[2] / "cases" / "directional-focus.toml"
 HALF = ("tank.plan.origin=[0.0, 0.0]", "tank.plan.width=3.0", "gauges=[]", "gauge_lines=[]", "run.duration=11.0")
-SMALL, STEEP = 0.002, 0.05  # m: k_p A = 0.006 and 0.14
+SMALL, LARGE = 0.002, 0.05  # m: k_p A = 0.006 and 0.14
 SEEN = 0.6  # m: of the crest, its half width and more
 
 Array = NDArray[np.float64]
@@ -180,7 +180,7 @@ def _draw_history(axes: Axes, focuses: Sequence[Focus]) -> None:
 
 def write(report: Report) -> None:
     """Write directional-focus.csv and .png."""
-    focuses = [Focus(Scene.from_toml(CASE, [*HALF, f"wall.motion.amplitude={one}"])) for one in (SMALL, STEEP)]
+    focuses = [Focus(Scene.from_toml(CASE, [*HALF, f"wall.motion.amplitude={one}"])) for one in (SMALL, LARGE)]
     report.table("directional-focus", FocusRow._fields, [row(focus) for focus in focuses])
     with report.figure("directional-focus", 13, 7.5) as figure:
         (theory, steep), (across, history) = figure.subplots(2, 2, height_ratios=(3, 2))
@@ -188,7 +188,7 @@ def write(report: Report) -> None:
         _draw_plan(theory, focuses[0], exact)
         drawn = _draw_plan(steep, focuses[1], focuses[1].in_focus)
         theory.set(title="Linear theory at the focus time", ylabel="y [m]")
-        steep.set(title=f"Computed, A = {1000 * STEEP:g} mm")
+        steep.set(title=f"Computed, A = {1000 * LARGE:g} mm")
         figure.colorbar(drawn, ax=[theory, steep], label="η / A [-]", shrink=0.8)
         _draw_across(across, focuses)
         _draw_history(history, focuses)

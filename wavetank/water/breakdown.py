@@ -1,19 +1,19 @@
 """Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
 
 from wavetank.hamiltonian.contract import Vector
+from wavetank.hamiltonian.stage_solver import ITERATES
 from wavetank.water.short_waves import ShortWaves
 from wavetank.water.waves import NonlinearWaves
 
-STEEP = 0.5  # slope; the steepest progressive wave has 0.58
+NEARLY_STEEPEST = 0.5  # slope; the steepest progressive wave has 0.58
 FLAT = 0.05  # slope, of waves that no theory calls steep
-LONGEST = 2.0  # dt omega that any implicit stage iterates at
 
 
 def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, limit: float) -> str:
     """Return in words why a step dt [s] from a state failed; ``limit`` is the scheme's, of omega dt; collective."""
     flow = waves.surface
     flow.update(q, p, t)
-    frequency, limit = ShortWaves(waves).largest_frequency(flow), min(limit, LONGEST)
+    frequency, limit = ShortWaves(waves).largest_frequency(flow), min(limit, ITERATES)
     steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
     if flow.largest_slope < FLAT and dt * frequency <= limit:
         return (
@@ -28,4 +28,4 @@ def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, l
         f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s; "
         f"try {0.8 * limit / frequency:.2g} s"
     )
-    return long if flow.largest_slope < STEEP else f"{steep}, or {long}"
+    return long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}"
