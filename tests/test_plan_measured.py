@@ -190,10 +190,47 @@ def needs_data(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["linear", pytest.param("steep", marks=pytest.mark.slow), "shallow", "deep"])
 def test_the_error_of_a_plan_is_as_predicted(name):
-    """Within a factor of three; settings are those for the rounded costs of one machine."""
+    """Within a factor of three, and what is promised; settings are those for the rounded costs of one machine."""
     trial = Trial(name, COSTS)
     error, _ = trial.measure(trial.plan.settings)
     assert 1 / 3 < trial.plan.error / error < 3
+    assert error <= trial.accuracy
+
+
+def piston(kd: float) -> Scene:
+    """Waves of k a = 0.02 at two wave lengths from a piston, for twelve periods, two of them its ramp."""
+    period, length = 2 * np.pi / float(angular_frequency(kd, 1.0, 9.81)), 2 * np.pi / kd
+    motion = {"type": "sinusoid", "amplitude": 0.02 / kd, "period": period, "ramp": 2 * period}
+    tank = {"length": round(8 * max(1.0, kd / 6)) * length, "depth": 1.0}
+    wall, run = {"type": "piston", "motion": motion}, {"duration": 12 * period}
+    return Scene.model_validate({"tank": tank, "gauges": [2 * length], "wall": wall, "run": run})
+
+
+def solitary(height: float) -> Scene:
+    """A solitary wave that travels 25 m."""
+    initial, tank = {"type": "solitary-wave", "height": height, "x": 15.0}, {"length": 60.0, "depth": 1.0}
+    return Scene.model_validate({"tank": tank, "gauges": [40.0], "initial": initial, "run": {"duration": 8.0}})
+
+
+NAMED_NOTHING = {  # scenes that plans once missed by 1.2 to 1.9 times
+    "steep": SCENES["steep"][0],
+    "group": SCENES["group"][0],
+    "piston, kd 3": lambda: piston(3.0),
+    "piston, kd 9": lambda: piston(9.0),
+    "solitary, 0.3": lambda: solitary(0.3),
+    "solitary, 0.5": lambda: solitary(0.5),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMED_NOTHING)
+def test_a_case_that_names_no_numerics_is_right_to_a_percent(name, monkeypatch):
+    """Against refined runs."""
+    monkeypatch.setitem(SCENES, name, (NAMED_NOTHING[name], 1e-2))
+    trial = Trial(name, COSTS)
+    error, _ = trial.measure(trial.plan.settings)
+    print(f"{trial.row(name)} not searched |")
+    assert error <= 1e-2
 
 
 @pytest.mark.slow
