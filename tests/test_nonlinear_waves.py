@@ -72,7 +72,7 @@ def test_stepping_back_returns_to_the_start(make_tank, name):
 )
 def test_energy_of_a_steep_standing_wave_does_not_drift(make_tank, name):
     """Symplecticity: the error oscillates, its mean over the last periods is that of the first ones."""
-    drift, spread = energy_drift(make_tank, name, periods=15)
+    drift, spread = energy_drift(make_tank, name, periods=8)
     assert abs(drift) < 0.05 * spread + 1e-9
 
 
@@ -122,7 +122,7 @@ def energy_drift(make_tank, name, *, periods):
 
 
 def driven(make_tank, name, dt, *, duration=8.0, every=1):
-    tank = make_tank(length=6.0, cells=18, n=4, motion=piston(), reach=4.0)
+    tank = make_tank(length=6.0, cells=9, n=4, motion=piston(), reach=4.0)
     scheme, record = INTEGRATORS[name](), Memory()
     budget = EnergyBudget(tank, record=record, every=every)
     rest = np.zeros(tank.plane.owned)
@@ -144,7 +144,7 @@ def driven(make_tank, name, dt, *, duration=8.0, every=1):
     ],
 )
 def test_paddle_work_balances_the_energy_to_the_order_of_the_scheme(make_tank, name, order):
-    steps = (0.04, 0.028, 0.02)
+    steps = (0.056, 0.04, 0.028)
     budgets = [driven(make_tank, name, dt, duration=5.6) for dt in steps]
     balances = [np.abs(budget[:, BALANCE]).max() for budget in budgets]
     assert fitted_slope(steps, balances) > order - 0.35
@@ -161,17 +161,17 @@ def test_the_balance_does_not_depend_on_how_often_it_is_recorded(make_tank):
 
 @pytest.mark.parametrize("name", SCHEMES)
 def test_mass_is_conserved_to_round_off_with_the_paddle_moving(make_tank, name):
-    mass = driven(make_tank, name, 0.04, duration=2.0)[:, MASS]
+    mass = driven(make_tank, name, 0.04, duration=1.0)[:, MASS]
     assert np.abs(mass / mass[0] - 1).max() < 1e-13
 
 
 @pytest.mark.parametrize("name", SCHEMES)
 def test_mass_does_not_depend_on_how_well_the_stages_are_solved(make_tank, name):
-    tank = make_tank(length=6.0, cells=18, n=4, motion=piston(), reach=4.0, tolerance=1e-4)
+    tank = make_tank(length=6.0, cells=9, n=4, motion=piston(), reach=4.0, tolerance=1e-4)
     rest = np.zeros(tank.plane.owned)
     scheme = INTEGRATORS[name]()
     state = scheme.start(*tank.state(rest, rest))
-    for step in range(50):
+    for step in range(25):
         state = scheme.step(tank, state, step * 0.04, 0.04)
     assert tank.total_mass(state.q) == pytest.approx(6.0, rel=1e-13)
 
