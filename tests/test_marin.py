@@ -20,6 +20,7 @@ def the_data():
     needs_marin()
 
 
+@pytest.mark.slow  # README's commands run the case and the comparison, tests/test_motions.py measured motions
 def test_the_first_waves_pass_the_first_gauge(wavetank, tmp_path):
     """In a short tank with a sponge, to the instruments' noise of 0.3 mm, a seventh of the waves by then."""
     changes = ["tank.length=24.0", "gauges=[10.0]", 'sponge={type="end", length=10.0}', "run.duration=50.0"]

@@ -6,6 +6,7 @@ H~ = (P² + Q² + gamma P Q) / 2, is constant: a treatment of damping is judged 
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -117,7 +118,8 @@ class DriftRow(NamedTuple):
     area: float
 
 
-def drift_rows() -> list[DriftRow]:
+@cache
+def drift_rows() -> tuple[DriftRow, ...]:
     """Return all treatments with gamma = 0.02, dt = 0.2."""
     rows, period = [], round(2 * np.pi / DT)
     for treatment in treatments():
@@ -127,7 +129,7 @@ def drift_rows() -> list[DriftRow]:
         area = np.linalg.det(matrix) * np.exp(len(matrix) / 2 * GAMMA * DT) - 1 if treatment.symplectic else np.nan
         drift, swing = last.mean() / first.mean() - 1, np.ptp(first) / first[0]
         rows.append(DriftRow(treatment.label, order(treatment), float(drift), float(swing), float(area)))
-    return rows
+    return tuple(rows)
 
 
 def order(treatment: Treatment, *, gamma: float = 0.3) -> float:

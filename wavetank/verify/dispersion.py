@@ -11,6 +11,7 @@ sine is Y, so the jump that belongs to a smooth solution is dt³ / 24 times its 
 costs a parasitic mode of that size: the whole of the scheme's third-order error on the linear oscillator.
 """
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -106,7 +107,8 @@ class ErrorRow(NamedTuple):
     measured_c: float
 
 
-def error_rows() -> list[ErrorRow]:
+@cache
+def error_rows() -> tuple[ErrorRow, ...]:
     """Return the leading errors of all schemes; measured at omega dt = 0.1."""
     rows = []
     for scheme in (*all_schemes(), simpson()):
@@ -114,7 +116,7 @@ def error_rows() -> list[ErrorRow]:
         by_series = scheme.integrator.name not in NO_SERIES
         coefficient = str(leading_error(scheme)[0]) if by_series else ""
         rows.append(ErrorRow(scheme.label, coefficient, power, size, (frequency(scheme, 0.1) / 0.1 - 1) / 0.1**power))
-    return rows
+    return tuple(rows)
 
 
 class StartRow(NamedTuple):

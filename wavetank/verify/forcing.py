@@ -7,6 +7,7 @@ here they are moved.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -114,11 +115,16 @@ class Row(NamedTuple):
     order_energy: float
 
 
+@cache
+def measured() -> tuple[tuple[Choice, NDArray[Any]], ...]:
+    """Return all choices with their errors, shape (steps, 3)."""
+    return tuple((choice, np.array([errors(choice, dt) for dt in STEPS])) for choice in choices())
+
+
 def rows() -> list[Row]:
     """Return all choices."""
     table = []
-    for choice in choices():
-        found = np.array([errors(choice, dt) for dt in STEPS])
+    for choice, found in measured():
         slopes = np.polyfit(np.log(STEPS), np.log(found), 1)[0]
         table.append(Row(choice.scheme, choice.name, *found[1].tolist(), *slopes.tolist()))
     return table
@@ -131,12 +137,11 @@ def write(report: Report) -> None:
         axes = figure.subplots(2, 3)
         groups = ("Störmer-Verlet, adjoint (57)", "third order (23)", "Simpson 4")
         for column, label in zip(axes.T, groups, strict=True):
-            for choice, colour in zip(
-                [one for one in choices() if one.scheme == label],
+            for (choice, found), colour in zip(
+                [one for one in measured() if one[0].scheme == label],
                 ("#0072b2", "#009e73", "#d55e00", "#e69f00"),
                 strict=True,
             ):
-                found = np.array([errors(choice, dt) for dt in STEPS])
                 column[0].loglog(STEPS, found[:, 0], "o-", color=colour, label=choice.name, ms=4)
                 t, q, p = path(choice, 0.2)
                 energy = np.array([Forced(SLOPE).invariant(*point) for point in zip(q, p, t, strict=True)])

@@ -103,7 +103,7 @@ def write(report: Report) -> None:
     """Write stability-limits.csv, figure-4.csv and .png, figure-5.csv and .png."""
     report.table("stability-limits", LimitRow._fields, limit_rows())
     _write_map(report)
-    thetas = np.arange(0.005, 6.0, 0.005)
+    thetas = np.arange(0.01, 6.0, 0.01)
     schemes = [scheme for scheme in all_schemes() if scheme.integrator.name in ("third-order", "p2n3q4lob")]
     schemes.insert(1, simpson())
     moduli = [_moduli(scheme, thetas) for scheme in schemes]

@@ -6,6 +6,7 @@ p of the other side. A scheme is reversible when R step(R step(z)) = z, R being 
 swaps the traces.
 """
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -79,7 +80,8 @@ def reversal_defect(scheme: Scheme, *, dt: float = 0.3) -> float:
     return float(np.abs(back - z).max())
 
 
-def rows() -> list[Row]:
+@cache
+def rows() -> tuple[Row, ...]:
     """Return all schemes, the discontinuous ones with several weights."""
     table = []
     for scheme in [
@@ -93,7 +95,7 @@ def rows() -> list[Row]:
         zero = "" if scheme.integrator.name in NO_SYMBOLS else {True: "0", False: "not 0"}[symbolic_zero(scheme)]
         back = reversal_defect(scheme)
         table.append(Row(scheme.label, zero, two_form_defect(scheme), back, back < 1e-9))
-    return table
+    return tuple(table)
 
 
 def write(report: Report) -> None:

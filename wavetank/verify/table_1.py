@@ -3,6 +3,7 @@
 The printed digits are those of q(0) = 0, p(0) = -0.001; the table's caption has the two swapped.
 """
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -72,7 +73,8 @@ def exact_q(t: NDArray[Any]) -> NDArray[Any]:
     return np.asarray(START[0] * np.cos(OMEGA * t) + START[1] / OMEGA * np.sin(OMEGA * t))
 
 
-def rows() -> list[Row]:
+@cache
+def rows() -> tuple[Row, ...]:
     """Return the table, its seven rows and the extra ones."""
     table, before = [], (np.nan,) * 3
     for dt in (*PRINTED, *EXTRA):
@@ -87,7 +89,7 @@ def rows() -> list[Row]:
         printed = PRINTED.get(dt, (0.0, 0.0, 0.0))
         table.append(Row(dt, a, a_order, b, b_order, c, c_order, *printed, " ".join(ruled)))
         before = found
-    return table
+    return tuple(table)
 
 
 def write(report: Report) -> None:
