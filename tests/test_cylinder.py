@@ -18,7 +18,7 @@ from wavetank.verify.cylinder import ANGLES, HalfBasin
 CASE = Path(__file__).resolve().parents[1] / "cases" / "cylinder.toml"
 
 
-@pytest.mark.parametrize("ka", [0.5, 1.0])
+@pytest.mark.parametrize("ka", [pytest.param(0.5, marks=pytest.mark.slow), 1.0])
 def test_the_run_up_is_that_of_mccamy_and_fuchs(ka):
     """Everywhere around the cylinder to 1 % of the incident amplitude, which it exceeds by three quarters in front."""
     basin = HalfBasin(ka, 0.35, order=3)

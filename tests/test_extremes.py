@@ -186,8 +186,10 @@ def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_
         watch = StabilityWatch(waves, flow, dt=dt, limit=scheme.stability_limit, warn=said.append)
         state = scheme.start(q, p)
         with suppress(RunError):
-            for step in range(round(1.3 / dt)):
+            for step in range(round((1.3 if long else 0.5) / dt)):
                 watch.observe(Moment(step, step * dt, state.q, state.p))
+                if said:
+                    break
                 state = scheme.step(waves, state, step * dt, dt)
         assert bool(said) == long and all(f"stable below {scheme.stability_limit:.4g}" in one for one in said)
         places += map(float, re.findall(r"most at x = (\S+) m[,:]", "".join(said)))
