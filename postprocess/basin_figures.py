@@ -14,9 +14,9 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import Bbox
 from matplotlib.tri import Triangulation
 
-from postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
-from postprocess.style import CM, FLAT, PADDLE, SATURATED, picture
 from wavetank.errors import InputError
+from wavetank.postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
+from wavetank.postprocess.style import CM, FLAT, PADDLE, SATURATED, picture
 from wavetank.rundir import RunDirectory
 from wavetank.series import GaugeSeries
 

@@ -11,8 +11,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator
 
-from postprocess.style import CM, FLAT, SATURATED
 from wavetank.errors import InputError
+from wavetank.postprocess.style import CM, FLAT, SATURATED
 from wavetank.rundir import RunDirectory
 
 Array = NDArray[np.float64]

@@ -54,8 +54,8 @@ def _gauges(name: str) -> tuple[list[GaugeSeries], list[GaugeSeries]]:
 def _compare_gauges(
     run: RunDirectory, measured: list[GaugeSeries], published: list[GaugeSeries], *, folder: Path
 ) -> Table:
-    from postprocess import compare as comparison  # scipy and matplotlib take a second to load
-    from postprocess.figures import gauges_figure
+    from wavetank.postprocess import compare as comparison  # scipy and matplotlib take a second to load
+    from wavetank.postprocess.figures import gauges_figure
 
     computed = run.gauges()
     compared = comparison.compare(computed, measured)
@@ -68,8 +68,8 @@ def _compare_gauges(
 def _compare_heights(
     run: RunDirectory, known: data.WaveHeights, measured: list[data.HeightSeries], *, folder: Path
 ) -> Table:
-    from postprocess import sections  # scipy and matplotlib take a second to load
-    from postprocess.sections_figure import bathymetry, sections_figure
+    from wavetank.postprocess import sections  # scipy and matplotlib take a second to load
+    from wavetank.postprocess.sections_figure import bathymetry, sections_figure
 
     computed = sections.computed_heights(run.gauges(), known)
     compared = sections.compare_heights(computed, measured, incident=known.incident_height)

@@ -10,8 +10,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from postprocess.compare import MATCH, compare_gauge, matched
-from postprocess.style import (
+from wavetank.errors import InputError
+from wavetank.postprocess.compare import MATCH, compare_gauge, matched
+from wavetank.postprocess.style import (
     CM,
     COMPUTED,
     FLAT,
@@ -26,7 +27,6 @@ from postprocess.style import (
     WATER,
     picture,
 )
-from wavetank.errors import InputError
 from wavetank.rundir import Surface
 from wavetank.scene.beds import Depth
 from wavetank.series import GaugeSeries

@@ -19,10 +19,10 @@ from rich.box import SIMPLE
 from rich.table import Table
 from scipy.interpolate import CubicSpline
 
-from postprocess.compare import MATCH, rms, write_rows
-from postprocess.wave_heights import mean_wave_height
 from wavetank.data import HeightSeries, Section, WaveHeights
 from wavetank.errors import InputError
+from wavetank.postprocess.compare import MATCH, rms, write_rows
+from wavetank.postprocess.wave_heights import mean_wave_height
 from wavetank.series import GaugeSeries
 
 FEWEST = 4  # gauges along a section: a cubic's

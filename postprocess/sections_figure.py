@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from postprocess.beds import still_water
-from postprocess.sections import ComputedHeights, Profile, SectionComparison, line
-from postprocess.style import COMPUTED, picture
 from wavetank.data import HeightSeries
+from wavetank.postprocess.beds import still_water
+from wavetank.postprocess.sections import ComputedHeights, Profile, SectionComparison, line
+from wavetank.postprocess.style import COMPUTED, picture
 from wavetank.rundir import RunDirectory
 
 MARKS = (("o", "#222222"), ("^", "#d55e00"), ("s", "#009e73"))  # one an origin of measurements

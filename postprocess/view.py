@@ -18,12 +18,12 @@ from matplotlib.colors import LinearSegmentedColormap
 from PIL import Image
 from vtkmodules.vtkCommonCore import vtkLogger
 
-from postprocess.run_figures import draw_surface
-from postprocess.style import CM, WATER
-from postprocess.view_film import Pixels, film_format
-from postprocess.view_sight import DRY, ELEVATION, HEIGHT, INK, PAINT, VEILED, Array, Labels, TankView
-from postprocess.view_tank import tank_view
 from wavetank.errors import InputError
+from wavetank.postprocess.run_figures import draw_surface
+from wavetank.postprocess.style import CM, WATER
+from wavetank.postprocess.view_film import Pixels, film_format
+from wavetank.postprocess.view_sight import DRY, ELEVATION, HEIGHT, INK, PAINT, VEILED, Array, Labels, TankView
+from wavetank.postprocess.view_tank import tank_view
 from wavetank.rundir import RunDirectory
 
 Size = tuple[int, int]

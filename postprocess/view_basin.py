@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 import pyvista as pv
 
-from postprocess.basin_surface import BasinSurface, Indices, history
-from postprocess.fittings import gauges_of
-from postprocess.style import CM
-from postprocess.view_sight import (
+from wavetank.postprocess.basin_surface import BasinSurface, Indices, history
+from wavetank.postprocess.fittings import gauges_of
+from wavetank.postprocess.style import CM
+from wavetank.postprocess.view_sight import (
     DRY,
     ELEVATION,
     INK,

@@ -37,7 +37,7 @@ def view(
         if time is not None or out is not None or not (film or diagram or window):
             yield drawing.still(directory, out or run / "view.png", t=time, **given)
         if film is not None:
-            from postprocess.view_film import followed  # with its packages, which may not be here
+            from wavetank.postprocess.view_film import followed  # with its packages, which may not be here
 
             watched = partial(followed, console=console)
             yield drawing.film(directory, film, watched=watched, **given)
@@ -53,7 +53,7 @@ def view(
 def _drawing() -> ModuleType:
     """Return what draws; raise ``InputError`` if a package that it needs is not here."""
     try:
-        from postprocess import view
+        from wavetank.postprocess import view
     except ImportError as error:
         raise InputError(f"to view a run the package {error.name} is needed: pip install 'wavetank[view]'.") from None
     return view

@@ -11,11 +11,12 @@ import numpy as np
 import pyvista as pv
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
-from postprocess.beds import still_water
-from postprocess.fittings import damping_along, gauges_of
-from postprocess.style import CM, FLAT, SATURATED
-from postprocess.view_basin import Basin
-from postprocess.view_sight import (
+from wavetank.errors import InputError
+from wavetank.postprocess.beds import still_water
+from wavetank.postprocess.fittings import damping_along, gauges_of
+from wavetank.postprocess.style import CM, FLAT, SATURATED
+from wavetank.postprocess.view_basin import Basin
+from wavetank.postprocess.view_sight import (
     DRY,
     ELEVATION,
     GLASS,
@@ -37,7 +38,6 @@ from postprocess.view_sight import (
     upright,
     veiled,
 )
-from wavetank.errors import InputError
 from wavetank.rundir import RunDirectory
 
 FINE = 800  # places along a flume that a picture tells apart

@@ -1,14 +1,18 @@
 """Imports go one way; the lower layers never see the higher ones."""
 
 import ast
+import re
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
+import setuptools
 from ranks import launch
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGE = CHECKOUT / "wavetank"
+ROOMS = ("meshes", "postprocess")  # of the package that stand at top level; links in it show where they belong
 
 ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "errors": set(),
@@ -38,15 +42,25 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "integrators": {"errors", "hamiltonian"},
     "water": {"errors", "motions", "fe", "hamiltonian"},
     "observers": {"errors", "fe", "hamiltonian", "run_log", "rundir", "vtu_series", "water"},
+    "postprocess": {"data", "errors", "run_place", "rundir", "scene", "series"},  # nothing of the solver
     "run": {"errors", "clock", "hamiltonian", "integrators", "observers"},
 }
-DRAWS_FROM = {"data", "errors", "run_place", "rundir", "scene", "series"}  # what postprocess may import
 STILL_A_CIRCLE = {"case_file", "meshes", "noun", "scene"}  # layers whose modules import one another
 SEES_ALL = {"build", "plan", "study", "recorded_run", "cli", "__main__", "__init__", "verify"}
 
 
+def files() -> dict[Path, str]:
+    """Return the files of the package with their modules' names, those of its rooms at top level, too."""
+    found = {path: "" for path in PACKAGE.rglob("*.py")}
+    found |= {path: "wavetank." for room in ROOMS for path in (CHECKOUT / room).rglob("*.py")}
+    return {
+        path: prefix + ".".join(path.relative_to(CHECKOUT).with_suffix("").parts).removesuffix(".__init__")
+        for path, prefix in sorted(found.items())
+    }
+
+
 def layer(path: Path) -> str:
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    return FILES[path].split(".")[1] if "." in FILES[path] else "__init__"
 
 
 def imported_layers(path: Path) -> set[str]:
@@ -61,7 +75,10 @@ def imported_layers(path: Path) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE)))
+FILES = files()
+
+
+@pytest.mark.parametrize("path", FILES, ids=FILES.values())
 def test_imports_go_one_way(path):
     own = layer(path)
     if own in SEES_ALL:
@@ -69,17 +86,14 @@ def test_imports_go_one_way(path):
     assert imported_layers(path) <= ALLOWED[own] | {own}
 
 
-@pytest.mark.parametrize("path", sorted((CHECKOUT / "postprocess").rglob("*.py")), ids=lambda path: path.name)
-def test_postprocess_knows_nothing_of_the_solver(path):
-    assert imported_layers(path) <= DRAWS_FROM
-
-
-def modules(package: str) -> dict[str, Path]:
-    """Return the files of a package by their modules' names."""
-    found = (CHECKOUT / package).rglob("*.py")
-    return {
-        ".".join(path.relative_to(CHECKOUT).with_suffix("").parts).removesuffix(".__init__"): path for path in found
-    }
+def test_rooms_at_top_level_have_one_name_and_are_of_the_package():
+    """Their links are found by setuptools, so pip adds no package but wavetank; by no other name are they imported."""
+    options = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]["find"]
+    packages = setuptools.find_packages(str(CHECKOUT), **options)
+    assert {name.partition(".")[0] for name in packages} == {"wavetank"}
+    assert {f"wavetank.{room}" for room in ROOMS} <= set(packages)
+    for path in [*FILES, *(CHECKOUT / "tests").glob("*.py"), *(CHECKOUT / "benchmarks").glob("*.py")]:
+        assert not re.search(rf"^\s*(from|import) ({'|'.join(ROOMS)})\b", path.read_text(), flags=re.MULTILINE), path
 
 
 def imports(path: Path, known: set[str]) -> set[str]:
@@ -111,14 +125,10 @@ def test_a_circle_is_found():
 
 
 def test_no_module_imports_itself_by_others():
-    files = modules("wavetank") | modules("postprocess")
-    found = circles({name: imports(path, set(files)) - {name} for name, path in files.items()})
-    told = [sorted(circle) for circle in found if not circle <= _in(STILL_A_CIRCLE, files)]
-    assert not told
-
-
-def _in(layers: set[str], files: dict[str, Path]) -> set[str]:
-    return {name for name in files if name.startswith("wavetank.") and name.split(".")[1] in layers}
+    known = set(FILES.values())
+    found = circles({name: imports(path, known) - {name} for path, name in FILES.items()})
+    allowed = {name for path, name in FILES.items() if layer(path) in STILL_A_CIRCLE}
+    assert not [sorted(circle) for circle in found if not circle <= allowed]
 
 
 def test_what_takes_long_to_load_is_loaded_by_whom_it_serves(tmp_path):

@@ -17,13 +17,13 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from postprocess.compare import matched
-from postprocess.compare_command import compare
-from postprocess.sections import COLUMNS, compare_heights, computed_heights
-from postprocess.wave_heights import mean_wave_height, wave_heights
 from wavetank import data
 from wavetank.data import DATASETS, DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
+from wavetank.postprocess.compare import matched
+from wavetank.postprocess.compare_command import compare
+from wavetank.postprocess.sections import COLUMNS, compare_heights, computed_heights
+from wavetank.postprocess.wave_heights import mean_wave_height, wave_heights
 from wavetank.rundir import RunWriter
 from wavetank.scene.gauge_lines import GaugeLine
 from wavetank.series import GaugeSeries

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from postprocess.compare import COLUMNS, compare, comparison_table, matched, write_comparison
-from postprocess.figures import gauges_figure
-from postprocess.run_figures import draw_run
 from wavetank import data
 from wavetank.cli import main
 from wavetank.errors import InputError
+from wavetank.postprocess.compare import COLUMNS, compare, comparison_table, matched, write_comparison
+from wavetank.postprocess.figures import gauges_figure
+from wavetank.postprocess.run_figures import draw_run
 from wavetank.rundir import RunDirectory, RunWriter
 from wavetank.series import GaugeSeries
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from pictures import faults
 from rich.console import Console
 
-from postprocess.style import picture
+from wavetank.postprocess.style import picture
 from wavetank.study.drawing import draw_study, pareto_front
 from wavetank.study.measures import GAUGES, PHASE, SURFACE
 from wavetank.study.response_drawing import draw_responses

@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from scipy.optimize import brentq
 
-from postprocess import figures, run_figures
-from postprocess.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
-from postprocess.run_figures import draw_run
 from wavetank.errors import InputError
+from wavetank.postprocess import figures, run_figures
+from wavetank.postprocess.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
+from wavetank.postprocess.run_figures import draw_run
 from wavetank.rundir import RunDirectory, RunWriter, Surface
 from wavetank.series import GaugeSeries
 
@@ -268,7 +268,7 @@ def test_nothing_to_draw_is_bad_input(tmp_path):
 
 def test_pictures_need_neither_the_solver_nor_a_display():
     code = (
-        "import sys, postprocess.run_figures; "
+        "import sys, wavetank.postprocess.run_figures; "
         "sys.exit(any(name in sys.modules for name in ('dolfinx', 'petsc4py', 'mpi4py', 'matplotlib.pyplot')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -13,8 +13,8 @@ from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
 
-from postprocess import view, view_command, view_film, view_sight, view_tank
 from wavetank.errors import InputError
+from wavetank.postprocess import view, view_command, view_film, view_sight, view_tank
 from wavetank.rundir import RunDirectory, RunWriter
 
 LENGTH, DEPTH, HEIGHT = 8.0, 1.0, 0.1  # m
@@ -367,6 +367,6 @@ def test_runs_without_waves_to_view_are_refused(tmp_path):
 
 
 def test_a_missing_package_is_named(run, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "postprocess.view", None)
-    monkeypatch.delattr("postprocess.view")
+    monkeypatch.setitem(__import__("sys").modules, "wavetank.postprocess.view", None)
+    monkeypatch.delattr("wavetank.postprocess.view")
     assert "is needed: pip install 'wavetank[view]'" in str(command(run.path).exception)

@@ -8,12 +8,12 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from typer.testing import CliRunner
 
-from postprocess import basin_figures, view, view_command
-from postprocess.basin_surface import BasinSurface, Extremes, history
-from postprocess.run_figures import draw_run
-from postprocess.view_basin import Basin
-from postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
 from wavetank.errors import InputError
+from wavetank.postprocess import basin_figures, view, view_command
+from wavetank.postprocess.basin_surface import BasinSurface, Extremes, history
+from wavetank.postprocess.run_figures import draw_run
+from wavetank.postprocess.view_basin import Basin
+from wavetank.postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
 from wavetank.rundir import RunDirectory, RunWriter
 from wavetank.series import GaugeSeries
 from wavetank.vtu_series import Cells, VtuSeries

@@ -13,14 +13,14 @@ from typing import Annotated
 import typer
 from mpi4py import MPI
 
-from postprocess.compare_command import compare
-from postprocess.view_command import view
 from wavetank import data
 from wavetank.case_file import located
 from wavetank.console import console, drain
 from wavetank.errors import WavetankError, printable
 from wavetank.fe.agreed import on_first
 from wavetank.plan.command import plan
+from wavetank.postprocess.compare_command import compare
+from wavetank.postprocess.view_command import view
 from wavetank.run_place import Place
 from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
@@ -71,7 +71,7 @@ def run(
 
 
 def _draw(directory: RunDirectory) -> list[Path]:
-    from postprocess.run_figures import draw_run  # matplotlib takes a second to load
+    from wavetank.postprocess.run_figures import draw_run  # matplotlib takes a second to load
 
     return draw_run(directory)
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
-from postprocess.style import entry, number_logarithms, picture
+from wavetank.postprocess.style import entry, number_logarithms, picture
 from wavetank.study.look import EDGE, INTEGRATOR, MARK, Look
 from wavetank.study.measures import CREST
 from wavetank.study.sweep import Axis

@@ -5,7 +5,7 @@ from itertools import cycle
 
 from matplotlib.lines import Line2D
 
-from postprocess.style import BLUE, GREEN, INK, ORANGE, PURPLE, VERMILION, entry
+from wavetank.postprocess.style import BLUE, GREEN, INK, ORANGE, PURPLE, VERMILION, entry
 from wavetank.study.sweep import Axis
 from wavetank.study.table import Row
 

@@ -17,8 +17,8 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import minimize_scalar
 
-from postprocess.compare import matched
 from wavetank.errors import InputError
+from wavetank.postprocess.compare import matched
 from wavetank.rundir import RunDirectory, Surface
 from wavetank.scene import Scene
 from wavetank.study.exact import Array, ExactSolution, exact_solution

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 
-from postprocess.style import number_logarithms, picture
+from wavetank.postprocess.style import number_logarithms, picture
 from wavetank.study.look import EDGE, MARK, Look
 from wavetank.study.measures import CREST as CREST_ERROR
 from wavetank.study.responses import CREST, CREST_PLACE, TROUGH

@@ -19,13 +19,13 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 from rich.console import Console
 
-from postprocess.style import BLUE, GREEN, PALE_GREY, VERMILION, entry
 from wavetank.fe.plan_mesh import draw_plan
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
 from wavetank.integrators import StormerVerlet, ThirdOrder
 from wavetank.integrators.contract import Integrator
 from wavetank.meshes import Cylinder
+from wavetank.postprocess.style import BLUE, GREEN, PALE_GREY, VERMILION, entry
 from wavetank.reference.airy import Array, angular_frequency
 from wavetank.reference.mccamy_fuchs import Complex, CylinderDiffraction, travelling
 from wavetank.verify.report import Report, write_parts

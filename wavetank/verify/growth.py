@@ -14,8 +14,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from postprocess.style import BLUE, GREEN, GREY, ORANGE, VERMILION, entry
 from wavetank.fe.plane import Plane
+from wavetank.postprocess.style import BLUE, GREEN, GREY, ORANGE, VERMILION, entry
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.report import Report
 from wavetank.water.edge_penalty import NEEDED, STRENGTH, EdgePenalty, shortest_wave_number

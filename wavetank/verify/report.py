@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from postprocess.style import picture
 from wavetank.errors import InputError
+from wavetank.postprocess.style import picture
 
 
 @dataclass(frozen=True)

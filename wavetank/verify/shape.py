@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from postprocess.style import BLUE, GREEN, ORANGE, VERMILION
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
+from wavetank.postprocess.style import BLUE, GREEN, ORANGE, VERMILION
 from wavetank.reference.airy import angular_frequency
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.report import Report

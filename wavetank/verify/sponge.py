@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from scipy.optimize import minimize_scalar
 
-from postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.fe.plane import Plane
 from wavetank.integrators import Simpson4
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.motions import Motion, Ramped, Sinusoid
+from wavetank.postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.reference.airy import angular_frequency, group_velocity, wave_number
 from wavetank.reference.wavemaker import piston_transfer
 from wavetank.scene.sponges import EndSponge

@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
 
-from postprocess.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_logarithms
 from wavetank.build import build_run
 from wavetank.errors import RunError
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
+from wavetank.postprocess.style import BLUE, GREEN, ORANGE, VERMILION, entry, number_logarithms
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.scene import Scene
 from wavetank.verify.report import Report
