@@ -18,7 +18,7 @@ from wavetank.build import build_run, build_watch
 from wavetank.clock import Clock
 from wavetank.errors import RunError
 from wavetank.fe.plane import Plane
-from wavetank.integrators.third_order import ThirdOrder
+from wavetank.integrators import Simpson4, ThirdOrder
 from wavetank.observers.contract import Moment
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
@@ -169,10 +169,10 @@ def graded(dimensions: int) -> NonlinearWaves:
     return NonlinearWaves(Plane(plan, 3), depth=1.0, wall=FixedWall(), vertical_order=2)
 
 
-@pytest.mark.parametrize("dimensions", [1, 2])
-def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_them(dimensions):
+@pytest.mark.parametrize(("dimensions", "scheme"), [(1, ThirdOrder()), (2, ThirdOrder()), (1, Simpson4())])
+def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_them(dimensions, scheme):
     """The step as a part of the exact limit, from the dense spectrum about a standing wave at its fastest."""
-    waves, scheme, k = graded(dimensions), ThirdOrder(), np.pi / 2
+    waves, k = graded(dimensions), np.pi / 2
     rate = np.sqrt(9.81 * k * np.tanh(k))
     q, p = waves.state(0 * waves.plane.x, -0.1 * 9.81 / rate * np.cos(k * waves.plane.x))
     exact = float(np.abs(np.linalg.eigvals(LinearisedFlow(waves, q, p, 0.0).matrix())).max())
@@ -187,13 +187,46 @@ def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_
         state = scheme.start(q, p)
         with suppress(RunError):
             for step in range(round((1.3 if long else 0.5) / dt)):
-                watch.observe(Moment(step, step * dt, state.q, state.p))
+                watch.observe(Moment(step, step * dt, state.q, state.p, jump=state.q_jump))
                 if said:
                     break
                 state = scheme.step(waves, state, step * dt, dt)
         assert bool(said) == long and all(f"stable below {scheme.stability_limit:.4g}" in one for one in said)
         places += map(float, re.findall(r"most at x = (\S+) m[,:]", "".join(said)))
     assert places == pytest.approx([1.0], abs=0.1)  # of the smallest cells, under the current
+
+
+class Blind:
+    """A watch that does not see the jump."""
+
+    def __init__(self, watch):
+        self.schedule, self._watch = watch.schedule, watch
+
+    def observe(self, moment):
+        self._watch.observe(moment._replace(jump=None))
+
+
+def told() -> list[str]:
+    """Return what is said of a ring of 50 % at T/30, which breaks down later: of the jump, then of the elevation."""
+    scene = ring_scene(initial_steepness=0.5, numerics_cells=16, numerics_dt=0.0745, run_duration=8.2)
+    scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"edge_penalty": 0.0})})
+    run, waves = build_run(scene, MPI.COMM_WORLD)
+    said = list[str]()
+    for watch in (build_watch(scene, run, waves, said.append), map(Blind, build_watch(scene, run, waves, said.append))):
+        run.observers += watch
+    run.execute()
+    return said
+
+
+def test_the_jump_tells_before_the_elevation_does():
+    """A second and more before, twenty steps."""
+    before, after = (float(re.match(r"t = (\S+) s: short waves", one)[1]) for one in told())
+    assert 0.7 < after - before < 3.0
+
+
+@pytest.mark.slow
+def test_three_ranks_are_told_what_one_is(on_ranks):
+    assert on_ranks(told) == [told()] * 3
 
 
 def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():

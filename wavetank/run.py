@@ -59,7 +59,8 @@ class Run:
             self._observe()
 
     def _observe(self) -> None:
-        moment = Moment(self.step, self.t, self.state.q, self.state.p, self.state.known)
+        state = self.state
+        moment = Moment(self.step, self.t, state.q, state.p, state.known, state.q_jump)
         for observer in self.observers:
             if observer.schedule.due(self.step, self.clock.dt):
                 observer.observe(moment)

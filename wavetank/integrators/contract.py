@@ -39,6 +39,10 @@ class State(Protocol):
         Their mean is (q, p), or nearly so.
         """
 
+    @property
+    def q_jump(self) -> Vector | None:
+        """The jump of the coordinates at the state's time; None of a scheme that lets them have none."""
+
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with each of its coordinate vectors and of its momentum vectors mapped."""
 

@@ -38,6 +38,11 @@ class JumpInQ(NamedTuple):
         """The point that is reported."""
         return (Evaluated(self.q, self.p),)
 
+    @property
+    def q_jump(self) -> Vector:
+        """The jump of the coordinates."""
+        return self.q_plus - self.q_minus
+
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with all three traces mapped."""
         return self._replace(q_minus=coordinate(self.q_minus), q_plus=coordinate(self.q_plus), p=momentum(self.p))
@@ -60,6 +65,11 @@ class JumpInP(NamedTuple):
     def known(self) -> tuple[Evaluated, ...]:
         """The point that is reported."""
         return (Evaluated(self.q, self.p),)
+
+    @property
+    def q_jump(self) -> None:
+        """There is none."""
+        return
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with all three traces mapped."""

@@ -17,6 +17,11 @@ class Point(NamedTuple):
         """The point itself."""
         return (Evaluated(self.q, self.p),)
 
+    @property
+    def q_jump(self) -> None:
+        """There is none."""
+        return
+
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with q and p mapped."""
         return self._replace(q=coordinate(self.q), p=momentum(self.p))
@@ -44,6 +49,11 @@ class Traces(NamedTuple):
     def known(self) -> tuple[Evaluated, ...]:
         """The plus trace."""
         return (Evaluated(self.q_plus, self.p_plus),)
+
+    @property
+    def q_jump(self) -> Vector:
+        """The jump of the coordinates."""
+        return self.q_plus - self.q_minus
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with all four traces mapped."""

@@ -16,6 +16,8 @@ class Moment(NamedTuple):
     known
         Points next to (q, p) at which the system is evaluated anyway, in the order in which that costs nothing; none
         are known to who makes a moment by hand.
+    jump
+        Of the coordinates; None where the scheme lets them have none.
     """
 
     step: int
@@ -23,6 +25,7 @@ class Moment(NamedTuple):
     q: Vector
     p: Vector
     known: tuple[tuple[Vector, Vector], ...] = ()
+    jump: Vector | None = None
 
     @property
     def points(self) -> tuple[tuple[Vector, Vector], ...]:

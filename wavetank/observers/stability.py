@@ -1,20 +1,25 @@
 """A watch on the step: it tells when short waves have begun to grow that are none of the water's.
 
-What a step, a mesh or a scheme lets grow changes from step to step, and waves do not: of an elevation that oscillates
-by the angle theta in a step the sixth difference in time, over 64, keeps sin(theta/2)^6: 2e-5 of waves of 24 steps a
-period, 1.6 % of waves of six, and all of what alternates. Measured, in waves that nobody should be warned of it stays
-below 0.05 % of the highest; where a run has gone wrong it is some per cent (docs/extremes.md). Waves of few steps are
-told from it by the eighth difference, sin(theta/2)^2 times the sixth: half of it, or less, of waves that have four
-steps a period, or more. A measured paddle's own
-noise makes short waves, too, in the first seconds the most there is: those are the water's, twice as high as what
-alternates of the paddle's place at most.
+What a step, a mesh or a scheme lets grow changes from step to step, and waves do not. Of what oscillates by the angle
+theta in a step a difference in time of order m, over 2^m, keeps sin(theta/2)^m, and all of what alternates. It is
+looked for where the water itself has least of it (docs/extremes.md has the table of what was found):
+
+- in the **jump of the elevation** at the ends of steps, where the scheme has one: of smooth waves it is theta³/24 of
+  them, and its third difference less than theta⁶/192. What alternates stands there before it shows in the elevation;
+- in the **elevation** elsewhere, by the sixth difference: 2e-5 of waves of 24 steps a period, 1.6 % of waves of six.
+
+Waves of few steps are told from it by a difference two orders higher, sin(theta/2)^2 times the first: half of it, or
+less, of waves that have four steps a period, or more. A measured paddle's own noise makes short waves, too, in the
+first seconds the most there is: those are the water's, and are known by what alternates of the paddle's way in a step.
 
 That dt omega_max under the crests is beyond the scheme's limit is no sign of it: a crest that passes leaves the waves
 behind that it has made grow, and the edge penalty takes them. It only tells what would help.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import comb
 
 import numpy as np
 from mpi4py import MPI
@@ -26,13 +31,50 @@ from wavetank.water.short_waves import ShortWaves
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
-SIXTH = np.array([0, 1, -6, 15, -20, 15, -6, 1, 0]) / 64  # about the same step as the eighth
-EIGHTH = np.array([1, -8, 28, -56, 70, -56, 28, -8, 1]) / 256
-SHORT = 0.5  # the eighth over the sixth: more of what has fewer than four steps a period
-NOISE = 5e-3  # of the highest elevation so far; ten times what was found in sound waves
-DRIVEN = 4.0  # of what alternates of a paddle's way in a step: its waves are at most twice as high, and may meet
-IN_A_ROW = 10  # steps in a row: one jolt is in seven differences
+SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
+IN_A_ROW = 10  # steps in a row: one jolt is in several differences
 CALM = 1e-6  # of the depth: lower waves are not looked at
+
+
+@dataclass(frozen=True)
+class Alternating:
+    """What alternates in a quantity, and how much of it is none of the water's.
+
+    Attributes
+    ----------
+    order
+        Of the difference in time that tells it; that two orders higher tells it from waves of few steps.
+    noise
+        What is warned of, of the highest elevation so far.
+    driven
+        The highest that a paddle's noise makes, of what alternates of its way in a step.
+    """
+
+    order: int
+    noise: float
+    driven: float
+
+    @property
+    def length(self) -> int:
+        """The number of values needed."""
+        return self.order + 3
+
+    def lower(self, values: Sequence[Vector]) -> Vector:
+        """Return the difference of the last values, about the same step as the higher; shape of one value."""
+        return self._difference(list(values)[-self.length + 1 : -1], self.order)
+
+    def higher(self, values: Sequence[Vector]) -> Vector:
+        """Return the difference two orders higher of the last values, shape of one."""
+        return self._difference(list(values)[-self.length :], self.order + 2)
+
+    @staticmethod
+    def _difference(values: Sequence[Vector], order: int) -> Vector:
+        weights = [(-1) ** k * comb(order, k) / 2**order for k in range(order + 1)]
+        return np.asarray(weights @ np.array(values))
+
+
+IN_ELEVATION = Alternating(order=6, noise=5e-3, driven=4.0)
+IN_JUMP = Alternating(order=3, noise=1e-2, driven=16.0)
 
 
 class StabilityWatch:
@@ -69,27 +111,28 @@ class StabilityWatch:
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
-        self._last, self._wall = (deque[Vector](maxlen=SIXTH.size) for _ in range(2))
+        self._last, self._wall = (deque[Vector](maxlen=IN_ELEVATION.length) for _ in range(2))
         self._driven = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._highest, self._steps, self._frequency = CALM * waves.depth, 0, waves.largest_frequency
         self.noise = 0.0
 
     def observe(self, moment: Moment) -> None:
-        """Look at the surface; collective."""
+        """Look at the surface, or at its jump where the moment has one; collective."""
         self._flow.update(moment.q, moment.p, moment.t)
-        self._last.append(self._flow.elevation.copy())
+        eta, jump, look = self._flow.elevation, moment.jump, IN_ELEVATION if moment.jump is None else IN_JUMP
+        self._last.append(eta.copy() if jump is None else self._waves.mass.solve(jump))
         self._wall.append(self._dt * self._waves.wall.velocities)
-        self._highest = max(self._highest, self._largest(self._last[-1]))
-        if len(self._last) < SIXTH.size:
+        self._highest = max(self._highest, self._largest(eta))
+        if len(self._last) < look.length:
             return
-        self._driven = max(self._driven, DRIVEN * self._largest(SIXTH @ np.array(self._wall)))
-        sixth, eighth = (self._largest(weights @ np.array(self._last)) for weights in (SIXTH, EIGHTH))
-        noise = max(0.0, sixth - self._driven) / self._highest if eighth > SHORT * sixth else 0.0
-        if noise < NOISE / 10:  # what moves is still the water
+        self._driven = max(self._driven, look.driven * self._largest(look.lower(self._wall)))
+        lower, higher = self._largest(look.lower(self._last)), self._largest(look.higher(self._last))
+        noise = max(0.0, lower - self._driven) / self._highest if higher > SHORT * lower else 0.0
+        if noise < look.noise / 10:  # what moves is still the water
             self._frequency = max(self._frequency, self._short.largest_frequency(self._flow))
-        self._steps = self._steps + 1 if noise > NOISE else 0
-        if self._steps == IN_A_ROW and self.noise <= NOISE:
-            self._warn(self._sentence(moment.t, noise, self._place()))
+        self._steps = self._steps + 1 if noise > look.noise else 0
+        if self._steps == IN_A_ROW and self.noise <= look.noise:
+            self._warn(self._sentence(moment.t, noise, self._place(look)))
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
 
@@ -97,9 +140,9 @@ class StabilityWatch:
         found = float(np.abs(values).max(initial=0.0))
         return float(self._waves.plane.comm.allreduce(found, op=MPI.MAX))
 
-    def _place(self) -> str:
+    def _place(self, look: Alternating) -> str:
         """Return in words where what alternates is largest; collective."""
-        heights = np.abs(SIXTH @ np.array(self._last))
+        heights = np.abs(look.lower(self._last))
         places = self._waves.wall.to_physical(self._waves.plane.places)
         own = max(
             ((float(height), *map(float, at)) for height, at in zip(heights, places, strict=True)), default=(0.0,)
