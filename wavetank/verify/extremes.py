@@ -4,10 +4,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from wavetank.verify import breaking, growth, shape, steepness
+from wavetank.verify import breaking, growth, shape, standing, steepness
 from wavetank.verify.report import write_parts
 
 
 def verify_extremes(folder: Path, console: Console) -> None:
     """Write all tables and pictures to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts((growth, shape, steepness, breaking), folder, console)
+    write_parts((growth, shape, steepness, standing, breaking), folder, console)
