@@ -93,7 +93,7 @@ def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metav
 
 VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verify_NAME(folder, console): its help
     "integrators": "Recompute every table and figure on the integrators: orders, stability, dispersion, damping, work.",
-    "extremes": "Measure the extremes: growing modes and their cure, steepness, standing waves, depths, shapes; two hours.",
+    "extremes": "Measure the extremes: growing modes, steepness, standing waves, depths, shapes, breaking; two hours.",
     "sponge": "Measure what a sponge reflects: lengths, depths, wave periods and strengths; two minutes.",
     "cylinder": "Hold the run-up around a cylinder against McCamy and Fuchs, on finer and finer meshes; some minutes.",
     "directional_focus": "Hold waves that meet from many directions against linear theory; some minutes.",
