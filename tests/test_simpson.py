@@ -23,7 +23,12 @@ SLICE = {
     "numerics": {"cells": 6, "vertical_order": 4, "tolerance": 1e-10},
 }
 BASIN = {
-    "tank": {"type": "basin", "depth": 0.5, "plan": {"type": "rectangle", "length": 3.0, "width": 1.0}},
+    "tank": {
+        "type": "basin",
+        "depth": 0.5,
+        "plan": {"type": "rectangle", "length": 3.0, "width": 1.0},
+        "bed": {"type": "formula", "depth": "0.5 - 0.05 * x + 0.05 * y"},
+    },
     "wall": {
         "type": "segmented-piston",
         "motion": {"type": "oblique-wave", "amplitude": 0.02, "period": 1.6, "angle": 25.0, "ramp": 1.6},
