@@ -24,7 +24,9 @@ from wavetank.integrators.states import Traces
 
 @dataclass(frozen=True)
 class ThirdOrder:
-    """Scheme (20); with alpha = 1/2 (23): third order, fourth in frequency, symplectic on the traces, reversible.
+    """Scheme (20), the paper's own: reported at the plus trace, its jumps undamped (``simpson.py`` does otherwise).
+
+    With alpha = 1/2, (23), it is of third order, fourth in frequency, symplectic on the traces, reversible.
 
     Stable for omega dt < 4 cos(pi/9) - 2 = 1.75877. Cost of a step: one implicit stage and two more evaluations of
     the derivatives.
