@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from wavetank.meshes.recipe import CURVE, SURFACE
+from wavetank.meshes.gmsh_model import CURVE, SURFACE
 
 DIGITS = 12  # of places [m]: those that agree so far are the same
 

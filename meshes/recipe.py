@@ -8,10 +8,10 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from wavetank.meshes.gmsh_model import SURFACE
 from wavetank.noun import Noun
 
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
-CURVE, SURFACE = 1, 2  # gmsh's dimensions
 
 
 class Recipe(Noun):

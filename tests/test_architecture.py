@@ -38,7 +38,7 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "rundir": {"errors", "run_lock", "run_place", "series"},
     "vtu_series": {"errors", "rundir"},
     "hamiltonian": {"errors"},
-    "fe": {"errors", "hamiltonian", "cache"},
+    "fe": {"errors", "hamiltonian", "cache", "meshes"},
     "integrators": {"errors", "hamiltonian"},
     "water": {"errors", "motions", "fe", "hamiltonian"},
     "observers": {"errors", "fe", "hamiltonian", "run_log", "rundir", "vtu_series", "water"},
@@ -94,6 +94,11 @@ def test_rooms_at_top_level_have_one_name_and_are_of_the_package():
     assert {f"wavetank.{room}" for room in ROOMS} <= set(packages)
     for path in [*FILES, *(CHECKOUT / "tests").glob("*.py"), *(CHECKOUT / "benchmarks").glob("*.py")]:
         assert not re.search(rf"^\s*(from|import) ({'|'.join(ROOMS)})\b", path.read_text(), flags=re.MULTILINE), path
+
+
+def test_plans_are_drawn_without_dolfinx():
+    for path in (CHECKOUT / "meshes").glob("*.py"):
+        assert not re.search(r"\b(import|from) (dolfinx|ufl|basix|mpi4py|petsc4py)\b", path.read_text()), path
 
 
 def imports(path: Path, known: set[str]) -> set[str]:

@@ -3,8 +3,8 @@
 gmsh runs on the first rank alone. What it meets is raised on all of them.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from wavetank.errors import InputError
 from wavetank.fe.agreed import from_first
 from wavetank.fe.forms import ScalarForm
-from wavetank.fe.gmsh_model import CURVE, FLAT, SURFACE, Groups, check, regroup
-from wavetank.fe.mesh_file import open_mesh
 from wavetank.fe.partition import cell_partitioner
 from wavetank.hamiltonian.contract import Vector
+from wavetank.meshes.gmsh_model import CURVE, FLAT, SURFACE, Groups, empty_model, prepared
+from wavetank.meshes.open_file import open_mesh
 
 try:
     from dolfinx.io.gmsh import model_to_mesh
@@ -121,7 +121,7 @@ def draw_plan(draw: Callable[[], None], comm: MPI.Comm) -> PlanMesh:
 
 
 def read_plan(path: Path, comm: MPI.Comm) -> PlanMesh:
-    """Return the mesh of a file of gmsh's, or of any format that meshio reads (``mesh_file.py``); collective.
+    """Return the mesh of a file of gmsh's, or of any format that meshio reads (``meshes/open_file.py``); collective.
 
     Raises ``InputError`` for a mesh that cannot be used.
     """
@@ -129,43 +129,8 @@ def read_plan(path: Path, comm: MPI.Comm) -> PlanMesh:
 
 
 def _plan(fill: Callable[[Any], None], source: str, comm: MPI.Comm) -> PlanMesh:
-    with _empty_model(comm) as gmsh:
-
-        def prepare() -> Groups:
-            with _explained(source):
-                fill(gmsh)
-                check(gmsh, source)
-                return regroup(gmsh)
-
-        groups = from_first(comm, prepare)
+    with nullcontext() if comm.rank else empty_model() as gmsh:
+        groups = from_first(comm, lambda: prepared(gmsh, fill, source))
         model = None if gmsh is None else gmsh.model
         plan, cells, facets = model_to_mesh(model, comm, 0, gdim=2, partitioner=cell_partitioner())[:3]
     return PlanMesh(plan, cells, facets, groups, source)
-
-
-@contextmanager
-def _empty_model(comm: MPI.Comm) -> Iterator[Any]:
-    """Give the first rank gmsh with an empty, silent model, the others None."""
-    if comm.rank:
-        yield None
-        return
-    import gmsh  # only basins need it
-
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("plan")
-        yield gmsh
-    finally:
-        gmsh.finalize()
-
-
-@contextmanager
-def _explained(source: str) -> Iterator[None]:
-    """Say in a sentence what gmsh raises, which is nothing more special than an ``Exception``."""
-    try:
-        yield
-    except InputError:
-        raise
-    except Exception as error:
-        raise InputError(f"{source}: gmsh cannot mesh it ({str(error).strip()}).") from None

@@ -1,12 +1,14 @@
-"""What gmsh's current model must be to become a mesh of a plan, and its groups."""
+"""gmsh's model of a plan: begun empty, filled, checked, its groups numbered."""
 
 from collections import defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.hamiltonian.contract import Vector
 
 CURVE, SURFACE, VOLUME = 1, 2, 3  # gmsh's dimensions
 SIDES = {2: 1, 3: 1, 9: 8, 10: 8}  # gmsh's numbers of triangles and quadrilaterals, order 1 and 2, with their sides'
@@ -14,6 +16,36 @@ FLAT = 1e-9  # of the mesh's size: so far may points be from the plane z = 0, or
 TINY = 1e-9  # of the usual Jacobian: less is degenerate
 
 Groups = dict[tuple[int, str], list[int]]
+Array = NDArray[np.float64]
+
+
+@contextmanager
+def empty_model() -> Iterator[Any]:
+    """Give the module gmsh with an empty, silent model."""
+    import gmsh  # only basins need it
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        gmsh.option.setNumber("General.Terminal", 0)
+        gmsh.model.add("plan")
+        yield gmsh
+    finally:
+        gmsh.finalize()
+
+
+def prepared(gmsh: Any, fill: Callable[[Any], None], source: str) -> Groups:
+    """Fill gmsh's model and return its groups by dimension and name; raises ``InputError`` if it cannot be used.
+
+    ``source`` is what messages call the mesh.
+    """
+    try:
+        fill(gmsh)
+        check(gmsh, source)
+        return regroup(gmsh)
+    except InputError:
+        raise
+    except Exception as error:  # gmsh raises nothing more special
+        raise InputError(f"{source}: gmsh cannot mesh it ({str(error).strip()}).") from None
 
 
 def check(gmsh: Any, source: str) -> None:
@@ -43,7 +75,7 @@ def check(gmsh: Any, source: str) -> None:
     _check_cells(gmsh, kinds[0], source)
 
 
-def _check_points(points: Vector, source: str) -> None:
+def _check_points(points: Array, source: str) -> None:
     size, off = float(np.ptp(points[:, :2], axis=0).max()), np.abs(points[:, 2]).max()
     if off > FLAT * size:
         raise InputError(f"{source}: has points up to {off:.4g} m off the plane z = 0, in which a plan must lie.")
@@ -55,7 +87,7 @@ def _check_cells(gmsh: Any, kind: int, source: str) -> None:
     tags, coordinates, _ = get.getNodes()
     places = np.zeros((int(tags.max()) + 1, 2))
     places[tags] = coordinates.reshape(-1, 3)[:, :2]
-    gradients, bad = _gradients(gmsh, kind), list[Vector]()
+    gradients, bad = _gradients(gmsh, kind), list[Array]()
     for _, surface in gmsh.model.getEntities(SURFACE):
         nodes = places[get.getElementsByType(kind, surface)[1]].reshape(-1, len(gradients), 2)
         determinants = np.linalg.det(np.einsum("cnx,pnd->cpxd", nodes, gradients))
@@ -67,7 +99,7 @@ def _check_cells(gmsh: Any, kind: int, source: str) -> None:
         raise InputError(f"{source}: {count} inverted or degenerate, the first about {where}.")
 
 
-def _gradients(gmsh: Any, kind: int) -> Vector:
+def _gradients(gmsh: Any, kind: int) -> Array:
     """Return the gradients of a cell's shape functions at its nodes, shape (nodes, functions, 2)."""
     nodes = gmsh.model.mesh.getElementProperties(kind)[4].reshape(-1, 2)
     local = np.column_stack([nodes, np.zeros(len(nodes))]).ravel()

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.fe.gmsh_model import SURFACE
+from wavetank.meshes.gmsh_model import SURFACE
 
 NAMES = ("paddle", "wall", "sponge", "water")
 KINDS = {  # meshio's names of cells, gmsh's numbers
