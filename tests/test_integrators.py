@@ -230,6 +230,16 @@ def test_jumps_grow_on_orbits_that_floquet_theory_says_they_do_and_on_no_others(
         assert parasitic.measured_growth(q, p, steps=96) == pytest.approx(1.0, abs=0.05)
 
 
+def test_damped_jumps_grow_on_no_orbit():
+    """They fall to what is left of the smooth jump; without damping they grow tenfold a period there."""
+    for q, p in ((1.0, 0.5), (1.2, 0.5)):
+        free, damped = (
+            parasitic.alternating_jump(q, p, steps=96, periods=4, scheme=scheme)[-96:].max()
+            for scheme in parasitic.SCHEMES.values()
+        )
+        assert damped < 1e-3 * free and parasitic.measured_growth(q, p, steps=96, scheme=Simpson4()) < 1.01
+
+
 def test_one_step_schemes_stay_on_the_orbit_where_the_third_order_scheme_does_not():
     errors = {}
     for scheme in (third_order(), continuous("", GaussLegendre4()), continuous("", StormerVerlet())):

@@ -151,16 +151,27 @@ def write(report: Report) -> None:
     t = dt * np.arange(steps + 1)
     energies = {one.label: modified_energy(path(one, gamma=gamma, dt=dt, steps=steps), gamma) for one in treatments()}
     report.table("figure-9", ("t", *energies), np.column_stack([t, *energies.values()]))
-    with report.figure("figure-9", 11, 4.6) as figure:
+    with report.figure("figure-9", 11, 5) as figure:
         left, right = figure.subplots(1, 2)
-        looks = ("-", "o", "x", "-", "--", "-", "--", "-", "--")
-        colours = ("#0072b2", "#d55e00", "#009e73", "#0072b2", "#8cc5e8", "#d55e00", "#e69f00", "#009e73", "#56b4a0")
-        for axes, part in ((left, slice(0, 3)), (right, slice(3, 9))):
-            for (label, energy), look, colour in zip(
-                list(energies.items())[part], looks[part], colours[part], strict=True
-            ):
-                axes.plot(t, energy / energy[0], look, ms=4, color=colour, label=label, markevery=12, mfc="none")
-            axes.set(xlabel="time [s]", ylabel="modified energy (49) / its start [-]")
-            axes.legend(fontsize=8)
+        labels = list(energies)
+        for label, look in zip(labels[:3], (("-", "#0072b2"), ("o", "#d55e00"), ("x", "#009e73")), strict=True):
+            energy = energies[label] / energies[label][0]
+            left.plot(t, energy, look[0], ms=4, color=look[1], label=label, markevery=12, mfc="none")
+        left.set(xlabel="time [s]", ylabel="modified energy (49) / its start [-]")
         left.set_title(f"Symplectic Euler, γ = {gamma} 1/s, Δt = {dt} s (Fig. 9)")
+        colours = ("#e69f00", "#e69f00", "#0072b2", "#0072b2", "#009e73", "#009e73")
+        for n, (label, colour) in enumerate(zip(labels[3:], colours, strict=True)):
+            style = "s--" if n % 2 else "o-"
+            right.semilogy(*largest_swings(t, energies[label]), style, ms=4, mfc="none", color=colour, label=label)
+        right.set(xlabel="time [s]", ylabel="largest |(49) / its start - 1| in a period [-]")
         right.set_title("Higher order: no drift, either")
+        for axes in (left, right):
+            axes.legend(fontsize=8, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.14))
+
+
+def largest_swings(t: Array, energy: Array) -> tuple[Array, Array]:
+    """Return the middles of whole periods of 2 pi, and how far the energy is from its start in each, at most."""
+    period = (t // (2 * np.pi)).astype(int)
+    whole = np.arange(period[-1])
+    off = np.abs(energy / energy[0] - 1)
+    return 2 * np.pi * (whole + 0.5), np.array([off[period == number].max() for number in whole])

@@ -42,8 +42,17 @@ def write(report: Report) -> None:
             axes.fill(1e3 * frame[:, 1], 1e3 * frame[:, 0], alpha=0.25, color="#0072b2")
         axes.plot(1e3 * one[:, :, 1], 1e3 * one[:, :, 0], ".", ms=3, color="#0b2d5c")
         axes.set(xlabel="p⁺ [10⁻³]", ylabel="q⁺ [10⁻³]", title=f"Four states over one period: ω = {OMEGA}, Δt = {DT}")
-    with report.figure("figure-8", 9, 4) as figure:
-        axes = figure.subplots()
-        axes.plot(t * OMEGA / (2 * np.pi), area / area[0] - 1, color="#0072b2", lw=0.8)
-        axes.set(xlabel="time [periods]", ylabel="area / first area - 1 [-]")
-        axes.set_title("The area of the quadrilateral in the (p⁺, q⁺) plane oscillates about its start")
+    with report.figure("figure-8", 11, 4) as figure:
+        one, all_ten = figure.subplots(1, 2, sharey=True)
+        periods, change = t * OMEGA / (2 * np.pi), 1e6 * (area / area[0] - 1)
+        shown = periods <= 1
+        one.plot(periods[shown], change[shown], ".-", color="#0072b2", lw=0.6, ms=4)
+        one.set(xlabel="time [periods]", ylabel="area / first area - 1 [10⁻⁶]", xlim=(0, 1))
+        one.set_title("The area of the quadrilateral in the (p⁺, q⁺) plane, step by step")
+        numbers = np.arange(1, 11)
+        within = [change[(number - 1 <= periods) & (periods < number)] for number in numbers]
+        all_ten.vlines(numbers, [min(values) for values in within], [max(values) for values in within], color="#0072b2")
+        all_ten.plot(numbers, [np.mean(values) for values in within], "o", color="#d55e00", ms=4, label="mean")
+        all_ten.set(xlabel="period", xticks=numbers)
+        all_ten.set_title("From the smallest to the largest in each of ten periods")
+        all_ten.legend(loc="upper right", bbox_to_anchor=(1.0, 1.12))

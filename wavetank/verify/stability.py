@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import sympy
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
@@ -140,14 +141,9 @@ def _write_map(report: Report) -> None:
     )
     with report.figure("figure-4", 7.5, 6) as figure:
         axes = figure.subplots()
-        colours = axes.pcolormesh(alphas, thetas, np.clip(modulus, 1, 3), cmap="viridis_r", shading="nearest")
-        stable = np.argwhere(modulus < 1 + GROWTH)
-        axes.plot(alphas[stable[:, 1]], thetas[stable[:, 0]], ".", ms=2.5, color="#d55e00", label="stable: all |λ| = 1")
+        palette = colormaps["Blues"].with_extremes(under="#e69f00")
+        colours = axes.pcolormesh(alphas, thetas, modulus, cmap=palette, vmin=1 + GROWTH, vmax=3, shading="nearest")
         axes.grid(False)
-        axes.set(
-            xlabel="weight α [-]",
-            ylabel="ω Δt [-]",
-            title="Largest |λ| of (20): stable for small steps with α = 1/2 only",
-        )
-        axes.legend(loc="upper right", framealpha=0.9, frameon=True)
+        axes.set(xlabel="weight α [-]", ylabel="ω Δt [-]", xticks=np.linspace(0.1, 0.9, 9))
+        axes.set_title("Scheme (20). Orange: stable, all |λ| = 1; for small steps with α = 1/2 only")
         figure.colorbar(colours, ax=axes, label="largest modulus |λ| [-], from 3 upwards one colour", extend="max")
