@@ -231,7 +231,7 @@ def by_simpson(motion, dt, steps):
     return float(np.sqrt(np.mean(off**2)) / np.std(positions[:-1]))
 
 
-@pytest.mark.parametrize("duration", [15.0, 14.987])
+@pytest.mark.parametrize("duration", [pytest.param(15.0, marks=pytest.mark.slow), 14.987])
 def test_a_planned_step_holds_a_measured_motion(tmp_path, duration):
     """Of a record with noise a long step takes that of single rows for motion that lasts."""
     one = scene(tank={"length": 25.0, "depth": 1.0}, wall=noisy(tmp_path), duration=duration)

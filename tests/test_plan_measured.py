@@ -188,7 +188,9 @@ def needs_data(name: str) -> None:
             pytest.skip("the MARIN data are not on this machine; wavetank data fetch marin-202002 brings them")
 
 
-@pytest.mark.parametrize("name", ["linear", pytest.param("steep", marks=pytest.mark.slow), "shallow", "deep"])
+@pytest.mark.parametrize(
+    "name", [*(pytest.param(name, marks=pytest.mark.slow) for name in ("linear", "steep")), "shallow", "deep"]
+)
 def test_the_error_of_a_plan_is_as_predicted(name):
     """Within a factor of three, and what is promised; settings are those for the rounded costs of one machine."""
     trial = Trial(name, COSTS)

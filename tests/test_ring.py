@@ -142,10 +142,11 @@ def round_the_ring(*, steepness, kd, cells, n, steps, periods, waves=1):
     return abs(phase), abs(crest / wave.surface([0.0])[0][0] - 1), np.ptp(total) / total[0], np.ptp(mass) / mass[0]
 
 
-def test_a_wave_of_half_the_maximum_height_keeps_phase_crest_energy_and_mass():
-    """Ten periods at T/40; the phase error of Störmer-Verlet is 126 times as large (a prototype's 5.1e-2 rad)."""
-    phase, crest, energy, mass = round_the_ring(steepness=0.5, kd=1.0, cells=16, n=6, steps=40, periods=10)
-    assert phase < 4.1e-4  # measured 4.05e-4
+@pytest.mark.parametrize(("periods", "most"), [(2, 9e-5), pytest.param(10, 4.1e-4, marks=pytest.mark.slow)])
+def test_a_wave_of_half_the_maximum_height_keeps_phase_crest_energy_and_mass(periods, most):
+    """At T/40; the phase error of Störmer-Verlet is 126 times as large (a prototype's 5.1e-2 rad)."""
+    phase, crest, energy, mass = round_the_ring(steepness=0.5, kd=1.0, cells=16, n=6, steps=40, periods=periods)
+    assert phase < most  # measured 8.77e-5 and 4.05e-4
     assert crest < 2e-4  # measured 1.6e-4
     assert energy < 2e-7  # measured 9.1e-8; of (23) at its plus trace it is 5.1e-4
     assert mass < 1e-13
