@@ -284,7 +284,7 @@ def test_a_basins_picture_has_its_sponge_its_gauge_and_a_vertical_ruler(tmp_path
     seen = []
     for name, damping in (("without", None), ("with", end)):
         run = record(tmp_path / name, elevation=still, damping=damping, times=TIMES[:2])
-        picture = view.View(Basin(run), "", size=SIZE)
+        picture = view.View(Basin(run), "", size=(320, 180))
         pixels = picture.pixels(0.0)
         seen.append([pixel(picture, pixels, (x, 2.0, 0.0)) for x in (4.5, 7.9)])
         notes = picture.plotter.actors["note"].input
