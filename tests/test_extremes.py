@@ -230,16 +230,19 @@ def test_three_ranks_are_told_what_one_is(on_ranks):
     assert on_ranks(told) == [told()] * 3
 
 
-@pytest.mark.parametrize(("part", "grown"), [(3.0, False), (20.0, True)])
-def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tank, part, grown):
-    """Oracle: a surface that goes up and down from step to step, by parts of a paddle's way that does so, too."""
+@pytest.mark.parametrize(
+    ("part", "by_jump", "grown"), [(3.0, False, False), (20.0, False, True), (12.0, True, False), (80.0, True, True)]
+)
+def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tank, part, by_jump, grown):
+    """Oracle: a surface, or its jump, up and down from step to step, by parts of a paddle's way that does so, too."""
     dt, amplitude, said = 0.02, 1e-4, list[str]()
     tank = make_tank(length=2.0, cells=4, n=2, motion=Sinusoid(amplitude, 2 * dt))
     watch = StabilityWatch(tank, surface_of(tank), dt=dt, limit=2.0, warn=said.append)
     height = part * np.pi * amplitude  # of the way by its velocity
     for step in range(30):
         q, p = tank.state(height * (-1) ** step * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
-        watch.observe(Moment(step, step * dt, q, p))
+        jump = q - tank.state(0 * tank.plane.x, p)[0] if by_jump else None
+        watch.observe(Moment(step, step * dt, q, p, jump=jump))
     assert len(said) == grown
 
 
