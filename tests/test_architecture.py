@@ -25,7 +25,7 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "reference": {"errors"},
     "motions": {"errors", "files", "reference"},
     "data": {"errors", "motions", "series", "cache"},
-    "noun": {"errors", "data", "scene"},  # the scene by name alone
+    "noun": {"errors", "data"},
     "formula": {"errors"},
     "beds": {"errors", "files", "formula"},
     "quantities": set(),
@@ -45,7 +45,7 @@ ALLOWED = {  # layer -> the wavetank modules it may import, itself included
     "postprocess": {"data", "errors", "run_place", "rundir", "scene", "series"},  # nothing of the solver
     "run": {"errors", "clock", "hamiltonian", "integrators", "observers"},
 }
-STILL_A_CIRCLE = {"case_file", "meshes", "noun", "scene"}  # layers whose modules import one another
+STILL_A_CIRCLE = {"case_file", "scene"}  # layers whose modules import one another
 SEES_ALL = {"build", "plan", "study", "recorded_run", "cli", "__main__", "__init__", "verify"}
 
 

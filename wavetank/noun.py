@@ -4,16 +4,12 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
 
 from wavetank import data
 from wavetank.errors import InputError, printable
-
-if TYPE_CHECKING:
-    from wavetank.scene.scene import Scene
-
 
 KEY_SHOWN = 200  # characters of a key in a message
 
@@ -75,8 +71,8 @@ class Noun(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
-        """Yield what does not fit the rest of the scene; by itself, nothing."""
+    def problems(self, scene: Any) -> Iterator[Problem]:
+        """Yield what does not fit the rest of ``scene``, the ``Scene`` that it is a part of; by itself, nothing."""
         yield from ()
 
 
