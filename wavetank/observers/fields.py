@@ -65,12 +65,14 @@ class SurfaceFields:
     """
 
     def __init__(self, waves: WavesOverABed, series: FieldRecord, *, schedule: Schedule, damping: Vector | None = None):
-        self._damping = damping
         self._waves, self._series, self.schedule = waves, series, schedule
         self._places = LatticePlaces(waves)
         self._cells = Cells.flat(self._places.lattice.pieces)
         self._eta, self._psi = waves.plane.function("elevation"), waves.plane.function("surface potential")
-        self._rate = waves.plane.function("damping rate")
+        self._rate: Field | None = None
+        if damping is not None:
+            self._rate = waves.plane.function("damping rate")
+            self._rate.set(damping)
 
     def observe(self, moment: Moment) -> None:
         """Write a snapshot; raises ``RunError``, on all ranks, if it cannot be written; collective."""
@@ -78,8 +80,7 @@ class SurfaceFields:
         self._psi.set(moment.p)
         eta, psi = self._places.at(self._eta), self._places.at(self._psi)
         arrays = {"elevation": eta, "surface potential": psi, "depth": self._places.depths()}
-        if self._damping is not None:
-            self._rate.set(self._damping)
+        if self._rate is not None:
             arrays["damping rate"] = self._places.at(self._rate)
         self._series.append(moment.t, self._places.points(eta), cells=self._cells, arrays=arrays)
 
