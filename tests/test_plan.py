@@ -379,6 +379,22 @@ def test_a_plan_reaches_its_accuracy(kd, accuracy):
     assert measured_error(scene, plan.settings, period) < accuracy
 
 
+def test_a_piston_s_free_second_harmonic_is_planned_for_where_water_is_nonlinear():
+    """As high as the bound one, which it makes up for at the paddle, at least; a wave of its own frequency."""
+    k = float(airy.wave_number(2 * np.pi / 1.2, 1.0, GRAVITY))
+    motion = {"type": "sinusoid", "amplitude": 0.03, "period": 1.2, "ramp": 2.4}
+    parts = {"tank": {"length": 20.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}}
+    for physics, there in (("nonlinear", True), ("linear", False)):
+        scene = Scene.model_validate(parts | {"gauges": [5.0], "run": {"duration": 24.0}, "water": {"type": physics}})
+        waves = requirements(scene, 1e-2).waves
+        first = float(np.linalg.norm(waves.amplitude[:-1]))
+        found = waves.omega[-1] == pytest.approx(4 * np.pi / 1.2, rel=0.02)
+        assert found == there
+        if there:
+            assert waves.k[-1] == pytest.approx(float(airy.wave_number(waves.omega[-1], 1.0, GRAVITY)))
+            assert stokes(k * first, k).second < waves.amplitude[-1] / first < 2 * stokes(k * first, k).second
+
+
 def test_no_cheaper_neighbour_is_accurate_enough():
     """One vertical order less or a step 10 % longer, all else as planned, is too inaccurate or unstable."""
     scene, _ = standing(1.5, 8)

@@ -35,6 +35,7 @@ from wavetank.reference.conformal import SteadyWave
 from wavetank.scene import Physics, Scene
 from wavetank.scene.sponges import AT_ONCE
 
+FREE = 1 / 3  # of k a: what a piston's free second harmonic has beyond the bound one; at k d = 3 both are 0.83 k a
 MOST_COMPONENTS = 40
 MOST_TIMES = 2**16  # at which a motion is looked at: an hour of it in a tank 0.5 m deep
 DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
@@ -199,19 +200,21 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
+    driven = not isinstance(motion, AtRest)
+    free = _free_harmonic(waves, k, scene) if driven and physics == "nonlinear" else None
     return Requirements(
         accuracy=accuracy,
         length=tank.length,
         depth=tank.depth,
         gravity=tank.gravity,
         duration=scene.run.duration,
-        waves=waves,
+        waves=waves if free is None else Components(*map(np.append, waves, free)),
         k=k,
         steepness=k * crest,
         highest=k * (form.crest if form else crest),
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
-        driven=not isinstance(motion, AtRest),
+        driven=driven,
         measured=motion if isinstance(motion, Recorded) else None,
         physics=physics,
         reasons=(
@@ -222,6 +225,17 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
             _end_reason(scene, waves),
         ),
     )
+
+
+def _free_harmonic(waves: Components, k: float, scene: Scene) -> tuple[float, float, float, float]:
+    """Return wave number, frequency, amplitude and age of the free waves of twice the frequency that a paddle makes."""
+    depth, g = scene.tank.depth, scene.tank.gravity
+    size, energy = float(np.linalg.norm(waves.amplitude)), waves.amplitude**2
+    omega = 2 * float(airy.angular_frequency(k, depth, g))
+    free = float(airy.wave_number(omega, depth, g))
+    first, second = (float(airy.group_velocity(np.array([one]), depth, g)[0]) for one in (k, free))
+    age = min(float(energy @ waves.age / energy.sum()) * first / second, scene.run.duration)
+    return free, omega, size * min(1.0, stokes(k * size, k * depth).second + FREE * k * size), age
 
 
 def _crest_velocity(k: float, crest: float, scene: Scene) -> float:
