@@ -269,7 +269,7 @@ def test_the_paddle_moves_no_wall_but_itself(plan, free):
 
 
 # ---------------------------------------------------------------- any number of ranks
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["quadrilaterals", pytest.param("triangles", marks=pytest.mark.slow)])
 def test_a_basin_is_the_same_on_any_number_of_ranks(on_ranks, kind):
     """Energies, work and mass of segments over a bed, to the solvers' tolerance."""
     alone = last_row(kind)

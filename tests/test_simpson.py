@@ -19,7 +19,7 @@ SLICE = {
     "tank": {"length": 6.0, "depth": 1.0},
     "wall": {"type": "piston", "motion": SINUSOID},
     "gauges": [0.5, 2.0],
-    "run": {"duration": 2.4},
+    "run": {"duration": 1.6},
     "numerics": {"cells": 6, "vertical_order": 4, "tolerance": 1e-10},
 }
 BASIN = {

@@ -20,6 +20,7 @@ from wavetank.verify.schemes import Scheme, amplification, continuous, simpson, 
 Array = NDArray[Any]
 GAMMA, DT = 0.02, 0.2
 PERIODS = 10_000
+BLOCK = 500  # steps taken at once
 START = (1.0, 0.0)
 
 Map = Callable[[float, float], Array]  # (gamma, dt) -> M with z' = M z
@@ -91,11 +92,12 @@ def path(treatment: Treatment, *, gamma: float, dt: float, steps: int) -> Array:
     traces = len(matrix) // 2 if treatment.symplectic else 1  # of q, then of p; then jumps, of which there are none
     z = np.zeros(len(matrix))
     z[:traces], z[traces : 2 * traces] = START
-    rows = np.empty((steps + 1, len(matrix)))
-    for step in range(steps + 1):
-        rows[step] = z
-        z = matrix @ z
-    return rows[:, [treatment.q, treatment.p]]
+    powers = np.array([np.linalg.matrix_power(matrix, k) for k in range(BLOCK)])
+    rows = []
+    for _ in range(0, steps + 1, BLOCK):
+        rows.append(powers @ z)
+        z = matrix @ rows[-1][-1]
+    return np.concatenate(rows)[: steps + 1, [treatment.q, treatment.p]]
 
 
 def modified_energy(QP: Array, gamma: float) -> Array:
