@@ -34,7 +34,7 @@ RESOLUTION = {  # cells, steps a period
     0.95: (64, 200),
     0.97: (96, 300),
 }
-SHARPER = {0.5: 1.5}  # in shallow water crests are short against the wave: so many more cells above 50 %
+SHARPER = {0.5: 1.5}  # in shallow water crests are short against the wave: so many more cells and steps above 50 %
 VERTICAL_ORDER = {0.5: 7, 1.0: 8, 3.0: 9, 8.0: 12}
 SIMPSON, GAUSS = "simpson-4", "gauss-legendre-4"
 SCHEMES = ((SIMPSON, 1), (SIMPSON, 2), (GAUSS, 1))  # and of how many of the steps above one is made
@@ -91,7 +91,7 @@ def resolution(kd: float, steepness: float) -> tuple[int, int]:
     """Return cells and steps a period."""
     factor = SHARPER.get(kd, 1.0) if steepness > 0.5 else 1.0
     cells, steps = RESOLUTION[steepness]
-    return round(factor * cells), steps
+    return round(factor * cells), round(factor * steps)
 
 
 def scene(kd: float, steepness: float, *, periods: float, integrator: str = SIMPSON, longer: int = 1) -> Scene:
