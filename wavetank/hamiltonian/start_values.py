@@ -6,17 +6,18 @@ predicted the newest value best, so that it follows the smoothness of the motion
 
 from collections import deque
 from collections.abc import Callable
+from functools import cache
+from math import comb
 
 import numpy as np
 
 from wavetank.hamiltonian.contract import Vector
 
 
-def lagrange_weights(nodes: list[float], t: float) -> Vector:
-    """Return the weights w with f(t) = sum_i w_i f(nodes_i) for polynomials of degree < len(nodes)."""
-    x = np.asarray(nodes)
-    weights = [np.prod((t - np.delete(x, i)) / (x[i] - np.delete(x, i))) for i in range(x.size)]
-    return np.asarray(weights)
+@cache
+def extrapolating(count: int) -> Vector:
+    """Return the weights of ``count`` values at equal steps, the newest last, for the polynomial's value a step on."""
+    return np.array([(-1) ** (count - 1 - i) * comb(count, i) for i in range(count)], dtype=float)
 
 
 class Extrapolation:
@@ -32,31 +33,27 @@ class Extrapolation:
 
     def __init__(self, norm: Callable[[Vector], float], most: int = 6):
         self._norm = norm
-        self._times: deque[float] = deque(maxlen=most)
         self._values: deque[Vector] = deque(maxlen=most)
-        self._dt = np.nan
+        self._t = self._dt = np.nan  # of the newest value, and between them
         self._count = 0  # values that take part in the next prediction
 
     def predict(self, t: float, dt: float) -> Vector | None:
         """Return the value expected at t [s], or None if the earlier values do not lead there in steps of dt."""
-        if not self._times or dt != self._dt or abs(t - self._times[-1] - dt) > 1e-6 * abs(dt):
-            self._times.clear()
+        if not self._values or dt != self._dt or abs(t - self._t - dt) > 1e-6 * abs(dt):
             self._values.clear()
             self._count, self._dt = 0, dt
             return None
-        return self._combine(self._count, t)
+        return self._combine(self._count)
 
-    def _combine(self, count: int, t: float) -> Vector:
-        times, values = list(self._times)[-count:], list(self._values)[-count:]
-        weights = lagrange_weights(times, t)
-        return np.asarray(sum(w * value for w, value in zip(weights, values, strict=True)))
+    def _combine(self, count: int) -> Vector:
+        return np.asarray(extrapolating(count) @ np.array(list(self._values)[-count:]))
 
     def record(self, t: float, value: Vector) -> None:
         """Add the value found at t [s] and choose how many values the next prediction uses."""
-        errors = [self._norm(self._combine(count, t) - value) for count in range(1, len(self._values) + 1)]
+        errors = [self._norm(self._combine(count) - value) for count in range(1, len(self._values) + 1)]
         self._count = 1 + int(np.argmin(errors)) if errors else 1
         if self._count == len(errors):
             self._count += 1  # the longest was best: let it grow
-        self._times.append(t)
+        self._t = t
         self._values.append(value.copy())
         self._count = min(self._count, len(self._values))
