@@ -112,10 +112,10 @@ def recorded(case: str | Path, changes: tuple[str, ...], out: Path) -> None:
     """Record a case with some changes in a run directory; collective."""
     from rich.console import Console
 
+    from wavetank.case_file import read_case
     from wavetank.recorded_run import record_run
-    from wavetank.scene import Scene
 
-    scene = Scene.from_toml(CHECKOUT / case, list(changes))
+    scene = read_case(CHECKOUT / case, list(changes))
     record_run(scene, out, comm=MPI.COMM_WORLD, console=Console(file=io.StringIO()))
 
 

@@ -18,7 +18,7 @@ from pydantic import BaseModel, TypeAdapter
 from wavetank import data
 from wavetank.beds.bed_file import read_bed
 from wavetank.beds.python_file import load
-from wavetank.case_file import SHOWN
+from wavetank.case_file import SHOWN, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.motions.record_file import read_record
@@ -35,7 +35,7 @@ def refused(tmp_path, text, *overrides):
     path = tmp_path / "case.toml"
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(InputError) as error:
-        Scene.from_toml(path, overrides)
+        read_case(path, overrides)
     return str(error.value)
 
 
@@ -77,7 +77,7 @@ def test_what_no_one_would_write_is_a_sentence(tmp_path, text, said):
 
 def test_a_byte_order_mark_is_no_mistake(tmp_path):
     (tmp_path / "case.toml").write_text(TANK, encoding="utf-8-sig")
-    assert Scene.from_toml(tmp_path / "case.toml").tank.length == 8.0
+    assert read_case(tmp_path / "case.toml").tank.length == 8.0
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_a_bed_that_ends_the_program_is_an_error_of_the_bed(tmp_path, where, lin
     text = TANK.replace("depth = 1.0", "depth = 1.0\nbed = {type = 'python', file = 'bed.py'}")
     if where:
         (tmp_path / "case.toml").write_text(text)
-        bed = Scene.from_toml(tmp_path / "case.toml").tank.bed.build()
+        bed = read_case(tmp_path / "case.toml").tank.bed.build()
         with pytest.raises(InputError, match=rf"bed\.py, function 'depth', line {line}: SystemExit: 0"):
             bed(*2 * [np.zeros(3)])
     else:
@@ -150,7 +150,7 @@ def test_a_bed_that_ends_the_program_is_an_error_of_the_bed(tmp_path, where, lin
 READERS = pytest.mark.parametrize(
     ("read", "name"),
     [
-        (Scene.from_toml, "case.toml"),
+        (read_case, "case.toml"),
         (read_record, "paddle.txt"),
         (partial(load, name="depth"), "bed.py"),
         *((read_bed, f"bed.{end}") for end in ("csv", "xyz", "nc")),
@@ -288,7 +288,7 @@ def nouns(annotation: object) -> set[type[BaseModel]]:
 
 def test_the_cases_have_every_noun(every):
     """A noun that is new needs a case here, so that its keys are tried with nonsense, too."""
-    assert nouns(Scene) == {entry.noun for path in every.values() for entry in entries(Scene.from_toml(path))}
+    assert nouns(Scene) == {entry.noun for path in every.values() for entry in entries(read_case(path))}
 
 
 @cache
@@ -307,12 +307,12 @@ def limits(entry: Entry) -> list[tuple[float, float]]:
 def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_names_it(every, name):
     path = every[name]
     sentence = re.compile(rf"{re.escape(str(path))}, (overridden|line \d+): [\w.\-]+( = .*)?: ?.*\.")
-    for entry in entries(Scene.from_toml(path)):
+    for entry in entries(read_case(path)):
         allowed = limits(entry)
         assert all(math.isfinite(low) and math.isfinite(high) for low, high in allowed), f"{entry} has no range"
         for text in NONSENSE + EXTREME:
             try:
-                scene = Scene.from_toml(path, [f"{entry.key}={text}"])
+                scene = read_case(path, [f"{entry.key}={text}"])
             except InputError as error:
                 assert all(sentence.fullmatch(line) for line in str(error).splitlines()), str(error)
                 continue
@@ -326,7 +326,7 @@ def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_nam
 def changes(draw, every):
     """Return a case and some of its keys with other values: any numbers, and the ends of what is allowed."""
     path = every[draw(st.sampled_from(sorted(every)))]
-    keys = [one for one in entries(Scene.from_toml(path)) if limits(one) and one.field != "components"]  # slow: 10^4
+    keys = [one for one in entries(read_case(path)) if limits(one) and one.field != "components"]  # slow: 10^4
     changed = []
     for entry in draw(st.lists(st.sampled_from(keys), min_size=1, max_size=4)):
         ends = [end for pair in limits(entry) for end in pair]
@@ -340,7 +340,7 @@ def changes(draw, every):
 def test_whatever_numbers_a_case_has_it_is_a_scene_or_a_sentence(every, data):
     path, changed = data.draw(changes(every))
     try:
-        scene = Scene.from_toml(path, changed)
+        scene = read_case(path, changed)
     except InputError as error:
         assert all(line.startswith(str(path)) and line.endswith(".") for line in str(error).splitlines())
         return

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 
 from wavetank.beds import Gridded, Survey, load, read_bed
+from wavetank.case_file import read_case
 from wavetank.errors import InputError
 from wavetank.scene import Scene, SceneError
 from wavetank.scene.beds import Bed, FormulaBed, GriddedBed, PythonBed
@@ -376,7 +377,7 @@ def test_nouns_build_their_beds_and_survive_json(tmp_path, python):
 def test_a_case_s_formula_is_refused_where_it_stands(tmp_path, text, sentence):
     path = tmp_path / "case.toml"
     path.write_text(f'run.duration = 1.0\n[tank]\nlength = 4.0\ndepth = 1.0\n[tank.bed]\ntype = "formula"\n{text}\n')
-    message = refused(Scene.from_toml, path)
+    message = refused(read_case, path)
     assert sentence in message
     assert message.count("\n") == 0
 

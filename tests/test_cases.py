@@ -8,6 +8,7 @@ import pytest
 from conftest import needs_marin, recorded
 from ranks import CHECKOUT
 
+from wavetank.case_file import read_case
 from wavetank.rundir import RunDirectory
 from wavetank.scene import Scene
 from wavetank.scene.tanks import BasinTank
@@ -28,7 +29,7 @@ def changes_of(scene: Scene) -> tuple[str, ...]:
 def test_a_case_steps_on_one_rank_and_on_two(case, on_ranks, tmp_path):
     if case.stem == "marin-202002":
         needs_marin()
-    scene = Scene.from_toml(case)
+    scene = read_case(case)
     changes = changes_of(scene)
     recorded(case, changes, tmp_path / "1")
     on_ranks(recorded, case, changes, tmp_path / "2", ranks=2)

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.build import build_run
+from wavetank.case_file import read_case
 from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
@@ -59,7 +60,7 @@ def recorded(folder, *, first=0.0, last=10.0, **numerics):
 @pytest.mark.parametrize(("numerics", "end"), [({}, 10.0), ({"dt": 0.03}, 9.99)], ids=["default", "given"])
 def test_a_run_as_long_as_its_record_gets_to_its_end(tmp_path, integrator, numerics, end):
     """A given step is kept, and the one that the record does not cover left out."""
-    scene = Scene.from_toml(recorded(tmp_path, integrator=integrator, **numerics))
+    scene = read_case(recorded(tmp_path, integrator=integrator, **numerics))
     run, _ = build_run(scene, MPI.COMM_SELF)
     run.execute()
     assert run.t == pytest.approx(end, rel=1e-12)
@@ -67,14 +68,14 @@ def test_a_run_as_long_as_its_record_gets_to_its_end(tmp_path, integrator, numer
 
 @pytest.mark.parametrize(("numerics", "end"), [({}, ""), ({"dt": 2.5}, ""), ({"dt": 6.0}, "6"), ({"dt": 0.03}, "9.99")])
 def test_a_run_that_ends_before_its_duration_is_said_to(tmp_path, numerics, end):
-    scene = Scene.from_toml(recorded(tmp_path, integrator="gauss-legendre-4", **numerics))
+    scene = read_case(recorded(tmp_path, integrator="gauss-legendre-4", **numerics))
     run, waves = build_run(scene, MPI.COMM_SELF)
     said = [sentence for sentence in forewarnings(scene, run.clock, waves) if "the run ends" in sentence]
     assert [sentence.split(":")[0] for sentence in said] == [f"the run ends at {end} s, not at 10 s"] * bool(end)
 
 
 def test_a_step_beyond_the_whole_record_is_refused_before_the_run(tmp_path):
-    scene = Scene.from_toml(recorded(tmp_path, dt=11.0, integrator="gauss-legendre-4"))
+    scene = read_case(recorded(tmp_path, dt=11.0, integrator="gauss-legendre-4"))
     with pytest.raises(InputError, match=r"a step of 11 s: must be at most 10 s, where the recorded motion ends"):
         build_run(scene, MPI.COMM_SELF)
 

@@ -11,8 +11,8 @@ import pytest
 from conftest import fitted_slope
 from pydantic import ValidationError
 
+from wavetank.case_file import read_case
 from wavetank.meshes import Cylinder
-from wavetank.scene import Scene
 from wavetank.verify.cylinder import ANGLES, HalfBasin
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "cylinder.toml"
@@ -63,7 +63,7 @@ def test_a_cylinder_may_be_centred_on_a_side_wall_but_not_beside_it():
 
 
 def test_the_case_puts_its_gauges_around_the_cylinder():
-    scene = Scene.from_toml(CASE)
+    scene = read_case(CASE)
     (x, y), radius = scene.tank.plan.centre, scene.tank.plan.radius
     places = np.array([(gauge.x - x, gauge.y - y) for gauge in scene.gauges])
     assert np.hypot(*places[1:].T) == pytest.approx(radius, abs=1e-3)

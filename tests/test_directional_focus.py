@@ -7,7 +7,7 @@ is ``ReflectedFocus.elevation``, itself tested in tests/test_segmented_motion.py
 import numpy as np
 import pytest
 
-from wavetank.scene import Scene
+from wavetank.case_file import read_case
 from wavetank.verify.directional_focus import CASE, HALF, SEEN, SMALL, Focus, row
 
 SHORT = [  # a shorter way, for waves that are a little longer
@@ -43,18 +43,18 @@ def test_the_crest_is_at_its_place_at_its_time():
     Waves that cannot travel across the basin are missing in theory and tank, 2 %. The sponge, and the end behind it, do
     not belong to theory: what has come back from there is seen just behind the focus.
     """
-    check(Focus(Scene.from_toml(CASE, [*HALF, *SHORT, f"wall.motion.amplitude={SMALL}"])), error=0.04, beyond=0.2)
+    check(Focus(read_case(CASE, [*HALF, *SHORT, f"wall.motion.amplitude={SMALL}"])), error=0.04, beyond=0.2)
 
 
 @pytest.mark.slow
 def test_the_case_of_small_amplitude_is_linear_theory_up_to_the_sponge():
-    check(Focus(Scene.from_toml(CASE, [*HALF, f"wall.motion.amplitude={SMALL}"])), error=0.04, beyond=1.5)
+    check(Focus(read_case(CASE, [*HALF, f"wall.motion.amplitude={SMALL}"])), error=0.04, beyond=1.5)
 
 
 @pytest.mark.slow
 def test_the_steep_crest_is_higher_and_its_troughs_are_flatter():
     """Of k_p A = 0.14: Stokes' second order lifts both by some k_p A / 2 of the amplitude."""
-    found = row(Focus(Scene.from_toml(CASE, HALF)))
+    found = row(Focus(read_case(CASE, HALF)))
     assert 1.03 < found.crest < 1.15 and found.crest > found.highest_elsewhere
 
 

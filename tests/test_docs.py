@@ -13,7 +13,7 @@ import pytest
 from conftest import commanded, needs_marin, recorded
 from ranks import CHECKOUT, launch
 
-from wavetank.scene import Scene
+from wavetank.case_file import read_case
 
 PAGES = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "cases" / "README.md"]
 PAGES += sorted((CHECKOUT / "docs").glob("**/*.md"))
@@ -134,7 +134,7 @@ def test_cases_are_read(block, tmp_path):
     keys = tomllib.loads(block.text)
     if {"tank", "run"} <= set(keys):
         (tmp_path / "case.toml").write_text(block.text)
-        Scene.from_toml(tmp_path / "case.toml")
+        read_case(tmp_path / "case.toml")
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 
 from wavetank.build import build_run, build_watch
+from wavetank.case_file import read_case
 from wavetank.clock import Clock
 from wavetank.errors import RunError
 from wavetank.fe.plane import Plane
@@ -248,7 +249,7 @@ def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tan
 
 def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
     """H / d = 0.5: under its crest dt omega_max is 2.3 times the limit, and the wave keeps its height."""
-    scene = Scene.from_toml(CHECKOUT / "cases" / "solitary-runup.toml", ["initial.height=0.5", "run.duration=1.5"])
+    scene = read_case(CHECKOUT / "cases" / "solitary-runup.toml", ["initial.height=0.5", "run.duration=1.5"])
     scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"dt": 0.038})})
     run, waves = build_run(scene, MPI.COMM_SELF)
     said = list[str]()
@@ -291,7 +292,7 @@ def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():
 def test_a_run_up_of_0_6_is_clean_or_says_that_it_is_not(dt, clean):
     """At the default step the wall's record is that of half the step; at twice that it has noise, and says so."""
     numerics = {} if dt is None else {"dt": dt}
-    scene = Scene.from_toml(CHECKOUT / "cases" / "solitary-runup.toml", ["initial.height=0.6"])
+    scene = read_case(CHECKOUT / "cases" / "solitary-runup.toml", ["initial.height=0.6"])
     scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update=numerics)})
     run, waves = build_run(scene, MPI.COMM_SELF)
     said, record = list[str](), Memory()

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.build import Records, build_observers, build_run, build_watch
+from wavetank.case_file import read_case
 from wavetank.errors import InputError
 from wavetank.observers import stability
 from wavetank.observers.energy import EnergyBudget
@@ -91,7 +92,7 @@ LARGE = {"berkhoff-1982", "cylinder", "directional-focus"}
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LARGE else n for n in CASES])
 def test_nothing_is_said_of_the_cases(name):
     try:
-        case = Scene.from_toml(CHECKOUT / "cases" / f"{name}.toml")
+        case = read_case(CHECKOUT / "cases" / f"{name}.toml")
     except InputError:
         pytest.skip("its data are not on this machine")
     chosen, doubts = planned(case, MPI.COMM_SELF)
@@ -102,7 +103,7 @@ def test_nothing_is_said_of_the_cases(name):
 def test_a_case_cut_short_is_what_it_was(case):
     """A motion cut off amid a stroke has waves of all lengths; those of the run are the whole motion's."""
     for duration in (0.3, 2.0):
-        cut = Scene.from_toml(CHECKOUT / "cases" / f"{case}.toml", [f"run.duration={duration}"])
+        cut = read_case(CHECKOUT / "cases" / f"{case}.toml", [f"run.duration={duration}"])
         chosen, doubts = planned(cut, MPI.COMM_SELF)
         assert chosen.numerics.vertical_order == 8  # as that of 24 s
         assert [*doubts, *said_of(chosen)] == []

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from ranks import CHECKOUT, begun
 from rich.console import Console
 
+from wavetank.case_file import read_case
 from wavetank.cli import main
 from wavetank.console import Unhurried
 from wavetank.errors import InputError, RecordError
@@ -22,7 +23,6 @@ from wavetank.recorded_run import record_run
 from wavetank.run_lock import LOCK, RunLock, is_held
 from wavetank.run_place import Place
 from wavetank.rundir import LOG, RunDirectory, RunWriter
-from wavetank.scene import Scene
 
 CASE = str(CHECKOUT / "cases" / "standing-wave.toml")
 SHORT = ["--set", "run.duration=0.1", "--set", "numerics.dt=0.02"]
@@ -261,7 +261,7 @@ def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatc
 def test_a_run_has_its_directory_until_its_pictures_are_drawn(tmp_path):
     """Who would have it meanwhile is refused, which is said as what drawing met."""
     out, said, drawn = Place(tmp_path / "run", overwrite=True), io.StringIO(), []
-    scene = Scene.from_toml(CASE, SHORT[1::2])
+    scene = read_case(CASE, SHORT[1::2])
 
     def draw(run):
         drawn.append(run.status)

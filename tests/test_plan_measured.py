@@ -18,6 +18,7 @@ from test_plan import COSTS
 
 from wavetank import data
 from wavetank.build import Records, build_observers, build_run
+from wavetank.case_file import read_case
 from wavetank.errors import InputError, WavetankError
 from wavetank.observers.record import Memory
 from wavetank.plan.cost_model import CostModel, calibrate
@@ -38,7 +39,7 @@ MARIN = ("run.duration=40.0", "tank.length=20.0", "gauges=[6.0]")
 
 
 def case(name: str, *overrides: str) -> Scene:
-    return Scene.from_toml(CHECKOUT / "cases" / f"{name}.toml", overrides)
+    return read_case(CHECKOUT / "cases" / f"{name}.toml", overrides)
 
 
 def ring(kd: float, steepness: float, periods: int) -> Scene:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 
 from wavetank.build import Records, build_observers, build_run
+from wavetank.case_file import read_case
 from wavetank.errors import InputError
 from wavetank.fe.charts import Polygon
 from wavetank.integrators import Simpson4
@@ -197,7 +198,7 @@ def test_what_a_ring_cannot_have_is_refused(tmp_path, override, said):
     case = tmp_path / "ring.toml"
     case.write_text(RING)
     with pytest.raises(InputError) as error:
-        Scene.from_toml(case, [override])
+        read_case(case, [override])
     assert said in str(error.value)
 
 

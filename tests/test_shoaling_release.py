@@ -11,9 +11,9 @@ import pytest
 from mpi4py import MPI
 
 from wavetank.build import Records, build_observers, build_run
+from wavetank.case_file import read_case
 from wavetank.observers.energy import COLUMNS
 from wavetank.observers.record import Memory
-from wavetank.scene import Scene
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "shoaling-release.toml"
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "whispers3d_coulaud_case2_shoaling"
@@ -59,7 +59,7 @@ def test_it_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
 @pytest.mark.skipif(not REFERENCE.is_dir(), reason="the published computation is not on this machine")
 def test_the_envelope_is_that_of_fully_nonlinear_potential_flow():
     """And it is not just any model's: the crests of a Boussinesq model are off by five times as much and more."""
-    scene = Scene.from_toml(CASE, ["output.surface_every=0.01"])
+    scene = read_case(CASE, ["output.surface_every=0.01"])
     envelope, energy = Envelope(), Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
     run.observers += build_observers(scene, waves, Records(Memory(), energy, envelope), sinks=run.sinks)

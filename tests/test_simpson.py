@@ -9,6 +9,7 @@ from conftest import CHECKOUT, fitted_slope
 from mpi4py import MPI
 
 from wavetank.build import Records, build_observers, build_run
+from wavetank.case_file import read_case
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
@@ -134,7 +135,7 @@ def noise_over_the_bar(duration, integrator):
     """Return what is above 10 Hz over the bar and behind it, in windows of 5 s from 20 s on [m], and the last waves."""
     numerics = ["cell_size=0.11", "vertical_order=6", "dt=0.03", f"integrator={integrator}"]
     changes = [f"run.duration={duration}", *(f"numerics.{one}" for one in numerics)]
-    run, waves = build_run(Scene.from_toml(CHECKOUT / "cases" / "bar.toml", changes), MPI.COMM_SELF)
+    run, waves = build_run(read_case(CHECKOUT / "cases" / "bar.toml", changes), MPI.COMM_SELF)
     record = Memory()
     places = [(x, 0.0) for x in (12.5, 13.5, 14.5, 15.7)]
     run.observers.append(Gauges(waves, places, record=record, schedule=EverySteps()))
@@ -147,7 +148,7 @@ def noise_over_the_bar(duration, integrator):
 @pytest.mark.slow
 def test_waves_over_a_bar_stay_clean_where_those_of_the_paper_s_scheme_do_not():
     """On coarse cells and long steps, for a minute and more with the default scheme; with (23) for half of that."""
-    default = Scene.from_toml(CHECKOUT / "cases" / "bar.toml").numerics.integrator
+    default = read_case(CHECKOUT / "cases" / "bar.toml").numerics.integrator
     noise, waves = noise_over_the_bar(65.0, default)
     assert max(noise) < 1e-4 and waves > 0.03
     theirs, _ = noise_over_the_bar(45.0, "third-order")

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
+from wavetank.case_file import read_case
 from wavetank.errors import InputError, RunError
 from wavetank.reference.airy import angular_frequency
 from wavetank.rundir import RunDirectory, RunWriter
@@ -131,7 +132,7 @@ def test_scenes_that_differ_in_more_than_numerics_have_references_of_their_own()
 )
 def test_no_exact_solution_is_said_so(case, changes, sentence):
     with pytest.raises(InputError, match="reference exact") as error:
-        exact_solution(Scene.from_toml(case, changes))
+        exact_solution(read_case(case, changes))
     assert sentence in str(error.value)
 
 
@@ -143,7 +144,7 @@ def test_a_reference_that_is_none_is_refused(tmp_path):
         study("finest")
     with pytest.raises(InputError, match="is no run directory"):
         study(str(tmp_path))
-    other = Scene.from_toml(CASE, ["tank.length=3.0", "gauges=[]"])
+    other = read_case(CASE, ["tank.length=3.0", "gauges=[]"])
     write_run(tmp_path / "other", other, np.linspace(0, 3, 20), lambda x, t: 0 * x)
     with pytest.raises(InputError, match="another tank"):
         study(str(tmp_path / "other"))
@@ -152,7 +153,7 @@ def test_a_reference_that_is_none_is_refused(tmp_path):
 def test_a_run_of_another_scene_is_left_where_it_is(tmp_path):
     """A study that goes on runs its own unfinished ones again, and gives a number where the folder is another's."""
     (one,) = combinations(CASE, parse_axes(["dt=0.02"], []), [])
-    for scene in (Scene.from_toml(CASE, ["tank.depth=2.0"]), one.scene):
+    for scene in (read_case(CASE, ["tank.depth=2.0"]), one.scene):
         runner = Runner(CASE, tmp_path, at_once=1)
         folder = runner.directory(one)
         with RunWriter(folder, {"scene": scene.model_dump(mode="json")}):
@@ -180,7 +181,7 @@ def write_run(path: Path, scene: Scene, x, eta, psi=lambda x, t: 0 * x, *, times
 
 def test_errors_of_a_standing_wave_are_found_as_they_were_made(tmp_path):
     """Oracle: Airy's standing wave, 2 % too high and 0.7 rad a second too fast: beyond pi after 5 s."""
-    scene, rate, high = Scene.from_toml(CASE, ["initial.amplitude=1e-5"]), 0.7, 1.02
+    scene, rate, high = read_case(CASE, ["initial.amplitude=1e-5"]), 0.7, 1.02
     k, a = np.pi / 2, 1e-5 * high
     omega = float(angular_frequency(k, 1.0, 9.81))
     run = write_run(
@@ -201,7 +202,7 @@ def test_errors_of_a_standing_wave_are_found_as_they_were_made(tmp_path):
 
 def test_errors_of_a_travelling_wave_are_found_as_they_were_made(tmp_path):
     """Oracle: the very wave, 3 % too high and 0.2 rad a second too slow, on points that are not equidistant."""
-    scene = Scene.from_toml(RING, [])
+    scene = read_case(RING, [])
     wave, length = scene.initial.wave(scene.tank), scene.tank.length
     x = length * (np.arange(96) + 0.2 * np.sin(np.arange(96))) / 96
     run = write_run(tmp_path, scene, x, lambda x, t: 1.03 * wave.surface(x - (wave.speed - 0.2) * t)[0])
@@ -213,7 +214,7 @@ def test_errors_of_a_travelling_wave_are_found_as_they_were_made(tmp_path):
 @pytest.mark.parametrize("case", [CASE, RING])
 def test_a_run_is_compared_with_another_at_other_times_and_places(tmp_path, case):
     """Oracle: a wave that is 1 % higher is wrong by 1 %; the other one's steps and points are no multiples."""
-    scene = Scene.from_toml(case, [])
+    scene = read_case(case, [])
     k = 2 * np.pi / scene.tank.length
 
     def eta(x: Any, t: float) -> Any:
@@ -230,7 +231,7 @@ def test_a_run_is_compared_with_another_at_other_times_and_places(tmp_path, case
 
 
 def test_without_a_gauge_in_common_surfaces_are_compared(tmp_path):
-    scene, x = Scene.from_toml(CASE, []), np.linspace(0, 2, 20)
+    scene, x = read_case(CASE, []), np.linspace(0, 2, 20)
     run = write_run(tmp_path / "run", scene, x, lambda x, t: np.cos(x + t), gauges=False)
     other = write_run(tmp_path / "other", scene, x, lambda x, t: np.cos(x + t))
     assert list(RunReference(other.path).errors(run)) == [SURFACE]

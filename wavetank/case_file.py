@@ -14,15 +14,21 @@ from pydantic_core import ErrorDetails
 
 from wavetank.errors import InputError, choice
 from wavetank.files import regular
-from wavetank.scene import Problem, Scene, SceneError
+from wavetank.noun import Problem, SceneError
+from wavetank.scene import Scene
 
 Key = tuple[str | int, ...]
 LONGEST_INDEX = 9  # digits
 SHOWN = 20  # mistakes; more are counted
 
 
-def read_case(path: Path, overrides: Sequence[str] = ()) -> Scene:
-    """Return the scene of a case file with ``KEY=VALUE`` overrides; raise ``InputError`` listing all that is wrong."""
+def read_case(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
+    """Return the scene of a case file, with ``KEY=VALUE`` overrides such as ``"numerics.dt=0.01"``.
+
+    Raises ``InputError`` that lists everything that is wrong, one line each: the file, the line, the key, the value
+    received and what is allowed.
+    """
+    path = Path(path)
     text = _read(path)
     content = _parse(path, text)
     overridden = [_override(content, override) for override in overrides]

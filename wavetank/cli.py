@@ -14,7 +14,7 @@ import typer
 from mpi4py import MPI
 
 from wavetank import data
-from wavetank.case_file import located
+from wavetank.case_file import located, read_case
 from wavetank.console import console, drain
 from wavetank.errors import WavetankError, printable
 from wavetank.fe.agreed import on_first
@@ -23,7 +23,6 @@ from wavetank.postprocess.compare_command import compare
 from wavetank.postprocess.view_command import view
 from wavetank.run_place import Place
 from wavetank.rundir import RunDirectory
-from wavetank.scene import Scene
 from wavetank.study.command import study
 
 app = typer.Typer(
@@ -61,7 +60,7 @@ def run(
     yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
 ) -> None:
     """Run a case; also under mpirun."""
-    scene = Scene.from_toml(case, overrides or [])
+    scene = read_case(case, overrides or [])
     place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite)
     from wavetank.recorded_run import record_run  # dolfinx takes a second to load
 

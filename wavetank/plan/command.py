@@ -31,11 +31,11 @@ def plan(
     beside the proposed ones. A case that names none is run with the plan. Of basins, tanks over a bed and starts by
     formula no plan is made: some steps are run, also under mpirun, and timed.
     """
+    from wavetank.case_file import read_case
     from wavetank.console import console
     from wavetank.plan.requirements import unplanned
-    from wavetank.scene import Scene
 
-    scene, terminal = Scene.from_toml(case, overrides or []), console()
+    scene, terminal = read_case(case, overrides or []), console()
     why = unplanned(scene)
     if why is not None and accuracy is None and scene.numerics.accuracy is None:
         _try(scene, why, terminal)

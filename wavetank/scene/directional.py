@@ -1,7 +1,7 @@
 """A segmented paddle: waves that leave it at an angle, or meet from many directions. Angles are in degrees from x."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -13,10 +13,8 @@ from wavetank.noun import Noun, Problem
 from wavetank.quantities import Coordinate, Duration, Height, Length, Ramp
 from wavetank.scene.groups import KEY, FocusingWaves
 from wavetank.scene.moving_wall import MovingWall
+from wavetank.scene.surroundings import Surroundings
 from wavetank.scene.tanks import AnyTank, BasinTank
-
-if TYPE_CHECKING:
-    from wavetank.scene.scene import Scene
 
 PLACES = 101  # at which a paddle without segments is looked at
 SEGMENTS = 1000  # at most
@@ -80,12 +78,12 @@ class _FanOfWaves(FocusingWaves):
         focus = self.focus(tank)
         return widest_segment(float(focus.group.k[-1]), float(focus.fan.angles[-1]))
 
-    def _places(self, scene: "Scene") -> int:
+    def _places(self, scene: Surroundings) -> int:
         """Return at how many places of the paddle its motion is summed up."""
         wall = scene.wall
         return wall.places(scene.tank).size if isinstance(wall, SegmentedPistonWall) else PLACES
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
         low, high = span(scene.tank)
         waves = self.components * self.directions * self._places(scene)
@@ -111,7 +109,7 @@ class DirectionalFocusMotion(_FanOfWaves):
         """Return the earliest focus time [s] that the ramp allows; oblique waves have the longest way."""
         return self.focus(tank).earliest_focus(self.ramp_length)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any focusing waves, and directions that miss the paddle."""
         yield from super().problems(scene)
         low, high = span(scene.tank)
@@ -130,7 +128,7 @@ class ReflectedFocusMotion(_FanOfWaves):
 
     type: Literal["reflected-focus"] = "reflected-focus"
 
-    def _places(self, scene: "Scene") -> int:
+    def _places(self, scene: Surroundings) -> int:
         """Return at how many places, or in how many of the basin's own waves, its motion is summed up."""
         low, high = span(scene.tank)
         modes = (high - low) / np.pi * float(self.group(scene.tank).k[-1])
@@ -175,7 +173,7 @@ class SegmentedPistonWall(MovingWall):
         low, high = span(tank)
         return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without a paddle of known width, segments too wide, and what is wrong with reach and motion."""
         if not np.isfinite(span(scene.tank)).all():
             allowed = "needs a basin (tank.type) whose plan says how wide it is: a recipe, not a file"

@@ -1,7 +1,7 @@
 """Waves that meet in one crest: what is said of them, however many directions they come from."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -9,10 +9,8 @@ from pydantic import Field
 from wavetank import motions
 from wavetank.noun import Noun, Problem
 from wavetank.quantities import Duration, Frequency, Height, Length, Ramp, metres
+from wavetank.scene.surroundings import Surroundings
 from wavetank.scene.tanks import AnyTank
-
-if TYPE_CHECKING:
-    from wavetank.scene.scene import Scene
 
 KEY = ("wall", "motion")
 MISSED = 1e-6  # of its peak: of so little there are no waves
@@ -78,7 +76,7 @@ class FocusingWaves(Noun):
         """Return the earliest focus time [s] that the ramp allows."""
         return self.group(tank).earliest_focus(self.ramp_length)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a focus outside the tank or too early, a band without its peak, and a group that comes twice."""
         group = self.group(scene.tank)
         if not self.focus_x < scene.tank.length:

@@ -1,7 +1,7 @@
 """The state at t = 0."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -15,10 +15,8 @@ from wavetank.reference.conformal import SteadyWave
 from wavetank.reference.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.reference.stream_function import maximum_height, stream_function_wave
 from wavetank.scene.initial_formula import FormulaSurface
+from wavetank.scene.surroundings import Surroundings
 from wavetank.scene.tanks import AnyTank, BasinTank, RingTank
-
-if TYPE_CHECKING:
-    from wavetank.scene.scene import Scene
 
 
 def _box(tank: AnyTank) -> tuple[float, float, float, float]:
@@ -52,7 +50,7 @@ class StandingWave(Noun):
         along = np.cos(self.mode * np.pi * (x - left) / (right - left))
         return self.amplitude * along * np.cos(self.mode_across * np.pi * (y - low) / (high - low)), np.zeros_like(x)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield an amplitude that lays the bed dry, half a wave too many for a ring, and a basin of another shape."""
         if isinstance(scene.tank, BasinTank) and not isinstance(scene.tank.plan, Rectangle):
             yield Problem(("initial", "type"), self.type, "needs a rectangle (tank.plan.type)")
@@ -92,7 +90,7 @@ class StreamFunctionWave(Noun):
         """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,); raises as ``wave`` does."""
         return self.wave(tank).surface(x)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank that is no ring, and a height that no wave has."""
         if not isinstance(scene.tank, RingTank):
             yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
@@ -118,7 +116,7 @@ class SolitaryWave(Noun):
         """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
         return self.wave(tank).surface(x - self.x)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without ends, a crest outside and a wave too high."""
         if isinstance(scene.tank, RingTank):
             yield Problem(("initial", "type"), self.type, "needs a slice (tank.type): its potential is not periodic")

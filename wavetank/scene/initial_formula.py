@@ -1,14 +1,12 @@
 """An initial surface by formula."""
 
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import Field
 
 from wavetank.formula import Array
 from wavetank.scene.formulae import FormulaNoun, FormulaText
-
-if TYPE_CHECKING:
-    from wavetank.scene.tanks import AnyTank
+from wavetank.scene.tanks import AnyTank
 
 
 class FormulaSurface(FormulaNoun):
@@ -18,6 +16,6 @@ class FormulaSurface(FormulaNoun):
     eta: FormulaText = Field(description="elevation eta(x, y) [m]")
     psi: FormulaText = Field(default="0", description="surface potential psi(x, y) [m^2/s]")
 
-    def surface(self, tank: "AnyTank", x: Array, y: Array) -> tuple[Array, Array]:
+    def surface(self, tank: AnyTank, x: Array, y: Array) -> tuple[Array, Array]:
         """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,); raises ``InputError`` if not finite."""
         return self.formula(self.eta)(x, y), self.formula(self.psi)(x, y)

@@ -1,16 +1,13 @@
 """What walls that move have in common: the reach of their mapping."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from pydantic import Field
 
 from wavetank.noun import Noun, Problem
 from wavetank.quantities import Length
+from wavetank.scene.surroundings import Surroundings
 from wavetank.scene.tanks import AnyTank
-
-if TYPE_CHECKING:
-    from wavetank.scene.scene import Scene
 
 
 class MovingWall(Noun):
@@ -25,7 +22,7 @@ class MovingWall(Noun):
         """Return the reach [m], default resolved."""
         return min(tank.length, 10 * tank.depth) if self.reach is None else self.reach
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a reach beyond the tank."""
         if self.reach is not None and self.reach > scene.tank.length:
             yield Problem(("wall", "reach"), self.reach, f"must be at most the tank's length, {scene.tank.length:g} m")

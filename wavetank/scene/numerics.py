@@ -1,16 +1,14 @@
 """How it is computed, for how long, and what is recorded."""
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from wavetank.noun import Noun, Problem
 from wavetank.quantities import Coordinate, Count, Duration, Label, Length, Share
+from wavetank.scene.surroundings import Surroundings
 from wavetank.scene.tanks import AnyTank, BasinTank, RingTank, SliceTank
-
-if TYPE_CHECKING:
-    from wavetank.scene.scene import Scene
 
 
 class Gauge(Noun):
@@ -79,7 +77,7 @@ class Numerics(Noun):
         """Whether a plan has to choose: an accuracy is asked for, or nothing named that a plan would choose."""
         return self.accuracy is not None or not self.model_fields_set & CHOSEN
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield too few cells for the tank, or a number of them for a basin."""
         fewest = scene.tank.fewest_cells
         if self.cells is not None and isinstance(scene.tank, BasinTank):
@@ -115,7 +113,7 @@ class Output(Noun):
         default=None, description="time between snapshots of the velocity field [s]; default: none"
     )
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield velocities of linear water, which keeps no potential below the surface."""
         if self.velocity_every is not None and scene.physics == "linear":
             yield Problem(("output", "velocity_every"), self.velocity_every, "must be left out with linear water")

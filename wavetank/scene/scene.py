@@ -1,9 +1,8 @@
 """The scene as a whole."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
-from pathlib import Path
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -58,17 +57,6 @@ class Scene(Noun):
     run: Run = Field(description="how long is computed")
     numerics: Numerics = Numerics()
     output: Output = Output()
-
-    @classmethod
-    def from_toml(cls, path: Path | str, overrides: Sequence[str] = ()) -> "Scene":
-        """Return the scene of a case file, with ``KEY=VALUE`` overrides such as ``"numerics.dt=0.01"``.
-
-        Raises ``InputError`` that lists everything that is wrong, one line each: the file, the line, the key, the value
-        received and what is allowed.
-        """
-        from wavetank.case_file import read_case  # which needs Scene
-
-        return read_case(Path(path), overrides)
 
     @property
     def physics(self) -> Physics:

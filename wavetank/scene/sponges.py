@@ -8,7 +8,7 @@ with the sponge's length L and the wave's group velocity c_g and length lambda. 
 """
 
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -19,10 +19,8 @@ from wavetank.noun import Noun, Problem
 from wavetank.quantities import Duration, Length, Rate
 from wavetank.reference.airy import group_velocity, wave_number
 from wavetank.scene.formulae import FormulaNoun, FormulaText
+from wavetank.scene.surroundings import Surroundings
 from wavetank.scene.tanks import AnyTank, RingTank, SliceTank
-
-if TYPE_CHECKING:
-    from wavetank.scene.scene import Scene
 
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
 AT_ONCE, MOST = 4096, 2**18  # times: a sum of many waves takes memory for each; of a longer motion the first part
@@ -62,7 +60,7 @@ class _Profiled(Noun):
         length, speed = 2 * np.pi / k, float(group_velocity(k, tank.depth, tank.gravity))
         return float(ABSORPTION * speed / np.sqrt(width * length))
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a ring, which has no end, and a period without use."""
         yield from _ring_problems(self.type, scene)
         if self.strength is not None and self.period is not None:
@@ -75,7 +73,7 @@ class EndSponge(_Profiled):
     type: Literal["end"] = "end"
     length: Length = Field(description="length of the sponge, along x [m]: one wave length or more")
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any sponge, and one longer than the tank."""
         yield from super().problems(scene)
         if self.length >= scene.tank.length:
@@ -88,7 +86,7 @@ class GroupSponge(_Profiled):
 
     type: Literal["group"] = "group"
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any sponge, and a tank whose mesh has no groups."""
         yield from super().problems(scene)
         if isinstance(scene.tank, SliceTank):
@@ -105,12 +103,12 @@ class FormulaSponge(FormulaNoun):
         """Return gamma(x, y) [1/s]."""
         return self.formula(self.gamma)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a ring, which has no end."""
         yield from _ring_problems(self.type, scene)
 
 
-def _ring_problems(received: str, scene: "Scene") -> Iterator[Problem]:
+def _ring_problems(received: str, scene: Surroundings) -> Iterator[Problem]:
     if isinstance(scene.tank, RingTank):
         yield Problem(("sponge", "type"), received, "must be left out: a ring has no end for waves to be absorbed at")
 

@@ -1,7 +1,7 @@
 """The wall at x = 0."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,10 +11,8 @@ from wavetank.noun import Noun, Problem
 from wavetank.scene.directional import SegmentedPistonWall
 from wavetank.scene.moving_wall import MovingWall
 from wavetank.scene.paddles import PaddleMotion
+from wavetank.scene.surroundings import Surroundings
 from wavetank.scene.tanks import AnyTank, RingTank
-
-if TYPE_CHECKING:
-    from wavetank.scene.scene import Scene
 
 
 class FixedWall(Noun):
@@ -41,7 +39,7 @@ class PistonWall(MovingWall):
         """Return the paddle's motion; raises ``SceneError`` if its file cannot be had or read."""
         return self.motion.build(tank)
 
-    def problems(self, scene: "Scene") -> Iterator[Problem]:
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""
         if isinstance(scene.tank, RingTank):
             yield Problem(("wall", "type"), self.type, "must be left out: a ring has no walls, hence no paddle")

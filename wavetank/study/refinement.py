@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
+from wavetank.case_file import read_case
 from wavetank.integrators import INTEGRATORS
 from wavetank.scene import Scene
 from wavetank.scene.numerics import HIGHEST_VERTICAL_ORDER
@@ -50,4 +51,4 @@ def refined(case: Path, coarse: Combination, *, dt: float, name: str) -> Combina
         "output.gauges_every=1",
     )
     overrides = (*coarse.overrides, *changes)
-    return replace(coarse, name=name, overrides=overrides, scene=Scene.from_toml(case, overrides))
+    return replace(coarse, name=name, overrides=overrides, scene=read_case(case, overrides))

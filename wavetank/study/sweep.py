@@ -8,6 +8,7 @@ from itertools import product
 from pathlib import Path
 from urllib.parse import quote
 
+from wavetank.case_file import read_case
 from wavetank.errors import InputError
 from wavetank.noun import Noun
 from wavetank.scene import Scene
@@ -143,7 +144,7 @@ def combination(case: Path, values: dict[Axis, str], overrides: Sequence[str] = 
     changes = (*overrides, *(f"{axis.key}={value}" for axis, value in values.items()))
     named = {axis.name: value for axis, value in values.items()}
     name = quote(",".join(f"{key}={value}" for key, value in named.items()), safe=READABLE)
-    return Combination(name, named, changes, Scene.from_toml(case, changes))
+    return Combination(name, named, changes, read_case(case, changes))
 
 
 def marked_combination(case: Path, settings: Sequence[str], overrides: Sequence[str] = ()) -> Combination:

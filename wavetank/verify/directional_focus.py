@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from wavetank.build import build_run
+from wavetank.case_file import read_case
 from wavetank.errors import InputError
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.schedule import EverySteps
@@ -180,7 +181,7 @@ def _draw_history(axes: Axes, focuses: Sequence[Focus]) -> None:
 
 def write(report: Report) -> None:
     """Write directional-focus.csv and .png."""
-    focuses = [Focus(Scene.from_toml(CASE, [*HALF, f"wall.motion.amplitude={one}"])) for one in (SMALL, LARGE)]
+    focuses = [Focus(read_case(CASE, [*HALF, f"wall.motion.amplitude={one}"])) for one in (SMALL, LARGE)]
     report.table("directional-focus", FocusRow._fields, [row(focus) for focus in focuses])
     with report.figure("directional-focus", 13, 7.5) as figure:
         (theory, steep), (across, history) = figure.subplots(2, 2, height_ratios=(3, 2))
