@@ -14,38 +14,16 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGE = CHECKOUT / "wavetank"
 ROOMS = ("meshes", "postprocess")  # of the package that stand at top level; links in it show where they belong
 
-ALLOWED = {  # layer -> the wavetank modules it may import, itself included
-    "errors": set(),
-    "files": set(),
-    "console": set(),
-    "clock": {"errors"},
-    "memory": set(),
-    "cache": {"errors"},
-    "series": set(),
-    "reference": {"errors"},
-    "motions": {"errors", "files", "reference"},
-    "data": {"errors", "motions", "series", "cache"},
-    "noun": {"errors", "data"},
-    "formula": {"errors"},
-    "beds": {"errors", "files", "formula"},
-    "quantities": set(),
-    "meshes": {"errors", "noun", "quantities"},
-    "scene": {"errors", "data", "motions", "reference", "noun", "formula", "beds", "meshes", "quantities"},
-    "case_file": {"errors", "files", "noun", "scene"},
-    "run_lock": {"errors"},
-    "run_log": set(),
-    "run_place": {"errors"},
-    "rundir": {"errors", "run_lock", "run_place", "series"},
-    "vtu_series": {"errors", "rundir"},
-    "hamiltonian": {"errors"},
-    "fe": {"errors", "hamiltonian", "cache", "meshes"},
-    "integrators": {"errors", "hamiltonian"},
-    "water": {"errors", "motions", "fe", "hamiltonian"},
-    "observers": {"errors", "fe", "hamiltonian", "run_log", "rundir", "vtu_series", "water"},
-    "postprocess": {"data", "errors", "run_place", "rundir", "scene", "series"},  # nothing of the solver
-    "run": {"errors", "clock", "hamiltonian", "integrators", "observers"},
-}
-SEES_ALL = {"build", "plan", "study", "recorded_run", "cli", "__main__", "__init__", "verify"}
+PAGE = CHECKOUT / "docs" / "architecture.md"
+
+
+def table() -> dict[str, set[str]]:
+    """Return the layers of the page's table, the lowest first, and those that each may import."""
+    found: dict[str, set[str]] = {}
+    for name, others in re.findall(r"^\| `(\w+)` \|.*\| (.+) \|$", PAGE.read_text(), flags=re.MULTILINE):
+        assert name not in found
+        found[name] = set(found) if others == "all above" else set(re.findall(r"`(\w+)`", others))
+    return found
 
 
 def files() -> dict[Path, str]:
@@ -75,13 +53,19 @@ def imported_layers(path: Path) -> set[str]:
 
 
 FILES = files()
+ALLOWED = table()
+
+
+def test_the_table_has_every_layer_below_those_that_import_it():
+    layers = list(ALLOWED)
+    assert set(layers) == {layer(path) for path in FILES}
+    for number, name in enumerate(layers):
+        assert ALLOWED[name] <= set(layers[:number]), name
 
 
 @pytest.mark.parametrize("path", FILES, ids=FILES.values())
 def test_imports_go_one_way(path):
     own = layer(path)
-    if own in SEES_ALL:
-        return
     assert imported_layers(path) <= ALLOWED[own] | {own}
 
 
