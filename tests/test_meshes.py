@@ -1,14 +1,17 @@
 """Plans of basins: recipes against exact areas and lengths, files read back, bad meshes in one sentence, ranks."""
 
+import csv
 import re
+from collections import defaultdict
 
 import numpy as np
 import pytest
 import ufl
-from conftest import fitted_slope
+from conftest import CHECKOUT, fitted_slope
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
+from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fe.plan_mesh import draw_plan, read_plan
 from wavetank.fe.plane import Plane
@@ -77,6 +80,24 @@ def test_areas_and_walls_of_round_plans_converge_with_the_order_of_the_geometry(
     assert errors[:, [1, 3]].max() < 1e-8  # paddle and sponge are straight; corners may be rounded to 1e-9 m
     assert fitted_slope(sizes, errors[:, 0]) == pytest.approx(order, abs=0.4)
     assert fitted_slope(sizes, errors[:, 2]) == pytest.approx(order, abs=0.4)
+
+
+def test_the_command_on_the_page_draws_its_picture_and_finds_the_exact_areas(tmp_path):
+    """Of straight plans, and to the fourth power of the cells' size of those with circles."""
+    page = (CHECKOUT / "meshes" / "README.md").read_text()
+    assert "./env wavetank verify plans --out " in page and "docs/figures/meshes.png" in page
+    assert main(["verify", "plans", "--out", str(tmp_path / "plans")]) == 0
+    assert (tmp_path / "plans" / "meshes.png").stat().st_size > 10_000
+    errors = defaultdict(list)
+    with (tmp_path / "plans" / "meshes.csv").open() as file:
+        for line in csv.DictReader(file):
+            errors[line["recipe"]].append(abs(float(line["area_error"])))
+    assert len(errors) == 4
+    for recipe, found in errors.items():
+        if recipe in ("cylinder", "bend, triangles"):
+            assert fitted_slope([4, 2, 1], found) == pytest.approx(4, abs=0.4)
+        else:
+            assert max(found) < 1e-12
 
 
 @pytest.mark.parametrize("name", RECIPES)

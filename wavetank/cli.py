@@ -96,6 +96,7 @@ VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verif
     "sponge": "Measure what a sponge reflects: lengths, depths, wave periods and strengths; two minutes.",
     "cylinder": "Hold the run-up around a cylinder against McCamy and Fuchs, on finer and finer meshes; some minutes.",
     "directional_focus": "Hold waves that meet from many directions against linear theory; some minutes.",
+    "plans": "Draw the recipes of basins' plans, and hold their areas against the exact ones; some seconds.",
 }
 
 
