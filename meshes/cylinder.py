@@ -11,20 +11,17 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Part, Point, divisions
-from wavetank.meshes.recipe import Box, Recipe
+from wavetank.meshes.recipe import Box, Rectangular
 from wavetank.quantities import Length, Pair
 
 NEAREST = 0.3  # radii between the cylinder and what is beside it
 FEWEST = 4, 2  # cells along a side of the box, and outwards: with less, curved cells beside coarse ones fold
 
 
-class Cylinder(Recipe):
+class Cylinder(Rectangular):
     """A rectangle without a circle, which may be centred on a side wall; the paddle is its side at the smallest x."""
 
     type: Literal["cylinder"] = "cylinder"
-    length: Length = Field(description="along x [m]")
-    width: Length = Field(description="along y [m]")
-    origin: Pair = Field(default=(0.0, 0.0), description="the corner of smallest x and y [m]")
     centre: Pair = Field(description="x and y of the cylinder's axis [m]")
     radius: Length = Field(description="radius of the cylinder [m]")
     factor: float = Field(
@@ -42,12 +39,6 @@ class Cylinder(Recipe):
                 f"sponge, or its axis on a side wall; it has {gap - self.radius:.4g} m"
             )
         return self
-
-    @property
-    def box(self) -> Box:
-        """(x_min, y_min, x_max, y_max) [m]."""
-        x, y = self.origin
-        return x, y, x + self.length, y + self.width
 
     def counted(self, cell_size: float) -> tuple[float, float]:
         """Return about how many cells of a size [m] there are, and the size of those at the cylinder [m]."""

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from wavetank.meshes.gmsh_model import SURFACE
 from wavetank.noun import Noun
+from wavetank.quantities import Length, Pair
 
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
 
@@ -57,3 +58,17 @@ class Recipe(Noun):
             gmsh.option.setNumber("Mesh.RecombineAll", 1)
         gmsh.model.mesh.generate(SURFACE)
         gmsh.model.mesh.setOrder(self.geometry)
+
+
+class Rectangular(Recipe):
+    """A plan between four walls along the axes."""
+
+    length: Length = Field(description="along x [m]")
+    width: Length = Field(description="along y [m]")
+    origin: Pair = Field(default=(0.0, 0.0), description="the corner of smallest x and y [m]")
+
+    @property
+    def box(self) -> Box:
+        """(x_min, y_min, x_max, y_max) [m]."""
+        x, y = self.origin
+        return x, y, x + self.length, y + self.width

@@ -6,9 +6,9 @@ from typing import Any, Literal, Self
 from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Part
-from wavetank.meshes.recipe import Box, Recipe
+from wavetank.meshes.recipe import Rectangular
 from wavetank.noun import Noun
-from wavetank.quantities import Length, Pair
+from wavetank.quantities import Pair
 
 
 class Refinement(Noun):
@@ -19,13 +19,10 @@ class Refinement(Noun):
     factor: float = Field(ge=1e-3, lt=1, description="width of the cells there, over that elsewhere [-]")
 
 
-class Rectangle(Recipe):
+class Rectangle(Rectangular):
     """A rectangle; the paddle is its side at the smallest x."""
 
     type: Literal["rectangle"] = "rectangle"
-    length: Length = Field(description="along x [m]")
-    width: Length = Field(description="along y [m]")
-    origin: Pair = Field(default=(0.0, 0.0), description="the corner of smallest x and y [m]")
     refine: Refinement | None = Field(default=None, description="where cells are narrower; default: nowhere")
 
     @model_validator(mode="after")
@@ -37,12 +34,6 @@ class Rectangle(Recipe):
             _check_between("x", self.refine.x, left, right)
             _check_between("y", self.refine.y, low, high)
         return self
-
-    @property
-    def box(self) -> Box:
-        """(x_min, y_min, x_max, y_max) [m]."""
-        x, y = self.origin
-        return x, y, x + self.length, y + self.width
 
     def counted(self, cell_size: float) -> tuple[float, float]:
         """Return about how many cells of a size [m] there are, and the width of the narrowest [m]."""

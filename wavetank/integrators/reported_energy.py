@@ -1,5 +1,6 @@
 """The energy of what a scheme reports, from the point at which its next step begins."""
 
+from wavetank.hamiltonian.change import change
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import State
 
@@ -13,5 +14,4 @@ def reported_energy(system: HamiltonianSystem, state: State, t: float) -> float:
     energy = system.energy(q, p, t)
     if q is state.q and p is state.p:
         return energy
-    slopes = system.inner(system.H_q(q, p, t), state.q - q) + system.inner(system.H_p(q, p, t), state.p - p)
-    return energy + slopes
+    return energy + change(system, (q, p), (state.q, state.p), t)

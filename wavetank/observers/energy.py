@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol, runtime_checkable
 
+from wavetank.hamiltonian.change import change
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
@@ -98,9 +99,8 @@ class EnergyBudget:
         there = waves.energies(q, p, moment.t)
         if q is moment.q and p is moment.p:
             return there
-        dq, dp = moment.q - q, moment.p - p
-        total = waves.inner(waves.H_q(q, p, moment.t), dq) + waves.inner(waves.H_p(q, p, moment.t), dp)
-        potential = waves.gravity * waves.inner(waves.elevation(q, p, moment.t), dq)
+        total = change(waves, (q, p), (moment.q, moment.p), moment.t)
+        potential = waves.gravity * waves.inner(waves.elevation(q, p, moment.t), moment.q - q)
         kinetic = total - potential
         return replace(there, kinetic=there.kinetic + kinetic, potential=there.potential + potential)
 

@@ -3,7 +3,6 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
-from math import isclose
 from typing import NamedTuple, Protocol
 
 import basix
@@ -15,7 +14,7 @@ from wavetank.fe.forms import compile_expression
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.contract import Vector
 from wavetank.water.crests import Profile
-from wavetank.water.walls import Wall
+from wavetank.water.walls import Wall, one_time
 
 
 class Crest(NamedTuple):
@@ -79,7 +78,7 @@ class SurfaceVelocity:
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
         """Take the surface of a state at t [s], known to round-off; nothing to do for the state last taken."""
-        if q is self._q and p is self._p and isclose(t, self._t, rel_tol=1e-12):
+        if q is self._q and p is self._p and one_time(t, self._t):
             return
         self._q, self._p, self._t = q, p, t
         self._waves.set_time(t)

@@ -13,6 +13,7 @@ wall is the identity: everything about it vanishes before compilation.
 """
 
 from dataclasses import dataclass
+from math import isclose
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -24,6 +25,11 @@ from wavetank.fe.plane import Field, Plane
 from wavetank.hamiltonian.contract import Vector
 from wavetank.motions import Motion, SegmentedMotion
 from wavetank.motions.mapping import largest_stroke, share, unmapped
+
+
+def one_time(t: float, other: float) -> bool:
+    """Return whether two times are one but for their last bits, as t_n + dt and t_n+1 are."""
+    return isclose(t, other, rel_tol=1e-12)
 
 
 class Mapping(Protocol):

@@ -10,7 +10,6 @@ derivative of the one discrete functional K(phi, h) + V(h) + W(phi, h; t), becau
 
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import isclose
 
 import numpy as np
 import ufl
@@ -31,9 +30,8 @@ from wavetank.water.potential import InteriorPotential
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.wall_forms import wall_forms
-from wavetank.water.walls import Wall
+from wavetank.water.walls import Wall, one_time
 
-SAME = 1e-12  # relative: t_n + dt and t_n+1 are one time, whatever their last bits
 SHALLOW = 0.1  # of the mean depth: where a surface meets the bed there, the bed is the cause
 
 
@@ -177,12 +175,12 @@ class NonlinearWaves:
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
-        known = isclose(t, self._t, rel_tol=SAME) and np.array_equal(q, self._q) and np.array_equal(p, self._p)
+        known = one_time(t, self._t) and np.array_equal(q, self._q) and np.array_equal(p, self._p)
         return bool(self.plane.comm.allreduce(int(not known)) == 0)
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s], and with it the mass matrix and the bed; collective."""
-        if isclose(t, self._t, rel_tol=SAME):
+        if one_time(t, self._t):
             return
         self._t = np.nan  # what was evaluated last belongs to another time
         if self.wall.set_time(t):
