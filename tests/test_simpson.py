@@ -8,7 +8,7 @@ import pytest
 from conftest import CHECKOUT, fitted_slope
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run
+from wavetank.build import Records, build_observers, build_run, build_watch
 from wavetank.case_file import read_case
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
@@ -98,6 +98,35 @@ def test_what_is_recorded_costs_no_solve():
     bare, waves = built(SLICE, integrator="simpson-4", dt=0.02)
     bare.execute()
     assert Recorded("simpson-4", 0.02).solves <= waves.potential.counters.solves + 2  # of the first and last states
+
+
+class Snapshots:
+    """Keeps nothing: what makes a snapshot is looked at."""
+
+    def append(self, t, x, eta, psi):
+        """Forget it."""
+
+
+def test_watch_gauges_and_snapshots_have_one_solve_for_the_elevation_of_the_mean(monkeypatch):
+    """The jumps of every step are solved for besides, which are other vectors."""
+    scene = Scene.model_validate({**SLICE, "run": {"duration": 0.2}})
+    run, waves = build_run(scene, MPI.COMM_WORLD)
+    records = Records(Memory(), Memory(), Snapshots())
+    run.observers += build_watch(scene, run, waves, pytest.fail) + build_observers(scene, waves, records)
+    for observer in run.observers:
+        observer.schedule = EverySteps()
+    solve, solved = waves.mass.solve, []
+    monkeypatch.setattr(waves.mass, "solve", lambda right: solved.append(right) or solve(right))
+    run.execute()
+    assert sum(np.array_equal(right, run.state.q) for right in solved) == 1
+    eta = waves.elevation(run.state.q, run.state.p, run.t)
+    eta += 1.0  # nobody else's
+    run.state.q[:] += waves.mass.apply(np.full(waves.plane.owned, 0.1))  # the same array, another surface
+    solved.clear()
+    higher = waves.elevation(run.state.q, run.state.p, run.t)
+    assert len(solved) == 1 and np.abs(higher - eta + 0.9).max() < 1e-12
+    waves.elevation(run.state.q, run.state.p, run.t + 0.1)  # the paddle has moved on
+    assert len(solved) == 2
 
 
 def test_a_run_goes_on_from_its_pickled_state_in_a_new_tank():
