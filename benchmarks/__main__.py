@@ -16,7 +16,7 @@ from benchmarks.direct import DirectPotential
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS
 from wavetank.motions import Ramped, Sinusoid
-from wavetank.water.plan_view import Slice
+from wavetank.water.footprint import Slice
 from wavetank.water.walls import Piston
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
@@ -26,10 +26,10 @@ DT, CELL, VERTICAL_ORDER = 0.04, 0.2, 8  # those of cases/marin-202002.toml
 
 def make_waves(cells: int) -> NonlinearWaves:
     """Return a MARIN-like slice of cells of 0.2 m with its piston moving."""
-    plan = Slice(CELL * cells, cells, comm=MPI.COMM_SELF)
-    plane = Plane(plan.mesh, 3)
+    footprint = Slice(CELL * cells, cells, comm=MPI.COMM_SELF)
+    plane = Plane(footprint.mesh, 3)
     motion = Ramped(Sinusoid(0.008, 1.2), 2.0)
-    wall = Piston(motion, plane=plane, reach=10.0, paddle=plan.paddle())
+    wall = Piston(motion, plane=plane, reach=10.0, side=footprint.side())
     tolerances = Tolerances(stage=1e-7, interior=1e-8)
     return NonlinearWaves(plane, depth=1.0, wall=wall, vertical_order=VERTICAL_ORDER, tolerances=tolerances)
 

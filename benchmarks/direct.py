@@ -8,8 +8,8 @@ import ufl
 from dolfinx.fem.petsc import assemble_matrix, create_matrix
 from petsc4py import PETSc
 
+from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_form
-from wavetank.hamiltonian.contract import Vector
 from wavetank.water.potential import SolveCounters
 from wavetank.water.waves import NonlinearWaves
 

@@ -20,13 +20,13 @@ from petsc4py import PETSc
 from rich.console import Console
 from rich.table import Table
 
+from wavetank.arrays import Vector
 from wavetank.fe.modes import InterlacedModes
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Vector
-from wavetank.memory import peak_memory
+from wavetank.runs.memory import peak_memory
 from wavetank.water.potential import InteriorPotential
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 CONSOLE = Console(width=120)
@@ -79,7 +79,7 @@ def make_basin(cells: int, n: int) -> NonlinearWaves:
         MPI.COMM_WORLD, [[0.0, 0.0], [size, size]], [cells, cells], mesh.CellType.quadrilateral
     )
     plane = Plane(square, ORDER)
-    return NonlinearWaves(plane, depth=shoal, wall=FixedWall(), vertical_order=n, tolerances=Tolerances(interior=1e-10))
+    return NonlinearWaves(plane, depth=shoal, wall=StillWall(), vertical_order=n, tolerances=Tolerances(interior=1e-10))
 
 
 def measure(*, cells: int, n: int, baseline: bool) -> Cost:

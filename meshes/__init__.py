@@ -1,4 +1,4 @@
-"""Plans of basins: recipes that gmsh draws, and meshes from files."""
+"""Layouts of basins: recipes that gmsh draws, and meshes from files."""
 
 from typing import Annotated
 
@@ -11,6 +11,6 @@ from wavetank.meshes.mesh_file import MeshFile
 from wavetank.meshes.recipe import Recipe
 from wavetank.meshes.rectangle import Rectangle
 
-Plan = Annotated[Rectangle | Cylinder | Bend | Harbour | MeshFile, Field(discriminator="type")]
+Layout = Annotated[Rectangle | Cylinder | Bend | Harbour | MeshFile, Field(discriminator="type")]
 
-__all__ = ["Bend", "Cylinder", "Harbour", "MeshFile", "Plan", "Recipe", "Rectangle"]
+__all__ = ["Bend", "Cylinder", "Harbour", "MeshFile", "Layout", "Recipe", "Rectangle"]

@@ -1,4 +1,4 @@
-"""Plans of four-sided blocks that share their sides: rows of cells run through all of them."""
+"""Layouts of four-sided blocks that share their sides: rows of cells run through all of them."""
 
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence

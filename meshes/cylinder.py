@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Part, Point, divisions
 from wavetank.meshes.recipe import Box, Rectangular
-from wavetank.quantities import Length, Pair
+from wavetank.values.quantities import Length, Pair
 
 NEAREST = 0.3  # radii between the cylinder and what is beside it
 FEWEST = 4, 2  # cells along a side of the box, and outwards: with less, curved cells beside coarse ones fold

@@ -1,4 +1,4 @@
-"""gmsh's model of a plan: begun empty, filled, checked, its groups numbered."""
+"""gmsh's model of a layout: begun empty, filled, checked, its groups numbered."""
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
@@ -27,7 +27,7 @@ def empty_model() -> Iterator[Any]:
     gmsh.initialize(readConfigFiles=False, interruptible=False)
     try:
         gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.model.add("plan")
+        gmsh.model.add("layout")
         yield gmsh
     finally:
         gmsh.finalize()
@@ -60,7 +60,7 @@ def check(gmsh: Any, source: str) -> None:
     """
     get = gmsh.model.mesh
     if get.getElements(VOLUME)[0].size:
-        raise InputError(f"{source}: has cells of three dimensions; a plan has two, x and y.")
+        raise InputError(f"{source}: has cells of three dimensions; a layout has two, x and y.")
     kinds = [int(kind) for kind in get.getElements(SURFACE)[0]]
     names = ", ".join(get.getElementProperties(kind)[0] for kind in kinds)
     if not kinds:
@@ -78,7 +78,7 @@ def check(gmsh: Any, source: str) -> None:
 def _check_points(points: Array, source: str) -> None:
     size, off = float(np.ptp(points[:, :2], axis=0).max()), np.abs(points[:, 2]).max()
     if off > FLAT * size:
-        raise InputError(f"{source}: has points up to {off:.4g} m off the plane z = 0, in which a plan must lie.")
+        raise InputError(f"{source}: has points up to {off:.4g} m off the plane z = 0, in which a layout must lie.")
 
 
 def _check_cells(gmsh: Any, kind: int, source: str) -> None:

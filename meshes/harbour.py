@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Part
 from wavetank.meshes.recipe import Box, Recipe
-from wavetank.quantities import Length
+from wavetank.values.quantities import Length
 
 
 class Harbour(Recipe):

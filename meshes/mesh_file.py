@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from wavetank.noun import FilePath, Noun
+from wavetank.values.noun import FilePath, Noun
 
 
 class MeshFile(Noun):

@@ -1,4 +1,4 @@
-"""What a plan is: a recipe by which gmsh draws and meshes it, with named groups.
+"""What a layout is: a recipe by which gmsh draws and meshes it, with named groups.
 
 Curves belong to the groups ``paddle`` and ``wall``, surfaces to ``water`` and ``sponge``.
 """
@@ -9,14 +9,14 @@ from typing import Any, Literal
 from pydantic import Field
 
 from wavetank.meshes.gmsh_model import SURFACE
-from wavetank.noun import Noun
-from wavetank.quantities import Length, Pair
+from wavetank.values.noun import Noun
+from wavetank.values.quantities import Length, Pair
 
 Box = tuple[float, float, float, float]  # x_min, y_min, x_max, y_max [m]
 
 
 class Recipe(Noun):
-    """A plan that gmsh draws."""
+    """A layout that gmsh draws."""
 
     cells: Literal["quadrilaterals", "triangles"] = Field(default="quadrilaterals", description="shape of the cells")
     geometry: Literal[1, 2] = Field(default=1, description="order of the cells' geometry: 1 straight, 2 curved")
@@ -25,11 +25,11 @@ class Recipe(Noun):
     @property
     @abstractmethod
     def box(self) -> Box:
-        """The smallest box around the plan, (x_min, y_min, x_max, y_max) [m]."""
+        """The smallest box around the layout, (x_min, y_min, x_max, y_max) [m]."""
 
     @property
     def area(self) -> float:
-        """Of the plan, about [m²]."""
+        """Of the layout, about [m²]."""
         left, low, right, high = self.box
         return (right - left) * (high - low)
 
@@ -39,7 +39,7 @@ class Recipe(Noun):
 
     @abstractmethod
     def outline(self, geometry: Any, cell_size: float) -> None:
-        """Draw the plan, its groups and the sizes of its cells into gmsh's current model.
+        """Draw the layout, its groups and the sizes of its cells into gmsh's current model.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class Recipe(Noun):
         """
 
     def draw(self, cell_size: float) -> None:
-        """Draw and mesh the plan into gmsh's current model, cells of about ``cell_size`` [m]."""
+        """Draw and mesh the layout into gmsh's current model, cells of about ``cell_size`` [m]."""
         import gmsh  # a scene can be validated without it
 
         self.outline(gmsh, cell_size)
@@ -61,7 +61,7 @@ class Recipe(Noun):
 
 
 class Rectangular(Recipe):
-    """A plan between four walls along the axes."""
+    """A layout between four walls along the axes."""
 
     length: Length = Field(description="along x [m]")
     width: Length = Field(description="along y [m]")

@@ -7,8 +7,8 @@ from pydantic import Field, model_validator
 
 from wavetank.meshes.blocks import Blocks, Part
 from wavetank.meshes.recipe import Rectangular
-from wavetank.noun import Noun
-from wavetank.quantities import Pair
+from wavetank.values.noun import Noun
+from wavetank.values.quantities import Pair
 
 
 class Refinement(Noun):
@@ -61,7 +61,7 @@ class Rectangle(Rectangular):
 def _check_between(axis: str, fine: Pair | None, start: float, end: float) -> None:
     if fine is not None and not start <= fine[0] < fine[1] <= end:
         received, allowed = f"[{fine[0]:g}, {fine[1]:g}]", f"{start:g} to {end:g} m"
-        raise ValueError(f"must have refine.{axis} = {received} ascending and in the plan, {allowed}")
+        raise ValueError(f"must have refine.{axis} = {received} ascending and in the layout, {allowed}")
 
 
 def _parts(ends: list[float], fine: Pair | None, cell_size: float, *, factor: float) -> list[Part]:

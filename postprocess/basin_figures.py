@@ -17,8 +17,8 @@ from matplotlib.tri import Triangulation
 from wavetank.errors import InputError
 from wavetank.postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
 from wavetank.postprocess.style import CM, FLAT, PADDLE, SATURATED, picture
-from wavetank.rundir import RunDirectory
-from wavetank.series import GaugeSeries
+from wavetank.records.directory import RunDirectory
+from wavetank.records.series import GaugeSeries
 
 LEVELS = 64  # of colours
 BESIDE, BELOW = 5.2, 9.5  # width of a map [inch], the maps beside or below each other

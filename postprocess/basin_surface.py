@@ -13,7 +13,7 @@ from scipy.interpolate import BarycentricInterpolator
 
 from wavetank.errors import InputError
 from wavetank.postprocess.style import CM, FLAT, SATURATED
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

@@ -2,9 +2,9 @@
 
 from pydantic import TypeAdapter, ValidationError
 
-from wavetank.rundir import RunDirectory
-from wavetank.scene.beds import Depth
-from wavetank.scene.tanks import AnyTank, Tank
+from wavetank.case.beds import Depth
+from wavetank.case.tanks import AnyTank, Tank
+from wavetank.records.directory import RunDirectory
 
 
 def still_water(run: RunDirectory) -> Depth | None:

@@ -22,7 +22,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
 from wavetank.errors import InputError
-from wavetank.series import GaugeSeries
+from wavetank.records.series import GaugeSeries
 
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
 MATCH = 1e-3  # m; two gauges nearer than that stand at one place

@@ -10,9 +10,9 @@ from rich.table import Table
 
 from wavetank import data
 from wavetank.errors import InputError
-from wavetank.run_place import check_new
-from wavetank.rundir import RunDirectory
-from wavetank.series import GaugeSeries
+from wavetank.records.directory import RunDirectory
+from wavetank.records.place import check_new
+from wavetank.records.series import GaugeSeries
 
 
 def compare(
@@ -54,7 +54,7 @@ def _gauges(name: str) -> tuple[list[GaugeSeries], list[GaugeSeries]]:
 def _compare_gauges(
     run: RunDirectory, measured: list[GaugeSeries], published: list[GaugeSeries], *, folder: Path
 ) -> Table:
-    from wavetank.postprocess import compare as comparison  # scipy and matplotlib take a second to load
+    from wavetank.postprocess import compare as comparison
     from wavetank.postprocess.figures import gauges_figure
 
     computed = run.gauges()
@@ -68,7 +68,7 @@ def _compare_gauges(
 def _compare_heights(
     run: RunDirectory, known: data.WaveHeights, measured: list[data.HeightSeries], *, folder: Path
 ) -> Table:
-    from wavetank.postprocess import sections  # scipy and matplotlib take a second to load
+    from wavetank.postprocess import sections
     from wavetank.postprocess.sections_figure import bathymetry, sections_figure
 
     computed = sections.computed_heights(run.gauges(), known)

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
+from wavetank.case.beds import Depth
 from wavetank.errors import InputError
 from wavetank.postprocess.compare import MATCH, compare_gauge, matched
 from wavetank.postprocess.style import (
@@ -27,9 +28,8 @@ from wavetank.postprocess.style import (
     WATER,
     picture,
 )
-from wavetank.rundir import Surface
-from wavetank.scene.beds import Depth
-from wavetank.series import GaugeSeries
+from wavetank.records.directory import Surface
+from wavetank.records.series import GaugeSeries
 
 KINETIC, POTENTIAL, TOTAL, WORK = VERMILION, GREEN, "#8cc5e8", INK
 BEFORE, CREST, AFTER = ORANGE, "#0b2d5c", "#a0417f"

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from wavetank.rundir import GAUGES, RunDirectory
-from wavetank.scene.sponges import EndSponge, FormulaSponge, Sponge
-from wavetank.series import GaugeSeries
+from wavetank.case.sponges import EndSponge, FormulaSponge, Sponge
+from wavetank.records.directory import GAUGES, RunDirectory
+from wavetank.records.series import GaugeSeries
 
 Array = NDArray[np.float64]
 POWER = 2  # of the distance into a sponge that its damping grows with

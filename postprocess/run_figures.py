@@ -8,7 +8,7 @@ import numpy as np
 from wavetank.postprocess.beds import still_water
 from wavetank.postprocess.figures import energy_figure, gauges_overview, surface_figure
 from wavetank.postprocess.within_cells import within_cells
-from wavetank.rundir import SURFACE, RunDirectory, Surface, index_file
+from wavetank.records.directory import SURFACE, RunDirectory, Surface, index_file
 
 
 def draw_run(run: RunDirectory) -> list[Path]:
@@ -48,7 +48,7 @@ def draw_surface(run: RunDirectory) -> Path:
     scene, path = run.manifest.get("scene", {}), run.path / "surface.png"
     tank, wall = scene.get("tank", {}), scene.get("wall", {})
     if not (run.path / SURFACE).exists():
-        from wavetank.postprocess.basin_figures import basin_figure  # which needs pyvista
+        from wavetank.postprocess.basin_figures import basin_figure
 
         return basin_figure(run, path)
     ring, surface = tank.get("type") == "ring", run.surface()

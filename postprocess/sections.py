@@ -23,7 +23,7 @@ from wavetank.data import HeightSeries, Section, WaveHeights
 from wavetank.errors import InputError
 from wavetank.postprocess.compare import MATCH, rms, write_rows
 from wavetank.postprocess.wave_heights import mean_wave_height
-from wavetank.series import GaugeSeries
+from wavetank.records.series import GaugeSeries
 
 FEWEST = 4  # gauges along a section: a cubic's
 ALL = "all"  # sections together
@@ -41,7 +41,7 @@ COLUMNS = (
 )
 
 
-class Profile(NamedTuple):
+class SectionProfile(NamedTuple):
     """Wave heights along a section, computed: places along its axis [m], ascending, and H [m], both of shape (N,)."""
 
     section: Section
@@ -58,7 +58,7 @@ class Profile(NamedTuple):
         return np.asarray((places >= first) & (places <= last))
 
 
-def profile(gauges: Sequence[GaugeSeries], section: Section, *, start: float) -> Profile | None:
+def profile(gauges: Sequence[GaugeSeries], section: Section, *, start: float) -> SectionProfile | None:
     """Return the mean wave heights after ``start`` [s] along a section; None with fewer than four gauges there.
 
     Raises ``InputError`` if a record is too short for wave heights.
@@ -71,13 +71,15 @@ def profile(gauges: Sequence[GaugeSeries], section: Section, *, start: float) ->
     if len(along) < FEWEST:
         return None
     places, there = zip(*(along[key] for key in sorted(along)), strict=True)
-    return Profile(section, np.array(places), np.array([mean_wave_height(gauge, start=start) for gauge in there]))
+    return SectionProfile(
+        section, np.array(places), np.array([mean_wave_height(gauge, start=start) for gauge in there])
+    )
 
 
 class ComputedHeights(NamedTuple):
     """A run's wave heights: along each section that has gauges, and H of its incident wave [m], None if unknown."""
 
-    profiles: list[Profile]
+    profiles: list[SectionProfile]
     incident: float | None
 
 
@@ -145,7 +147,7 @@ def compare_heights(
     return comparisons
 
 
-def _points(computed: Profile, measured: HeightSeries) -> _Points:
+def _points(computed: SectionProfile, measured: HeightSeries) -> _Points:
     there, section = computed.reaches(measured.places), measured.section
     return _Points(section.name, line(section), computed.at(measured.places[there]), measured.ratios[there])
 

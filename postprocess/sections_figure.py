@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from wavetank.data import HeightSeries
 from wavetank.postprocess.beds import still_water
-from wavetank.postprocess.sections import ComputedHeights, Profile, SectionComparison, line
+from wavetank.postprocess.sections import ComputedHeights, SectionComparison, SectionProfile, line
 from wavetank.postprocess.style import COMPUTED, picture
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 
 MARKS = (("o", "#222222"), ("^", "#d55e00"), ("s", "#009e73"))  # one an origin of measurements
 ROW = 3  # panels
@@ -70,7 +70,7 @@ def sections_figure(
             axes.set_ylim(0.0, highest)
         figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=11)
         if bed is not None:
-            _draw_plan(figure, figure.add_subplot(places[-1]), computed, bed)
+            _draw_layout(figure, figure.add_subplot(places[-1]), computed, bed)
         figure.suptitle(title or "Wave heights", fontsize=13, parse_math=False)
     return path
 
@@ -81,7 +81,7 @@ def _highest(computed: ComputedHeights, incident: float) -> float:
 
 def _draw_section(
     axes: Axes,
-    profile: Profile,
+    profile: SectionProfile,
     measured: Sequence[HeightSeries],
     comparisons: Sequence[SectionComparison],
     *,
@@ -100,7 +100,7 @@ def _draw_section(
     axes.set(xlabel=f"{section.along} [m]", ylabel="wave height $H/H_0$ [-]", xlim=section.reach)
 
 
-def _draw_plan(figure: Figure, axes: Axes, computed: ComputedHeights, bed: Bathymetry) -> None:
+def _draw_layout(figure: Figure, axes: Axes, computed: ComputedHeights, bed: Bathymetry) -> None:
     """Draw the bed's contours and the sections on it."""
     filled = axes.contourf(bed.x, bed.y, bed.depth, CONTOURS, cmap="Blues")
     axes.contour(bed.x, bed.y, bed.depth, filled.levels, colors="#0b2d5c", linewidths=0.4)

@@ -24,7 +24,7 @@ from wavetank.postprocess.style import CM, WATER
 from wavetank.postprocess.view_film import Pixels, film_format
 from wavetank.postprocess.view_sight import DRY, ELEVATION, HEIGHT, INK, PAINT, VEILED, Array, Labels, TankView
 from wavetank.postprocess.view_tank import tank_view
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 
 Size = tuple[int, int]
 

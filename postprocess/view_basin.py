@@ -28,7 +28,7 @@ from wavetank.postprocess.view_sight import (
     upright,
     veiled,
 )
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 
 PLATE = 0.006  # thickness of the paddle, over the basin's size
 CLEAR = 0.012  # of the rulers from the box around the basin, over the basin's size
@@ -36,7 +36,7 @@ CONCRETE, STONE = "#c3ccd2", "#a9b2b8"
 ROUND = {"smooth_shading": True, "split_sharp_edges": True}
 
 
-class Basin:
+class BasinView:
     """A basin of any plan.
 
     Raises ``InputError`` if the run has no snapshot of the surface, or damaged ones; so do all methods that read one.

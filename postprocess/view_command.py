@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 
 from wavetank.errors import InputError
-from wavetank.run_place import check_new
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
+from wavetank.records.place import check_new
 
 
 def view(
@@ -37,7 +37,7 @@ def view(
         if time is not None or out is not None or not (film or diagram or window):
             yield drawing.still(directory, out or run / "view.png", t=time, **given)
         if film is not None:
-            from wavetank.postprocess.view_film import followed  # with its packages, which may not be here
+            from wavetank.postprocess.view_film import followed
 
             watched = partial(followed, console=console)
             yield drawing.film(directory, film, watched=watched, **given)

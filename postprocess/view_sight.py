@@ -10,7 +10,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 
 Array = NDArray[np.float64]
 

@@ -1,7 +1,7 @@
 """What is seen of a run, by the type of its tank.
 
 A slice is shown as a flume, its section extruded across y; a ring is the same flume bent to a circle; a basin as it is
-(``view_basin.py``). Other plan views join ``TANK_VIEWS``.
+(``view_basin.py``). Other footprints join ``TANK_VIEWS``.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,7 +15,7 @@ from wavetank.errors import InputError
 from wavetank.postprocess.beds import still_water
 from wavetank.postprocess.fittings import damping_along, gauges_of
 from wavetank.postprocess.style import CM, FLAT, SATURATED
-from wavetank.postprocess.view_basin import Basin
+from wavetank.postprocess.view_basin import BasinView
 from wavetank.postprocess.view_sight import (
     DRY,
     ELEVATION,
@@ -38,14 +38,14 @@ from wavetank.postprocess.view_sight import (
     upright,
     veiled,
 )
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 
 FINE = 800  # places along a flume that a picture tells apart
 PLATE = 0.006  # thickness of paddle and walls, over the flume's length
 
 
 # ---------------------------------------------------------------- a slice
-class Flume:
+class FlumeView:
     """A slice: its section extruded across y.
 
     Raises ``InputError`` if the run has no snapshot of the surface, or damaged ones.
@@ -176,7 +176,7 @@ class Flume:
         return pv.Box((x, x + PLATE * self.length, -half, half, foot, top))
 
 
-class Ring(Flume):
+class RingView(FlumeView):
     """A ring: the flume bent to a circle, x = 0 in front, waves to +x running anticlockwise."""
 
     @property
@@ -220,7 +220,7 @@ class Ring(Flume):
         return radius * np.cos(angle), radius * np.sin(angle)
 
 
-TANK_VIEWS: dict[str, Callable[[RunDirectory], TankView]] = {"slice": Flume, "ring": Ring, "basin": Basin}
+TANK_VIEWS: dict[str, Callable[[RunDirectory], TankView]] = {"slice": FlumeView, "ring": RingView, "basin": BasinView}
 
 
 def tank_view(run: RunDirectory) -> TankView:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from wavetank.errors import InputError
-from wavetank.series import GaugeSeries
+from wavetank.records.series import GaugeSeries
 
 FEWEST = 3  # waves; of fewer, no mean height is told
 

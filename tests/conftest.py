@@ -23,10 +23,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture
 def make_tank() -> Callable[..., object]:
-    """Return a function that makes nonlinear waves in a slice, or in another plan view."""
+    """Return a function that makes nonlinear waves in a slice, or in another footprint."""
     from wavetank.fe.plane import Plane
-    from wavetank.water.plan_view import Slice
-    from wavetank.water.walls import FixedWall, Piston
+    from wavetank.water.footprint import Slice
+    from wavetank.water.walls import Piston, StillWall
     from wavetank.water.waves import NonlinearWaves, Tolerances
 
     def make(
@@ -39,15 +39,15 @@ def make_tank() -> Callable[..., object]:
         motion=None,
         reach=None,
         tolerance=1e-12,
-        plan_view=Slice,
+        footprint=Slice,
         comm=MPI.COMM_WORLD,
     ):
-        plan = plan_view(length, cells, comm=comm)
-        plane = Plane(plan.mesh, order, plan.chart)
-        wall = FixedWall()
+        footprint = footprint(length, cells, comm=comm)
+        plane = Plane(footprint.mesh, order, footprint.chart)
+        wall = StillWall()
         if motion is not None:
             reach = min(length, 10 * depth) if reach is None else reach
-            wall = Piston(motion, plane=plane, reach=reach, paddle=plan.paddle())
+            wall = Piston(motion, plane=plane, reach=reach, side=footprint.side())
         tolerances = Tolerances(stage=tolerance, interior=0.1 * tolerance)
         return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
 
@@ -97,7 +97,7 @@ def on_ranks() -> Iterator[Callable[..., list]]:
 @pytest.fixture
 def recorded_on_ranks(on_ranks, tmp_path) -> Callable[..., tuple]:
     """Return a function that records a case with some changes on one rank and on three: both run directories."""
-    from wavetank.rundir import RunDirectory
+    from wavetank.records.directory import RunDirectory
 
     def run(case: str | Path, *changes: str) -> tuple[RunDirectory, RunDirectory]:
         alone, together = tmp_path / "1", tmp_path / "3"
@@ -112,8 +112,8 @@ def recorded(case: str | Path, changes: tuple[str, ...], out: Path) -> None:
     """Record a case with some changes in a run directory; collective."""
     from rich.console import Console
 
-    from wavetank.case_file import read_case
-    from wavetank.recorded_run import record_run
+    from wavetank.case.reading import read_case
+    from wavetank.recording import record_run
 
     scene = read_case(CHECKOUT / case, list(changes))
     record_run(scene, out, comm=MPI.COMM_WORLD, console=Console(file=io.StringIO()))

@@ -3,16 +3,16 @@
 import pytest
 from mpi4py import MPI
 
-from wavetank import memory
-from wavetank.build import build_run
+from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.plan import affordable
 from wavetank.plan.affordable import needs_of
 from wavetank.plan.cost_model import BUILT_IN
-from wavetank.scene import Scene
+from wavetank.runs import memory
+from wavetank.runs.build import build_run
 
 RECTANGLE = {"type": "rectangle", "length": 6.0, "width": 4.0}
-PLANS = {
+LAYOUTS = {
     "quadrilaterals": RECTANGLE,
     "triangles": RECTANGLE | {"cells": "triangles"},
     "refined": RECTANGLE | {"refine": {"x": [1.0, 3.0], "y": [0.0, 1.0], "factor": 0.5}},
@@ -20,7 +20,7 @@ PLANS = {
     "bend": {"type": "bend", "width": 1.5, "first": 4.0, "second": 4.0, "angle": 90.0, "radius": 2.0},
     "harbour": {"type": "harbour", "length": 8.0, "width": 2.0, "arm_length": 4.0, "arm_width": 2.0},
 }
-TANKS = {name: {"type": "basin", "depth": 0.5, "plan": plan} for name, plan in PLANS.items()}
+TANKS = {name: {"type": "basin", "depth": 0.5, "layout": layout} for name, layout in LAYOUTS.items()}
 TANKS |= {"slice": {"length": 20.0, "depth": 0.5}, "ring": {"type": "ring", "length": 20.0, "depth": 0.5}}
 
 
@@ -47,8 +47,8 @@ def test_unknowns_and_steps_are_those_of_the_run_as_it_is_built(name):
 
 def test_memory_and_time_of_a_large_basin_are_those_measured():
     """docs/scaling.md: 739 bytes an unknown at 10^7 of order 3, n = 8, 5.3 solves of 3.4 iterations, 7 us, a step."""
-    plan = RECTANGLE | {"length": 166.0, "width": 166.0}
-    tank = {"type": "basin", "depth": 0.5, "plan": plan}
+    layout = RECTANGLE | {"length": 166.0, "width": 166.0}
+    tank = {"type": "basin", "depth": 0.5, "layout": layout}
     needs = needs_of(scene(tank, order=3, vertical_order=8, cell_size=0.5, dt=0.01))
     assert needs.unknowns == pytest.approx(1e7, rel=0.02)
     assert needs.memory == pytest.approx(7.39e9, rel=0.4)
@@ -67,9 +67,9 @@ HUGE = [
         'wall={type="piston", motion={type="sinusoid", amplitude=0.03, period=1.6}}',
         "run.duration=1e9",
     ],
-    ['tank={type="basin", depth=1.0, plan={type="rectangle", length=1e3, width=1e3}}', "numerics.cell_size=0.01"],
+    ['tank={type="basin", depth=1.0, layout={type="rectangle", length=1e3, width=1e3}}', "numerics.cell_size=0.01"],
     [
-        'tank={type="basin", depth=1.0, plan={type="rectangle", length=100.0, width=100.0, refine={x=[0.0, 100.0], '
+        'tank={type="basin", depth=1.0, layout={type="rectangle", length=100.0, width=100.0, refine={x=[0.0, 100.0], '
         "y=[0.0, 100.0], factor=0.001}}}",
         "numerics.cell_size=0.1",
     ],

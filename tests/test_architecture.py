@@ -12,7 +12,11 @@ from ranks import launch
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGE = CHECKOUT / "wavetank"
-ROOMS = ("meshes", "postprocess")  # of the package that stand at top level; links in it show where they belong
+ROOMS = {
+    "meshes": "meshes",
+    "postprocess": "postprocess",
+    "verify": "cases/verify",
+}  # of the package that stand elsewhere; links in it show where
 
 PAGE = CHECKOUT / "docs" / "architecture.md"
 
@@ -28,11 +32,14 @@ def table() -> dict[str, set[str]]:
 
 def files() -> dict[Path, str]:
     """Return the files of the package with their modules' names, those of its rooms at top level, too."""
-    found = {path: "" for path in PACKAGE.rglob("*.py")}
-    found |= {path: "wavetank." for room in ROOMS for path in (CHECKOUT / room).rglob("*.py")}
+    found = {path: path.relative_to(CHECKOUT) for path in PACKAGE.rglob("*.py")}
+    for room, place in ROOMS.items():
+        found |= {
+            path: Path("wavetank", room, path.relative_to(CHECKOUT / place))
+            for path in (CHECKOUT / place).rglob("*.py")
+        }
     return {
-        path: prefix + ".".join(path.relative_to(CHECKOUT).with_suffix("").parts).removesuffix(".__init__")
-        for path, prefix in sorted(found.items())
+        path: ".".join(name.with_suffix("").parts).removesuffix(".__init__") for path, name in sorted(found.items())
     }
 
 

@@ -18,13 +18,13 @@ from pydantic import BaseModel, TypeAdapter
 from wavetank import data
 from wavetank.beds.bed_file import read_bed
 from wavetank.beds.python_file import load
-from wavetank.case_file import SHOWN, read_case
+from wavetank.case import Scene
+from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.motions.record_file import read_record
-from wavetank.noun import Problem, SceneError
 from wavetank.plan.plan import UnreachableError
-from wavetank.scene import Scene
+from wavetank.values.noun import Problem, SceneError
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 TANK = "[tank]\nlength = 8.0\ndepth = 1.0\n[run]\nduration = 1.0\n"
@@ -205,7 +205,7 @@ def test_an_environment_that_cannot_be_written_names_the_variable_that_says_wher
 RUN = "[run]\nduration = 20.0\n[numerics]\ncells = 8\n"
 UNCUT = RUN.replace("cells = 8\n", "")
 SLICE = "gauges = [{x = 1.0}]\n[tank]\nlength = 20.0\ndepth = 1.0\n"
-BASIN = "[tank]\ntype = 'basin'\ndepth = 1.0\n[tank.plan]\n"
+BASIN = "[tank]\ntype = 'basin'\ndepth = 1.0\n[tank.layout]\n"
 RECTANGLE = BASIN + "type = 'rectangle'\nlength = 20.0\nwidth = 10.0\nsponge_length = 3.0\n"
 FOCUS = "amplitude = 0.05\nfocus_x = 8.0\nfocus_time = 19.5\nspectrum = {type = 'jonswap', peak_frequency = 0.6}\n"
 SEGMENTS = "[wall]\ntype = 'segmented-piston'\nsegment = 0.5\n[wall.motion]\n"
@@ -226,7 +226,7 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "[wall]\ntype = 'piston'\nmotion = {type = 'at-rest'}\n" + RUN,
     "python": SLICE + "bed = {type = 'python', file = 'bed.py'}\n[wall]\ntype = 'fixed'\n"
     "[initial]\ntype = 'still-water'\n" + RUN,
-    "rectangle": RECTANGLE + "[tank.plan.refine]\nx = [2.0, 4.0]\nfactor = 0.5\n[sponge]\ntype = 'group'\n"
+    "rectangle": RECTANGLE + "[tank.layout.refine]\nx = [2.0, 4.0]\nfactor = 0.5\n[sponge]\ntype = 'group'\n"
     + SEGMENTS + "type = 'oblique-wave'\namplitude = 0.01\nperiod = 1.6\nangle = 20.0\n" + UNCUT,
     "directional": RECTANGLE + SEGMENTS + "type = 'directional-focus'\nfocus_y = 5.0\nlargest_angle = 20.0\n"
     "components = 32\ndirections = 5\n" + FOCUS + UNCUT,
@@ -238,7 +238,7 @@ EVERY = {  # cases that have each noun of a scene somewhere
     + UNCUT,
     "harbour": BASIN + "type = 'harbour'\nlength = 9.0\nwidth = 3.0\narm_length = 6.0\narm_width = 3.0\n"
     + UNCUT,
-    "file": BASIN + "type = 'file'\nfile = 'plan.msh'\n" + UNCUT,
+    "file": BASIN + "type = 'file'\nfile = 'layout.msh'\n" + UNCUT,
 }  # fmt: skip
 NONSENSE = ["true", '"deep"', '""', "[]", "[1, 2, 3]", "{}", "{a = 1}", "nan", "inf", "-inf", "1979-05-27", "[[[]]]"]
 EXTREME = ["-1", "0", "1e-300", "-1e-300", "1e300", "-1e300", "1e40", "1" + 40 * "0", "-3", "1.5", "1e9", "1e-5"]

@@ -1,7 +1,7 @@
 """Basins: a slice where nothing depends on y, the same when turned, standing waves in three dimensions, many ranks.
 
 Oracles: the slice (tested by itself), invariance under rotation, linear theory, and Stokes' expansion of standing waves
-to third order (``wavetank/reference/standing_wave.py``, tested by its residuals).
+to third order (``wavetank/theory/standing_wave.py``, tested by its residuals).
 """
 
 import numpy as np
@@ -11,8 +11,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 from pydantic import ValidationError
 
-from wavetank.build import build_waves
-from wavetank.clock import Clock
+from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
@@ -20,13 +19,14 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.motions import Ramped, Sinusoid, Uniform
 from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
-from wavetank.reference.airy import angular_frequency
-from wavetank.reference.standing_wave import StandingWave
-from wavetank.run import Run
-from wavetank.scene import Scene
+from wavetank.runs.clock import Clock
+from wavetank.runs.run import Run
+from wavetank.runs.waters import build_waves
+from wavetank.theory.airy import angular_frequency
+from wavetank.theory.standing_wave import ThirdOrderStandingWave
+from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearPiston, LinearWaves
-from wavetank.water.plan_view import Slice
-from wavetank.water.walls import FixedWall, Paddle, Piston
+from wavetank.water.walls import Piston, Side, StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 GRAVITY = 9.81
@@ -37,21 +37,21 @@ KINDS = {"quadrilaterals": mesh.CellType.quadrilateral, "triangles": mesh.CellTy
 
 
 def rectangle(length, width, cells, *, kind="quadrilaterals", angle=0.0, comm=MPI.COMM_WORLD):
-    """Return a plan mesh and its paddle, the side at x = 0 before the mesh is turned by an angle about (0, 0)."""
-    plan = mesh.create_rectangle(
+    """Return a mesh and its paddle's side, the one at x = 0 before the mesh is turned by an angle about (0, 0)."""
+    footprint = mesh.create_rectangle(
         comm, [[0, 0], [length, width]], cells, KINDS[kind], ghost_mode=mesh.GhostMode.shared_facet
     )
-    facets = mesh.locate_entities_boundary(plan, 1, lambda x: np.isclose(x[0], 0.0))
-    tags = mesh.meshtags(plan, 1, facets, np.ones(facets.size, dtype=np.int32))
+    facets = mesh.locate_entities_boundary(footprint, 1, lambda x: np.isclose(x[0], 0.0))
+    tags = mesh.meshtags(footprint, 1, facets, np.ones(facets.size, dtype=np.int32))
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    plan.geometry.x[:, :2] = plan.geometry.x[:, :2] @ turn.T
-    return plan, Paddle(tags, np.zeros(2), turn[:, 0])
+    footprint.geometry.x[:, :2] = footprint.geometry.x[:, :2] @ turn.T
+    return footprint, Side(tags, np.zeros(2), turn[:, 0])
 
 
 def basin(length, width, cells, *, order=3, n=4, depth=0.5, motion=None, reach=2.0, tolerances=TIGHT, **options):
-    plan, paddle = rectangle(length, width, cells, **options)
-    plane = Plane(plan, order)
-    wall = FixedWall() if motion is None else Piston(motion, plane=plane, reach=reach, paddle=paddle)
+    footprint, side = rectangle(length, width, cells, **options)
+    plane = Plane(footprint, order)
+    wall = StillWall() if motion is None else Piston(motion, plane=plane, reach=reach, side=side)
     return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
 
 
@@ -81,9 +81,9 @@ def test_a_basin_uniform_in_y_is_its_slice(kind, depth):
 
     Triangles have another space and resolve waves of a cell's length at the paddle otherwise: compared by energy.
     """
-    plan = Slice(3.0, 10, comm=MPI.COMM_WORLD)
-    plane = Plane(plan.mesh, 3)
-    wall = Piston(MOTION, plane=plane, reach=2.0, paddle=plan.paddle())
+    footprint = Slice(3.0, 10, comm=MPI.COMM_WORLD)
+    plane = Plane(footprint.mesh, 3)
+    wall = Piston(MOTION, plane=plane, reach=2.0, side=footprint.side())
     flume = NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=4, tolerances=TIGHT)
     wide = basin(3.0, 0.6, (10, 2), depth=depth, motion=MOTION, kind=kind)
     (narrow_end, narrow_rows), (wide_end, wide_rows) = (run(waves, steps=20, dt=0.025) for waves in (flume, wide))
@@ -167,8 +167,8 @@ def rayleigh_frequency(waves, kx, ky):
 
 
 def linear_basin(cells, *, order, n, kind="quadrilaterals", depth=0.5):
-    plan, _ = rectangle(1.0, 1.0, (cells, cells), kind=kind)
-    return LinearWaves(Plane(plan, order), depth=depth, wall=FixedWall(), vertical_order=n)
+    footprint, _ = rectangle(1.0, 1.0, (cells, cells), kind=kind)
+    return LinearWaves(Plane(footprint, order), depth=depth, wall=StillWall(), vertical_order=n)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -195,7 +195,9 @@ def test_a_nonlinear_standing_wave_is_stokes_to_third_order():
     """After half a period the difference from the expansion falls with the fourth power of the amplitude."""
     amplitudes, errors = (0.03, 0.042, 0.06), []
     for amplitude in amplitudes:
-        exact = StandingWave(amplitude=amplitude, length=1.0, width=1.0, depth=0.5, gravity=GRAVITY, modes=(1, 1))
+        exact = ThirdOrderStandingWave(
+            amplitude=amplitude, length=1.0, width=1.0, depth=0.5, gravity=GRAVITY, modes=(1, 1)
+        )
         waves = basin(1.0, 1.0, (3, 3), order=5, n=6, tolerances=Tolerances(stage=1e-8, interior=1e-9))
         period, places = 2 * np.pi / exact.frequency, waves.plane.places
         start = waves.state(*exact.surface(places[:, 0], places[:, 1], t=0.0))
@@ -216,9 +218,9 @@ def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
     for amplitude in amplitudes:
         motion = Ramped(Sinusoid(amplitude, 1.2), 0.5)
         nonlinear = basin(2.0, 0.6, (6, 2), motion=motion, depth=uneven, n=3)
-        plan, paddle = rectangle(2.0, 0.6, (6, 2))
-        plane = Plane(plan, 3)
-        piston = LinearPiston(motion, plane=plane, paddle=paddle)
+        footprint, side = rectangle(2.0, 0.6, (6, 2))
+        plane = Plane(footprint, 3)
+        piston = LinearPiston(motion, plane=plane, side=side)
         linear = LinearWaves(plane, depth=uneven, wall=piston, vertical_order=3)
         (a, _), (b, rows) = (run(waves, steps=12, dt=0.05) for waves in (nonlinear, linear))
         eta = [waves.elevation(state.q, state.p, 0.6) for waves, state in ((nonlinear, a), (linear, b))]
@@ -237,7 +239,7 @@ def test_a_bed_that_rises_above_still_water_is_refused_with_its_place():
 
 
 @pytest.mark.parametrize(
-    ("plan", "free"),
+    ("layout", "free"),
     [
         ({"type": "rectangle", "length": 4.0, "width": 2.0, "origin": (-1.0, 1.0)}, 4.0),
         ({"type": "cylinder", "length": 6.0, "width": 4.0, "centre": (3.0, 2.0), "radius": 0.5}, 2.5),
@@ -246,10 +248,10 @@ def test_a_bed_that_rises_above_still_water_is_refused_with_its_place():
     ],
     ids=lambda value: value["type"] if isinstance(value, dict) else "",
 )
-def test_the_paddle_moves_no_wall_but_itself(plan, free):
+def test_the_paddle_moves_no_wall_but_itself(layout, free):
     """The mapping ends where the first wall stands that does not run along the motion, and may not be asked further."""
     scene = {
-        "tank": {"type": "basin", "depth": 0.5, "plan": plan},
+        "tank": {"type": "basin", "depth": 0.5, "layout": layout},
         "wall": {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.01, "period": 1.0}},
         "run": {"duration": 1.0},
         "numerics": {"vertical_order": 1, "order": 1, "cell_size": 0.25},
@@ -263,7 +265,7 @@ def test_the_paddle_moves_no_wall_but_itself(plan, free):
         build_waves(Scene.model_validate(scene), MPI.COMM_SELF)
     scene["wall"]["motion"]["amplitude"] = 0.01
     scene["wall"]["reach"] = free + 0.01
-    refused = "at most the tank's length" if plan["type"] == "rectangle" else r"wall\.reach .* does not run along"
+    refused = "at most the tank's length" if layout["type"] == "rectangle" else r"wall\.reach .* does not run along"
     with pytest.raises((InputError, ValidationError), match=refused):
         build_waves(Scene.model_validate(scene), MPI.COMM_SELF)
 
@@ -290,7 +292,7 @@ def test_what_fails_on_one_rank_ends_all_with_one_message(wavetank, tmp_path, pa
     """A formula that is no number in one half of the tank alone."""
     case = tmp_path / "case.toml"
     case.write_text(
-        'tank = {type="basin", depth=0.5, plan={type="rectangle", length=1.0, width=0.5}}\n'
+        'tank = {type="basin", depth=0.5, layout={type="rectangle", length=1.0, width=0.5}}\n'
         'initial = {type="formula", eta="0"}\nrun.duration=1.0\n'
     )
     result = wavetank("run", str(case), "--set", part, "--out", str(tmp_path / "run"), ranks=2)

@@ -10,7 +10,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 
 from wavetank.fe.plane import Plane
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 QUADRILATERALS, TRIANGLES = mesh.CellType.quadrilateral, mesh.CellType.triangle
@@ -23,7 +23,7 @@ def make_basin(*, cells, order, n, shape=QUADRILATERALS, depth=DEPTH, tolerance=
     corners, counts = [[0.0, 0.0], [LENGTH, WIDTH]], [cells, max(1, 3 * cells // 4)]
     plane = Plane(mesh.create_rectangle(comm, corners, counts, shape), order)
     tolerances = Tolerances(interior=tolerance)
-    return NonlinearWaves(plane, depth=depth, wall=FixedWall(), vertical_order=n, tolerances=tolerances)
+    return NonlinearWaves(plane, depth=depth, wall=StillWall(), vertical_order=n, tolerances=tolerances)
 
 
 def standing(x, y):

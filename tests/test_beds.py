@@ -10,10 +10,10 @@ from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 
 from wavetank.beds import Gridded, Survey, load, read_bed
-from wavetank.case_file import read_case
+from wavetank.case import Scene, SceneError
+from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
+from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.scene import Scene, SceneError
-from wavetank.scene.beds import Bed, FormulaBed, GriddedBed, PythonBed
 
 RANDOM = np.random.default_rng(5)
 X, Y = RANDOM.uniform(0.0, 4.0, 400), RANDOM.uniform(-1.0, 2.0, 400)
@@ -217,7 +217,7 @@ def test_gaps_matter_only_where_there_is_water(across):
 
 @pytest.mark.parametrize("physics", ["nonlinear", "linear"])
 def test_a_minimum_depth_lowers_what_is_shallow_and_says_where(physics):
-    from wavetank.build import build_waves, told_of_bed
+    from wavetank.runs.waters import build_waves, told_of_bed
 
     bed = {"type": "formula", "depth": "1 - 0.4*x", "minimum_depth": 0.2}  # reached at x = 2, dry from x = 2.5
     content = {"tank": {"length": 8.0, "depth": 1.0, "bed": bed}, "run": {"duration": 1.0}}

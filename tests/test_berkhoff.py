@@ -18,15 +18,15 @@ import typer
 from typer.testing import CliRunner
 
 from wavetank import data
+from wavetank.case.gauge_lines import GaugeLine
 from wavetank.data import DATASETS, DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
 from wavetank.postprocess.compare import matched
 from wavetank.postprocess.compare_command import compare
 from wavetank.postprocess.sections import COLUMNS, compare_heights, computed_heights
 from wavetank.postprocess.wave_heights import mean_wave_height, wave_heights
-from wavetank.rundir import RunWriter
-from wavetank.scene.gauge_lines import GaugeLine
-from wavetank.series import GaugeSeries
+from wavetank.records.directory import RunWriter
+from wavetank.records.series import GaugeSeries
 
 NAME = "berkhoff_1982_shoal"
 KNOWN = DATASETS[NAME].heights

@@ -7,9 +7,9 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
+from wavetank.case import Scene
 from wavetank.errors import InputError, RunError
-from wavetank.recorded_run import record_run
-from wavetank.scene import Scene
+from wavetank.recording import record_run
 
 
 def run(folder, **changes):

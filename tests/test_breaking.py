@@ -14,20 +14,20 @@ from mpi4py import MPI
 from rich.console import Console
 from scipy.signal import find_peaks
 
-from wavetank.build import build_run
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.plane import Plane
-from wavetank.recorded_run import record_run
-from wavetank.reference.stream_function import maximum_height, stream_function_wave
-from wavetank.rundir import RunDirectory
+from wavetank.recording import record_run
+from wavetank.records.directory import RunDirectory
+from wavetank.runs.build import build_run
+from wavetank.theory.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.breaking import bore, cases, over_steep, row
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.crests import Profile, SteepCrest, peaks, steep_crests
 from wavetank.water.edge_penalty import EdgePenalty
-from wavetank.water.plan_view import Ring, Slice
+from wavetank.water.footprint import Ring, Slice
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 
@@ -37,8 +37,8 @@ def bar(x, y):
 
 def over_a_bar():
     """Return waves over a bar and the toe of a beach, which lies within a cell."""
-    plan = Slice(10.0, 40, comm=MPI.COMM_WORLD)
-    return NonlinearWaves(Plane(plan.mesh, 3), depth=bar, wall=FixedWall(), vertical_order=2)
+    footprint = Slice(10.0, 40, comm=MPI.COMM_WORLD)
+    return NonlinearWaves(Plane(footprint.mesh, 3), depth=bar, wall=StillWall(), vertical_order=2)
 
 
 def penalty(waves):
@@ -109,9 +109,9 @@ def crest(x, B):
 
 def dissipation(length=12.0, cells=96, *, dt=1e-3):
     """Return a ring and what dissipates in it."""
-    plan = Ring(length, cells, comm=MPI.COMM_WORLD)
-    plane = Plane(plan.mesh, 3, plan.chart)
-    waves = NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=6, tolerances=Tolerances(1e-12, 1e-13))
+    footprint = Ring(length, cells, comm=MPI.COMM_WORLD)
+    plane = Plane(footprint.mesh, 3, footprint.chart)
+    waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=6, tolerances=Tolerances(1e-12, 1e-13))
     return waves, BreakingDissipation(waves, BreakingWatch(waves, SurfaceFlow(waves), length=length), dt=dt)
 
 

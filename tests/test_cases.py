@@ -8,10 +8,10 @@ import pytest
 from conftest import needs_marin, recorded
 from ranks import CHECKOUT
 
-from wavetank.case_file import read_case
-from wavetank.rundir import RunDirectory
-from wavetank.scene import Scene
-from wavetank.scene.tanks import BasinTank
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
+from wavetank.case.tanks import BasinTank
+from wavetank.records.directory import RunDirectory
 
 CASES = sorted((CHECKOUT / "cases").glob("*.toml"))
 TWICE = ("numerics.dt=0.01", "run.duration=0.02", "numerics.tolerance=1e-10")

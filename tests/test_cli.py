@@ -13,7 +13,7 @@ import pytest
 from ranks import CHECKOUT, begun, launch
 
 from wavetank.cli import main
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 
 DRIVEN = ["cases/wavemaker.toml", "wall.motion.amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
 DRIVEN += ["tank.length=3.5", "run.duration=0.3", "numerics.vertical_order=4", "numerics.tolerance=1e-11"]
@@ -136,9 +136,9 @@ def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
 def test_a_case_built_in_python_runs_without_a_directory():
     from mpi4py import MPI
 
-    from wavetank.build import Records, build_observers, build_run
+    from wavetank.case import Scene
     from wavetank.observers.record import Memory
-    from wavetank.scene import Scene
+    from wavetank.runs.build import Records, build_observers, build_run
 
     scene = Scene.model_validate(
         {

@@ -9,15 +9,15 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.build import build_run
-from wavetank.case_file import read_case
-from wavetank.clock import Clock
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
-from wavetank.noun import SceneError
 from wavetank.plan.forewarnings import forewarnings
-from wavetank.recorded_run import record_run
-from wavetank.scene import Scene
+from wavetank.recording import record_run
+from wavetank.runs.build import build_run
+from wavetank.runs.clock import Clock
+from wavetank.values.noun import SceneError
 
 times = st.floats(1e-3, 1e3)
 

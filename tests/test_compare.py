@@ -17,8 +17,8 @@ from wavetank.errors import InputError
 from wavetank.postprocess.compare import COLUMNS, compare, comparison_table, matched, write_comparison
 from wavetank.postprocess.figures import gauges_figure
 from wavetank.postprocess.run_figures import draw_run
-from wavetank.rundir import RunDirectory, RunWriter
-from wavetank.series import GaugeSeries
+from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.series import GaugeSeries
 
 
 def group(t, t0):

@@ -1,7 +1,7 @@
 """Diffraction by a vertical circular cylinder in a basin against McCamy and Fuchs' theory of small waves.
 
 The recipe, and how far a closed basin and two periods of waiting let it get (some 0.4 % of the incident amplitude):
-``wavetank/reference/mccamy_fuchs.py``; the basin is that of ``wavetank/verify/cylinder.py``.
+``wavetank/theory/mccamy_fuchs.py``; the basin is that of ``wavetank/verify/cylinder.py``.
 """
 
 from pathlib import Path
@@ -11,7 +11,7 @@ import pytest
 from conftest import fitted_slope
 from pydantic import ValidationError
 
-from wavetank.case_file import read_case
+from wavetank.case.reading import read_case
 from wavetank.meshes import Cylinder
 from wavetank.verify.cylinder import ANGLES, HalfBasin
 
@@ -64,7 +64,7 @@ def test_a_cylinder_may_be_centred_on_a_side_wall_but_not_beside_it():
 
 def test_the_case_puts_its_gauges_around_the_cylinder():
     scene = read_case(CASE)
-    (x, y), radius = scene.tank.plan.centre, scene.tank.plan.radius
+    (x, y), radius = scene.tank.layout.centre, scene.tank.layout.radius
     places = np.array([(gauge.x - x, gauge.y - y) for gauge in scene.gauges])
     assert np.hypot(*places[1:].T) == pytest.approx(radius, abs=1e-3)
     assert np.degrees(np.arctan2(*places[1:].T[::-1])) == pytest.approx(np.linspace(0, 180, 9), abs=0.1)

@@ -7,12 +7,12 @@ is ``ReflectedFocus.elevation``, itself tested in tests/test_segmented_motion.py
 import numpy as np
 import pytest
 
-from wavetank.case_file import read_case
+from wavetank.case.reading import read_case
 from wavetank.verify.directional_focus import CASE, HALF, SEEN, SMALL, Focus, row
 
 SHORT = [  # a shorter way, for waves that are a little longer
-    "tank.plan.length=4.5",
-    "tank.plan.width=2.0",
+    "tank.layout.length=4.5",
+    "tank.layout.width=2.0",
     "sponge.length=1.5",
     "wall.reach=1.5",
     "wall.motion.focus_x=2.0",

@@ -13,7 +13,7 @@ import pytest
 from conftest import commanded, needs_marin, recorded
 from ranks import CHECKOUT, launch
 
-from wavetank.case_file import read_case
+from wavetank.case.reading import read_case
 
 PAGES = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "cases" / "README.md"]
 PAGES += sorted((CHECKOUT / "docs").glob("**/*.md"))

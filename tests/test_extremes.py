@@ -14,9 +14,8 @@ from conftest import CHECKOUT, fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
-from wavetank.build import build_run, build_watch
-from wavetank.case_file import read_case
-from wavetank.clock import Clock
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
 from wavetank.errors import RunError
 from wavetank.fe.plane import Plane
 from wavetank.integrators import Simpson4, ThirdOrder
@@ -26,19 +25,20 @@ from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.stability import StabilityWatch
-from wavetank.reference.stream_function import maximum_height, stream_function_wave
-from wavetank.run import Run
-from wavetank.rundir import RunDirectory
-from wavetank.scene import Scene
+from wavetank.records.directory import RunDirectory
+from wavetank.runs.build import build_run, build_watch
+from wavetank.runs.clock import Clock
+from wavetank.runs.run import Run
+from wavetank.theory.stream_function import maximum_height, stream_function_wave
 from wavetank.verify import steepness
 from wavetank.verify.growth import Setting, row
 from wavetank.water.breaking import ONSET
 from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.water.footprint import Ring
 from wavetank.water.linearised import LinearisedFlow
-from wavetank.water.plan_view import Ring
 from wavetank.water.short_waves import ShortWaves
 from wavetank.water.surface_flow import SurfaceFlow, surface_of
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 
@@ -46,10 +46,10 @@ def steep(kd, steepness, *, cells, n, comm=MPI.COMM_WORLD):
     """Return a ring of one exact wave, its length [m] and the wave."""
     length = 2 * np.pi / kd
     wave = stream_function_wave(steepness * maximum_height(length, 1.0), length, depth=1.0)
-    plan = Ring(length, cells, comm=comm)
-    plane = Plane(plan.mesh, 3, plan.chart)
+    footprint = Ring(length, cells, comm=comm)
+    plane = Plane(footprint.mesh, 3, footprint.chart)
     tolerances = Tolerances(stage=1e-9, interior=1e-10)
-    return NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=n, tolerances=tolerances), length, wave
+    return NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=tolerances), length, wave
 
 
 def ring_scene(**changes) -> Scene:
@@ -163,12 +163,12 @@ def test_the_largest_frequency_under_a_crest_is_that_of_the_linearised_water():
 
 def graded(dimensions: int) -> NonlinearWaves:
     """Return a tank of 2 m, or a basin 0.2 m wide, whose ten cells are eight times as long at the ends as half-way."""
-    plan = mesh.create_interval(MPI.COMM_SELF, 10, (0.0, 2.0))
+    footprint = mesh.create_interval(MPI.COMM_SELF, 10, (0.0, 2.0))
     if dimensions == 2:
         corners, kind = ((0.0, 0.0), (2.0, 0.2)), mesh.CellType.quadrilateral
-        plan = mesh.create_rectangle(MPI.COMM_SELF, corners, (10, 1), cell_type=kind)
-    plan.geometry.x[:, 0] += 0.25 * np.sin(np.pi * plan.geometry.x[:, 0])
-    return NonlinearWaves(Plane(plan, 3), depth=1.0, wall=FixedWall(), vertical_order=2)
+        footprint = mesh.create_rectangle(MPI.COMM_SELF, corners, (10, 1), cell_type=kind)
+    footprint.geometry.x[:, 0] += 0.25 * np.sin(np.pi * footprint.geometry.x[:, 0])
+    return NonlinearWaves(Plane(footprint, 3), depth=1.0, wall=StillWall(), vertical_order=2)
 
 
 @pytest.mark.parametrize(("dimensions", "scheme"), [(1, ThirdOrder()), (2, ThirdOrder()), (1, Simpson4())])

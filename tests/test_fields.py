@@ -10,7 +10,7 @@ from dolfinx import mesh
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank import vtu_series
+from wavetank.case import Scene
 from wavetank.errors import InputError, RunError
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -18,16 +18,16 @@ from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.schedule import EverySteps
-from wavetank.recorded_run import record_run
-from wavetank.run_place import Place
-from wavetank.rundir import RunDirectory, RunWriter
-from wavetank.scene import Scene
-from wavetank.vtu_series import Cells, VtuSeries
+from wavetank.recording import record_run
+from wavetank.records import vtu_series
+from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.place import Place
+from wavetank.records.vtu_series import VtkCells, VtuSeries
 from wavetank.water.bed import VaryingBed
 from wavetank.water.energy import WaterEnergy
-from wavetank.water.plan_view import Ring, Slice
+from wavetank.water.footprint import Ring, Slice
 from wavetank.water.velocity import Velocity
-from wavetank.water.walls import FixedWall, Piston
+from wavetank.water.walls import Piston, StillWall
 
 K, L = 1.3, 0.7
 M = np.hypot(K, L)
@@ -58,13 +58,13 @@ def basin(kind=mesh.CellType.quadrilateral, *, cells=4, order=3, comm=MPI.COMM_W
     return Plane(mesh.create_rectangle(comm, corners, [cells, cells], kind), order)
 
 
-def along(plan, order=3):
-    return Plane(plan.mesh, order, plan.chart)
+def along(footprint, order=3):
+    return Plane(footprint.mesh, order, footprint.chart)
 
 
 def water(plane, *, n=6, wall=None):
     """Water with the surface, bed and potential above, of which nothing was solved for."""
-    wall = wall or FixedWall()
+    wall = wall or StillWall()
     places = wall.to_physical(plane.places)
     (x, y), bed, vertical = places.T, VaryingBed(still_depth, plane=plane), VerticalBasis(n)
     bed.set_places(places)
@@ -89,9 +89,9 @@ def water(plane, *, n=6, wall=None):
 
 def driven(cells, order, **more):
     """Water in a slice of 3 m whose paddle is 0.2 m into it."""
-    plan = Slice(3.0, cells, comm=MPI.COMM_SELF)
-    plane = along(plan, order)
-    wall = Piston(Sinusoid(0.2, 4.0), plane=plane, reach=1.5, paddle=plan.paddle())
+    footprint = Slice(3.0, cells, comm=MPI.COMM_SELF)
+    plane = along(footprint, order)
+    wall = Piston(Sinusoid(0.2, 4.0), plane=plane, reach=1.5, side=footprint.side())
     wall.set_time(1.0)
     return water(plane, wall=wall, **more)
 
@@ -129,7 +129,7 @@ def tanks():
 
 @pytest.mark.parametrize(("plane", "measures", "width"), list(tanks()))
 def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(plane, measures, width, tmp_path):
-    """Oracles: the formulae that were interpolated; the plan's length or area; the volume of water, by midpoints."""
+    """Oracles: the formulae that were interpolated; the footprint's size; the volume of water, by midpoints."""
     record(water(plane), tmp_path)
     surface, below = read(tmp_path, "surface"), read(tmp_path, "velocity")
     x, y, z = surface.points.T
@@ -143,16 +143,16 @@ def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(
     surface.points[:, 2] = 0.0
     middle = (np.arange(200) + 0.5) / 200
     x, y = 3.0 * middle[:, None], width * middle
-    plan = surface.compute_cell_sizes()[measures[0]].sum()
-    assert plan == pytest.approx(3.0 * (width or 1.0), rel=1e-12)
+    footprint = surface.compute_cell_sizes()[measures[0]].sum()
+    assert footprint == pytest.approx(3.0 * (width or 1.0), rel=1e-12)
     sizes = below.compute_cell_sizes()[measures[1]]
     assert sizes.min() > 0.0
-    assert sizes.sum() == pytest.approx(plan * np.mean(elevation(x, y) + still_depth(x, y)), rel=1e-2)
+    assert sizes.sum() == pytest.approx(footprint * np.mean(elevation(x, y) + still_depth(x, y)), rel=1e-2)
 
 
 def test_a_basins_surface_tells_of_its_sponge(tmp_path):
     """Oracle: gamma = 3 / s ((x - 1) / 2)² over the last two metres of a basin of three."""
-    basin = {"type": "basin", "depth": 0.5, "plan": {"type": "rectangle", "length": 3.0, "width": 1.0}}
+    basin = {"type": "basin", "depth": 0.5, "layout": {"type": "rectangle", "length": 3.0, "width": 1.0}}
     content = {"tank": basin, "sponge": {"type": "end", "length": 2.0, "strength": 3.0}, "water": {"type": "linear"}}
     numerics = {"cell_size": 1.0, "order": 2, "vertical_order": 2, "dt": 0.01}
     scene = Scene.model_validate({**content, "run": {"duration": 0.01}, "numerics": numerics})
@@ -316,7 +316,7 @@ def test_a_folder_that_is_anothers_by_now_is_not_written_to(tmp_path):
     path = tmp_path / "run"
     path.mkdir()
     series = VtuSeries(path, "surface", comm=MPI.COMM_SELF)
-    points, cells = np.zeros((2, 3)), Cells.flat(np.array([[0, 1]], dtype=np.int32))
+    points, cells = np.zeros((2, 3)), VtkCells.flat(np.array([[0, 1]], dtype=np.int32))
     series.append(0.0, points, cells=cells, arrays={})
     path.rename(tmp_path / "moved")
     for _ in range(2):
@@ -329,7 +329,7 @@ def test_a_folder_that_is_anothers_by_now_is_not_written_to(tmp_path):
 def test_a_rank_without_cells_has_an_empty_piece(tmp_path):
     RunWriter(tmp_path, {}).begin().release()
     series = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF)
-    cells = vtu_series.Cells.flat(np.zeros((0, 4), dtype=np.int32))
+    cells = vtu_series.VtkCells.flat(np.zeros((0, 4), dtype=np.int32))
     series.append(0.0, np.zeros((0, 3)), cells=cells, arrays={"elevation": np.zeros(0)})
     assert read(tmp_path, "surface").n_points == 0
 

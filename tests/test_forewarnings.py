@@ -14,8 +14,8 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.build import Records, build_observers, build_run, build_watch
-from wavetank.case_file import read_case
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.observers import stability
 from wavetank.observers.energy import EnergyBudget
@@ -24,16 +24,16 @@ from wavetank.plan.defaults import resolved
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import planned
-from wavetank.recorded_run import Warnings
-from wavetank.reference import stream_function
-from wavetank.reference.airy import wave_number
-from wavetank.run_log import RunLog
-from wavetank.rundir import RunDirectory
-from wavetank.scene import Scene
+from wavetank.recording import Warnings
+from wavetank.records.directory import RunDirectory
+from wavetank.records.log import RunLog
+from wavetank.runs.build import Records, build_observers, build_run, build_watch
+from wavetank.theory import stream_function
+from wavetank.theory.airy import wave_number
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SLICE = {"length": 20.0, "depth": 1.0}
-BASIN = {"type": "basin", "depth": 1.0, "plan": {"type": "rectangle", "length": 4.0, "width": 1.0}}
+BASIN = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length": 4.0, "width": 1.0}}
 
 
 def scene(*, tank=SLICE, duration=2.0, **parts):

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wavetank.errors import RunError
-from wavetank.run_place import Place
-from wavetank.rundir import RunDirectory, RunWriter
+from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.place import Place
 
 xarray = pytest.importorskip("xarray")
 
@@ -98,7 +98,7 @@ def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
 
 
 def test_a_finished_run_stays_one_where_there_is_no_room_for_it(tmp_path, monkeypatch):
-    from wavetank import rundir
+    from wavetank.records import directory as rundir
 
     writer, replace = write(tmp_path), rundir.replace
 

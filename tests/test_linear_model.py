@@ -5,9 +5,9 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run
+from wavetank.case import Scene
 from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.oscillators import LinearStages
+from wavetank.hamiltonian.oscillators import OscillatorStages
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.motions import AtRest, Ramped, Sinusoid
 from wavetank.observers.contract import Moment
@@ -15,12 +15,12 @@ from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
-from wavetank.reference.airy import angular_frequency, group_velocity
-from wavetank.reference.wavemaker import piston_transfer
-from wavetank.scene import Scene
+from wavetank.runs.build import Records, build_observers, build_run
+from wavetank.theory.airy import angular_frequency, group_velocity
+from wavetank.theory.wavemaker import piston_transfer
+from wavetank.water.footprint import Ring, Slice
 from wavetank.water.linear_waves import LinearPiston, LinearWaves
-from wavetank.water.plan_view import Ring, Slice
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import StillWall
 
 GRAVITY = 9.81
 BALANCE = COLUMNS.index("balance [m^4/s^2]")
@@ -28,12 +28,12 @@ BALANCE = COLUMNS.index("balance [m^4/s^2]")
 
 @pytest.fixture
 def make_linear():
-    """Return a function that makes linear waves in a slice, or in another plan view."""
+    """Return a function that makes linear waves in a slice, or in another footprint."""
 
-    def make(*, length, cells, order=3, n=8, depth=1.0, motion=None, plan_view=Slice, comm=MPI.COMM_WORLD):
-        plan = plan_view(length, cells, comm=comm)
-        plane = Plane(plan.mesh, order, plan.chart)
-        wall = FixedWall() if motion is None else LinearPiston(motion, plane=plane, paddle=plan.paddle())
+    def make(*, length, cells, order=3, n=8, depth=1.0, motion=None, footprint=Slice, comm=MPI.COMM_WORLD):
+        footprint = footprint(length, cells, comm=comm)
+        plane = Plane(footprint.mesh, order, footprint.chart)
+        wall = StillWall() if motion is None else LinearPiston(motion, plane=plane, side=footprint.side())
         return LinearWaves(plane, depth=depth, wall=wall, vertical_order=n)
 
     return make
@@ -94,7 +94,7 @@ def test_fully_discrete_standing_wave_converges_to_airy(make_linear, name, order
 # ------------------------------------------------------------------------------------------------ on a ring
 def test_a_wave_travels_round_a_ring_as_airys(make_linear):
     """For a turn and a quarter; the rest is the discretisation's."""
-    waves = make_linear(length=2 * np.pi, cells=16, n=6, plan_view=Ring)
+    waves = make_linear(length=2 * np.pi, cells=16, n=6, footprint=Ring)
     x, omega = waves.plane.x, float(angular_frequency(1.0, 1.0, GRAVITY))
     dt = 2 * np.pi / omega / 100
     eta, _ = run(waves, ThirdOrder(), waves.state(np.cos(x), GRAVITY / omega * np.sin(x)), steps=125, dt=dt)
@@ -103,7 +103,7 @@ def test_a_wave_travels_round_a_ring_as_airys(make_linear):
 
 def test_a_ring_of_mirrored_waves_is_a_slice(make_linear):
     surfaces = []
-    for waves in (make_linear(length=2.0, cells=12, n=5, plan_view=Ring), make_linear(length=1.0, cells=6, n=5)):
+    for waves in (make_linear(length=2.0, cells=12, n=5, footprint=Ring), make_linear(length=1.0, cells=6, n=5)):
         x = waves.plane.x
         start = waves.state(np.cos(np.pi * x), 0.5 * np.cos(2 * np.pi * x))
         eta, _ = run(waves, ThirdOrder(), start, steps=30, dt=0.01)
@@ -227,7 +227,7 @@ class Displacement:
     """dV/dt = d X_p': what the paddle alone makes of the volume, in any scheme."""
 
     def __init__(self, depth, motion):
-        self.depth, self.motion, self.stages = depth, motion, LinearStages()
+        self.depth, self.motion, self.stages = depth, motion, OscillatorStages()
 
     def H_p(self, q, p, t):
         return np.array([self.depth * self.motion.velocity(t)])
@@ -315,9 +315,9 @@ def test_one_factorisation_serves_the_run(make_linear):
 
 def moments_of_all_schemes():
     """Return two moments, the energy and the largest frequency after five steps of each scheme; collective."""
-    plan = Slice(4.0, 12, comm=MPI.COMM_WORLD)
-    plane = Plane(plan.mesh, 3)
-    wall = LinearPiston(Sinusoid(0.1, 1.3), plane=plane, paddle=plan.paddle())
+    footprint = Slice(4.0, 12, comm=MPI.COMM_WORLD)
+    plane = Plane(footprint.mesh, 3)
+    wall = LinearPiston(Sinusoid(0.1, 1.3), plane=plane, side=footprint.side())
     waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=5)
     x, rows = plane.x, []
     for name in sorted(INTEGRATORS):

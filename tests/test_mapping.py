@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from wavetank.clock import Clock
 from wavetank.fe.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.motions import Ramped, Sinusoid
@@ -19,10 +18,11 @@ from wavetank.motions.mapping import STEEPEST, largest_stroke, share, unmapped
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
-from wavetank.run import Run
+from wavetank.runs.clock import Clock
+from wavetank.runs.run import Run
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import Paddle, Piston
+from wavetank.water.walls import Piston, Side
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 TIGHT = Tolerances(stage=1e-12, interior=1e-13)
@@ -85,9 +85,9 @@ def test_uniform_flow_has_its_kinetic_energy_under_the_mapping_of_a_segmented_pa
     """The shear of the mapping, where the paddle is not straight, included; s ends within cells."""
     plan = mesh.create_rectangle(MPI.COMM_WORLD, [[0, 0], [3.0, 1.0]], (7, 3), mesh.CellType[kind])
     facets = mesh.locate_entities_boundary(plan, 1, lambda x: np.isclose(x[0], 0.0))
-    paddle = Paddle(mesh.meshtags(plan, 1, facets, np.ones(facets.size, dtype=np.int32)), np.zeros(2), np.eye(2)[0])
+    side = Side(mesh.meshtags(plan, 1, facets, np.ones(facets.size, dtype=np.int32)), np.zeros(2), np.eye(2)[0])
     plane = Plane(plan, 3)
-    wall = Piston(Shear(), plane=plane, reach=2.0, paddle=paddle)
+    wall = Piston(Shear(), plane=plane, reach=2.0, side=side)
     waves = NonlinearWaves(plane, depth=0.7, wall=wall, vertical_order=2, tolerances=TIGHT)
     found, expected = uniform_flow(waves, 1.1, 0.3, -0.4)
     assert found == pytest.approx(expected, rel=1e-12)

@@ -1,4 +1,4 @@
-"""Plans of basins: recipes against exact areas and lengths, files read back, bad meshes in one sentence, ranks."""
+"""Layouts of basins: recipes against exact areas and lengths, files read back, bad meshes in one sentence, ranks."""
 
 import csv
 import re
@@ -13,12 +13,12 @@ from mpi4py import MPI
 
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.fe.plan_mesh import draw_plan, read_plan
+from wavetank.fe.layout_mesh import draw_layout, read_layout
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
 from wavetank.integrators import Simpson4
 from wavetank.meshes import Bend, Cylinder, Harbour, Rectangle
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 CHANNEL = {"width": 1.0, "first": 1.5, "second": 1.0, "angle": 60.0, "radius": 1.0, "sponge_length": 0.5}
@@ -47,26 +47,26 @@ def recipe_of(name, **changes):
 
 def drawn(name, size=0.25, comm=MPI.COMM_SELF, **changes):
     recipe = recipe_of(name, **changes)
-    return draw_plan(lambda: recipe.draw(size), comm)
+    return draw_layout(lambda: recipe.draw(size), comm)
 
 
-def measures(plan):
-    """Return a plan's area, the lengths of paddle and wall, and the area of the sponge."""
-    one = fem.Constant(plan.mesh, 1.0)
-    cells = plan.cells_of("sponge")
-    sponge = mesh.meshtags(plan.mesh, 2, cells, np.ones(cells.size, dtype=np.int32))
-    paddle, wall = (ufl.ds(domain=plan.mesh, subdomain_data=plan.facets_of(name))(1) for name in ("paddle", "wall"))
-    over = (ufl.dx(domain=plan.mesh), paddle, wall, ufl.dx(domain=plan.mesh, subdomain_data=sponge)(1))
-    return plan.mesh.comm.allreduce(np.array([fem.assemble_scalar(fem.form(one * part)) for part in over]))
+def measures(layout):
+    """Return a layout's area, the lengths of paddle and wall, and the area of the sponge."""
+    one = fem.Constant(layout.mesh, 1.0)
+    cells = layout.cells_of("sponge")
+    sponge = mesh.meshtags(layout.mesh, 2, cells, np.ones(cells.size, dtype=np.int32))
+    paddle, wall = (ufl.ds(domain=layout.mesh, subdomain_data=layout.facets_of(name))(1) for name in ("paddle", "wall"))
+    over = (ufl.dx(domain=layout.mesh), paddle, wall, ufl.dx(domain=layout.mesh, subdomain_data=sponge)(1))
+    return layout.mesh.comm.allreduce(np.array([fem.assemble_scalar(fem.form(one * part)) for part in over]))
 
 
 # ---------------------------------------------------------------- recipes
 @pytest.mark.parametrize("cells", CELLS)
 @pytest.mark.parametrize("name", ["rectangle", "refined", "harbour"])
 def test_straight_plans_have_exact_areas_and_lengths(name, cells):
-    plan = drawn(name, cells=cells)
-    assert plan.mesh.topology.cell_name() == cells.removesuffix("s")
-    assert measures(plan) == pytest.approx(RECIPES[name][2], rel=1e-12)
+    layout = drawn(name, cells=cells)
+    assert layout.mesh.topology.cell_name() == cells.removesuffix("s")
+    assert measures(layout) == pytest.approx(RECIPES[name][2], rel=1e-12)
 
 
 @pytest.mark.parametrize("cells", CELLS)
@@ -83,13 +83,13 @@ def test_areas_and_walls_of_round_plans_converge_with_the_order_of_the_geometry(
 
 
 def test_the_command_on_the_page_draws_its_picture_and_finds_the_exact_areas(tmp_path):
-    """Of straight plans, and to the fourth power of the cells' size of those with circles."""
+    """Of straight layouts, and to the fourth power of the cells' size of those with circles."""
     page = (CHECKOUT / "meshes" / "README.md").read_text()
-    assert "./env wavetank verify plans --out " in page and "docs/figures/meshes.png" in page
-    assert main(["verify", "plans", "--out", str(tmp_path / "plans")]) == 0
-    assert (tmp_path / "plans" / "meshes.png").stat().st_size > 10_000
+    assert "./env wavetank verify layouts --out " in page and "docs/figures/meshes.png" in page
+    assert main(["verify", "layouts", "--out", str(tmp_path / "layouts")]) == 0
+    assert (tmp_path / "layouts" / "meshes.png").stat().st_size > 10_000
     errors = defaultdict(list)
-    with (tmp_path / "plans" / "meshes.csv").open() as file:
+    with (tmp_path / "layouts" / "meshes.csv").open() as file:
         for line in csv.DictReader(file):
             errors[line["recipe"]].append(abs(float(line["area_error"])))
     assert len(errors) == 4
@@ -103,10 +103,10 @@ def test_the_command_on_the_page_draws_its_picture_and_finds_the_exact_areas(tmp
 @pytest.mark.parametrize("name", RECIPES)
 def test_cells_have_about_the_size_asked_for_and_the_box_holds_them(name):
     recipe = recipe_of(name)
-    plan = draw_plan(lambda: recipe.draw(0.2), MPI.COMM_SELF)
+    layout = draw_layout(lambda: recipe.draw(0.2), MPI.COMM_SELF)
     smallest = 0.4 if name == "refined" else 0.5
-    assert 0.2 * smallest < plan.cell_size < 1.2 * 0.2
-    nodes = plan.mesh.geometry.x[:, :2]
+    assert 0.2 * smallest < layout.cell_size < 1.2 * 0.2
+    nodes = layout.mesh.geometry.x[:, :2]
     assert np.allclose([*nodes.min(axis=0), *nodes.max(axis=0)], recipe.box, atol=1e-3)
 
 
@@ -119,12 +119,12 @@ def test_the_paddle_is_the_straight_wall_at_the_smallest_x(name):
 
 def test_a_slanting_paddle_is_found_where_it_is(tmp_path):
     """A rectangle turned by 30 degrees about the origin, its paddle then at x cos + y sin = -1."""
-    read = written(tmp_path / "plan.msh", "rectangle")
+    read = written(tmp_path / "layout.msh", "rectangle")
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     turned = meshio_of(read)
     turned.points[:, :2] = turned.points[:, :2] @ np.array([[c, s], [-s, c]])
     turned.write(tmp_path / "turned.msh", file_format="gmsh22", binary=False)
-    point, normal = read_plan(tmp_path / "turned.msh", MPI.COMM_SELF).paddle_line()
+    point, normal = read_layout(tmp_path / "turned.msh", MPI.COMM_SELF).paddle_line()
     assert np.allclose(normal, [c, s], atol=1e-12) and np.allclose(point, -normal, atol=1e-12)
 
 
@@ -152,8 +152,8 @@ def test_what_gmsh_cannot_mesh_is_said():
     def draw():
         raise Exception("Wrong topology of boundary mesh")
 
-    with pytest.raises(InputError, match=r"^the plan: gmsh cannot mesh it \(Wrong topology of boundary mesh\)\.$"):
-        draw_plan(draw, MPI.COMM_SELF)
+    with pytest.raises(InputError, match=r"^the layout: gmsh cannot mesh it \(Wrong topology of boundary mesh\)\.$"):
+        draw_layout(draw, MPI.COMM_SELF)
 
 
 # ---------------------------------------------------------------- files
@@ -182,10 +182,10 @@ def meshio_of(path):
 @pytest.mark.parametrize("name", RECIPES)
 def test_files_of_gmsh_are_read_back_the_same(name, version, binary, tmp_path):
     cells = CELLS[version > 3]
-    path = written(tmp_path / "plan.msh", name, version=version, binary=binary, cells=cells)
-    plan, known = read_plan(path, MPI.COMM_SELF), drawn(name, cells=cells)
-    assert measures(plan) == pytest.approx(measures(known), rel=1e-12)
-    assert plan.mesh.geometry.cmap.degree == known.mesh.geometry.cmap.degree
+    path = written(tmp_path / "layout.msh", name, version=version, binary=binary, cells=cells)
+    layout, known = read_layout(path, MPI.COMM_SELF), drawn(name, cells=cells)
+    assert measures(layout) == pytest.approx(measures(known), rel=1e-12)
+    assert layout.mesh.geometry.cmap.degree == known.mesh.geometry.cmap.degree
 
 
 def as_arrays(read):
@@ -239,31 +239,36 @@ def as_numbers(read):
 @pytest.mark.parametrize(
     ("file", "groups", "geometry", "options"),
     [
-        ("plan.vtu", as_arrays, 2, {}),
-        ("plan.vtk", as_arrays, 2, {}),
-        ("plan.xdmf", as_arrays, 1, {"data_format": "XML"}),
-        ("plan.xdmf", as_arrays, 1, {"data_format": "HDF"}),
-        ("plan.med", as_families, 1, {}),
-        ("plan.inp", as_sets, 1, {}),
-        ("plan.msh", as_numbers, 2, {"file_format": "gmsh22", "binary": False}),
-        ("plan.msh", as_numbers, 2, {"file_format": "gmsh", "binary": True}),
-        ("plan.mesh.vtk", as_arrays, 2, {}),
+        ("layout.vtu", as_arrays, 2, {}),
+        ("layout.vtk", as_arrays, 2, {}),
+        ("layout.xdmf", as_arrays, 1, {"data_format": "XML"}),
+        ("layout.xdmf", as_arrays, 1, {"data_format": "HDF"}),
+        ("layout.med", as_families, 1, {}),
+        ("layout.inp", as_sets, 1, {}),
+        ("layout.msh", as_numbers, 2, {"file_format": "gmsh22", "binary": False}),
+        ("layout.msh", as_numbers, 2, {"file_format": "gmsh", "binary": True}),
+        ("layout.mesh.vtk", as_arrays, 2, {}),
     ],
     ids=["vtu", "vtk", "xdmf", "xdmf with hdf5", "med", "abaqus", "gmsh 2.2", "gmsh 4.1", "two dots"],
 )
 def test_files_of_meshio_are_read_back_the_same(file, groups, geometry, options, name, tmp_path):
     groups(meshio_of(written(tmp_path / "gmsh.msh", name, geometry=geometry))).write(tmp_path / file, **options)
-    plan, known = read_plan(tmp_path / file, MPI.COMM_SELF), drawn(name, geometry=geometry)
-    assert measures(plan) == pytest.approx(measures(known), rel=1e-7)  # a format may keep 8 digits
+    layout, known = read_layout(tmp_path / file, MPI.COMM_SELF), drawn(name, geometry=geometry)
+    assert measures(layout) == pytest.approx(measures(known), rel=1e-7)  # a format may keep 8 digits
 
 
 def test_groups_may_share_cells(tmp_path):
     """A sponge within the water: the sponge's cells belong to both."""
     read = as_arrays(meshio_of(written(tmp_path / "gmsh.msh", "rectangle")))
     read.cell_data["water"] = [np.ones(len(block.data), dtype=np.int32) for block in read.cells]
-    read.write(tmp_path / "plan.vtu")
-    plan = read_plan(tmp_path / "plan.vtu", MPI.COMM_SELF)
-    assert plan.cells_of("water").size == plan.mesh.topology.index_map(2).size_local > plan.cells_of("sponge").size > 0
+    read.write(tmp_path / "layout.vtu")
+    layout = read_layout(tmp_path / "layout.vtu", MPI.COMM_SELF)
+    assert (
+        layout.cells_of("water").size
+        == layout.mesh.topology.index_map(2).size_local
+        > layout.cells_of("sponge").size
+        > 0
+    )
 
 
 # ---------------------------------------------------------------- bad meshes
@@ -277,7 +282,7 @@ def moved(number, place):
 
 
 BAD = {  # name: points, cells, and the sentence
-    "3d": ([*SQUARE, (0.0, 0.0, 1.0)], [("tetra", [[0, 1, 3, 6]])], "has cells of three dimensions; a plan has two"),
+    "3d": ([*SQUARE, (0.0, 0.0, 1.0)], [("tetra", [[0, 1, 3, 6]])], "has cells of three dimensions; a layout has two"),
     "lines": (SQUARE, [LEFT], "has no triangles or quadrilaterals"),
     "off": (moved(5, (2.0, 1.0, 0.25)), [LEFT, *PAIR], r"has points up to 0.25 m off the plane z = 0"),
     "mixed": (SQUARE, [("triangle", [[0, 1, 4], [0, 4, 3]]), ("quad", [[1, 2, 5, 4]])], r"kinds \(Triangle 3, "),
@@ -310,29 +315,29 @@ def bad_file(folder, name):
 def test_a_bad_mesh_is_one_sentence(name, tmp_path):
     path = bad_file(tmp_path, name)
     with pytest.raises(InputError, match=BAD[name][2]) as raised:
-        read_plan(path, MPI.COMM_SELF)
+        read_layout(path, MPI.COMM_SELF)
     assert str(raised.value).startswith(f"{path}: ") and str(raised.value).endswith(".")
     assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("name", NO_PADDLE)
 def test_a_paddle_that_cannot_move_is_one_sentence(name, tmp_path):
-    plan = read_plan(bad_file(tmp_path, name), MPI.COMM_SELF)
+    layout = read_layout(bad_file(tmp_path, name), MPI.COMM_SELF)
     with pytest.raises(InputError, match=NO_PADDLE[name][2]):
-        plan.paddle_line()
+        layout.paddle_line()
 
 
 def test_groups_that_are_missing_are_said_with_those_there_are(tmp_path):
-    plan = drawn("rectangle")
-    with pytest.raises(InputError, match="the plan: has no group of curves named 'quay'; .*: paddle, wall"):
-        plan.facets_of("quay")
-    with pytest.raises(InputError, match="the plan: has no group of surfaces named 'beach'; .*: sponge, water"):
-        plan.cells_of("beach")
+    layout = drawn("rectangle")
+    with pytest.raises(InputError, match="the layout: has no group of curves named 'quay'; .*: paddle, wall"):
+        layout.facets_of("quay")
+    with pytest.raises(InputError, match="the layout: has no group of surfaces named 'beach'; .*: sponge, water"):
+        layout.cells_of("beach")
     import meshio
 
     meshio.Mesh(np.array(SQUARE), PAIR).write(tmp_path / "bare.vtu")
     with pytest.raises(InputError, match=r"bare.vtu: has no group of curves named 'paddle'; .*: none\."):
-        read_plan(tmp_path / "bare.vtu", MPI.COMM_SELF).paddle_line()
+        read_layout(tmp_path / "bare.vtu", MPI.COMM_SELF).paddle_line()
 
 
 @pytest.mark.parametrize(
@@ -350,11 +355,11 @@ def test_a_file_that_is_no_mesh_is_one_sentence(file, content, sentence, tmp_pat
     if content is not None:
         path.write_text(content)
     with pytest.raises(InputError, match=f"{re.escape(str(path))}: .*{sentence}") as raised:
-        read_plan(path, MPI.COMM_SELF)
+        read_layout(path, MPI.COMM_SELF)
     assert "\n" not in str(raised.value)
     out, err = capfd.readouterr()
     assert out + err == ""
-    assert draw_plan(lambda: recipe_of("rectangle").draw(0.5), MPI.COMM_SELF).mesh is not None  # gmsh has been ended
+    assert draw_layout(lambda: recipe_of("rectangle").draw(0.5), MPI.COMM_SELF).mesh is not None  # gmsh has been ended
 
 
 def read_on_ranks(folder):
@@ -362,7 +367,7 @@ def read_on_ranks(folder):
     met = []
     for path in sorted(folder.iterdir()):
         try:
-            read_plan(path, MPI.COMM_WORLD).paddle_line()
+            read_layout(path, MPI.COMM_WORLD).paddle_line()
         except InputError as error:
             met.append(str(error))
     return met
@@ -381,7 +386,7 @@ CASE = """
 [tank]
 type = "basin"
 depth = 0.5
-plan = {{ type = "file", file = "{file}" }}
+layout = {{ type = "file", file = "{file}" }}
 [wall]
 type = "piston"
 motion = {{ type = "sinusoid", amplitude = 0.01, period = 1.0 }}
@@ -405,8 +410,8 @@ def smooth(x, y):
     return np.sin(1.3 * x) * np.cos(0.9 * y + 0.2)
 
 
-def evaluated(plan, function, places, *, order=3):
-    plane = Plane(plan.mesh, order)
+def evaluated(layout, function, places, *, order=3):
+    plane = Plane(layout.mesh, order)
     field = plane.function("f")
     field.set(function(*plane.places.T))
     return Points(plane, plane.chart.place(places)).evaluate(field)
@@ -425,13 +430,13 @@ WALLS = {  # places on curved walls, and within
 @pytest.mark.parametrize("cells", CELLS)
 @pytest.mark.parametrize("name", RECIPES)
 def test_cubics_are_evaluated_exactly_in_straight_cells(name, cells):
-    plan = drawn(name, cells=cells, geometry=1)
-    nodes = plan.mesh.geometry.x[:, :2]  # walls and corners of cells
-    middles = mesh.compute_midpoints(plan.mesh, 2, np.arange(plan.cells.indices.size, dtype=np.int32))[:, :2]
+    layout = drawn(name, cells=cells, geometry=1)
+    nodes = layout.mesh.geometry.x[:, :2]  # walls and corners of cells
+    middles = mesh.compute_midpoints(layout.mesh, 2, np.arange(layout.cells.indices.size, dtype=np.int32))[:, :2]
     places = np.concatenate([nodes, 0.3 * nodes[: len(middles)] + 0.7 * middles[: len(nodes)], middles])
     places = places[: len(nodes)] if name != "rectangle" else places
     cubic = lambda x, y: 1 + x - 0.4 * x * y + 0.2 * x**3 - 0.1 * x * y**2  # noqa: E731
-    assert np.abs(evaluated(plan, cubic, places) - cubic(*places.T)).max() < 1e-11
+    assert np.abs(evaluated(layout, cubic, places) - cubic(*places.T)).max() < 1e-11
 
 
 @pytest.mark.parametrize("cells", CELLS)
@@ -440,8 +445,8 @@ def test_points_at_and_near_curved_walls_converge(name, cells):
     """With cubics on geometry of order 2 the values' error falls as h⁴, the walls' places likewise."""
     places, sizes = np.concatenate(WALLS[name]), np.array([0.125, 0.0625, 0.03125])
     exact = smooth(*places.T)
-    plans = [drawn(name, size, cells=cells) for size in sizes]
-    errors = [np.abs(evaluated(plan, smooth, places) - exact).max() for plan in plans]
+    layouts = [drawn(name, size, cells=cells) for size in sizes]
+    errors = [np.abs(evaluated(layout, smooth, places) - exact).max() for layout in layouts]
     assert fitted_slope(sizes, errors) > 3.3
     assert errors[-1] < 1e-5
 
@@ -466,11 +471,11 @@ ALL = [f"{name}, {cells}, {geometry}" for name in RECIPES for cells in CELLS for
 
 
 def stepped(which, *, steps, comm=MPI.COMM_SELF):
-    """Return what 0.16 s of steep waves on a coarse plan come to: energy, its and the mass's error, places' heights."""
+    """Return what 0.16 s of steep waves on a coarse mesh come to: energy, its and the mass's error, places' heights."""
     name, cells, geometry = which.split(", ")
-    plan = drawn(name, 0.5, comm, cells=cells, geometry=int(geometry))
-    plane, tolerances, scheme = Plane(plan.mesh, 2), Tolerances(stage=1e-11, interior=1e-12), Simpson4()
-    waves = NonlinearWaves(plane, depth=0.6, wall=FixedWall(), vertical_order=2, tolerances=tolerances)
+    layout = drawn(name, 0.5, comm, cells=cells, geometry=int(geometry))
+    plane, tolerances, scheme = Plane(layout.mesh, 2), Tolerances(stage=1e-11, interior=1e-12), Simpson4()
+    waves = NonlinearWaves(plane, depth=0.6, wall=StillWall(), vertical_order=2, tolerances=tolerances)
     x, y = plane.places.T
     state, dt = scheme.start(*waves.state(0.05 * np.cos(x + 0.5 * y), 0.1 * np.sin(x - y))), 0.16 / steps
     energies, mass = [waves.energy(state.q, state.p, 0.0)], waves.total_mass(state.q)

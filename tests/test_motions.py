@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from wavetank.errors import InputError
 from wavetank.motions import AtRest, Gaussian, Jonswap, Motion, Ramped, Recorded, Sinusoid, WaveGroup
 from wavetank.motions.record_file import read_record
-from wavetank.reference import airy, wavemaker
+from wavetank.theory import airy, wavemaker
 
 GRAVITY = 9.81
 

@@ -5,7 +5,7 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 
-from wavetank.build import build_run
+from wavetank.case import Scene
 from wavetank.errors import RunError
 from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.third_order import Traces
@@ -13,7 +13,7 @@ from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
-from wavetank.scene import Scene
+from wavetank.runs.build import build_run
 
 SCHEMES = sorted(INTEGRATORS)
 QUICK = ("simpson-4",)  # the others are alike, and their long runs slow

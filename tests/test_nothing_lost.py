@@ -15,14 +15,14 @@ from mpi4py import MPI
 from ranks import CHECKOUT, begun
 from rich.console import Console
 
-from wavetank.case_file import read_case
+from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.console import Unhurried
 from wavetank.errors import InputError, RecordError
-from wavetank.recorded_run import record_run
-from wavetank.run_lock import LOCK, RunLock, is_held
-from wavetank.run_place import Place
-from wavetank.rundir import LOG, RunDirectory, RunWriter
+from wavetank.recording import record_run
+from wavetank.records.directory import LOG, RunDirectory, RunWriter
+from wavetank.records.lock import LOCK, RunLock, is_held
+from wavetank.records.place import Place
 
 CASE = str(CHECKOUT / "cases" / "standing-wave.toml")
 SHORT = ["--set", "run.duration=0.1", "--set", "numerics.dt=0.02"]
@@ -76,14 +76,14 @@ def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
 
 
 def test_what_is_refused_only_once_the_mesh_is_there_leaves_an_earlier_run_alone(tmp_path, monkeypatch, capsys):
-    """A gauge in the cylinder is inside the box around the plan, which is all that the scene knows."""
+    """A gauge in the cylinder is inside the box around the layout, which is all that the scene knows."""
     monkeypatch.chdir(tmp_path)
     with RunWriter(Path("run"), {}) as writer:
         writer.table("energy.csv", ["t [s]", "E"]).append([0.0, 1.0])
     before = contents(Path("run"))
     Path("case.toml").write_text(
         "gauges = [{x = 0.1, y = 0.1}, {name = 'dry', x = 2.0, y = 1.0}]\n"
-        "[tank]\ntype = 'basin'\ndepth = 0.5\n[tank.plan]\ntype = 'cylinder'\nlength = 4.0\nwidth = 2.0\n"
+        "[tank]\ntype = 'basin'\ndepth = 0.5\n[tank.layout]\ntype = 'cylinder'\nlength = 4.0\nwidth = 2.0\n"
         "centre = [2.0, 1.0]\nradius = 0.4\n[run]\nduration = 0.1\n[numerics]\norder = 1\nvertical_order = 2\n"
     )
     for out in (["--out", "run", "--overwrite"], []):
@@ -108,7 +108,7 @@ def test_a_directory_has_one_run_at_a_time_and_a_killed_one_gives_it_free(tmp_pa
     code = f"""
 import os
 from pathlib import Path
-from wavetank.rundir import RunWriter
+from wavetank.records.directory import RunWriter
 writer = RunWriter(Path({str(tmp_path / "run")!r}), {{}}).begin()
 print(flush=True)
 os.read(0, 1)
@@ -134,7 +134,7 @@ os.read(0, 1)
 
 @pytest.mark.parametrize("flock", [True, False], ids=["flock", "no flock"])
 def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monkeypatch, flock):
-    from wavetank import run_lock
+    from wavetank.records import lock as run_lock
 
     def none(file, kind):
         raise OSError(95, "Operation not supported")
@@ -298,7 +298,7 @@ def test_a_reader_that_stands_still_is_not_waited_for():
 
 
 def test_what_is_said_before_the_directory_is_there_is_in_its_log(tmp_path):
-    from wavetank.run_log import RunLog
+    from wavetank.records.log import RunLog
 
     said = io.StringIO()
     log = RunLog(Console(file=said))

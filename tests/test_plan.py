@@ -9,9 +9,8 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run
+from wavetank.case import Scene
 from wavetank.cli import main
-from wavetank.clock import Clock
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
@@ -24,13 +23,14 @@ from wavetank.plan.error_model import ErrorModel, Settings
 from wavetank.plan.plan import AIM, make_plan, own_plan
 from wavetank.plan.requirements import requirements, stokes
 from wavetank.plan.trial import Stopwatch, trial
-from wavetank.reference import airy
-from wavetank.reference.wavemaker import piston_transfer
-from wavetank.rundir import RunDirectory
-from wavetank.scene import Scene
+from wavetank.records.directory import RunDirectory
+from wavetank.runs.build import Records, build_observers, build_run
+from wavetank.runs.clock import Clock
+from wavetank.theory import airy
+from wavetank.theory.wavemaker import piston_transfer
+from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.plan_view import Slice
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import StillWall
 
 GRAVITY = 9.81
 COSTS = cost_model.BUILT_IN
@@ -42,7 +42,7 @@ def mesh(order, size, n, depth=1.0):
 
 def linear_tank(length, cells, order, n, depth=1.0):
     plane = Plane(Slice(length, cells, comm=MPI.COMM_SELF).mesh, order)
-    return LinearWaves(plane, depth=depth, wall=FixedWall(), vertical_order=n)
+    return LinearWaves(plane, depth=depth, wall=StillWall(), vertical_order=n)
 
 
 def standing(kd, mode, *, amplitude=1e-6, periods=20):

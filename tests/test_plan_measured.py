@@ -17,15 +17,15 @@ from mpi4py import MPI
 from test_plan import COSTS
 
 from wavetank import data
-from wavetank.build import Records, build_observers, build_run
-from wavetank.case_file import read_case
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
 from wavetank.errors import InputError, WavetankError
 from wavetank.observers.record import Memory
 from wavetank.plan.cost_model import CostModel, calibrate
 from wavetank.plan.error_model import Settings
 from wavetank.plan.plan import Plan, make_plan
-from wavetank.reference.airy import angular_frequency
-from wavetank.scene import Scene
+from wavetank.runs.build import Records, build_observers, build_run
+from wavetank.theory.airy import angular_frequency
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 GROUP = (

@@ -16,8 +16,8 @@ from wavetank.errors import InputError
 from wavetank.postprocess import figures, run_figures
 from wavetank.postprocess.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
 from wavetank.postprocess.run_figures import draw_run
-from wavetank.rundir import RunDirectory, RunWriter, Surface
-from wavetank.series import GaugeSeries
+from wavetank.records.directory import RunDirectory, RunWriter, Surface
+from wavetank.records.series import GaugeSeries
 
 ENERGY = (
     "t [s]",

@@ -10,11 +10,11 @@ from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
 from wavetank.motions import Ramped, Sinusoid
-from wavetank.water.plan_view import Slice
+from wavetank.water.footprint import Slice
 from wavetank.water.walls import Piston
 
-PLAN = Slice(7.0, 10, comm=MPI.COMM_WORLD)
-PLANE = Plane(PLAN.mesh, 3)
+FOOTPRINT = Slice(7.0, 10, comm=MPI.COMM_WORLD)
+PLANE = Plane(FOOTPRINT.mesh, 3)
 
 
 def at(x):
@@ -38,7 +38,7 @@ def test_a_point_outside_is_refused_with_its_place():
 @given(x=st.floats(0.5, 7.0), t=st.floats(0.0, 20.0))
 def test_the_mapping_and_its_inverse_agree(x, t):
     motion = Ramped(Sinusoid(0.3, 3.0), 2.0)
-    wall = Piston(motion, plane=PLANE, reach=4.0, paddle=PLAN.paddle())
+    wall = Piston(motion, plane=PLANE, reach=4.0, side=FOOTPRINT.side())
     wall.set_time(t)
     X = wall.to_reference(np.array([[x, 0.0]]))
     assert wall.to_physical(X)[0, 0] == pytest.approx(x, abs=1e-12)

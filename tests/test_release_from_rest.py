@@ -8,9 +8,9 @@ import pytest
 from conftest import fitted_slope
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run
+from wavetank.case import Scene
 from wavetank.observers.record import Memory
-from wavetank.scene import Scene
+from wavetank.runs.build import Records, build_observers, build_run
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "release_from_rest_reference"
 

@@ -5,18 +5,18 @@ import pytest
 from conftest import fitted_slope
 
 from wavetank.errors import InputError
-from wavetank.reference.resting_wave import resting_wave
-from wavetank.reference.standing_wave import StandingWave
+from wavetank.theory.resting_wave import resting_wave
+from wavetank.theory.standing_wave import ThirdOrderStandingWave
 from wavetank.verify.standing import row
 
 LENGTH, DEPTH = 2.0, 0.6
 
 
-def of_third_order(height: float) -> StandingWave:
+def of_third_order(height: float) -> ThirdOrderStandingWave:
     """Return Stokes' wave of that height, crest above trough at rest: its amplitude is that of the first cosine."""
     amplitude = height / 2
     for _ in range(20):
-        wave = StandingWave(amplitude=amplitude, length=LENGTH / 2, depth=DEPTH)
+        wave = ThirdOrderStandingWave(amplitude=amplitude, length=LENGTH / 2, depth=DEPTH)
         ends, _ = wave.surface(np.array([0.0, LENGTH / 2]), np.zeros(2), t=0.0)
         amplitude *= height / (ends[0] - ends[1])
     return wave

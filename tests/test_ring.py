@@ -7,16 +7,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run
-from wavetank.case_file import read_case
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.fe.charts import Polygon
 from wavetank.integrators import Simpson4
 from wavetank.observers.energy import COLUMNS
 from wavetank.observers.record import Memory
-from wavetank.reference.airy import angular_frequency
-from wavetank.scene import Scene
-from wavetank.water.plan_view import Ring
+from wavetank.runs.build import Records, build_observers, build_run
+from wavetank.theory.airy import angular_frequency
+from wavetank.water.footprint import Ring
 
 GRAVITY = 9.81
 LENGTH = 2 * np.pi
@@ -24,7 +24,7 @@ LENGTH = 2 * np.pi
 
 @pytest.fixture
 def make_ring(make_tank):
-    return lambda **numerics: make_tank(plan_view=Ring, **{"length": LENGTH, "cells": 16, "n": 6, **numerics})
+    return lambda **numerics: make_tank(footprint=Ring, **{"length": LENGTH, "cells": 16, "n": 6, **numerics})
 
 
 def advanced(tank, state, dt, *, steps, scheme=None):

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavetank.errors import InputError, RunError
-from wavetank.run_place import Place
-from wavetank.rundir import RunDirectory, RunWriter, environment
+from wavetank.records.directory import RunDirectory, RunWriter, environment
+from wavetank.records.place import Place
 
 
 def written(path, rows=5, points=4):
@@ -147,7 +147,7 @@ def test_a_run_that_is_really_killed_keeps_every_row(tmp_path):
     code = f"""
 import os, signal, numpy as np
 from pathlib import Path
-from wavetank.rundir import RunWriter
+from wavetank.records.directory import RunWriter
 writer = RunWriter(Path({str(path)!r}), {{}}).begin()
 gauges, surface = writer.gauges([("1", 1.0)]), writer.surface()
 for n in range(100):

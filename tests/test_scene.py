@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from wavetank import motions
-from wavetank.case_file import read_case
+from wavetank.case import Gauge, Numerics, PistonWall, RunNoun, Scene, SinusoidMotion, SliceTank
+from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.scene import Gauge, Numerics, PistonWall, Run, Scene, SinusoidMotion, SliceTank
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -74,7 +74,7 @@ def test_a_case_file_is_the_same_scene_as_python(case):
         gauges=(Gauge(name="1", x=1.0), Gauge(name="2", x=2.0), Gauge(name="end", x=5.0)),
         tank=SliceTank(length=5.0, depth=0.5),
         wall=PistonWall(motion=SinusoidMotion(amplitude=0.01, period=1.5)),
-        run=Run(duration=3.0),
+        run=RunNoun(duration=3.0),
         numerics=Numerics(cell_size=0.25, integrator="stormer-verlet"),
     )
     assert read_case(case(text)) == built
@@ -95,10 +95,10 @@ def test_every_case_is_read_and_its_dump_is_the_same_scene(path):
 
 
 def test_defaults_are_resolved_in_properties():
-    scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=Run(duration=40.0))
+    scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
     assert (scene.cells, scene.reach) == (100, np.inf)
     assert scene.surface_every == pytest.approx(0.5 * 9.81**-0.5)  # short against any wave period
-    assert scene.model_copy(update={"run": Run(duration=10.0)}).surface_every == 0.05  # 200 of them at least
+    assert scene.model_copy(update={"run": RunNoun(duration=10.0)}).surface_every == 0.05  # 200 of them at least
     assert (scene.wall.type, scene.initial.type, scene.tank.type, scene.tank.gravity) == (
         "fixed",
         "still-water",
@@ -173,7 +173,7 @@ def test_overrides_are_toml_values_or_bare_text_at_any_depth(case):
 
 
 def test_a_scene_is_frozen():
-    scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=Run(duration=40.0))
+    scene = Scene(tank=SliceTank(length=20.0, depth=1.0), run=RunNoun(duration=40.0))
     with pytest.raises(ValidationError, match="frozen"):
         scene.tank.length = 3.0
 
@@ -192,7 +192,7 @@ def test_a_scene_is_frozen():
             "tank.lenght=3",
             "tank.lenght = 3: is an unknown key; did you mean 'length'? allowed are: bed, depth, gravity, length, type",
         ),
-        ("tank=3", "tank = 3: must be a table; allowed are: bed, depth, gravity, length, plan, type"),
+        ("tank=3", "tank = 3: must be a table; allowed are: bed, depth, gravity, layout, length, type"),
         ("tank.type=pond", 'tank.type = "pond": is an unknown type; allowed are: slice, ring, basin'),
         ("beach.length=3", 'beach = {"length": 3}: is an unknown key; allowed are: gauge_lines, gauges, initial'),
         ("wall.type=flap", 'wall.type = "flap": is an unknown type; allowed are: fixed, piston'),

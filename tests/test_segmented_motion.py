@@ -6,6 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from wavetank.case import BasinTank, Scene
+from wavetank.case.directional import span
 from wavetank.motions import (
     DirectionalFocus,
     Fan,
@@ -21,9 +23,7 @@ from wavetank.motions import (
     WaveGroup,
 )
 from wavetank.motions.segmented import joints, widest_segment
-from wavetank.reference import wavemaker
-from wavetank.scene import BasinTank, Scene
-from wavetank.scene.directional import span
+from wavetank.theory import wavemaker
 
 GRAVITY, DEPTH = 9.81, 0.5
 Y = np.linspace(-4.0, 4.0, 17)
@@ -292,7 +292,7 @@ def airy_wave_number(omega):
 
 
 # ---------------------------------------------------------------- the nouns
-BASIN = {"type": "basin", "depth": DEPTH, "plan": {"type": "rectangle", "length": 12.0, "width": 10.0}}
+BASIN = {"type": "basin", "depth": DEPTH, "layout": {"type": "rectangle", "length": 12.0, "width": 10.0}}
 LOW, HIGH = span(BasinTank.model_validate(BASIN))
 FOCUS = {
     "type": "directional-focus",

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run
-from wavetank.case_file import read_case
+from wavetank.case.reading import read_case
 from wavetank.observers.energy import COLUMNS
 from wavetank.observers.record import Memory
+from wavetank.runs.build import Records, build_observers, build_run
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "shoaling-release.toml"
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "whispers3d_coulaud_case2_shoaling"

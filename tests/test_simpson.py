@@ -8,12 +8,12 @@ import pytest
 from conftest import CHECKOUT, fitted_slope
 from mpi4py import MPI
 
-from wavetank.build import Records, build_observers, build_run, build_watch
-from wavetank.case_file import read_case
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
-from wavetank.scene import Scene
+from wavetank.runs.build import Records, build_observers, build_run, build_watch
 
 SINUSOID = {"type": "sinusoid", "amplitude": 0.03, "period": 1.6, "ramp": 1.6}
 SLICE = {
@@ -27,7 +27,7 @@ BASIN = {
     "tank": {
         "type": "basin",
         "depth": 0.5,
-        "plan": {"type": "rectangle", "length": 3.0, "width": 1.0},
+        "layout": {"type": "rectangle", "length": 3.0, "width": 1.0},
         "bed": {"type": "formula", "depth": "0.5 - 0.05 * x + 0.05 * y"},
     },
     "wall": {

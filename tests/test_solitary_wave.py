@@ -8,11 +8,11 @@ from conftest import fitted_slope
 from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 
-from wavetank.build import Records, build_observers, build_run
+from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.observers.record import Memory
-from wavetank.reference.solitary_wave import solitary_wave
-from wavetank.scene import Scene
+from wavetank.runs.build import Records, build_observers, build_run
+from wavetank.theory.solitary_wave import solitary_wave
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "solitary_wall_runup_reference"
 needs_reference = pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference computation is not on this machine")

@@ -1,7 +1,7 @@
 """The sponge: its exact factor around any scheme, the energy it counts, and what it reflects.
 
 Oracles: the damped oscillator's exact solution, conservation, linear waves in the frequency domain, the same on other
-numbers of ranks and in another plan view.
+numbers of ranks and in another footprint.
 """
 
 import numpy as np
@@ -10,6 +10,9 @@ from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
+from wavetank.case import Scene
+from wavetank.case.sponges import EndSponge, GroupSponge, paddle_period
+from wavetank.case.tanks import SliceTank
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.oscillators import Harmonic
@@ -20,17 +23,14 @@ from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
-from wavetank.reference.airy import angular_frequency
-from wavetank.scene import Scene
-from wavetank.scene.sponges import EndSponge, GroupSponge, paddle_period
-from wavetank.scene.tanks import SliceTank
+from wavetank.theory.airy import angular_frequency
 from wavetank.verify.sponge import Beach, Operators, in_time, paddle
 from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.plan_view import Slice
 from wavetank.water.sponge import checked, distance_from_edge, profile, width_of
 from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import FixedWall
+from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 SCHEMES = (StormerVerlet(), ThirdOrder(), Simpson4(), GaussLegendre4())
@@ -50,9 +50,9 @@ def ends(waves, scheme, start, *, steps, dt):
 
 
 def linear(*, length=1.0, cells=8, order=3, n=6, depth=0.5):
-    plan = Slice(length, cells, comm=MPI.COMM_SELF)
-    plane = Plane(plan.mesh, order, plan.chart)
-    return LinearWaves(plane, depth=depth, wall=FixedWall(), vertical_order=n)
+    footprint = Slice(length, cells, comm=MPI.COMM_SELF)
+    plane = Plane(footprint.mesh, order, footprint.chart)
+    return LinearWaves(plane, depth=depth, wall=StillWall(), vertical_order=n)
 
 
 # ---------------------------------------------------------------- the factor
@@ -226,10 +226,10 @@ def test_nonlinear_waves_are_reflected_as_linear_ones(steepness):
     assert found == pytest.approx(Operators(beach).reflection(1.0), abs=1e-3)
 
 
-# ---------------------------------------------------------------- plan views
+# ---------------------------------------------------------------- footprints
 def rectangle(kind=mesh.CellType.quadrilateral, comm=MPI.COMM_WORLD):
-    plan = mesh.create_rectangle(comm, [[0.0, 0.0], [4.0, 1.0]], [8, 2], kind)
-    return Plane(plan, 2)
+    footprint = mesh.create_rectangle(comm, [[0.0, 0.0], [4.0, 1.0]], [8, 2], kind)
+    return Plane(footprint, 2)
 
 
 def cells_beyond(plane, x):
@@ -264,10 +264,10 @@ def test_a_negative_rate_is_refused_with_its_place():
 def test_a_basin_with_a_sponge_is_the_slice_with_it():
     """Waves uniform in y, linear: the same elevations to the basin's iterative tolerance."""
     basin, x = rectangle(), np.linspace(0.0, 4.0, 17)
-    plan = Slice(4.0, 8, comm=MPI.COMM_SELF)
+    footprint = Slice(4.0, 8, comm=MPI.COMM_SELF)
     surfaces = []
-    for plane in (basin, Plane(plan.mesh, 2, plan.chart)):
-        waves = LinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=3)
+    for plane in (basin, Plane(footprint.mesh, 2, footprint.chart)):
+        waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=3)
         start = waves.state(0.1 * np.cos(np.pi * plane.x / 4), 0 * plane.x)
         scheme = Absorbing(StormerVerlet(), profile(plane.x - 2.0, width=2.0, strength=2.0))
         state = ends(waves, scheme, start, steps=20, dt=0.03)
@@ -278,10 +278,10 @@ def test_a_basin_with_a_sponge_is_the_slice_with_it():
 
 def figures_of_sponges():
     """Return the energy taken and a moment of nonlinear waves; a moment of distances in a corner, and its width."""
-    plan = Slice(3.0, 12, comm=MPI.COMM_WORLD)
-    plane = Plane(plan.mesh, 3, plan.chart)
+    footprint = Slice(3.0, 12, comm=MPI.COMM_WORLD)
+    plane = Plane(footprint.mesh, 3, footprint.chart)
     tolerances = Tolerances(stage=1e-12, interior=1e-13)
-    waves = NonlinearWaves(plane, depth=1.0, wall=FixedWall(), vertical_order=4, tolerances=tolerances)
+    waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=4, tolerances=tolerances)
     scheme = Absorbing(Simpson4(), profile(plane.x - 1.0, width=2.0, strength=2.0))
     state = ends(waves, scheme, waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x), steps=10, dt=0.03)
     space = Plane(mesh.create_rectangle(MPI.COMM_WORLD, [[0.0, 0.0], [4.0, 1.0]], [8, 4], mesh.CellType.triangle), 2)

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavetank.errors import InputError
-from wavetank.reference.standing_wave import StandingWave
+from wavetank.theory.standing_wave import ThirdOrderStandingWave
 
 GRAVITY, POINTS = 9.81, 12
 
 
 def wave(**changes):
     values = {"amplitude": 0.01, "length": 3.0, "width": 2.0, "depth": 0.4, "gravity": GRAVITY, "modes": (1, 1)}
-    return StandingWave(**{**values, **changes})
+    return ThirdOrderStandingWave(**{**values, **changes})
 
 
 def residuals(waves, t):

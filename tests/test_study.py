@@ -16,11 +16,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from wavetank.case_file import read_case
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RunError
-from wavetank.reference.airy import angular_frequency
-from wavetank.rundir import RunDirectory, RunWriter
-from wavetank.scene import Scene
+from wavetank.records.directory import RunDirectory, RunWriter
 from wavetank.study.drawing import draw_study, pareto_front
 from wavetank.study.exact import exact_solution
 from wavetank.study.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
@@ -29,6 +28,7 @@ from wavetank.study.runs import Outcome, Runner, is_finished
 from wavetank.study.study import Study
 from wavetank.study.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
 from wavetank.study.table import Row, write_table
+from wavetank.theory.airy import angular_frequency
 
 CASE = CHECKOUT / "cases" / "standing-wave.toml"
 RING = CHECKOUT / "cases" / "ring-50-percent.toml"

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from wavetank.errors import InputError
 from wavetank.postprocess import view, view_command, view_film, view_sight, view_tank
-from wavetank.rundir import RunDirectory, RunWriter
+from wavetank.records.directory import RunDirectory, RunWriter
 
 LENGTH, DEPTH, HEIGHT = 8.0, 1.0, 0.1  # m
 STEPS, PERIOD = 40, 2.0  # snapshots of one period [s]
@@ -50,8 +50,8 @@ def run(tmp_path):
 @pytest.fixture(scope="module")
 def standing_wave(tmp_path_factory):
     """Return a computed run: a standing wave, a little more than half a period of it."""
-    from wavetank.recorded_run import record_run
-    from wavetank.scene import Scene
+    from wavetank.case import Scene
+    from wavetank.recording import record_run
 
     tank = {"type": "slice", "length": 2.0, "depth": 1.0}
     initial = {"type": "standing-wave", "amplitude": 0.1}

@@ -12,11 +12,11 @@ from wavetank.errors import InputError
 from wavetank.postprocess import basin_figures, view, view_command
 from wavetank.postprocess.basin_surface import BasinSurface, Extremes, history
 from wavetank.postprocess.run_figures import draw_run
-from wavetank.postprocess.view_basin import Basin
+from wavetank.postprocess.view_basin import BasinView
 from wavetank.postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
-from wavetank.rundir import RunDirectory, RunWriter
-from wavetank.series import GaugeSeries
-from wavetank.vtu_series import Cells, VtuSeries
+from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.series import GaugeSeries
+from wavetank.records.vtu_series import VtkCells, VtuSeries
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
 PERIOD, STEPS = 1.6, 20  # snapshots of one period [s]
@@ -80,8 +80,12 @@ def record(
 
     And a sponge of damping(x, y) [1/s].
     """
-    plan = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
-    scene = {"title": "A basin", "tank": {"type": "basin", "depth": DEPTH, "plan": plan}, "wall": {"motion": motion}}
+    layout = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
+    scene = {
+        "title": "A basin",
+        "tank": {"type": "basin", "depth": DEPTH, "layout": layout},
+        "wall": {"motion": motion},
+    }
     places, pieces = mesh(kept, triangles)
     with RunWriter(path, {"scene": scene}) as writer:
         gauges = writer.gauges([("mast", 3.0, 1.0)])
@@ -98,7 +102,7 @@ def record(
             eta = elevation(moved, y, t)
             arrays = {"elevation": eta, "surface potential": 0 * eta, "depth": depth(x, y)}
             arrays |= {} if damping is None else {"damping rate": damping(x, y)}
-            cells = Cells.flat(corners.reshape(own.shape).astype(np.int32))
+            cells = VtkCells.flat(corners.reshape(own.shape).astype(np.int32))
             series.append(float(t), np.column_stack([moved, y, eta]), cells=cells, arrays=arrays)
     return RunDirectory(path)
 
@@ -175,7 +179,7 @@ def test_crests_between_snapshots_are_found():
 
 # ---------------------------------------------------------------- what is seen
 def test_the_water_reaches_from_the_bed_to_the_surface_with_the_crest_where_it_is(tmp_path):
-    tank = Basin(record(tmp_path / "run", depth=shoal, kept=around))
+    tank = BasinView(record(tmp_path / "run", depth=shoal, kept=around))
     sight = tank.at(PERIOD / 2)
     assert sight.surface[ELEVATION] == pytest.approx(100 * sight.surface.points[:, 2], abs=1e-5)
     x, _, z = sight.surface.points.T
@@ -190,7 +194,7 @@ def test_the_water_reaches_from_the_bed_to_the_surface_with_the_crest_where_it_i
 
 
 def test_the_paddle_stands_at_its_moving_place_over_the_bed(tmp_path):
-    tank = Basin(record(tmp_path / "run", paddle=swinging))
+    tank = BasinView(record(tmp_path / "run", paddle=swinging))
     bed = next(part for part in tank.parts() if part.name == "bed").mesh
     for t in (PERIOD / 4, 3 * PERIOD / 4):
         sight = tank.at(t)
@@ -200,11 +204,11 @@ def test_the_paddle_stands_at_its_moving_place_over_the_bed(tmp_path):
         assert sight.paddle.bounds[4] == pytest.approx(-DEPTH) and sight.paddle.bounds[5] > HEIGHT_OF_WAVES / 2
         assert sight.surface.bounds[0] == pytest.approx(low, abs=1e-6)
         assert bed.bounds[0] <= sight.paddle.bounds[0] + 1e-6
-    assert Basin(record(tmp_path / "still")).at(0.5).paddle is None
+    assert BasinView(record(tmp_path / "still")).at(0.5).paddle is None
 
 
 def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
-    tank = Basin(record(tmp_path / "run", depth=shoal))
+    tank = BasinView(record(tmp_path / "run", depth=shoal))
     assert tank.note == "lines of still-water depth 0.25, 0.3, 0.35, 0.4, 0.45 m"
     lines = tank.at(0.3).contours.points
     x, y, z = lines.T
@@ -214,17 +218,17 @@ def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
     assert np.abs(depths[:, None] - levels).min(axis=1).max() < 0.005
     assert z == pytest.approx(travelling(x, y, 0.3), abs=0.05 * HEIGHT_OF_WAVES)
     assert np.all(z > travelling(x, y, 0.3) - 0.04 * HEIGHT_OF_WAVES)
-    even = Basin(record(tmp_path / "even"))
+    even = BasinView(record(tmp_path / "even"))
     assert even.at(0.3).contours is None and not even.note
 
 
 def test_walls_leave_the_paddle_out_and_an_island_stands_above_the_crests(tmp_path):
-    tank = Basin(record(tmp_path / "run", paddle=swinging, kept=around))
+    tank = BasinView(record(tmp_path / "run", paddle=swinging, kept=around))
     parts = {part.name: part.mesh for part in tank.parts()}
     assert parts["walls"].n_cells == 2 * 48 + 24  # both sides and the far end
     assert parts["island 0"].bounds[:5] == pytest.approx((4.0, 5.0, 1.0, 2.0, -DEPTH))
     assert parts["island 0"].bounds[5] > HEIGHT_OF_WAVES / 2
-    assert "walls" in {part.name for part in Basin(record(tmp_path / "still")).parts()}
+    assert "walls" in {part.name for part in BasinView(record(tmp_path / "still")).parts()}
 
 
 def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_path):
@@ -232,7 +236,7 @@ def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_pa
         return HEIGHT_OF_WAVES * (np.exp(-((x - 6.5) ** 2) - (y - 2) ** 2) - np.exp(-((x - 2.5) ** 2) - (y - 2) ** 2))
 
     run = record(tmp_path / "run", elevation=humps, paddle=swinging, kept=around)
-    picture = view.View(tank := Basin(run), "", size=(960, 540))
+    picture = view.View(tank := BasinView(run), "", size=(960, 540))
     pixels = picture.pixels(PERIOD)
     crest, trough = (pixel(picture, pixels, place) for place in ((6.5, 2.0, 0.1), (2.5, 2.0, -0.1)))
     still = pixel(picture, pixels, (4.5, 3.7, 0.0))
@@ -250,7 +254,7 @@ def test_two_ranks_give_the_same_picture(tmp_path):
     pictures = []
     for ranks in (1, 2):
         run = record(tmp_path / str(ranks), paddle=swinging, depth=shoal, ranks=ranks, times=TIMES[:6])
-        picture = view.View(Basin(run), "", size=SIZE)
+        picture = view.View(BasinView(run), "", size=SIZE)
         pictures.append(picture.pixels(0.2).astype(int))
         picture.close()
     # another order of points may change roundings of colours at single pixels, but no seam is seen
@@ -262,7 +266,7 @@ def test_two_ranks_give_the_same_picture(tmp_path):
     "kept, x, side", [(around, ["x = 0 m", *"12345678"], "right"), (l_shaped, ["x = 2 m", *"345678"], "left")]
 )
 def test_marks_are_in_the_picture_and_the_title_where_there_is_room(tmp_path, kept, x, side):
-    picture = view.View(tank := Basin(record(tmp_path / "run", kept=kept, times=TIMES[:2])), "A basin", size=SIZE)
+    picture = view.View(tank := BasinView(record(tmp_path / "run", kept=kept, times=TIMES[:2])), "A basin", size=SIZE)
     places, texts = tank.marks().places, tank.marks().texts
     assert texts == [*x, "0", "0.5", "1", "1.5", "2", "2.5", "3", "3.5", "y = 4 m"]
     columns, rows = picture.place(places).T
@@ -284,7 +288,7 @@ def test_a_basins_picture_has_its_sponge_its_gauge_and_a_vertical_ruler(tmp_path
     seen = []
     for name, damping in (("without", None), ("with", end)):
         run = record(tmp_path / name, elevation=still, damping=damping, times=TIMES[:2])
-        picture = view.View(Basin(run), "", size=(320, 180))
+        picture = view.View(BasinView(run), "", size=(320, 180))
         pixels = picture.pixels(0.0)
         seen.append([pixel(picture, pixels, (x, 2.0, 0.0)) for x in (4.5, 7.9)])
         notes = picture.plotter.actors["note"].input
@@ -294,7 +298,7 @@ def test_a_basins_picture_has_its_sponge_its_gauge_and_a_vertical_ruler(tmp_path
     assert after == pytest.approx(before, abs=0.02)
     share = COVER / 255 * 2.9 / 3.0
     assert covered == pytest.approx((1 - share) * clear + share * np.array(VEIL) / 255, abs=0.04)
-    tank = Basin(run)
+    tank = BasinView(run)
     assert tank.gauges().texts == ["mast"] and tank.gauges().places == pytest.approx(np.array([[3.0, 1.0, 0.0]]))
     ruler = tank.ruler()
     assert ruler.labels.texts == ["z = 0 m", "-0.1", "-0.2", "-0.3", "-0.4", "-0.5"]

@@ -9,8 +9,8 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
-from wavetank.reference.airy import angular_frequency, group_velocity
-from wavetank.reference.wavemaker import piston_transfer
+from wavetank.theory.airy import angular_frequency, group_velocity
+from wavetank.theory.wavemaker import piston_transfer
 
 GRAVITY, AMPLITUDE = 9.81, 2e-4
 

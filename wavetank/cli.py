@@ -14,15 +14,15 @@ import typer
 from mpi4py import MPI
 
 from wavetank import data
-from wavetank.case_file import located, read_case
+from wavetank.case.reading import located, read_case
 from wavetank.console import console, drain
 from wavetank.errors import WavetankError, printable
 from wavetank.fe.agreed import on_first
 from wavetank.plan.command import plan
 from wavetank.postprocess.compare_command import compare
 from wavetank.postprocess.view_command import view
-from wavetank.run_place import Place
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
+from wavetank.records.place import Place
 from wavetank.study.command import study
 
 app = typer.Typer(
@@ -62,7 +62,7 @@ def run(
     """Run a case; also under mpirun."""
     scene = read_case(case, overrides or [])
     place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite)
-    from wavetank.recorded_run import record_run  # dolfinx takes a second to load
+    from wavetank.recording import record_run
 
     with located(case, overrides or []):
         draw = _draw if plots else None
@@ -70,7 +70,7 @@ def run(
 
 
 def _draw(directory: RunDirectory) -> list[Path]:
-    from wavetank.postprocess.run_figures import draw_run  # matplotlib takes a second to load
+    from wavetank.postprocess.run_figures import draw_run
 
     return draw_run(directory)
 
@@ -96,7 +96,7 @@ VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verif
     "sponge": "Measure what a sponge reflects: lengths, depths, wave periods and strengths; two minutes.",
     "cylinder": "Hold the run-up around a cylinder against McCamy and Fuchs, on finer and finer meshes; some minutes.",
     "directional_focus": "Hold waves that meet from many directions against linear theory; some minutes.",
-    "plans": "Draw the recipes of basins' plans, and hold their areas against the exact ones; some seconds.",
+    "layouts": "Draw the recipes of basins' layouts, and hold their areas against the exact ones; some seconds.",
 }
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from wavetank.cache import places, writable
 from wavetank.errors import InputError, WavetankError
 from wavetank.motions.record_file import read_record
-from wavetank.series import GaugeSeries
+from wavetank.records.series import GaugeSeries
 
 MEASURED = "measured"
 AXES = {"x": 0, "y": 1}  # of a place (x, y)

@@ -8,8 +8,8 @@ import numpy as np
 from wavetank.beds.gridded import Gridded, Interpolation
 from wavetank.beds.survey import Survey
 from wavetank.errors import InputError
-from wavetank.files import regular
-from wavetank.formula import Array
+from wavetank.values.files import regular
+from wavetank.values.formula import Array
 
 if TYPE_CHECKING:  # half a second to import, which few cases need
     from pandas import DataFrame

@@ -12,7 +12,7 @@ from scipy.interpolate import RectBivariateSpline, make_interp_spline
 from scipy.ndimage import distance_transform_edt
 
 from wavetank.errors import InputError
-from wavetank.formula import Array
+from wavetank.values.formula import Array
 
 Interpolation = Literal["cubic", "linear"]
 DEGREE: dict[Interpolation, int] = {"cubic": 3, "linear": 1}

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from wavetank.errors import InputError
-from wavetank.files import regular
-from wavetank.formula import Array, finite
+from wavetank.values.files import regular
+from wavetank.values.formula import Array, finite
 
 
 class PythonDepth:

@@ -12,7 +12,7 @@ from scipy.spatial import Delaunay, QhullError
 
 from wavetank.beds.gridded import Interpolation
 from wavetank.errors import InputError
-from wavetank.formula import Array, finite
+from wavetank.values.formula import Array, finite
 
 INTERPOLATORS: dict[Interpolation, Any] = {"cubic": CloughTocher2DInterpolator, "linear": LinearNDInterpolator}
 INWARD = 1e-9  # of the way to the middle: from the survey's edge into its triangles

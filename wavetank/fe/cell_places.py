@@ -6,7 +6,7 @@ import basix
 import numpy as np
 from dolfinx.mesh import CellType, Mesh
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 ITERATIONS = 25  # of Gauss and Newton's method; a few do where a point is in its cell
 SETTLED = 1e-13  # a smaller step in reference coordinates is round-off

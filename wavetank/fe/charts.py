@@ -6,7 +6,7 @@ import numpy as np
 import ufl
 from dolfinx.mesh import Mesh
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 
 class Chart(Protocol):

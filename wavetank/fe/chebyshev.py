@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 
 def chebyshev(

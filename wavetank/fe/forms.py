@@ -20,8 +20,8 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 from ufl.algorithms.transformer import strip_variables
 
+from wavetank.arrays import Vector
 from wavetank.fe.compiled import COMPILER_FLAGS, compiled
-from wavetank.hamiltonian.contract import Vector
 
 JIT_OPTIONS = {"cffi_extra_compile_args": COMPILER_FLAGS, "cffi_debug": False, "cffi_libraries": None}
 
@@ -60,9 +60,9 @@ def _kept(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
     return {**JIT_OPTIONS, "cache_dir": compiled(comm, signature, build=build)}
 
 
-def taylor_coefficient(f: Callable[[Any], Any], power: int, plan_mesh: mesh.Mesh) -> Any:
+def taylor_coefficient(f: Callable[[Any], Any], power: int, domain: mesh.Mesh) -> Any:
     """Return the coefficient of x^power in a density f(x), x a number, in UFL; what vanishes is left out."""
-    x = ufl.variable(ufl.Constant(plan_mesh.ufl_domain()))
+    x = ufl.variable(ufl.Constant(domain.ufl_domain()))
     density = f(x)
     for _ in range(power):
         density = ufl.diff(density, x)

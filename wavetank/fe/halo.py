@@ -7,7 +7,7 @@ rows reach into that cell, the ghosts of a finite-element space do not; the matr
 import numpy as np
 from dolfinx import common, la
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 
 class Halo:

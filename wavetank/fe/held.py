@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from dolfinx import fem
 
+from wavetank.arrays import Vector
 from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.contract import Vector
 
 FINER = 2  # orders above the space's: where the function is looked at
 

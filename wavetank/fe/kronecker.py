@@ -22,12 +22,12 @@ import scipy.sparse as sparse
 import ufl
 from dolfinx import fem
 
+from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_form, owned_rows, taylor_coefficient
 from wavetank.fe.halo import Halo
 from wavetank.fe.plane import Plane
 from wavetank.fe.products import Products
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Vector
 
 LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
 

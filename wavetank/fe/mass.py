@@ -8,11 +8,11 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
+from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fe.forms import compile_form, owned_rows
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
-from wavetank.hamiltonian.contract import Vector
 
 
 class HorizontalMatrix:

@@ -13,12 +13,12 @@ import scipy.sparse as sparse
 from dolfinx.fem.petsc import interpolation_matrix
 from petsc4py import PETSc
 
+from wavetank.arrays import Vector
 from wavetank.fe.chebyshev import chebyshev
 from wavetank.fe.halo import Halo
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
-from wavetank.hamiltonian.contract import Vector
 
 
 def choose_factorisation(pc: PETSc.PC, plane: Plane) -> None:
@@ -53,20 +53,20 @@ class DecoupledModes:
     """
 
     def __init__(self, operator: KroneckerOperator, eigenvalues: Vector, plane: Plane):
-        self._problems: Problems
+        self._modes: ModeSet
         if plane.mesh.topology.dim == 1 or plane.order == 1:
             columns = operator.numbering.local_to_global(operator.columns)
-            self._problems = InterlacedModes(columns, operator.row_pointers, eigenvalues, plane)
+            self._modes = InterlacedModes(columns, operator.row_pointers, eigenvalues, plane)
         else:
-            self._problems = OrderMultigrid(operator, eigenvalues, plane)
-        self.matrix = self._problems.matrix
+            self._modes = OrderMultigrid(operator, eigenvalues, plane)
+        self.matrix = self._modes.matrix
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
         """Take over the entries of the owned rows of S_uu and S_ww; collective."""
-        self._problems.assemble(S_u, S_w)
+        self._modes.assemble(S_u, S_w)
 
 
-class Problems(Protocol):
+class ModeSet(Protocol):
     """A way to hold the decoupled problems; see ``DecoupledModes``."""
 
     matrix: PETSc.Mat
@@ -214,7 +214,7 @@ class ModeSolver:
         Of multigrid: the second is cheap against the evaluations of an implicit stage that it saves.
     """
 
-    def __init__(self, modes: Problems, plane: Plane, *, cycles: int = 2):
+    def __init__(self, modes: ModeSet, plane: Plane, *, cycles: int = 2):
         self._modes = modes
         self._ksp = PETSc.KSP().create(plane.comm)
         self._ksp.setOperators(modes.matrix)

@@ -1,4 +1,4 @@
-"""The horizontal finite-element space: Lagrange elements of order p on the plan mesh of the reference tank."""
+"""The horizontal finite-element space: Lagrange elements of order p on the horizontal mesh of the reference tank."""
 
 from functools import cached_property
 
@@ -7,13 +7,13 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
+from wavetank.arrays import Vector
 from wavetank.fe.charts import Chart, Straight
 from wavetank.fe.forms import ScalarForm
-from wavetank.hamiltonian.contract import Vector
 
 
 class Plane:
-    """A plan mesh with its scalar Lagrange space V.
+    """A horizontal mesh with its scalar Lagrange space V.
 
     Parameters
     ----------
@@ -27,15 +27,15 @@ class Plane:
     mesh, V
         The dolfinx mesh and function space.
     dx
-        The measure over the plan, of a degree that integrates the polynomial part of the energy exactly.
+        The measure over the mesh, of a degree that integrates the polynomial part of the energy exactly.
     owned
         Number of degrees of freedom this rank owns.
     """
 
-    def __init__(self, plan_mesh: mesh.Mesh, order: int, chart: Chart | None = None):
-        self.mesh, self.order, self.chart = plan_mesh, order, chart or Straight()
-        self.V = fem.functionspace(plan_mesh, ("Lagrange", order))
-        self.dx = ufl.dx(domain=plan_mesh, metadata={"quadrature_degree": 3 * order})
+    def __init__(self, horizontal: mesh.Mesh, order: int, chart: Chart | None = None):
+        self.mesh, self.order, self.chart = horizontal, order, chart or Straight()
+        self.V = fem.functionspace(horizontal, ("Lagrange", order))
+        self.dx = ufl.dx(domain=horizontal, metadata={"quadrature_degree": 3 * order})
         self.owned: int = self.V.dofmap.index_map.size_local
         self.size: int = self.V.dofmap.index_map.size_global
 

@@ -6,10 +6,10 @@ from dolfinx import geometry
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from wavetank.arrays import Vector
 from wavetank.errors import OutsideError
 from wavetank.fe.cell_places import CellPlaces, Nearest, tabulate
 from wavetank.fe.plane import Field, Plane
-from wavetank.hamiltonian.contract import Vector
 
 Cells = NDArray[np.int32]
 

@@ -16,8 +16,8 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
+from wavetank.arrays import Vector
 from wavetank.fe.compiled import COMPILER_FLAGS, compiled
-from wavetank.hamiltonian.contract import Vector
 
 DECLARATION = "void product(int, const int *, const int *, const double *, int, const double *, double *);"
 KERNEL = """

@@ -7,7 +7,7 @@ second order in the distance otherwise, and independent of how the solves follow
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 
 class Recall:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import legendre
 from scipy.linalg import eigh
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 
 def gauss_lobatto_legendre(n: int) -> Vector:

@@ -2,7 +2,7 @@
 
 from typing import Protocol
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 
 class Derivatives(Protocol):

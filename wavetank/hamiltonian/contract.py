@@ -12,10 +12,7 @@ and costs nothing; whatever couples the ranks (norms, ghosts, solves) happens in
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-Vector = NDArray[np.float64]
+from wavetank.arrays import Vector
 
 
 class Stage(NamedTuple):

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ellipj, ellipk, ellipkinc
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Stages, StageSolver, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Stages, StageSolver
 from wavetank.hamiltonian.stage_solver import SnesStages
 
 
@@ -36,7 +37,7 @@ class AffineStage:
 
 
 @dataclass(frozen=True)
-class LinearStages:
+class OscillatorStages:
     """The stage solvers of a quadratic H = T(p) + V(q): exact, and explicit for q alone and for p alone."""
 
     coordinate: StageSolver = field(default_factory=ExplicitStage)
@@ -61,7 +62,7 @@ class Harmonic(OnOneRank):
     """H = (p² + omega² q²) / 2, the linear oscillator of [G16], section 4."""
 
     omega: float = 1.0
-    stages: Stages = field(default_factory=LinearStages, compare=False)
+    stages: Stages = field(default_factory=OscillatorStages, compare=False)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return omega² q."""
@@ -90,7 +91,7 @@ class Forced(OnOneRank):
     """dp/dt = -q + slope t, dq/dt = p: the forced oscillator (50)-(51) of [G16], H = (p² + q²) / 2 - slope t q."""
 
     slope: float = 1.0
-    stages: Stages = field(default_factory=LinearStages, compare=False)
+    stages: Stages = field(default_factory=OscillatorStages, compare=False)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return q - slope t."""

@@ -15,8 +15,9 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError, WavetankError
-from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.start_values import Extrapolation
 
 Preconditioner = Callable[[Stage, Vector], Vector]

@@ -11,7 +11,7 @@ from math import comb
 
 import numpy as np
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 
 @cache

@@ -12,7 +12,8 @@ from typing import Generic
 
 import numpy as np
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.damped import same, times
 from wavetank.integrators.reported_energy import reported_energy

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import ClassVar
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.states import Point
 from wavetank.integrators.stormer_verlet import StormerVerlet
 

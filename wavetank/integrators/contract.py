@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple, Protocol, Self, TypeVar
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem
 
 Map = Callable[[Vector], Vector]
 

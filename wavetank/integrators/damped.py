@@ -14,7 +14,8 @@ from typing import Generic
 
 import numpy as np
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stages, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stages
 from wavetank.integrators.contract import Integrator, Map, S
 
 

@@ -16,7 +16,8 @@ places.
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Self
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.contract import Evaluated, Map
 
 

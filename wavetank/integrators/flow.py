@@ -1,6 +1,7 @@
 """The flow dq/dt = H_p, dp/dt = -H_q at one point: one evaluation of a system that remembers it."""
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem
 
 
 def flow(system: HamiltonianSystem, q: Vector, p: Vector, t: float) -> tuple[Vector, Vector]:

@@ -9,7 +9,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.flow import flow
 from wavetank.integrators.states import Point
 

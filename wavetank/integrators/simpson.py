@@ -22,7 +22,8 @@ from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.contract import Evaluated, Map
 from wavetank.integrators.flow import flow
 

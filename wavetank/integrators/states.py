@@ -2,7 +2,7 @@
 
 from typing import NamedTuple, Self
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 from wavetank.integrators.contract import Evaluated, Map
 
 

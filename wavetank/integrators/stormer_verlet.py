@@ -14,7 +14,8 @@ that belong to the values of the trapezoidal rule.
 from dataclasses import dataclass
 from typing import ClassVar
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.states import Point
 
 

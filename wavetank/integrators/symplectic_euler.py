@@ -13,7 +13,8 @@ make Störmer-Verlet (14).
 from dataclasses import dataclass
 from typing import ClassVar
 
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Vector
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.states import Point
 
 

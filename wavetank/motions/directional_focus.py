@@ -20,7 +20,7 @@ from wavetank.motions.fan import Fan
 from wavetank.motions.motion import Array
 from wavetank.motions.segmented import SegmentedMotion
 from wavetank.motions.wave_group import WaveGroup
-from wavetank.reference import airy
+from wavetank.theory import airy
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """A segmented paddle's motion for a regular wave that leaves it obliquely.
 
 With the snake X = Re(b exp(i (k_y y - omega t))), k_y = k sin(theta), the wave's velocity at the paddle has only the
-part cos(theta) along x; projected on the depth profile as for a wave along x (``wavetank.reference.wavemaker``),
+part cos(theta) along x; projected on the depth profile as for a wave along x (``wavetank.theory.wavemaker``),
 
     eta = Re(-i c / cos(theta) b exp(i (k_x x + k_y y - omega t))),   k_x = k cos(theta),
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from wavetank.motions.motion import Array
 from wavetank.motions.segmented import SegmentedMotion
-from wavetank.reference import airy, wavemaker
+from wavetank.theory import airy, wavemaker
 
 
 @dataclass(frozen=True, kw_only=True)

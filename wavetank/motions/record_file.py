@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from wavetank.errors import InputError
-from wavetank.files import regular
 from wavetank.motions.motion import Array
+from wavetank.values.files import regular
 
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 

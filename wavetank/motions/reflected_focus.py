@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from wavetank.motions.directional_focus import DirectionalFocus, latest
 from wavetank.motions.motion import Array
 from wavetank.motions.segmented import SegmentedMotion
-from wavetank.reference import airy, wavemaker
+from wavetank.theory import airy, wavemaker
 
 Complex = NDArray[np.complex128]
 

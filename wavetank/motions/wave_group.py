@@ -5,7 +5,7 @@ The group is a NewWave: components of amplitude A_j = A S(f_j) / sum S (equally 
 
     eta(x, t) = sum A_j cos(k_j (x - x_f) - omega_j (t - t_f)).
 
-A piston X = Re(a exp(-i omega t)) makes eta = Re(-i c a exp(i (k x - omega t))) (``wavetank.reference.wavemaker``), so
+A piston X = Re(a exp(-i omega t)) makes eta = Re(-i c a exp(i (k x - omega t))) (``wavetank.theory.wavemaker``), so
 
     X(t) = sum A_j / c_j sin(omega_j (t - t_f) + k_j x_f).
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from wavetank.motions.motion import Array, Motion
 from wavetank.motions.spectra import Spectrum
-from wavetank.reference import airy, wavemaker
+from wavetank.theory import airy, wavemaker
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple, Protocol, runtime_checkable
 
+from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.contract import Vector
 from wavetank.observers.schedule import Schedule
 from wavetank.water.waves import Energies
 

@@ -4,13 +4,13 @@ from typing import Protocol
 
 import numpy as np
 
+from wavetank.arrays import Vector
 from wavetank.fe.lattice import Lattice
 from wavetank.fe.plane import Field
-from wavetank.hamiltonian.contract import Vector
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import FieldRecord
 from wavetank.observers.schedule import Schedule
-from wavetank.vtu_series import Cells
+from wavetank.records.vtu_series import VtkCells
 from wavetank.water.bed import Bed
 from wavetank.water.velocity import Velocity
 from wavetank.water.waves import NonlinearWaves
@@ -30,7 +30,7 @@ class LatticePlaces:
     Attributes
     ----------
     lattice
-        This rank's part of the plan.
+        This rank's part of the footprint.
     """
 
     def __init__(self, waves: WavesOverABed):
@@ -67,7 +67,7 @@ class SurfaceFields:
     def __init__(self, waves: WavesOverABed, series: FieldRecord, *, schedule: Schedule, damping: Vector | None = None):
         self._waves, self._series, self.schedule = waves, series, schedule
         self._places = LatticePlaces(waves)
-        self._cells = Cells.flat(self._places.lattice.pieces)
+        self._cells = VtkCells.flat(self._places.lattice.pieces)
         self._eta, self._psi = waves.plane.function("elevation"), waves.plane.function("surface potential")
         self._rate: Field | None = None
         if damping is not None:
@@ -101,7 +101,7 @@ class VelocityFields:
         self._levels = waves.vertical.nodes if levels is None else levels
         self._places, self._velocity = LatticePlaces(waves), Velocity(waves)
         lattice = self._places.lattice
-        self._cells = Cells.layered(lattice.pieces, points=len(lattice.dofs), levels=len(self._levels))
+        self._cells = VtkCells.layered(lattice.pieces, points=len(lattice.dofs), levels=len(self._levels))
 
     def observe(self, moment: Moment) -> None:
         """Write a snapshot; raises ``RunError``, on all ranks, if it cannot be written; collective."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from wavetank.arrays import Vector
 from wavetank.errors import InputError, RunError
 from wavetank.fe.points import Points
-from wavetank.hamiltonian.contract import Vector
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule

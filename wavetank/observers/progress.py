@@ -7,7 +7,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
-from wavetank.run_log import RunLog
+from wavetank.records.log import RunLog
 
 
 class ProgressBar:

@@ -6,12 +6,12 @@ from typing import Any, Protocol
 import numpy as np
 from mpi4py import MPI
 
+from wavetank.arrays import Vector
 from wavetank.errors import RecordError, RunError
 from wavetank.fe.agreed import agreed
-from wavetank.hamiltonian.contract import Vector
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
-from wavetank.vtu_series import Cells
+from wavetank.records.vtu_series import VtkCells
 
 
 class Record(Protocol):
@@ -24,7 +24,7 @@ class Record(Protocol):
 class FieldRecord(Protocol):
     """Snapshots of fields on a mesh, each rank's part its own."""
 
-    def append(self, t: float, points: Vector, *, cells: Cells, arrays: Mapping[str, Vector]) -> None:
+    def append(self, t: float, points: Vector, *, cells: VtkCells, arrays: Mapping[str, Vector]) -> None:
         """Append a snapshot at t [s]: points [m], shape (N, 3), the cells between them, fields at them; collective."""
 
 

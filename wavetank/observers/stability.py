@@ -24,7 +24,7 @@ from math import comb
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
 from wavetank.water.short_waves import ShortWaves

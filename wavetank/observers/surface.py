@@ -4,7 +4,7 @@ from typing import Protocol
 
 import numpy as np
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.schedule import Schedule
 

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 from mpi4py import MPI
 
-from wavetank.build import build_clock
+from wavetank.case import BasinTank, FixedWall, Scene
 from wavetank.fe.agreed import on_first
 from wavetank.integrators import INTEGRATORS
-from wavetank.memory import available_memory
 from wavetank.meshes import MeshFile
-from wavetank.noun import Problem, SceneError
 from wavetank.plan.cost_model import BASE, PER_ENTRY, known_costs
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.error_model import Settings
-from wavetank.scene import BasinTank, FixedWall, Scene
+from wavetank.runs.build import build_clock
+from wavetank.runs.memory import available_memory
+from wavetank.values.noun import Problem, SceneError
 
 A_DAY = 86_400.0  # s of wall time, if each rank has a core of its own
 STEP, PER_UNKNOWN = 0.1, 7e-6  # s of a basin's step
@@ -86,10 +86,10 @@ def _of_basin(scene: Scene, tank: BasinTank, ranks: int) -> Needs:
 
 def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:
     """Return how many cells of a size [m] a basin has, and the size of the smallest [m]."""
-    if isinstance(tank.plan, MeshFile):
-        file = Path(tank.plan.file)
+    if isinstance(tank.layout, MeshFile):
+        file = Path(tank.layout.file)
         return (file.stat().st_size / PER_CELL if file.exists() else 0.0), size
-    return tank.plan.counted(size)
+    return tank.layout.counted(size)
 
 
 def _kind(scene: Scene) -> str:

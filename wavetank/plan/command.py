@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from wavetank.case import Scene
     from wavetank.plan.cost_model import CostModel
     from wavetank.plan.plan import Plan
-    from wavetank.scene import Scene
 
 
 def plan(
@@ -31,7 +31,7 @@ def plan(
     beside the proposed ones. A case that names none is run with the plan. Of basins, tanks over a bed and starts by
     formula no plan is made: some steps are run, also under mpirun, and timed.
     """
-    from wavetank.case_file import read_case
+    from wavetank.case.reading import read_case
     from wavetank.console import console
     from wavetank.plan.requirements import unplanned
 

@@ -21,17 +21,18 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import nnls
 
-from wavetank.build import Records, Waves, build_filters, build_observers, build_waves, initial_state
+from wavetank.arrays import Vector
 from wavetank.cache import places, writable
-from wavetank.clock import Clock
-from wavetank.hamiltonian.contract import Vector
+from wavetank.case import Scene
 from wavetank.integrators import INTEGRATORS
 from wavetank.observers.energy import Sink
 from wavetank.observers.record import Memory
 from wavetank.plan.error_model import Settings
 from wavetank.plan.trial import STEPS, WARM_UP, Stopwatch
-from wavetank.run import Run
-from wavetank.scene import Scene
+from wavetank.runs.build import Records, build_filters, build_observers, initial_state
+from wavetank.runs.clock import Clock
+from wavetank.runs.run import Run
+from wavetank.runs.waters import AnyWaves, build_waves
 
 FILE = "cost.json"  # of the cache
 FITTED, STEEPER = 0.1, 6.0  # the steepness that constants are fitted at, and what steeper waves cost
@@ -186,7 +187,7 @@ def _scene(kind: str, cells: int, order: int, n: int) -> Scene:
     )
 
 
-def _time_a_step(scene: Scene, waves: Waves, name: str, dt_omega_max: float) -> float:
+def _time_a_step(scene: Scene, waves: AnyWaves, name: str, dt_omega_max: float) -> float:
     """Return the CPU seconds of a step; the start values of the solves need some steps of history first."""
     dt, watch = dt_omega_max / waves.largest_frequency, Stopwatch()
     filters, records = build_filters(scene, waves, dt), Records(Memory(), Memory(), None)

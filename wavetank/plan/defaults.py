@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from wavetank.arrays import Vector
+from wavetank.case import BasinTank, Scene
+from wavetank.case.initial import StillWater
+from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.case.sponges import paddle_period
 from wavetank.errors import InputError
-from wavetank.hamiltonian.contract import Vector
 from wavetank.motions import AtRest
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.requirements import highest_frequency, looked_at, tapered
-from wavetank.reference import airy
-from wavetank.scene import BasinTank, Scene
-from wavetank.scene.initial import StillWater
-from wavetank.scene.numerics import HIGHEST_VERTICAL_ORDER
-from wavetank.scene.sponges import paddle_period
+from wavetank.theory import airy
 
 DEFAULT = 1e-2  # relative error of the elevation that a case gets which does not ask for another
 POWER = 0.99  # share of it that counts
@@ -119,9 +119,9 @@ def _through(scene: Scene) -> list[tuple[Vector, Vector, Vector]]:
     if not isinstance(scene.tank, BasinTank):
         x = np.linspace(0.0, scene.tank.length, POINTS, dtype=np.float64)
         return [(x, x, np.zeros_like(x))]
-    if scene.tank.plan.box is None:
+    if scene.tank.layout.box is None:
         return []
-    left, low, right, high = scene.tank.plan.box
+    left, low, right, high = scene.tank.layout.box
     x, y = (np.linspace(*ends, POINTS, dtype=np.float64) for ends in ((left, right), (low, high)))
     one, parts = np.ones(POINTS), [(n + 0.5) / LINES for n in range(LINES)]
     along = [(x, x, (low + part * (high - low)) * one) for part in parts]

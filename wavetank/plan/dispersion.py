@@ -26,11 +26,12 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import spherical_jn
 
+from wavetank.arrays import Vector
 from wavetank.fe.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_legendre
-from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.oscillators import OnOneRank
 from wavetank.integrators.contract import Integrator
-from wavetank.reference import airy
+from wavetank.theory import airy
 
 Complex = NDArray[np.complex128]
 

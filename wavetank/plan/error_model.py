@@ -25,11 +25,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.dispersion import BlochWaves, Cells, Mesh, step_errors
 from wavetank.plan.requirements import Requirements
-from wavetank.reference import airy
+from wavetank.theory import airy
 
 PRODUCTS = 6.3
 
@@ -57,7 +57,7 @@ class Settings:
     integrator: str
 
 
-class Part(NamedTuple):
+class ErrorPart(NamedTuple):
     """What space or time contributes to a component's error, shape (N,) each: phase [rad], and what is bounded."""
 
     phase: Vector
@@ -82,10 +82,10 @@ class ErrorModel:
         self._waves: dict[Cells, BlochWaves] = {}
         self._products: dict[Cells, Vector] = {}
 
-    def _part(self, frequency: Vector, bounded: Vector) -> Part:
+    def _part(self, frequency: Vector, bounded: Vector) -> ErrorPart:
         """Return the part of relative errors per component and harmonic, shape (N, M); ``nan`` is a wave lost."""
         frequency = np.minimum(np.nan_to_num(np.abs(frequency), nan=1.0), 1.0)
-        return Part(self._radians * (frequency @ self._weights), np.sqrt(bounded**2 @ self._ratios**2))
+        return ErrorPart(self._radians * (frequency @ self._weights), np.sqrt(bounded**2 @ self._ratios**2))
 
     def mesh(self, order: int, cells: int, vertical_order: int) -> Mesh:
         """Return the mesh of the tank."""
@@ -109,19 +109,19 @@ class ErrorModel:
         missing = np.sqrt(cells.truncation_error(self._k[:, 1:]) ** 2 @ self._ratios[1:] ** 2)
         return np.asarray(PRODUCTS * np.sqrt(self._required.steepness * self._radians) * missing)
 
-    def space(self, mesh: Mesh) -> Part:
+    def space(self, mesh: Mesh) -> ErrorPart:
         """Return what a mesh of this model contributes."""
         mu, profile = self._waves[mesh.cells]
         part = self._part(mesh.surface_frequency(mu) / self._exact - 1.0, profile)
         # Bound harmonics are forced, not free: of them the cells miss what the products have, not a mix of branches.
         return part._replace(bounded=np.hypot(profile[:, 0], self._products[mesh.cells]))
 
-    def time(self, integrator: str, dt: float) -> Part:
+    def time(self, integrator: str, dt: float) -> ErrorPart:
         """Return what a scheme contributes."""
         x = np.multiply.outer(self._required.waves.omega, self._m) * dt
         return self._part(*step_errors(INTEGRATORS[integrator](), x))
 
-    def total(self, *parts: Part) -> float:
+    def total(self, *parts: ErrorPart) -> float:
         """Return the predicted relative error of the elevation."""
         phase = np.minimum(self._slope * np.sum([part.phase for part in parts], axis=0), np.pi)
         bounded = np.minimum(np.sum([part.bounded for part in parts], axis=0), 1.0)

@@ -4,26 +4,26 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from wavetank.build import Waves
-from wavetank.clock import ROUNDING, Clock
+from wavetank.arrays import Vector
+from wavetank.case import Scene
+from wavetank.case.initial import StillWater
+from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.errors import InputError
 from wavetank.fe.held import misfit, rms
-from wavetank.hamiltonian.contract import Vector
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.defaults import DEFAULT
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.plan import own_plan
 from wavetank.plan.requirements import requirements
 from wavetank.plan.stroke_held import stroke_missed
-from wavetank.scene import Scene
-from wavetank.scene.initial import StillWater
-from wavetank.scene.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.runs.clock import ROUNDING, Clock
+from wavetank.runs.waters import AnyWaves
 
 LARGE = 0.1  # predicted relative error of the elevation
 HELD = 0.01  # what mesh and step may miss
 
 
-def forewarnings(scene: Scene, clock: Clock, waves: Waves) -> list[str]:
+def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves) -> list[str]:
     """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective."""
     return [*_predicted(scene), *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock), *_end(scene, clock)]
 
@@ -45,7 +45,7 @@ def _cure(kd: float) -> str:
     return f"waves as short against the depth (k d = {kd:.3g}) are the same in a tank that is less deep"
 
 
-def _bed(scene: Scene, waves: Waves) -> Iterator[str]:
+def _bed(scene: Scene, waves: AnyWaves) -> Iterator[str]:
     if scene.tank.bed is None:
         return
     missed, depth = misfit(waves.plane, scene.tank.bed.build())
@@ -54,7 +54,7 @@ def _bed(scene: Scene, waves: Waves) -> Iterator[str]:
         yield f"the mesh misses the bed by {off:.2g} of the depth: {_cells(waves)}"
 
 
-def _start(scene: Scene, waves: Waves) -> Iterator[str]:
+def _start(scene: Scene, waves: AnyWaves) -> Iterator[str]:
     if isinstance(scene.initial, StillWater):
         return
     for which, what in enumerate(("elevation", "surface potential")):
@@ -68,7 +68,7 @@ def _start(scene: Scene, waves: Waves) -> Iterator[str]:
             yield f"the mesh misses the initial {what} by {share:.2g} of it: {_cells(waves)}"
 
 
-def _cells(waves: Waves) -> str:
+def _cells(waves: AnyWaves) -> str:
     return f"cells of {waves.plane.cell_size:.3g} m are too large for it"
 
 

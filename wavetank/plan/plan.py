@@ -18,18 +18,18 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.build import build_clock
-from wavetank.clock import ROUNDING, Clock
+from wavetank.case import LinearWater, NonlinearWater, Physics, Scene
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.motions import Recorded
-from wavetank.noun import Problem, SceneError
 from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
 from wavetank.plan.dispersion import Mesh
-from wavetank.plan.error_model import ErrorModel, Part, Settings
+from wavetank.plan.error_model import ErrorModel, ErrorPart, Settings
 from wavetank.plan.requirements import Requirements, requirements
 from wavetank.plan.stroke_held import stroke_missed
-from wavetank.scene import LinearWater, NonlinearWater, Physics, Scene
+from wavetank.runs.build import build_clock
+from wavetank.runs.clock import ROUNDING, Clock
+from wavetank.values.noun import Problem, SceneError
 from wavetank.water.edge_penalty import NEEDED
 
 ORDERS = (2, 3, 4, 5)
@@ -298,7 +298,7 @@ class _Steps:
         divided = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
         self._given = given is not None
         self._dt = np.sort([*divided, *self._of_rows()])[::-1] if given is None else np.array([given])
-        self._parts: dict[tuple[str, int], Part] = {}
+        self._parts: dict[tuple[str, int], ErrorPart] = {}
         self._missed: dict[tuple[str, float], float] = {}
 
     def _of_rows(self) -> list[float]:
@@ -328,12 +328,12 @@ class _Steps:
             self._missed[name, dt] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
         return self._missed[name, dt]
 
-    def _part(self, name: str, i: int) -> Part:
+    def _part(self, name: str, i: int) -> ErrorPart:
         if (name, i) not in self._parts:
             self._parts[name, i] = self._errors.time(name, float(self._dt[i]))
         return self._parts[name, i]
 
-    def largest(self, name: str, limit: float, space: Part) -> float | None:
+    def largest(self, name: str, limit: float, space: ErrorPart) -> float | None:
         """Return the largest step below ``limit`` [s] that is accurate and holds the motion; None if there is none."""
         low = int(np.searchsorted(-self._dt, -limit))
         high = self._dt.size

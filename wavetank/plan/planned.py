@@ -6,13 +6,13 @@ from typing import NamedTuple
 
 from mpi4py import MPI
 
+from wavetank.case import BasinTank, Scene
 from wavetank.errors import InputError
 from wavetank.fe.agreed import from_first
 from wavetank.meshes import MeshFile
-from wavetank.noun import SceneError
 from wavetank.plan.defaults import DEFAULT, resolved
 from wavetank.plan.plan import Plan, UnreachableError, make_plan
-from wavetank.scene import BasinTank, Scene
+from wavetank.values.noun import SceneError
 
 LESS = (0.03, 0.1)  # accuracies that are tried where the default one cannot be had
 
@@ -76,8 +76,8 @@ def mesh_told(asked: Scene, scene: Scene) -> Iterator[None]:
 def _origin(asked: Scene, scene: Scene) -> str:
     """Return where the cells come from, and what names others."""
     numerics, cells = asked.numerics, f"its cells of {scene.cell_size:.3g} m"
-    if isinstance(asked.tank, BasinTank) and isinstance(asked.tank.plan, MeshFile):
-        return "its cells are those of the file that tank.plan names"
+    if isinstance(asked.tank, BasinTank) and isinstance(asked.tank.layout, MeshFile):
+        return "its cells are those of the file that tank.layout names"
     if named := next((key for key in ("cells", "cell_size") if getattr(numerics, key) is not None), ""):
         return f"its cells are those of numerics.{named} = {getattr(numerics, named):g}"
     if numerics.accuracy is not None:

@@ -26,14 +26,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank import scene as nouns
+from wavetank import case as nouns
+from wavetank.arrays import Vector
+from wavetank.case import Physics, Scene
+from wavetank.case.sponges import AT_ONCE
 from wavetank.errors import InputError
-from wavetank.hamiltonian.contract import Vector
 from wavetank.motions import AtRest, Motion, Recorded, SegmentedMotion
-from wavetank.reference import airy, standing_wave, wavemaker
-from wavetank.reference.conformal import SteadyWave
-from wavetank.scene import Physics, Scene
-from wavetank.scene.sponges import AT_ONCE
+from wavetank.theory import airy, standing_wave, wavemaker
+from wavetank.theory.conformal import SteadyWave
 
 FREE = 1 / 3  # of k a: what a piston's free second harmonic has beyond the bound one; at k d = 3 both are 0.83 k a
 MOST_COMPONENTS = 40
@@ -67,7 +67,7 @@ class Components(NamedTuple):
     age: Vector
 
 
-class Waves(NamedTuple):
+class SceneWaves(NamedTuple):
     """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one."""
 
     components: Components
@@ -218,7 +218,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         measured=motion if isinstance(motion, Recorded) else None,
         physics=physics,
         reasons=(
-            f"plan view: a {tank.type}, the scene has one horizontal dimension.",
+            f"footprint: a {tank.type}, the scene has one horizontal dimension.",
             f"bed: flat, the depth is {tank.depth:g} m everywhere; k d = {k * tank.depth:.3g}.",
             _physics_reason(scene, accuracy, k * crest, second, phase),
             _wall_reason(scene),
@@ -284,7 +284,7 @@ def _end_reason(scene: Scene, waves: Components) -> str:
 
 
 # ---------------------------------------------------------------- the waves
-def _all_waves(scene: Scene, accuracy: float) -> Waves:
+def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
     found = STARTS[type(scene.initial)](scene.initial, scene)
     motion = scene.motion()
     if isinstance(motion, Motion) and not isinstance(motion, AtRest):
@@ -293,12 +293,12 @@ def _all_waves(scene: Scene, accuracy: float) -> Waves:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
     parts = zip(*(waves.components for waves in found), strict=True)
     form = next((waves.form for waves in found), None)
-    return Waves(Components(*(np.concatenate(part) for part in parts)), sum(waves.crest for waves in found), form)
+    return SceneWaves(Components(*(np.concatenate(part) for part in parts)), sum(waves.crest for waves in found), form)
 
 
-def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[Waves]:
+def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
     tank = scene.tank
-    exact = standing_wave.StandingWave(
+    exact = standing_wave.ThirdOrderStandingWave(
         amplitude=wave.amplitude, length=tank.length, depth=tank.depth, gravity=tank.gravity, modes=(wave.mode, 0)
     )
     in_time = exact.elevation_coefficients[:, 0, :] * [1.0, *3 * [np.sqrt(0.5)]]  # for means over a period
@@ -309,21 +309,21 @@ def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[Waves]:
     excess = exact.frequency_shift * wave.amplitude**2 / exact.linear_frequency
     crest = 2 * float(exact.elevation_coefficients.sum()) - wave.amplitude
     form = Form(ratios, _crest_velocity(float(k[0]), wave.amplitude, scene), excess, crest)
-    return [Waves(components, wave.amplitude, form)]
+    return [SceneWaves(components, wave.amplitude, form)]
 
 
-def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[Waves]:
+def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[SceneWaves]:
     return [_steady_waves(wave.wave(scene.tank), scene.tank.length / wave.waves, scene)]
 
 
-def _solitary_wave(wave: nouns.SolitaryWave, scene: Scene) -> list[Waves]:
+def _solitary_wave(wave: nouns.SolitaryWave, scene: Scene) -> list[SceneWaves]:
     exact = wave.wave(scene.tank)
     x = scene.tank.depth * np.linspace(0.0, FARTHEST, POINTS)
     half = float(x[np.flatnonzero(exact.surface(x)[0] > TAIL * wave.height)[-1]])
     return [_steady_waves(exact, 2 * half, scene)]
 
 
-def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> Waves:
+def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> SceneWaves:
     """Return a wave of permanent form by its harmonics in a window of a length [m] around its crest."""
     tank, k = scene.tank, np.array([2 * np.pi / length])
     places = length / POINTS * np.arange(POINTS)
@@ -334,7 +334,7 @@ def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> Waves:
     excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
     components = Components(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
     form = Form(amplitudes[: max(kept, 2)] / amplitudes[0], velocity, excess, float(eta.max()))
-    return Waves(components, form.crest, form)
+    return SceneWaves(components, form.crest, form)
 
 
 class _Lines(NamedTuple):
@@ -345,7 +345,7 @@ class _Lines(NamedTuple):
     elevation: NDArray[np.complex128]
 
 
-def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> Waves:
+def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     lines = _lines(scene, motion)
     waves = lines.omega <= _highest(scene.wall, lines, accuracy)
     omega, amplitude = _gathered(lines.omega[waves], np.abs(lines.elevation[waves]), 0.05 * accuracy**2)
@@ -353,7 +353,7 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> Waves:
     age, share = _age(scene, k)
     seen = share > 0.0
     parts = (k[seen], omega[seen], (amplitude * np.sqrt(share))[seen], age[seen])
-    return Waves(Components(*parts), _crest(scene, lines))
+    return SceneWaves(Components(*parts), _crest(scene, lines))
 
 
 def highest_frequency(scene: Scene, accuracy: float) -> float:
@@ -436,7 +436,7 @@ def _age(scene: Scene, k: Vector) -> tuple[Vector, Vector]:
     return np.maximum(age, 0.0), np.where(age >= 0.0, 1.0 - np.maximum(age, 0.0) / duration, 0.0)
 
 
-STARTS: dict[type[Any], Callable[[Any, Scene], list[Waves]]] = {  # that a plan knows, and their waves
+STARTS: dict[type[Any], Callable[[Any, Scene], list[SceneWaves]]] = {  # that a plan knows, and their waves
     nouns.StillWater: lambda initial, scene: [],
     nouns.StandingWave: _standing_wave,
     nouns.StreamFunctionWave: _periodic_waves,

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 TOGETHER, BLOCKS = 500, 8  # steps in a row over which it is added up, and of a longer run how many such rows
 

@@ -8,15 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.build import Records, Waves, build_observers, build_run, summary
-from wavetank.clock import Clock
-from wavetank.memory import peak_memory
+from wavetank.case import Scene
 from wavetank.observers.contract import Moment
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
-from wavetank.reference import airy, wavemaker
-from wavetank.run import Run
-from wavetank.scene import Scene
+from wavetank.runs.build import Records, build_observers, build_run, summary
+from wavetank.runs.clock import Clock
+from wavetank.runs.memory import peak_memory
+from wavetank.runs.run import Run
+from wavetank.runs.waters import AnyWaves
+from wavetank.theory import airy, wavemaker
 
 STEEPEST = 0.2  # k a, and a over the depth: steeper waves, which may break, are no measure
 TIMES = 1001  # of the second half of a run at which its paddle is looked at
@@ -93,7 +94,7 @@ def trial(scene: Scene, comm: MPI.Comm) -> Trial:
     return Trial(line, steps, comm.allreduce(each.cpu, op=MPI.MAX), each.solves, comm.allreduce(peak_memory()))
 
 
-def _fill(run: Run, scene: Scene, waves: Waves) -> None:
+def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:
     """Put regular waves as the paddle makes them at its period into the tank, when it moves fast; collective.
 
     That is what steps cost later; where it stands still the waves are those of the start. They are linear, on the mean

@@ -9,10 +9,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from wavetank.case import LinearWater, Scene, StandingWave, StreamFunctionWave
 from wavetank.errors import InputError
-from wavetank.reference.airy import angular_frequency
-from wavetank.reference.conformal import SteadyWave
-from wavetank.scene import LinearWater, Scene, StandingWave, StreamFunctionWave
+from wavetank.theory.airy import angular_frequency
+from wavetank.theory.conformal import SteadyWave
 
 Array = NDArray[np.float64]
 

@@ -17,10 +17,10 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.optimize import minimize_scalar
 
+from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.postprocess.compare import matched
-from wavetank.rundir import RunDirectory, Surface
-from wavetank.scene import Scene
+from wavetank.records.directory import RunDirectory, Surface
 from wavetank.study.exact import Array, ExactSolution, exact_solution
 
 SURFACE, GAUGES, PHASE, CREST = "surface error [-]", "gauge error [-]", "phase error [rad]", "crest error [-]"

@@ -8,10 +8,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from wavetank.case_file import read_case
+from wavetank.case import Scene
+from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.case.reading import read_case
 from wavetank.integrators import INTEGRATORS
-from wavetank.scene import Scene
-from wavetank.scene.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.study.sweep import Combination
 
 TIGHTEST = 1e-12  # tolerance; round-off is near

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 
 CREST, CREST_PLACE, CREST_TIME = "highest crest [m]", "crest's place x [m]", "crest's time [s]"
 TROUGH = "deepest trough [m]"

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from wavetank.errors import InputError, RunError
-from wavetank.run_place import Place
-from wavetank.rundir import MANIFEST, RunDirectory
+from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.place import Place
 from wavetank.study.sweep import Combination
 
 Status = Literal["finished", "failed", "refused"]

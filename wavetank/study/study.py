@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from wavetank.errors import InputError, RunError
-from wavetank.rundir import RunDirectory
+from wavetank.records.directory import RunDirectory
 from wavetank.study.drawing import draw_study
 from wavetank.study.measures import ExactReference, Reference, RunReference
 from wavetank.study.refinement import finest, refined, same_but_numerics

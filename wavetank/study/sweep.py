@@ -8,10 +8,10 @@ from itertools import product
 from pathlib import Path
 from urllib.parse import quote
 
-from wavetank.case_file import read_case
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.noun import Noun
-from wavetank.scene import Scene
+from wavetank.values.noun import Noun
 
 SHORT_NAMES = {
     "dt": "numerics.dt",

@@ -12,11 +12,11 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from wavetank.arrays import Vector
 from wavetank.errors import InputError
 from wavetank.fe.agreed import agreed
 from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.contract import Vector
 
 Depth = Callable[[Vector, Vector], Vector]  # d [m] at places x, y [m], all of shape (N,)
 INSTANT = 1e-4  # s; for the rate of the depth by central differences, exact to 1e-8 for walls of metres a second

@@ -1,6 +1,6 @@
 """Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 from wavetank.hamiltonian.stage_solver import ITERATES
 from wavetank.water.short_waves import ShortWaves
 from wavetank.water.waves import NonlinearWaves

@@ -18,8 +18,8 @@ from collections.abc import Sequence
 import numpy as np
 import ufl
 
+from wavetank.arrays import Vector
 from wavetank.errors import RunError
-from wavetank.hamiltonian.contract import Vector
 from wavetank.water.crests import Profile, SteepCrest, steep_crests
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow

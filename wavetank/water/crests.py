@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import trapezoid
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 
 LEAST = 0.05  # of all that lies between the lowest and the highest surface: less is a ripple, neither crest nor trough
 

@@ -17,7 +17,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves

@@ -5,7 +5,7 @@ derivative w = d phi / d zeta has, per unit of zeta (docs/method.md, section 2)
 
     e(u, w; zeta) = 1/2 { J h |grad u - (zeta grad h - grad d) w / h|^2 + J w^2 / h }
 
-with the physical horizontal gradient. The kinetic energy is its integral over zeta and the plan, the potential energy
+with the physical horizontal gradient. The kinetic energy is its integral over zeta and the mesh, the potential energy
 is 1/2 g int J eta^2 dX.
 """
 

@@ -26,40 +26,41 @@ import scipy.sparse as sparse
 import ufl
 from dolfinx import fem
 
+from wavetank.arrays import Vector
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Stage, StageSolver, Vector
+from wavetank.hamiltonian.contract import Stage, StageSolver
 from wavetank.hamiltonian.stage_solver import Preconditioner, SnesStageSolver, StageCounters, identity
 from wavetank.motions import AtRest, Motion
 from wavetank.water.bed import Depth, FlatBed, bed_of
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.potential import InteriorPotential, SolveCounters
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
-from wavetank.water.walls import FixedWall, Paddle
+from wavetank.water.walls import Side, StillWall
 from wavetank.water.waves import Energies
 
 COUPLED_TOLERANCE = 1e-12  # of stages that are solved together; all others are solved exactly
 
 
-class LinearPiston(FixedWall):
+class LinearPiston(StillWall):
     """A piston of small stroke: the wall stays where it is, and what the paddle displaces flows through it.
 
     Parameters
     ----------
     motion
         X_p(t) with its exact derivatives.
-    paddle
+    side
         Where the wall is.
     """
 
-    def __init__(self, motion: Motion, *, plane: Plane, paddle: Paddle):
+    def __init__(self, motion: Motion, *, plane: Plane, side: Side):
         super().__init__()
         self.motion = motion
-        self.paddle = ufl.ds(domain=plane.mesh, subdomain_data=paddle.facets)(1)
+        self.side = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
 
 
 class LinearWaves:
@@ -86,7 +87,7 @@ class LinearWaves:
         plane: Plane,
         *,
         depth: float | Depth,
-        wall: FixedWall | LinearPiston,
+        wall: StillWall | LinearPiston,
         vertical_order: int,
         gravity: float = 9.81,
         tolerance: float = 1e-12,
@@ -126,7 +127,7 @@ class LinearWaves:
         if not isinstance(self.wall, LinearPiston):
             return np.zeros((self.plane.owned, components))
         phi = self.plane.layered_function(components, "potential").function
-        form = ufl.derivative(still.wall_flux(phi, self.vertical) * self.wall.paddle, phi)
+        form = ufl.derivative(still.wall_flux(phi, self.vertical) * self.wall.side, phi)
         return VectorForm(form).assemble().reshape(-1, components)
 
     # ------------------------------------------------------------------------------------------ the state's flow

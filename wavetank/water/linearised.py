@@ -8,7 +8,7 @@ A steep wave carries short ones along, so that their frequency is shifted by the
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 from wavetank.water.still_water import krylov_projection, scales
 from wavetank.water.waves import NonlinearWaves
 

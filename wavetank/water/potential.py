@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 from petsc4py import PETSc
 
+from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.modes import DecoupledModes, choose_factorisation
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.recall import Recall
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Vector
 
 
 @dataclass

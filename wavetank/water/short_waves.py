@@ -7,7 +7,7 @@ the cells there oscillate faster than on still water, and it is there that a ste
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.hamiltonian.contract import Vector
+from wavetank.arrays import Vector
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
@@ -33,14 +33,14 @@ class ShortWaves:
 
 def _widths(waves: NonlinearWaves) -> Vector:
     """Return the narrowest extent of each cell of this rank [m], shape (cells,): of a square one its side."""
-    plan = waves.plane.mesh
-    dim = plan.topology.dim
-    plan.topology.create_connectivity(dim, dim)
-    cells = np.arange(plan.topology.index_map(dim).size_local, dtype=np.int32)
-    longest = plan.h(dim, cells)
+    horizontal = waves.plane.mesh
+    dim = horizontal.topology.dim
+    horizontal.topology.create_connectivity(dim, dim)
+    cells = np.arange(horizontal.topology.index_map(dim).size_local, dtype=np.int32)
+    longest = horizontal.h(dim, cells)
     if dim == 1:
         return np.asarray(longest)
-    corners = plan.geometry.x[plan.geometry.dofmap[: cells.size]][:, :, :2]
+    corners = horizontal.geometry.x[horizontal.geometry.dofmap[: cells.size]][:, :, :2]
     return np.asarray(np.sqrt(2) * _areas(corners) / longest)
 
 

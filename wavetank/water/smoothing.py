@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import ufl
 
+from wavetank.arrays import Vector
 from wavetank.fe.mass import HorizontalMatrix
-from wavetank.hamiltonian.contract import Vector
 from wavetank.water.waves import NonlinearWaves
 
 

@@ -14,9 +14,9 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from wavetank.arrays import Vector
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.contract import Vector
 
 POWER = 2
 

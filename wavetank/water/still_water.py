@@ -8,16 +8,17 @@ from typing import Protocol
 
 import numpy as np
 
+from wavetank.arrays import Vector
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Stage, Vector
+from wavetank.hamiltonian.contract import Stage
 from wavetank.water.bed import Bed
 
 
-class Waves(Protocol):
+class WavesOverStillWater(Protocol):
     """What is asked of waves: their space, their matrices and their flow.
 
     Attributes
@@ -48,7 +49,7 @@ class StillWaterWaves:
     the interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
     """
 
-    def __init__(self, waves: Waves):
+    def __init__(self, waves: WavesOverStillWater):
         self._waves, self._still = waves, waves.still_matrices
         self._solvers: dict[float, tuple[ModeSolver, Vector]] = {}
 
@@ -72,7 +73,7 @@ class StillWaterWaves:
         return np.concatenate([mass.apply(r_psi - psi) / (a * g), psi])
 
 
-def scales(waves: Waves) -> tuple[Vector, Vector]:
+def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
     """Return the sizes of Q and psi, shape (owned,) each, that belong to a metre of elevation; collective."""
     diagonal = waves.mass.diagonal()
     area = waves.plane.sum(waves.mass.apply(np.ones(waves.plane.owned)))
@@ -80,7 +81,7 @@ def scales(waves: Waves) -> tuple[Vector, Vector]:
     return column, np.full(waves.plane.owned, float(np.sqrt(waves.gravity * waves.depth)))
 
 
-def largest_frequency(waves: Waves) -> float:
+def largest_frequency(waves: WavesOverStillWater) -> float:
     """Return the largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
     still = waves.mass.apply(np.zeros(waves.plane.owned) + waves.bed.still)
     rest = waves.H_p(still, np.zeros(waves.plane.owned), 0.0)

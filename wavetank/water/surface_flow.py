@@ -10,9 +10,9 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
+from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_expression
 from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.contract import Vector
 from wavetank.water.crests import Profile
 from wavetank.water.walls import Wall, one_time
 

@@ -10,9 +10,9 @@ import ufl
 from dolfinx import fem, la
 from scipy.interpolate import barycentric_interpolate
 
+from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_expression
 from wavetank.fe.plane import LayeredField
-from wavetank.hamiltonian.contract import Vector
 from wavetank.water.waves import NonlinearWaves
 
 

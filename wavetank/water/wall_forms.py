@@ -16,10 +16,10 @@ from typing import Any, Protocol
 import numpy as np
 import ufl
 
+from wavetank.arrays import Vector
 from wavetank.fe.forms import ScalarForm, VectorForm, taylor_coefficient
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Vector
 from wavetank.water.bed import Bed
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.walls import Piston, Wall

@@ -21,8 +21,8 @@ import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
 
+from wavetank.arrays import Vector
 from wavetank.fe.plane import Field, Plane
-from wavetank.hamiltonian.contract import Vector
 from wavetank.motions import Motion, SegmentedMotion
 from wavetank.motions.mapping import largest_stroke, share, unmapped
 
@@ -70,7 +70,7 @@ class Wall(Mapping, Protocol):
         """Return the physical places of reference ones, (x, y) [m], shape (N, 2), for the wall as it stands."""
 
 
-class FixedWall:
+class StillWall:
     """A wall that stands still: the identity."""
 
     moves = False
@@ -96,7 +96,7 @@ class FixedWall:
         return places
 
 
-class Paddle(NamedTuple):
+class Side(NamedTuple):
     """A straight wall that can move.
 
     Attributes
@@ -203,9 +203,9 @@ class SegmentedTravel:
         A field of the horizontal space.
     """
 
-    def __init__(self, motion: SegmentedMotion, *, plane: Plane, paddle: Paddle, s: Field):
+    def __init__(self, motion: SegmentedMotion, *, plane: Plane, side: Side, s: Field):
         self._motion, self._t, self._s = motion, np.nan, s.owned.copy()
-        self._y, self._place = np.unique(np.round(paddle.along(plane.places), 9), return_inverse=True)
+        self._y, self._place = np.unique(np.round(side.along(plane.places), 9), return_inverse=True)
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''")]
         self.position, self.speed, self.acceleration = (field.function for field in self._fields)
 
@@ -271,25 +271,25 @@ class Piston:
     reach
         Where the mapping has died out [m]; of the vertices up to there the farthest is taken, so that s is
         smooth within cells on meshes with a row of vertices there.
-    paddle
+    side
         Where the wall is.
     """
 
     moves = True
 
-    def __init__(self, motion: Motion | SegmentedMotion, *, plane: Plane, reach: float, paddle: Paddle):
-        self.paddle, self._plane = paddle, plane
+    def __init__(self, motion: Motion | SegmentedMotion, *, plane: Plane, reach: float, side: Side):
+        self.side, self._plane = side, plane
         vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
-        self.reach = self._last(paddle.distances(plane.chart.places(vertices)), reach)
+        self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
         s = plane.function("s")
-        s.set(self._share(paddle.distances(plane.places)))
+        s.set(self._share(side.distances(plane.places)))
         self.travel: Travel = (
             UniformTravel(motion, plane=plane, s=s)
             if isinstance(motion, Motion)
-            else SegmentedTravel(motion, plane=plane, paddle=paddle, s=s)
+            else SegmentedTravel(motion, plane=plane, side=side, s=s)
         )
-        self.axis = ufl.as_vector([float(part) for part in paddle.normal[: plane.mesh.geometry.dim]])
-        self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=paddle.facets)(1)
+        self.axis = ufl.as_vector([float(part) for part in side.normal[: plane.mesh.geometry.dim]])
+        self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
         self._mapping = self.after(0.0)
         self.J = self._mapping.J
         self.set_time(0.0)
@@ -339,17 +339,17 @@ class Piston:
 
     def to_reference(self, places: Vector) -> Vector:
         """Return X with X + a s(X) X_p = x, places of shape (N, 2) [m]."""
-        positions = self.travel.positions(self.paddle.along(places))
-        distances = self.paddle.distances(places)
+        positions = self.travel.positions(self.side.along(places))
+        distances = self.side.distances(places)
         back = self.reach * unmapped(np.asarray(distances / self.reach), np.asarray(positions / self.reach))
-        return np.asarray(places + np.outer(back - distances, self.paddle.normal))
+        return np.asarray(places + np.outer(back - distances, self.side.normal))
 
     def to_physical(self, places: Vector) -> Vector:
         """Return X + a s(X) X_p, places of shape (N, 2) [m]."""
-        shift = self._share(self.paddle.distances(places)) * self.travel.positions(self.paddle.along(places))
-        return np.asarray(places + np.outer(shift, self.paddle.normal))
+        shift = self._share(self.side.distances(places)) * self.travel.positions(self.side.along(places))
+        return np.asarray(places + np.outer(shift, self.side.normal))
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return a s X_p' at reference places [m/s], shape (N, 2)."""
-        speeds = self._share(self.paddle.distances(places)) * self.travel.speeds(self.paddle.along(places))
-        return np.asarray(np.outer(speeds, self.paddle.normal))
+        speeds = self._share(self.side.distances(places)) * self.travel.speeds(self.side.along(places))
+        return np.asarray(np.outer(speeds, self.side.normal))

@@ -17,13 +17,13 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
+from wavetank.arrays import Vector
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Vector
 from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.energy import WaterEnergy

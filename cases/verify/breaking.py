@@ -1,0 +1,284 @@
+"""Sound waves of which none may be taken for a breaking one, and breaking ones of which none may be missed.
+
+Each is a case as a user would write it.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+from scipy.integrate import solve_ivp
+
+from wavetank.case import Scene
+from wavetank.errors import RunError
+from wavetank.observers.contract import Moment
+from wavetank.observers.schedule import EverySteps
+from wavetank.runs.build import breaking_watch, build_run
+from wavetank.theory.solitary_wave import solitary_wave
+from wavetank.verify.report import Report
+from wavetank.verify.steepness import scene as ring
+from wavetank.water.breaking import STEEP, BreakingWatch
+from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.waves import NonlinearWaves
+
+SOLITARY = (0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6)  # H/d
+
+
+class Case(NamedTuple):
+    """A scene, and whether its waves break."""
+
+    name: str
+    breaks: bool
+    scene: Scene
+
+
+class Row(NamedTuple):
+    """A case, whether its waves break, the largest B of a steep and swift crest, when and where, and what was said."""
+
+    name: str
+    breaks: bool
+    largest: float
+    t: float
+    x: float
+    stopped: str
+
+
+class LargestB:
+    """Observes the largest B = u/c of all crests that could be breaking.
+
+    Attributes
+    ----------
+    found
+        (B, t [s], x [m]).
+    """
+
+    def __init__(self, watch: BreakingWatch):
+        self.schedule, self._watch, self.found = EverySteps(), watch, (0.0, 0.0, 0.0)
+
+    def observe(self, moment: Moment) -> None:
+        """Look at the surface; collective."""
+        for crest in self._watch.look(moment.q, moment.p, moment.t):
+            if crest.front > STEEP:
+                self.found = max(self.found, (crest.overtaking, moment.t, crest.x))
+
+
+def row(case: Case) -> Row:
+    """Run a case until it stops."""
+    run, waves = build_run(case.scene, MPI.COMM_SELF)
+    assert isinstance(waves, NonlinearWaves)
+    largest = LargestB(breaking_watch(case.scene, waves, SurfaceFlow(waves)))
+    run.observers.append(largest)
+    stopped = ""
+    try:
+        run.execute()
+    except RunError as error:
+        stopped = str(error)
+    return Row(case.name, case.breaks, *largest.found, stopped)
+
+
+def write(report: Report) -> None:
+    """Write breaking.csv."""
+    report.table("breaking", Row._fields, (row(case) for case in cases(report.folder)))
+
+
+def cases(folder: Path) -> Iterator[Case]:
+    """Yield all cases; files of recorded motions are written to the folder."""
+    for kd in (0.5, 1.0, 3.0, 8.0):
+        for steepness in (0.5, 0.8, 0.95):
+            yield Case(f"ring-{kd:g}-{100 * steepness:.0f}", False, ring(kd, steepness, periods=1.0))
+    for height in SOLITARY:
+        yield Case(f"run-up-{height:g}", False, run_up(height))
+    for jump in (0.1, 0.2, 0.3):
+        yield Case(f"bore-{100 * jump:.0f}", False, bore(jump, duration=12.0))
+    yield Case("bar-2.02", False, bar(height=0.02, period=2.02, duration=16.0))
+    yield Case("bar-1.01", False, bar(height=0.041, period=1.01, duration=16.0))
+    yield Case("piston-solitary", False, piston_solitary(0.27, folder))
+    yield Case("current-with", False, current(0.5, steepness=0.25))
+    yield Case("current-against", False, current(-0.5, steepness=0.25))
+    yield Case("ripples", False, current(0.5, steepness=0.02))
+    yield Case("standing", False, standing(0.3))
+    yield Case("collision", False, collision(0.4))
+    yield Case("coarse", False, coarse())
+    for amplitude, breaks in ((0.12, False), (0.14, False), (0.16, True)):
+        yield Case(f"group-{amplitude:g}", breaks, group(amplitude))
+    for jump in (0.5, 0.7):
+        yield Case(f"surge-{100 * jump:.0f}", True, surge(jump))
+    for height in (0.2, 0.4):
+        yield Case(f"beach-{height:g}", True, beach(height))
+    for steepness in (0.5, 0.6):
+        yield Case(f"over-steep-{steepness:g}", True, over_steep(steepness))
+    yield Case("bar-steep", True, bar(height=0.16, period=2.02, duration=16.0))
+
+
+def _scene(**parts: Any) -> Scene:
+    numerics = {"vertical_order": 5, **parts.pop("numerics", {})}
+    return Scene.model_validate({**parts, "numerics": numerics})
+
+
+def run_up(height: float) -> Scene:
+    """Return a solitary wave that runs up a wall and comes back."""
+    initial = {"type": "solitary-wave", "height": height, "x": 10.0}
+    return _scene(tank={"length": 20.0, "depth": 1.0}, initial=initial, run={"duration": 6.0})
+
+
+def bore(jump: float, *, duration: float) -> Scene:
+    """Return a bore from a smooth step of so many depths, the water behind it moving."""
+    h_1 = 1.0 + jump
+    speed = np.sqrt(9.81 * (h_1 + 1.0) / (2.0 * h_1)) * jump
+    step = {"z": "(x - 25) / 5"}
+    initial = {
+        "type": "formula",
+        "where": step,
+        "eta": f"{jump / 2:.16g} * (1 - tanh(z))",
+        "psi": f"{speed / 2:.16g} * 5 * (z - log(cosh(z)))",
+    }
+    return _scene(tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": duration})
+
+
+def surge(jump: float) -> Scene:
+    """Return a long hump of so many depths that travels to the right, a bore at its front."""
+    speed = np.sqrt(9.81 * (jump + 2.0) / (2.0 * (jump + 1.0))) * jump
+    where = {"a": "(x - 10) / 5", "b": "(x - 35) / 5"}
+    initial = {
+        "type": "formula",
+        "where": where,
+        "eta": f"{jump / 2:.16g} * (tanh(a) - tanh(b))",
+        "psi": f"{speed / 2:.16g} * 5 * (log(cosh(a)) - log(cosh(b)))",
+    }
+    return _scene(tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": 12.0}, numerics={"dt": 0.0125})
+
+
+def bar(*, height: float, period: float, duration: float) -> Scene:
+    """Return regular waves over a bar from 0.4 m to 0.1 m of depth, as Beji and Battjes had them."""
+    omega = 2 * np.pi / period
+    kd = _kd(omega**2 * 0.4 / 9.81)
+    transfer = 2 * np.sinh(kd) ** 2 / (np.sinh(kd) * np.cosh(kd) + kd)  # H / stroke
+    motion = {"type": "sinusoid", "amplitude": height / transfer / 2, "period": period}
+    bed = {"type": "formula", "depth": "0.4 - 0.3 * clip((x - 6) / 6, 0, 1) + 0.3 * clip((x - 14) / 3, 0, 1)"}
+    return _scene(
+        tank={"length": 25.0, "depth": 0.4, "bed": bed},
+        wall={"type": "piston", "motion": motion},
+        sponge={"type": "end", "length": 5.0},
+        run={"duration": duration},
+        numerics={"cell_size": 0.1},
+    )
+
+
+def _kd(deep: float) -> float:
+    """Return kd with kd tanh kd = omega² d / g."""
+    kd = max(deep, np.sqrt(deep))
+    for _ in range(60):
+        kd -= (kd * np.tanh(kd) - deep) / (np.tanh(kd) + kd / np.cosh(kd) ** 2)
+    return float(kd)
+
+
+def piston_solitary(height: float, folder: Path) -> Scene:
+    """Return a solitary wave from a piston whose motion, Goring's, stands in a file."""
+    wave = solitary_wave(height, depth=1.0)
+
+    def speed(t: float, position: Any) -> Any:
+        eta, _ = wave.surface(position - wave.speed * (t - 3.0))
+        return wave.speed * eta / (1.0 + eta)
+
+    t = np.linspace(0.0, 12.0, 1201)
+    found = solve_ivp(speed, (0.0, 12.0), [0.0], t_eval=t, rtol=1e-10, atol=1e-12)
+    path = folder / f"piston-{height:g}.txt"
+    np.savetxt(path, np.column_stack([t, found.y[0]]))
+    return _scene(
+        tank={"length": 30.0, "depth": 1.0},
+        wall={"type": "piston", "motion": {"type": "recorded", "position": str(path)}},
+        run={"duration": 9.0},
+    )
+
+
+def current(speed: float, *, steepness: float) -> Scene:
+    """Return a group of deep-water waves on a stretch of water that moves [m/s]."""
+    k = 4.0
+    omega, a = np.sqrt(9.81 * k * np.tanh(k)), steepness / k
+    envelope = "exp(-((x - 15) / 3)**2)"
+    plateau = f"{speed / 2:.16g} * (5 * (log(cosh((x - 7) / 5)) - log(cosh((x - 33) / 5))))"
+    initial = {
+        "type": "formula",
+        "eta": f"{a:.16g} * {envelope} * cos({k} * x)",
+        "psi": f"{plateau} + {a * 9.81 / omega:.16g} * {envelope} * sin({k} * x)",
+    }
+    return _scene(
+        tank={"length": 40.0, "depth": 1.0}, initial=initial, run={"duration": 6.0}, numerics={"cell_size": 0.15}
+    )
+
+
+def standing(steepness: float) -> Scene:
+    """Return a steep standing wave with a crest in the middle of its tank."""
+    initial = {"type": "standing-wave", "amplitude": steepness / np.pi, "mode": 4}
+    return _scene(tank={"length": 4.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
+
+
+def collision(height: float) -> Scene:
+    """Return two solitary-like waves that meet in the middle."""
+    wave = solitary_wave(height, depth=1.0)
+    k = np.sqrt(0.75 * height)
+    eta = f"{height} * (1 / cosh({k} * (x - 10))**2 + 1 / cosh({k} * (x - 20))**2)"
+    psi = f"{wave.speed * height / k / (1 + height / 2):.16g} * (tanh({k} * (x - 10)) - tanh({k} * (x - 20)))"
+    initial = {"type": "formula", "eta": eta, "psi": psi}
+    return _scene(tank={"length": 30.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
+
+
+def coarse() -> Scene:
+    """Return regular waves over cells of a quarter of a wave."""
+    wall = {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.0242, "period": 1.0, "ramp": 4.0}}
+    return _scene(
+        tank={"length": 10.0, "depth": 0.45},
+        wall=wall,
+        sponge={"type": "end", "length": 3.5},
+        run={"duration": 10.0},
+        numerics={"cell_size": 0.4, "order": 4, "vertical_order": 4, "dt": 0.04},
+    )
+
+
+def group(amplitude: float) -> Scene:
+    """Return the focused group of ``cases/focusing.toml`` with another amplitude [m]."""
+    motion = {
+        "type": "wave-group",
+        "amplitude": amplitude,
+        "focus_x": 10.0,
+        "focus_time": 20.0,
+        "lowest_frequency": 0.4,
+        "highest_frequency": 1.3,
+        "spectrum": {"type": "jonswap", "peak_frequency": 0.65, "gamma": 3.3},
+    }
+    return _scene(
+        tank={"length": 24.0, "depth": 1.0},
+        wall={"type": "piston", "motion": motion},
+        run={"duration": 22.0},
+        numerics={"cell_size": 0.2, "dt": 0.02, "vertical_order": 6},
+    )
+
+
+def beach(height: float) -> Scene:
+    """Return a solitary wave on a beach of 1:15, up to a shelf."""
+    bed = {"type": "formula", "depth": "1 - clip((x - 14) / 15, 0, 0.88)"}
+    return _scene(
+        tank={"length": 32.0, "depth": 1.0, "bed": bed},
+        initial={"type": "solitary-wave", "height": height, "x": 8.0},
+        run={"duration": 9.0},
+        numerics={"cell_size": 0.1},
+    )
+
+
+def over_steep(steepness: float) -> Scene:
+    """Return a sine round a ring, ka above what any steady wave has, that travels as linear theory says."""
+    omega = np.sqrt(9.81 * np.tanh(1.0 * np.pi) * np.pi)
+    a = steepness / np.pi
+    initial = {
+        "type": "formula",
+        "eta": f"{a:.16g} * cos(pi * x)",
+        "psi": f"{a * 9.81 / omega:.16g} * sin(pi * x)",
+    }
+    return _scene(
+        tank={"type": "ring", "length": 2.0, "depth": 1.0},
+        initial=initial,
+        run={"duration": 3.0},
+        numerics={"cells": 32, "dt": 0.005, "tolerance": 1e-8},
+    )

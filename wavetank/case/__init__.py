@@ -1,0 +1,75 @@
+"""The scene: what stands in the laboratory, and what is to be computed of it, as frozen and validated data.
+
+A case file (TOML) says it in these nouns; a ``Scene`` can also be built in Python from the same classes, which then
+raise pydantic's own ``ValidationError``. All lengths are in metres, times in seconds. Knows nothing of finite elements.
+"""
+
+from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
+from wavetank.case.directional import (
+    DirectionalFocusMotion,
+    ObliqueWaveMotion,
+    ReflectedFocusMotion,
+    SegmentedPistonWall,
+)
+from wavetank.case.gauge_lines import GaugeLine
+from wavetank.case.groups import GaussianSpectrum, JonswapSpectrum
+from wavetank.case.initial import Initial, SolitaryWave, StandingWave, StillWater, StreamFunctionWave
+from wavetank.case.initial_formula import FormulaSurface
+from wavetank.case.numerics import Gauge, IntegratorName, Numerics, Output, RunNoun
+from wavetank.case.paddles import AtRestMotion, PaddleMotion, RecordedMotion, SinusoidMotion, WaveGroupMotion
+from wavetank.case.scene import LinearWater, NonlinearWater, Physics, Scene, Water
+from wavetank.case.sponges import AnySponge, EndSponge, FormulaSponge, GroupSponge, Sponge
+from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank, Tank
+from wavetank.case.walls import FixedWall, PistonWall, Wall
+from wavetank.values.noun import Noun, Problem, SceneError
+
+__all__ = [
+    "AnySponge",
+    "AnyTank",
+    "AtRestMotion",
+    "BasinTank",
+    "Bed",
+    "DirectionalFocusMotion",
+    "EndSponge",
+    "FixedWall",
+    "FormulaBed",
+    "FormulaSponge",
+    "FormulaSurface",
+    "Gauge",
+    "GaugeLine",
+    "GaussianSpectrum",
+    "GriddedBed",
+    "GroupSponge",
+    "Initial",
+    "IntegratorName",
+    "JonswapSpectrum",
+    "LinearWater",
+    "NonlinearWater",
+    "Noun",
+    "Numerics",
+    "ObliqueWaveMotion",
+    "Output",
+    "PaddleMotion",
+    "Physics",
+    "PistonWall",
+    "Problem",
+    "PythonBed",
+    "RecordedMotion",
+    "ReflectedFocusMotion",
+    "RingTank",
+    "RunNoun",
+    "Scene",
+    "SceneError",
+    "SegmentedPistonWall",
+    "SinusoidMotion",
+    "SliceTank",
+    "SolitaryWave",
+    "Sponge",
+    "StandingWave",
+    "StillWater",
+    "StreamFunctionWave",
+    "Tank",
+    "Wall",
+    "Water",
+    "WaveGroupMotion",
+]

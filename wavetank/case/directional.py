@@ -1,0 +1,201 @@
+"""A segmented paddle: waves that leave it at an angle, or meet from many directions. Angles are in degrees from x."""
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from wavetank import motions
+from wavetank.case.groups import KEY, FocusingWaves
+from wavetank.case.moving_wall import MovingWall
+from wavetank.case.surroundings import Surroundings
+from wavetank.case.tanks import AnyTank, BasinTank
+from wavetank.meshes import MeshFile
+from wavetank.motions.segmented import joints, widest_segment
+from wavetank.values.noun import Noun, Problem
+from wavetank.values.quantities import Coordinate, Duration, Height, Length, Ramp
+
+PLACES = 101  # at which a paddle without segments is looked at
+SEGMENTS = 1000  # at most
+TERMS = 20_000_000  # of a motion's sum over components, directions and places, at most: 320 MB
+
+
+def span(tank: AnyTank) -> tuple[float, float]:
+    """Return the lowest and the highest y [m] of the paddle; infinite where only a mesh file knows them."""
+    if not isinstance(tank, BasinTank) or isinstance(tank.layout, MeshFile):
+        return -np.inf, np.inf
+    low = tank.layout.box[1]  # every recipe's paddle begins there
+    return low, low + tank.layout.width
+
+
+class ObliqueWaveMotion(Noun):
+    """A regular wave that leaves the paddle at an angle; side walls reflect it."""
+
+    type: Literal["oblique-wave"] = "oblique-wave"
+    amplitude: Height = Field(description="amplitude a of the wave [m]")
+    period: Duration = Field(description="period T [s]")
+    angle: float = Field(gt=-90, lt=90, description="direction theta of the wave [deg], positive towards y")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
+
+    def wave(self, tank: AnyTank) -> motions.ObliqueWave:
+        """Return the motion without its ramp."""
+        return motions.ObliqueWave(
+            amplitude=self.amplitude,
+            period=self.period,
+            angle=float(np.radians(self.angle)),
+            depth=tank.depth,
+            gravity=tank.gravity,
+        )
+
+    def build(self, tank: AnyTank) -> motions.SegmentedMotion:
+        """Return the ramped motion."""
+        return _ramped(self.wave(tank), 2 * self.period if self.ramp is None else self.ramp)
+
+    def widest_segment(self, tank: AnyTank) -> float:
+        """Return the width [m] beyond which segments make spurious waves."""
+        wave = self.wave(tank)
+        return widest_segment(wave.k, wave.angle)
+
+
+class _FanOfWaves(FocusingWaves):
+    """Waves from many directions that meet, by linear theory, in one crest at (focus_x, focus_y, focus_time)."""
+
+    focus_y: Coordinate = Field(default=0.0, description="where the crests meet, across the tank [m]")
+    largest_angle: float = Field(default=30.0, ge=0, lt=90, description="angle of the outermost directions [deg]")
+    directions: int = Field(default=21, ge=1, le=1000, description="number of directions")
+    spreading: float = Field(
+        default=0.0, ge=0, le=1000, description="exponent s of the directions' shares cos^2s(theta/2); 0: all alike"
+    )
+
+    def focus(self, tank: AnyTank) -> motions.DirectionalFocus:
+        """Return the focus as in a sea without side walls, without its ramp."""
+        fan = motions.Fan(float(np.radians(self.largest_angle)), self.directions, self.spreading)
+        return motions.DirectionalFocus(group=self.group(tank), fan=fan, focus_y=self.focus_y)
+
+    def widest_segment(self, tank: AnyTank) -> float:
+        """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
+        focus = self.focus(tank)
+        return widest_segment(float(focus.group.k[-1]), float(focus.fan.angles[-1]))
+
+    def _places(self, scene: Surroundings) -> int:
+        """Return at how many places of the paddle its motion is summed up."""
+        wall = scene.wall
+        return wall.places(scene.tank).size if isinstance(wall, SegmentedPistonWall) else PLACES
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
+        low, high = span(scene.tank)
+        waves = self.components * self.directions * self._places(scene)
+        if waves > TERMS:
+            allowed = f"must be fewer: with the directions, at all places of the paddle, there are {waves:.2g}"
+            yield Problem((*KEY, "components"), self.components, f"{allowed}, and at most {TERMS:.2g} are allowed")
+            return
+        yield from super().problems(scene)
+        if not low <= self.focus_y <= high:
+            yield Problem((*KEY, "focus_y"), self.focus_y, f"must be before the paddle, {low:g} to {high:g} m")
+
+
+class DirectionalFocusMotion(_FanOfWaves):
+    """The paddle sends each wave straight to the focus, as in a sea without side walls."""
+
+    type: Literal["directional-focus"] = "directional-focus"
+
+    def build(self, tank: AnyTank) -> motions.SegmentedMotion:
+        """Return the ramped motion."""
+        return _ramped(self.focus(tank), self.ramp_length)
+
+    def earliest_focus(self, tank: AnyTank) -> float:
+        """Return the earliest focus time [s] that the ramp allows; oblique waves have the longest way."""
+        return self.focus(tank).earliest_focus(self.ramp_length)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any focusing waves, and directions that miss the paddle."""
+        yield from super().problems(scene)
+        low, high = span(scene.tank)
+        first, last = self.focus(scene.tank).sources
+        if low <= self.focus_y <= high and (first < low or last > high):
+            widest = np.degrees(np.arctan(min(self.focus_y - low, high - self.focus_y) / self.focus_x))
+            allowed = (
+                f"must be at most {widest:.4g} deg: waves from further aside would have to come from beyond the "
+                "paddle's ends (type reflected-focus sends them by way of the side walls)"
+            )
+            yield Problem((*KEY, "largest_angle"), self.largest_angle, allowed)
+
+
+class ReflectedFocusMotion(_FanOfWaves):
+    """The paddle makes use of the side walls, which must go from its ends to the focus along x."""
+
+    type: Literal["reflected-focus"] = "reflected-focus"
+
+    def _places(self, scene: Surroundings) -> int:
+        """Return at how many places, or in how many of the basin's own waves, its motion is summed up."""
+        low, high = span(scene.tank)
+        modes = (high - low) / np.pi * float(self.group(scene.tank).k[-1])
+        return max(super()._places(scene), int(min(modes, TERMS)))
+
+    def waves(self, tank: AnyTank) -> motions.ReflectedFocus:
+        """Return the motion without its ramp."""
+        low, high = span(tank)
+        return motions.ReflectedFocus(focus=self.focus(tank), low=low, high=high)
+
+    def build(self, tank: AnyTank) -> motions.SegmentedMotion:
+        """Return the ramped motion."""
+        return _ramped(self.waves(tank), self.ramp_length)
+
+    def earliest_focus(self, tank: AnyTank) -> float:
+        """Return the earliest focus time [s] that the ramp allows; waves across the basin are the slowest."""
+        return self.waves(tank).earliest_focus(self.ramp_length)
+
+
+SegmentedPaddleMotion = Annotated[
+    ObliqueWaveMotion | DirectionalFocusMotion | ReflectedFocusMotion,
+    Field(discriminator="type", description="motion of the paddle's segments"),
+]
+
+
+class SegmentedPistonWall(MovingWall):
+    """A vertical wall of many pistons side by side, each with its own motion."""
+
+    type: Literal["segmented-piston"] = "segmented-piston"
+    motion: SegmentedPaddleMotion
+    segment: Length | None = Field(
+        default=None, description="largest width of a segment [m]; default: no segments, continuous in y"
+    )
+
+    def paddle(self, tank: AnyTank) -> motions.SegmentedMotion:
+        """Return the motion of the paddle's segments, hinged to each other."""
+        motion = self.motion.build(tank)
+        return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
+
+    def places(self, tank: AnyTank) -> motions.Array:
+        """Return places y along the paddle [m], shape (N,), among which it goes farthest: the joints, if it has any."""
+        low, high = span(tank)
+        return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a tank without a paddle of known width, segments too wide, and what is wrong with reach and motion."""
+        if not np.isfinite(span(scene.tank)).all():
+            allowed = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
+            yield Problem(("wall", "type"), self.type, allowed)
+            return
+        if scene.physics == "linear":
+            yield Problem(("wall", "type"), self.type, "needs nonlinear water (water.type), or must be a piston")
+        yield from super().problems(scene)
+        low, high = span(scene.tank)
+        if self.segment is not None and high - low > SEGMENTS * self.segment:
+            least = (high - low) / SEGMENTS
+            yield Problem(("wall", "segment"), self.segment, f"must be at least {least:.4g} m, for {SEGMENTS} segments")
+            return
+        widest = self.motion.widest_segment(scene.tank)
+        if self.segment is not None and self.segment > widest:
+            allowed = (
+                f"must be at most {widest:.4g} m, the shortest wave's length over 1 + sin of its angle: wider segments "
+                "make spurious waves in other directions"
+            )
+            yield Problem(("wall", "segment"), self.segment, allowed)
+        yield from self.motion.problems(scene)
+
+
+def _ramped(motion: motions.SegmentedMotion, ramp: float) -> motions.SegmentedMotion:
+    return motions.RampedSegments(motion, ramp) if ramp > 0 else motion

@@ -1,0 +1,133 @@
+"""The state at t = 0."""
+
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from wavetank import motions
+from wavetank.case.initial_formula import FormulaSurface
+from wavetank.case.surroundings import Surroundings
+from wavetank.case.tanks import AnyTank, BasinTank, RingTank
+from wavetank.errors import InputError
+from wavetank.meshes import Rectangle
+from wavetank.theory.conformal import SteadyWave
+from wavetank.theory.solitary_wave import HIGHEST_SOLITARY, solitary_wave
+from wavetank.theory.stream_function import maximum_height, stream_function_wave
+from wavetank.values.noun import Noun, Problem
+from wavetank.values.quantities import Coordinate, Count, Height, Share, metres
+
+
+def _box(tank: AnyTank) -> tuple[float, float, float, float]:
+    """Return (x_min, y_min, x_max, y_max) [m]; a slice is of width 1."""
+    if isinstance(tank, BasinTank) and tank.layout.box is not None:
+        return tank.layout.box
+    return 0.0, 0.0, tank.length, 1.0
+
+
+class StillWater(Noun):
+    """eta = 0, psi = 0."""
+
+    type: Literal["still-water"] = "still-water"
+
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
+        return np.zeros_like(x), np.zeros_like(x)
+
+
+class StandingWave(Noun):
+    """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
+
+    type: Literal["standing-wave"] = "standing-wave"
+    amplitude: Height = Field(description="amplitude a [m]")
+    mode: Count = Field(default=1, description="number m of half waves along the tank")
+    mode_across: int = Field(default=0, ge=0, le=10**9, description="number n of half waves across a basin")
+
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
+        left, low, right, high = _box(tank)
+        along = np.cos(self.mode * np.pi * (x - left) / (right - left))
+        return self.amplitude * along * np.cos(self.mode_across * np.pi * (y - low) / (high - low)), np.zeros_like(x)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield an amplitude that lays the bed dry, half a wave too many for a ring, and a basin of another shape."""
+        if isinstance(scene.tank, BasinTank) and not isinstance(scene.tank.layout, Rectangle):
+            yield Problem(("initial", "type"), self.type, "needs a rectangle (tank.layout.type)")
+        if self.mode_across and not isinstance(scene.tank, BasinTank):
+            yield Problem(("initial", "mode_across"), self.mode_across, f"must be 0: a {scene.tank.type} has no width")
+        if self.amplitude >= scene.tank.depth:
+            allowed = f"must be below the still-water depth, {scene.tank.depth:g} m"
+            yield Problem(("initial", "amplitude"), self.amplitude, allowed)
+        if isinstance(scene.tank, RingTank) and self.mode % 2:
+            yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
+
+
+class StreamFunctionWave(Noun):
+    """Waves of permanent form in a ring, travelling to +x, a crest at x = 0: exact, without mean Eulerian current."""
+
+    type: Literal["stream-function"] = "stream-function"
+    height: Height | None = Field(default=None, description="height, crest above trough [m]")
+    steepness: Share | None = Field(default=None, description="height over that of the highest wave [-]")
+    waves: Count = Field(default=1, description="number of waves around the ring")
+
+    @model_validator(mode="after")
+    def _one_height(self) -> Self:
+        if (self.height is None) == (self.steepness is None):
+            raise ValueError("must have exactly one of the keys 'height' and 'steepness'")
+        return self
+
+    def wave(self, tank: AnyTank) -> SteadyWave:
+        """Return one of the waves; raises ``InputError`` if it cannot be had."""
+        length = tank.length / self.waves
+        height = self.height or (self.steepness or 0.0) * maximum_height(length, tank.depth)
+        try:
+            return stream_function_wave(height, length, depth=tank.depth, gravity=tank.gravity)
+        except InputError as error:
+            raise InputError(f"initial: {error}") from None
+
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,); raises as ``wave`` does."""
+        return self.wave(tank).surface(x)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a tank that is no ring, and a height that no wave has."""
+        if not isinstance(scene.tank, RingTank):
+            yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
+            return
+        highest = maximum_height(scene.tank.length / self.waves, scene.tank.depth)
+        if self.height is not None and self.height >= highest:
+            allowed = f"must be below that of the highest wave of this length, {highest:.4g} m"
+            yield Problem(("initial", "height"), self.height, allowed)
+
+
+class SolitaryWave(Noun):
+    """The solitary wave, travelling to +x; exact where both ends of the tank are far."""
+
+    type: Literal["solitary-wave"] = "solitary-wave"
+    height: Height = Field(description="height of the crest above still water [m]")
+    x: Coordinate = Field(description="where the crest is [m]")
+
+    def wave(self, tank: AnyTank) -> SteadyWave:
+        """Return the wave."""
+        return solitary_wave(self.height, depth=tank.depth, gravity=tank.gravity)
+
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
+        return self.wave(tank).surface(x - self.x)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a tank without ends, a crest outside and a wave too high."""
+        if isinstance(scene.tank, RingTank):
+            yield Problem(("initial", "type"), self.type, "needs a slice (tank.type): its potential is not periodic")
+        if not isinstance(scene.tank, BasinTank) and not 0 <= self.x <= scene.tank.length:
+            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(scene.tank.length)} m")
+        if self.height > HIGHEST_SOLITARY * scene.tank.depth:
+            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
+            yield Problem(("initial", "height"), self.height, allowed)
+
+
+Initial = Annotated[
+    StillWater | StandingWave | StreamFunctionWave | SolitaryWave | FormulaSurface,
+    Field(discriminator="type", description="the state at t = 0"),
+]

@@ -1,0 +1,119 @@
+"""How it is computed, for how long, and what is recorded."""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal, Self
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+
+from wavetank.case.surroundings import Surroundings
+from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
+from wavetank.values.noun import Noun, Problem
+from wavetank.values.quantities import Coordinate, Count, Duration, Label, Length, Share
+
+
+class Gauge(Noun):
+    """A place where the elevation is recorded."""
+
+    name: Label = Field(min_length=1, description="name of the gauge")
+    x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
+    y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
+
+
+def named(gauges: Any) -> Any:
+    """Return gauges given as numbers or without a name as tables with the names 1, 2, ...; the rest as it is."""
+    if not isinstance(gauges, Sequence) or isinstance(gauges, str):
+        return gauges
+    tables = (gauge if isinstance(gauge, dict | Gauge) else {"x": gauge} for gauge in gauges)
+    return tuple(
+        gauge if isinstance(gauge, Gauge) else {"name": str(n), **gauge} for n, gauge in enumerate(tables, start=1)
+    )
+
+
+class RunNoun(Noun):
+    """How long is computed."""
+
+    duration: Duration = Field(description="simulated time [s]")
+    on_breaking: Literal["stop", "dissipate", "ignore"] = Field(
+        default="stop", description="what to do when a wave breaks; ignore: do not look"
+    )
+
+
+HIGHEST_VERTICAL_ORDER = 16
+
+IntegratorName = Literal["simpson-4", "third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
+
+
+CHOSEN = frozenset({"cells", "cell_size", "order", "vertical_order", "dt", "integrator"})  # by a plan
+
+
+class Numerics(Noun):
+    """How it is computed. Where an accuracy is asked for, or nothing is set, what is not set is planned."""
+
+    accuracy: Share | None = Field(default=None, description="relative error of the elevation to plan the numerics for")
+    cells: Count | None = Field(default=None, description="number of cells along the tank")
+    cell_size: Length | None = Field(default=None, description="size of a cell [m], rounded to divide the length")
+    order: int = Field(default=3, ge=1, le=8, description="horizontal polynomial order p")
+    vertical_order: int = Field(default=8, ge=1, le=HIGHEST_VERTICAL_ORDER, description="vertical polynomial order n")
+    dt: Duration | None = Field(default=None, description="time step [s]; default: from accuracy and stability")
+    integrator: IntegratorName = Field(
+        default="simpson-4",
+        description="time integrator; third-order is the paper's, reported at the plus trace, its jumps undamped",
+    )
+    tolerance: float = Field(
+        default=1e-6, ge=1e-13, le=1e-4, description="tolerance of implicit stages, relative to the waves"
+    )
+    edge_penalty: float = Field(
+        default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0 is none"
+    )
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Self:
+        if self.cells is not None and self.cell_size is not None:
+            raise ValueError("must have at most one of the keys 'cells' and 'cell_size'")
+        return self
+
+    @property
+    def open(self) -> bool:
+        """Whether a plan has to choose: an accuracy is asked for, or nothing named that a plan would choose."""
+        return self.accuracy is not None or not self.model_fields_set & CHOSEN
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield too few cells for the tank, or a number of them for a basin."""
+        fewest = scene.tank.fewest_cells
+        if self.cells is not None and isinstance(scene.tank, BasinTank):
+            yield Problem(("numerics", "cells"), self.cells, "must be left out: numerics.cell_size is a basin's key")
+            return
+        if self.cells is not None and self.cells < fewest:
+            yield Problem(("numerics", "cells"), self.cells, f"must be at least {fewest} in a {scene.tank.type}")
+
+    def cell_size_in(self, tank: AnyTank) -> float:
+        """Return the size of a cell to aim at [m]; where none is given, a part of the depth."""
+        return tank.usual_cell * tank.depth if self.cell_size is None else self.cell_size
+
+    def cells_in(self, tank: SliceTank | RingTank) -> int:
+        """Return the number of cells along a tank, default resolved."""
+        size = self.cell_size_in(tank)
+        return max(tank.fewest_cells, round(tank.length / size)) if self.cells is None else self.cells
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_planned(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = dump(self)
+        return {key: values[key] for key in values if not self.open or key in self.model_fields_set}
+
+
+class Output(Noun):
+    """What is recorded, and how often."""
+
+    energy_every: Count = Field(default=1, description="steps between rows of the energy budget")
+    gauges_every: Count = Field(default=1, description="steps between rows of the gauges' record")
+    surface_every: Duration | None = Field(
+        default=None, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
+    )
+    velocity_every: Duration | None = Field(
+        default=None, description="time between snapshots of the velocity field [s]; default: none"
+    )
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield velocities of linear water, which keeps no potential below the surface."""
+        if self.velocity_every is not None and scene.physics == "linear":
+            yield Problem(("output", "velocity_every"), self.velocity_every, "must be left out with linear water")

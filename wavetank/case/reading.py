@@ -1,0 +1,241 @@
+"""Reads a case file into a ``Scene``, and says in one line each what is wrong with it."""
+
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from wavetank.case import Scene
+from wavetank.errors import InputError, choice
+from wavetank.values.files import regular
+from wavetank.values.noun import Problem, SceneError
+
+Key = tuple[str | int, ...]
+LONGEST_INDEX = 9  # digits
+SHOWN = 20  # mistakes; more are counted
+
+
+def read_case(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
+    """Return the scene of a case file, with ``KEY=VALUE`` overrides such as ``"numerics.dt=0.01"``.
+
+    Raises ``InputError`` that lists everything that is wrong, one line each: the file, the line, the key, the value
+    received and what is allowed.
+    """
+    path = Path(path)
+    text = _read(path)
+    content = _parse(path, text)
+    overridden = [_override(content, override) for override in overrides]
+    try:
+        scene = Scene.model_validate(content, context={"folder": path.resolve().parent})
+        scene.motion()
+        if scene.tank.bed is not None:
+            scene.tank.bed.build()
+        return scene
+    except ValidationError as error:
+        found = error.errors(include_url=False)
+        problems = [problem for details in found for problem in _problems(details)]
+    except SceneError as error:
+        problems = list(error.problems)
+    raise InputError(_sentences(path, text, problems, overridden))
+
+
+@contextmanager
+def located(path: Path, overrides: Sequence[str] = ()) -> Iterator[None]:
+    """Name file and line in what is refused of a case only when it is built."""
+    try:
+        yield
+    except SceneError as error:
+        keys = [_split(override.partition("=")[0]) for override in overrides]
+        raise InputError(_sentences(path, _read(path), error.problems, keys)) from error
+
+
+def _sentences(path: Path, text: str, problems: Sequence[Problem], overridden: Sequence[Key]) -> str:
+    """Return a line for each problem, the first ones of many."""
+    lines = [f"{path}{_where(text, problem.key, overridden)}: {problem}." for problem in problems[:SHOWN]]
+    if more := len(problems) - len(lines):
+        lines.append(f"{path}: and {more} more mistakes.")
+    return "\n".join(lines)
+
+
+def _read(path: Path) -> str:
+    try:
+        return regular(path).read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise InputError(f"{path}: cannot be read ({reason}); a case file in TOML is needed.") from None
+
+
+def _parse(path: Path, text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: not valid TOML: nested too deeply.") from None
+    except ValueError as error:  # TOML's own, or a number of too many digits
+        raise InputError(f"{path}: not valid TOML: {error}.") from None
+
+
+# ---------------------------------------------------------------- overrides
+def _override(content: dict[str, Any], override: str) -> Key:
+    """Set one ``KEY=VALUE`` in the content and return its key; tables on the way are made where missing."""
+    dotted, equals, value = override.partition("=")
+    if not (dotted.strip() and equals):
+        raise InputError(f"override {override!r} received; allowed is KEY=VALUE, such as numerics.dt=0.01.")
+    key = _split(dotted)
+    place: Any = content
+    for part in key[:-1]:
+        if isinstance(place, dict):
+            place.setdefault(part, {})
+        _check_item(place, part, override)
+        place = place[part]
+    _check_item(place, key[-1], override)
+    place[key[-1]] = _value(value.strip())
+    return key
+
+
+def _check_item(place: Any, part: str | int, override: str) -> None:
+    """Raise ``InputError`` unless ``place[part]`` can be set."""
+    if isinstance(place, dict):
+        return
+    if not isinstance(place, list):
+        raise InputError(f"override {override!r} received; {part!r} is asked of {place!r}, which has no keys.")
+    if not (isinstance(part, int) and part < len(place)):
+        raise InputError(f"override {override!r} received; {part!r} must be an index from 0 to {len(place) - 1}.")
+
+
+def _value(text: str) -> Any:
+    """Return a TOML value, or the bare text where it is none; raise ``InputError`` for more than a value."""
+    try:
+        value, *more = tomllib.loads(f"value = {text}").items()
+    except RecursionError:
+        raise InputError(f"override value {text[:20]!r}... received; it is nested too deeply.") from None
+    except ValueError:
+        return text
+    if more:
+        raise InputError(f"override value {text[:80]!r} received; allowed is one value, without lines of others.")
+    return value[1]
+
+
+def _split(dotted: str) -> Key:
+    parts = (part.strip().strip("\"'") for part in dotted.strip().split("."))
+    return tuple(int(part) if part.isdecimal() and len(part) < LONGEST_INDEX else part for part in parts)
+
+
+# ---------------------------------------------------------------- where it stands
+def _where(text: str, key: Key, overridden: Iterable[Key]) -> str:
+    """Return where a key comes from: the command line if that set it or all there is of it, else its line."""
+    line = _line(text, key)
+    if any(key[: len(other)] == other or (not line and other[: len(key)] == key) for other in overridden):
+        return ", overridden"
+    return f", line {line}" if line else ""
+
+
+def _line(text: str, key: Key) -> int:
+    """Return the line that sets a key, or the nearest one that holds it, or 0."""
+    lines = _lines(text)
+    return next((lines[key[:n]] for n in range(len(key), 0, -1) if key[:n] in lines), 0)
+
+
+@lru_cache(maxsize=1)
+def _lines(text: str) -> dict[Key, int]:
+    """Return the first line of every table and entry."""
+    lines: dict[Key, int] = {}
+    for number, key in _entries(text):
+        lines.setdefault(key, number)
+    return lines
+
+
+def _entries(text: str) -> Iterator[tuple[int, Key]]:
+    """Yield line and key of every table and entry that begins a line, which is how case files are written."""
+    table: Key = ()
+    count: Counter[Key] = Counter()
+    for number, line in enumerate(text.splitlines(), start=1):
+        if header := re.match(r"\s*(\[\[?)([\w\s.\"'-]+)\]", line):
+            table = _split(header[2])
+            if header[1] == "[[":
+                count[table] += 1
+                table = (*table, count[table] - 1)
+            yield number, table
+        elif (entry := line.partition("="))[1] and re.fullmatch(r"[\w\s.\"'-]+", entry[0]):
+            yield number, (*table, *_split(entry[0]))
+
+
+# ---------------------------------------------------------------- what is wrong
+class _Place(NamedTuple):
+    """A place in the scene: its key, the nouns that can stand there, and what it means."""
+
+    key: Key
+    nouns: list[type[BaseModel]]
+    meaning: str
+
+    @property
+    def tags(self) -> list[str]:
+        return [str(noun.model_fields["type"].default) for noun in self.nouns]
+
+    @property
+    def fields(self) -> list[str]:
+        return sorted({field for noun in self.nouns for field in noun.model_fields})
+
+
+def _place(location: Key) -> _Place:
+    """Return the place of pydantic's location, which names the type of each union it passes as well."""
+    place = _Place((), [Scene], "")
+    for part in location:
+        fields = [noun.model_fields[part] for noun in place.nouns if part in noun.model_fields]
+        if fields:
+            nouns = list(_nouns(fields[0].annotation))
+            place = _Place((*place.key, part), nouns, fields[0].description or "")
+        elif len(place.nouns) > 1 and part in place.tags:
+            place = place._replace(nouns=[place.nouns[place.tags.index(str(part))]])
+        else:
+            place = place._replace(key=(*place.key, part))
+    return place
+
+
+def _nouns(annotation: Any) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from _nouns(argument)
+
+
+def _problems(details: ErrorDetails) -> Iterator[Problem]:
+    """Yield what one of pydantic's errors means: where, what was received, what is allowed."""
+    context = details.get("ctx", {})
+    place, holder = _place(details["loc"]), _place(details["loc"][:-1])
+    received = details["input"]
+    match details["type"]:
+        case "scene":
+            yield from context["problems"]
+        case "missing":
+            yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
+        case "extra_forbidden":
+            yield Problem(place.key, received, f"is an unknown key{choice(str(place.key[-1]), holder.fields)}")
+        case "union_tag_not_found":
+            yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
+        case "union_tag_invalid":
+            tag = str(context["tag"])
+            yield Problem((*place.key, "type"), tag, f"is an unknown type{choice(tag, place.tags)}")
+        case "model_type" | "model_attributes_type":
+            yield Problem(place.key, received, f"must be a table{choice('', place.fields)}")
+        case "value_error":
+            yield Problem(place.key, received, str(context["error"]))
+        case _:
+            yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
+
+
+def _in_words(message: str, meaning: str) -> str:
+    """Return pydantic's message as the end of a sentence."""
+    message = re.sub(r"0\.000\d+", lambda small: f"{float(small[0]):g}", message)
+    words = (
+        re.sub(r"^(Input|String|Value) should", "must", message)
+        .replace("valid tuple", "list")
+        .replace("dictionary", "table")
+    )
+    return f"{words} ({meaning})" if meaning else words

@@ -1,0 +1,187 @@
+"""The scene as a whole."""
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import BeforeValidator, Field, Strict, model_validator
+from pydantic_core import PydanticCustomError
+
+from wavetank import motions
+from wavetank.case.directional import SegmentedPistonWall
+from wavetank.case.gauge_lines import GaugeLine
+from wavetank.case.initial import Initial, StillWater
+from wavetank.case.numerics import Gauge, Numerics, Output, RunNoun, named
+from wavetank.case.sponges import Sponge, paddle_period
+from wavetank.case.tanks import BasinTank, Tank
+from wavetank.case.walls import FixedWall, Wall
+from wavetank.motions.mapping import STEEPEST, largest_stroke
+from wavetank.values.noun import Noun, Problem, SceneError
+from wavetank.values.quantities import Label, metres
+
+DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
+
+
+class NonlinearWater(Noun):
+    """Waves of any steepness short of breaking."""
+
+    type: Literal["nonlinear"] = "nonlinear"
+
+
+class LinearWater(Noun):
+    """Waves of small steepness: one factorisation serves the whole run."""
+
+    type: Literal["linear"] = "linear"
+
+
+Water = Annotated[NonlinearWater | LinearWater, Field(discriminator="type", description="the theory of the waves")]
+Physics = Literal["nonlinear", "linear"]
+
+
+class Scene(Noun):
+    """What stands in the laboratory, and what is to be computed of it.
+
+    ``Scene.model_validate(scene.model_dump(mode="json"))`` is the same scene.
+    """
+
+    title: Label = Field(default="", description="what the case is, in a few words")
+    tank: Tank
+    wall: Wall = FixedWall()
+    water: Water | None = Field(default=None, description="the waves' theory; default: nonlinear, or by accuracy")
+    initial: Initial = StillWater()
+    sponge: Sponge | None = Field(default=None, description="where waves are absorbed; default: nowhere")
+    gauges: Annotated[tuple[Gauge, ...], BeforeValidator(named)] = Field(default=(), description="the gauges")
+    gauge_lines: Annotated[tuple[GaugeLine, ...], Strict(False)] = Field(default=(), description="rows of gauges")
+    run: RunNoun = Field(description="how long is computed")
+    numerics: Numerics = Numerics()
+    output: Output = Output()
+
+    @property
+    def physics(self) -> Physics:
+        """The type of the water, default resolved."""
+        return "nonlinear" if self.water is None else self.water.type
+
+    @property
+    def cells(self) -> int:
+        """The number of cells along a slice or ring, default resolved."""
+        if isinstance(self.tank, BasinTank):
+            raise ValueError("a basin has no number of cells along the tank.")
+        return self.numerics.cells_in(self.tank)
+
+    @property
+    def cell_size(self) -> float:
+        """The size of a cell [m], default resolved; in a basin, that to aim at."""
+        if isinstance(self.tank, BasinTank):
+            return self.numerics.cell_size_in(self.tank)
+        return self.tank.length / self.cells
+
+    @property
+    def reach(self) -> float:
+        """Where the wall's mapping has died out [m], default resolved; ``inf`` for a fixed wall."""
+        return self.wall.reach_in(self.tank)
+
+    @property
+    def surface_every(self) -> float:
+        """Time between snapshots of the surface [s]; by default short against a wave period, 200 to 1000 of them."""
+        if self.output.surface_every is not None:
+            return self.output.surface_every
+        short = 0.5 * (self.tank.depth / self.tank.gravity) ** 0.5
+        return float(np.clip(short, self.run.duration / 1000, self.run.duration / 200))
+
+    def motion(self) -> motions.Motion | motions.SegmentedMotion:
+        """Return the paddle's motion, checked against the run and the tank.
+
+        Raises ``SceneError`` if its file cannot be had or read, ends before the run, or leaves the mapping's reach.
+        """
+        motion = self.wall.paddle(self.tank)
+        if problems := list(self._motion_problems(motion)):
+            raise SceneError(problems)
+        return motion
+
+    @property
+    def paddle_period(self) -> float | None:
+        """The period [s] that halves the power of the paddle's velocity; None if it does not move."""
+        velocity = self.of_paddle(self.motion(), "velocity")
+        return paddle_period(velocity, duration=self.run.duration, tank=self.tank)
+
+    def of_paddle(
+        self, motion: motions.Motion | motions.SegmentedMotion, what: str
+    ) -> Callable[[motions.Array], motions.Array]:
+        """Return a motion's position or velocity as a function of times alone, at all places where it has several."""
+        function: Callable[..., motions.Array] = getattr(motion, what)
+        if isinstance(self.wall, SegmentedPistonWall):
+            return partial(function, y=self.wall.places(self.tank))
+        return function
+
+    def _motion_problems(self, motion: motions.Motion | motions.SegmentedMotion) -> Iterator[Problem]:
+        if motion.duration < self.run.duration:
+            allowed = f"must be at most {motion.duration:g} s, where the recorded motion ends"
+            yield Problem(("run", "duration"), self.run.duration, allowed)
+        if motion.start >= self.run.duration:
+            allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
+            yield Problem(("run", "duration"), self.run.duration, allowed)
+        stroke = self.stroke(motion)
+        if stroke >= largest_stroke(self.reach):
+            allowed = f"must be more than {STEEPEST * stroke:.4g} m, 4/3 of the paddle's largest distance from rest"
+            yield Problem(("wall", "reach"), self.reach, allowed)
+
+    def stroke(self, motion: motions.Motion | motions.SegmentedMotion) -> float:
+        """Return the paddle's largest distance from rest in the run [m]."""
+        end = min(self.run.duration, motion.duration)
+        positions = self.of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
+        return float(np.abs(positions).max())
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        parts = (self.wall, self.initial, self.numerics, self.output, self.sponge, self.tank.bed)
+        nouns = [noun for noun in parts if noun is not None]
+        own = (*self._depth_problems(), *self._gauge_problems())
+        problems = [*own, *(problem for noun in nouns for problem in noun.problems(self))]
+        if problems:
+            text = "; ".join(str(problem) for problem in problems)
+            raise PydanticCustomError("scene", "{text}", {"text": text, "problems": problems})
+        return self
+
+    @property
+    def all_gauges(self) -> tuple[Gauge, ...]:
+        """The gauges, and those of the rows of gauges."""
+        rows = (Gauge(name=name, x=x, y=y) for line in self.gauge_lines for name, x, y in line.gauges())
+        return (*self.gauges, *rows)
+
+    def gauge_key(self, index: int) -> tuple[str | int, ...]:
+        """Return where in the scene one of ``all_gauges`` stands."""
+        index -= len(self.gauges)
+        if index < 0:
+            return "gauges", index + len(self.gauges)
+        ends = np.cumsum([line.count for line in self.gauge_lines])
+        return "gauge_lines", int(np.searchsorted(ends, index, side="right"))
+
+    def _depth_problems(self) -> Iterator[Problem]:
+        if self.tank.depth > DEEPEST * self.tank.length:
+            allowed = f"must be at most {DEEPEST} lengths of the tank: two lengths are as deep for any of its waves"
+            yield Problem(("tank", "depth"), self.tank.depth, allowed)
+
+    def _gauge_problems(self) -> Iterator[Problem]:
+        count = Counter(gauge.name for gauge in self.all_gauges)
+        for n, line in enumerate(self.gauge_lines):
+            for end, (x, y) in (("start", line.start), ("end", line.end)):
+                yield from self._place_problems(("gauge_lines", n, end), x, y)
+            if any(count[name] > 1 for name, _, _ in line.gauges()):
+                yield Problem(("gauge_lines", n, "name"), line.name, "must be a name that no other row has")
+        for n, gauge in enumerate(self.gauges):
+            yield from self._place_problems(("gauges", n), gauge.x, gauge.y)
+            if count[gauge.name] > 1:
+                yield Problem(("gauges", n, "name"), gauge.name, "must be a name that no other gauge has")
+
+    def _place_problems(self, key: tuple[str | int, ...], x: float, y: float) -> Iterator[Problem]:
+        left, low, right, high = 0.0, 0.0, self.tank.length, 0.0
+        if isinstance(self.tank, BasinTank):
+            left, low, right, high = self.tank.layout.box or (-np.inf, -np.inf, np.inf, np.inf)
+        elif y:
+            yield Problem((*key, "y"), y, f"must be left out: a {self.tank.type} has no width")
+            return
+        for name, value, first, last in (("x", x, left, right), ("y", y, low, high)):
+            if not first <= value <= last:
+                yield Problem((*key, name), value, f"must be inside the tank, {metres(first)} to {metres(last)} m")

@@ -1,0 +1,33 @@
+"""What a part of a scene may ask of the whole that it stands in, to say what does not fit."""
+
+from typing import Protocol
+
+from wavetank.case.tanks import AnyTank
+
+
+class Lasting(Protocol):
+    """What takes time."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+
+
+class Surroundings(Protocol):
+    """The scene, as its parts know it; nothing else of it may decide what they allow."""
+
+    @property
+    def tank(self) -> AnyTank:
+        """The tank."""
+
+    @property
+    def wall(self) -> object:
+        """The wall at x = 0, of whatever type."""
+
+    @property
+    def physics(self) -> str:
+        """The type of the water, default resolved."""
+
+    @property
+    def run(self) -> Lasting:
+        """How long is computed."""

@@ -1,0 +1,53 @@
+"""The wall at x = 0."""
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from wavetank import motions
+from wavetank.case.directional import SegmentedPistonWall
+from wavetank.case.moving_wall import MovingWall
+from wavetank.case.paddles import PaddleMotion
+from wavetank.case.surroundings import Surroundings
+from wavetank.case.tanks import AnyTank, RingTank
+from wavetank.values.noun import Noun, Problem
+
+
+class FixedWall(Noun):
+    """A wall that stands still."""
+
+    type: Literal["fixed"] = "fixed"
+
+    def paddle(self, tank: AnyTank) -> motions.Motion:
+        """Return the motion of a paddle at rest."""
+        return motions.AtRest()
+
+    def reach_in(self, tank: AnyTank) -> float:
+        """Return inf: there is no mapping to die out."""
+        return np.inf
+
+
+class PistonWall(MovingWall):
+    """A vertical wall that moves as a whole."""
+
+    type: Literal["piston"] = "piston"
+    motion: PaddleMotion
+
+    def paddle(self, tank: AnyTank) -> motions.Motion:
+        """Return the paddle's motion; raises ``SceneError`` if its file cannot be had or read."""
+        return self.motion.build(tank)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""
+        if isinstance(scene.tank, RingTank):
+            yield Problem(("wall", "type"), self.type, "must be left out: a ring has no walls, hence no paddle")
+            return
+        yield from super().problems(scene)
+        yield from self.motion.problems(scene)
+
+
+Wall = Annotated[
+    FixedWall | PistonWall | SegmentedPistonWall, Field(discriminator="type", description="the wall at x = 0")
+]

@@ -1,0 +1,276 @@
+"""A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+from rich.console import Console
+
+from wavetank.case import Scene
+from wavetank.errors import BreakdownError, RunError
+from wavetank.fe.agreed import on_first
+from wavetank.observers.breaking import BreakingNews
+from wavetank.observers.contract import Judge, Observer
+from wavetank.observers.energy import columns
+from wavetank.observers.interruption import Interruption
+from wavetank.observers.progress import ProgressBar
+from wavetank.observers.record import Discard, Kept, Record, RecordCheck
+from wavetank.observers.surface import SurfaceRecord
+from wavetank.plan.affordable import check_affordable
+from wavetank.plan.forewarnings import forewarnings
+from wavetank.plan.planned import mesh_told, planned
+from wavetank.records.directory import ENERGY, LOG, RunDirectory, RunWriter, environment
+from wavetank.records.log import RunLog
+from wavetank.records.place import Place
+from wavetank.records.vtu_series import VtuSeries
+from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary
+from wavetank.runs.memory import peak_memory
+from wavetank.runs.run import Run
+from wavetank.runs.waters import AnyWaves, told_of_bed
+from wavetank.water.breakdown import cause
+from wavetank.water.breaking import BreakingDissipation
+from wavetank.water.waves import NonlinearWaves
+
+Draw = Callable[[RunDirectory], Iterable[Path]]
+
+
+class Warnings:
+    """Sentences that whoever reads a run's results must know; each is kept once.
+
+    Attributes
+    ----------
+    sentences
+        In the order in which they were found; the manifest's ``warnings``.
+    """
+
+    def __init__(self, log: RunLog):
+        self.sentences: list[str] = []
+        self._printed = set[str]()
+        self._log = log
+
+    def add(self, sentence: str) -> None:
+        """Keep a sentence, to be printed after the run."""
+        if sentence not in self.sentences:
+            self.sentences.append(sentence)
+
+    def at_once(self, sentence: str) -> None:
+        """Keep a sentence and print it now: what a run may soon break down of."""
+        self.add(sentence)
+        self._print(sentence)
+
+    def show(self) -> None:
+        """Print those that have not been."""
+        for sentence in self.sentences:
+            self._print(sentence)
+
+    def _print(self, sentence: str) -> None:
+        if sentence not in self._printed:
+            self._printed.add(sentence)
+            self._log.say(f"warning: {sentence}", style="bold red")
+
+
+def record_run(
+    scene: Scene,
+    place: Place | Path,
+    *,
+    comm: MPI.Comm,
+    console: Console,
+    draw: Draw | None = None,
+    unasked: bool = True,
+) -> None:
+    """Run a scene into a directory; collective.
+
+    What can be refused is refused before anything is changed there. Raises ``RunError`` where the run breaks down;
+    everything up to then is in the directory, the cause in its manifest.
+
+    Parameters
+    ----------
+    scene
+        What is run.
+    comm
+        The ranks.
+    console
+        Where its messages go; they are kept in the directory, too.
+    place
+        The directory, which is taken for this run alone.
+    draw
+        Draws pictures of the run into its directory once it has ended, however it has, and gives their paths. What it
+        raises is said, and nothing more: the records are there.
+    unasked
+        Whether a run that takes days, or more memory than there is, begins; otherwise it is refused.
+    """
+    began, log = time.monotonic(), RunLog(console)
+    warnings = Warnings(log)
+    known = {"scene": scene.model_dump(mode="json"), "ranks": comm.size, **environment()}
+    writer = on_first(comm, lambda: RunWriter(place, {**known, "warnings": warnings.sentences}))  # found until its end
+    with ExitStack() as at_the_end:
+        if writer is not None:
+            at_the_end.callback(writer.release)
+        asked, (scene, doubts) = scene, planned(scene, comm)
+        if not unasked:
+            check_affordable(scene, comm)
+        with mesh_told(asked, scene):
+            run, waves = build_run(scene, comm)
+        for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
+            warnings.add(doubt)
+        built, busy = time.monotonic(), time.process_time()
+        _observe(run, scene, waves, writer, warnings)
+        run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]
+
+        def note() -> None:
+            for judge in (one for one in run.observers if isinstance(one, Judge)):
+                for sentence in judge.verdict():
+                    warnings.add(sentence)
+            for breaking in (one for one in _breaking(run) if one.began):
+                log.say(f"{breaking.story}; {100 * breaking.part_taken:.2g} % of the energy was taken")
+            figures = _figures(run, waves) | _usage(comm, began=began, built=built, busy=busy)
+            if writer is not None:
+                writer.note(figures)
+
+        with Interruption(comm) as interruption:  # from now on SIGTERM is written down
+            on_first(comm, lambda: _begin(writer, log, asked=asked, planned=scene))
+            if writer is not None:
+                at_the_end.enter_context(_said(writer, log, draw=draw))
+            at_the_end.callback(warnings.show)
+            for line in (summary(scene, run, waves), told_of_bed(scene, waves)):
+                if line:
+                    log.say(line)
+            with _failure_kept(writer), _progress(run, waves, log) as bar:
+                run.observers += [interruption, *bar]
+                _execute(run, waves, note)
+                if writer is not None:
+                    writer.finish("finished", {})
+
+
+def _observe(run: Run, scene: Scene, waves: AnyWaves, writer: RunWriter | None, warnings: Warnings) -> None:
+    """Add what observes a run to it; collective."""
+    comm, out = waves.plane.comm, waves.plane.comm.bcast(None if writer is None else writer.path)
+    gauges, energy, surface = _tables(scene, waves, writer)
+    records = Records(gauges, energy, surface, lambda name: VtuSeries(out, name, comm=comm))
+    run.observers += build_observers(scene, waves, records, sinks=run.sinks)
+    run.observers.append(RecordCheck(comm, [one for one in (gauges, energy, surface) if isinstance(one, Kept)]))
+    run.observers += build_watch(scene, run, waves, warnings.at_once)
+
+
+def _tables(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> tuple[Record, Record, SurfaceRecord | None]:
+    """Return where gauges, energy and the surface of a slice go; opened when the run begins."""
+    if writer is None:
+        return Discard(), Discard(), None
+    dimensions = waves.plane.mesh.topology.dim
+    gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
+    energy = writer.table(ENERGY, columns(dimensions))
+    return Kept(gauges.append), Kept(energy.append), Kept(writer.surface().append) if dimensions == 1 else None
+
+
+def _begin(writer: RunWriter | None, log: RunLog, *, asked: Scene, planned: Scene) -> None:
+    """Begin the directory, with what has been planned of the scene that was asked for."""
+    if writer is not None:
+        given, chosen = (one.model_dump(mode="json", include={"water", "numerics"}) for one in (asked, planned))
+        writer.begin({} if chosen == given else {"planned": chosen})
+        log.open(writer.path / LOG)
+        log.say(f"writing {writer.path}")
+
+
+@contextmanager
+def _failure_kept(writer: RunWriter | None) -> Iterator[None]:
+    """Write down why a block fails, and keep the directory: pictures are still to be drawn of its records."""
+    try:
+        yield
+    except BaseException as error:
+        if writer is not None:
+            writer.fail(error)
+        raise
+
+
+@contextmanager
+def _said(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterator[None]:
+    """Keep in the log why a run has ended; then draw its pictures."""
+    try:
+        yield
+        log.note("finished")
+    except BaseException as error:
+        log.note(f"failed: {str(error) or type(error).__name__}")
+        raise
+    finally:
+        try:
+            for picture in draw(RunDirectory(writer.path)) if draw and writer.holds else ():
+                log.say(f"wrote {picture}")
+        except Exception as error:  # whatever a picture may meet, the run's records are there
+            reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+            log.say(f"warning: the pictures in {writer.path} could not all be drawn: {reason}", style="bold red")
+        log.close()
+
+
+@contextmanager
+def _progress(run: Run, waves: AnyWaves, log: RunLog) -> Iterator[list[Observer]]:
+    """Show progress, on the first rank."""
+    if waves.plane.comm.rank:
+        yield []
+        return
+    with ProgressBar(run.clock.end, lambda: _cost(waves), log=log) as bar:
+        yield [bar]
+
+
+def _execute(run: Run, waves: AnyWaves, note: Callable[[], None]) -> None:
+    """Step to the end, and take note of what that has cost, however it ends; say why a step failed; collective."""
+    try:
+        run.execute()
+    except RunError as error:
+        note()
+        if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
+            state, limit = run.state, run.integrator.stability_limit
+            why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)
+            for breaking in (one for one in _breaking(run) if one.began):
+                why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
+            raise type(error)(f"{error}: {why}.") from None
+        raise
+    note()
+
+
+def _breaking(run: Run) -> list[BreakingDissipation]:
+    """Return what takes energy out of breaking waves."""
+    return [one for one in run.filters if isinstance(one, BreakingDissipation)]
+
+
+def _cost(waves: AnyWaves) -> tuple[int, int]:
+    counters = waves.potential.counters
+    return counters.solves, counters.iterations
+
+
+def _usage(comm: MPI.Comm, *, began: float, built: float, busy: float) -> dict[str, dict[str, float]]:
+    """Return what the manifest says of time and memory, those of all ranks together; collective."""
+    now, spent = time.monotonic(), time.process_time() - busy
+    return {
+        "timings": {
+            "set_up_s": built - began,
+            "stepping_s": now - built,
+            "stepping_cpu_s": comm.allreduce(spent),
+        },
+        "memory": {"peak_mib": comm.allreduce(peak_memory() / 2**20)},
+    }
+
+
+def _figures(run: Run, waves: AnyWaves) -> dict[str, Any]:
+    """Return what the manifest says of a run's numerics and counters, as far as it got."""
+    stages, solves = waves.stages.counters, waves.potential.counters
+    return {
+        "numerics": {
+            "dt": run.clock.dt,
+            "steps": run.clock.steps,
+            "steps_taken": run.step,
+            "degrees_of_freedom": waves.plane.size,
+            "largest_frequency": waves.largest_frequency,
+        },
+        "counters": {
+            "interior_solves": solves.solves,
+            "interior_iterations": solves.iterations,
+            "factorisations": solves.factorisations,
+            "stage_solves": stages.solves,
+            "stage_evaluations": stages.evaluations,
+            "newton_solves": stages.newton_solves,
+        },
+        **({"breaking": breaking[0].figures} if (breaking := _breaking(run)) else {}),
+    }

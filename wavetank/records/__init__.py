@@ -1,0 +1,1 @@
+"""A run directory: its records written and read, its lock, its log, and where it stands."""

@@ -1,0 +1,200 @@
+"""Fields on a mesh in VTK's XML format, which ParaView and pyvista open: each rank writes its own piece.
+
+    surface.pvd                       times and files of all snapshots, replaced as a whole after each
+    fields/surface_000012.pvtu        the pieces of one snapshot
+    fields/surface_000012_0003.vtu    that of rank 3, arrays appended as compressed binary
+
+The .pvd names a snapshot only once all ranks have written theirs, so that a killed run can be read up to then. Nothing
+is gathered, and nothing but the present snapshot is held.
+"""
+
+import os
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.errors import RunError
+from wavetank.records.directory import FIELDS, index_file, replace
+
+Array = NDArray[Any]
+Arrays = Mapping[str, Array]
+
+TYPES = {"<f8": "Float64", "<f4": "Float32", "<i4": "Int32", "|u1": "UInt8"}
+FLAT = {2: 3, 3: 5, 4: 9}  # VTK's line, triangle and quadrilateral, by their corners
+LAYERED = {  # what becomes of them between two levels, with the order of the lower, then the upper corners
+    2: (9, [0, 1, 3, 2]),
+    3: (13, [0, 1, 2, 3, 4, 5]),
+    4: (12, [0, 1, 2, 3, 4, 5, 6, 7]),
+}
+
+
+class Block:
+    """An array as it stands in a file: what is said of it, and its bytes."""
+
+    def __init__(self, name: str, values: Array):
+        values = np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
+        components = values.shape[1] if values.ndim > 1 else 1
+        self.said = {"type": TYPES[values.dtype.str], "Name": name, "NumberOfComponents": str(components)}
+        raw = values.tobytes()
+        packed = zlib.compress(raw, level=1)  # half the size; higher levels take three times as long for 3 % of it
+        header = [1, len(raw), 0, len(packed)] if raw else [0, 0, 0]  # blocks, size, size of a last one, compressed
+        self.content = np.array(header, "<u8").tobytes() + packed * bool(raw)
+
+
+@dataclass(frozen=True, eq=False)
+class VtkCells:
+    """Linear cells of one kind; encoded once, however often they are written.
+
+    Attributes
+    ----------
+    corners
+        Of each cell among the points, shape (N, corners).
+    kind
+        VTK's number.
+    """
+
+    corners: NDArray[np.int32]
+    kind: int
+
+    @classmethod
+    def flat(cls, pieces: NDArray[np.int32]) -> "VtkCells":
+        """Return lines, triangles or quadrilaterals, shape (N, corners)."""
+        return cls(pieces, FLAT[pieces.shape[1]])
+
+    @classmethod
+    def layered(cls, pieces: NDArray[np.int32], *, points: int, levels: int) -> "VtkCells":
+        """Return quadrilaterals, wedges or hexahedra over pieces of a footprint, shape (N, corners), upwards.
+
+        Points are numbered level by level, ``points`` in each.
+        """
+        kind, order = LAYERED[pieces.shape[1]]
+        lowest = np.hstack([pieces, pieces + points])[:, order]
+        return cls(np.concatenate([lowest + level * points for level in range(levels - 1)]).astype(np.int32), kind)
+
+    @cached_property
+    def blocks(self) -> list[Block]:
+        """The arrays by which a file tells them."""
+        number, corners = self.corners.shape
+        return [
+            Block("connectivity", self.corners.ravel()),
+            Block("offsets", corners * np.arange(1, number + 1, dtype=np.int32)),
+            Block("types", np.full(number, self.kind, dtype=np.uint8)),
+        ]
+
+
+class VtuSeries:
+    """Snapshots of one set of fields in a run directory.
+
+    Parameters
+    ----------
+    run
+        The run directory, which exists when the first snapshot is written.
+    name
+        Of the series, one of ``wavetank.records.directory.SERIES``.
+    """
+
+    def __init__(self, run: Path, name: str, *, comm: MPI.Comm):
+        self._run, self._name, self._comm = run, name, comm
+        self._snapshots: list[tuple[float, str]] = []
+        self._folder: os.stat_result | None = None  # once a snapshot has been written to it
+
+    def append(self, t: float, points: Array, *, cells: VtkCells, arrays: Arrays) -> None:
+        """Write a snapshot at t [s]: this rank's points (x, y, z) [m], shape (N, 3), its cells and arrays; collective.
+
+        Arrays have shape (N,) or (N, components), by their names; each is written in the precision it has.
+        Raises ``RunError`` on all ranks for a number that is not finite or a file that cannot be written on one.
+        """
+        stem = f"{FIELDS}/{self._name}_{len(self._snapshots):06d}"
+        described = [Block("points", points), *(Block(name, values) for name, values in arrays.items())]
+
+        def write_piece() -> None:
+            self._check(t, [points, *arrays.values()])
+            self._check_folder()
+            (self._run / FIELDS).mkdir(exist_ok=True)
+            replace(self._run / f"{stem}_{self._comm.rank:04d}.vtu", *_piece(len(points), described, cells))
+
+        def write_index() -> None:
+            if self._comm.rank == 0:
+                replace(self._run / f"{stem}.pvtu", _pieces(Path(stem).name, described, self._comm.size))
+                replace(index_file(self._run, self._name), _index(self._snapshots))
+
+        self._together(write_piece)
+        self._snapshots.append((t, f"{stem}.pvtu"))
+        self._together(write_index)
+
+    def _check(self, t: float, arrays: list[Array]) -> None:
+        if not all(np.all(np.isfinite(values)) for values in arrays):
+            where = index_file(self._run, self._name).name
+            raise RunError(f"t = {t:.6g} s: a value for {where} is not a finite number; the run has broken down.")
+
+    def _check_folder(self) -> None:
+        """Raise ``RunError`` where the directory is another than that of the first snapshot."""
+        there = self._run.stat() if self._run.exists() else None
+        self._folder = self._folder or there
+        if there is None or self._folder is None or not os.path.samestat(self._folder, there):
+            raise RunError(f"{self._run}: is no longer this run's; moved or deleted during the run.")
+
+    def _together(self, action: Callable[[], None]) -> None:
+        """Act, and raise what any rank met on all of them; collective."""
+        failure = None
+        try:
+            action()
+        except RunError as error:
+            failure = str(error)
+        except OSError as error:
+            failure = f"{self._run / FIELDS}: cannot be written ({error.strerror})."
+        failures = [one for one in self._comm.allgather(failure) if one is not None]
+        if failures:
+            raise RunError(failures[0])
+
+
+def _document(kind: str) -> tuple[ElementTree.Element, ElementTree.Element]:
+    """Return a VTK document and the element in it that is called as its kind."""
+    attributes = {"byte_order": "LittleEndian", "header_type": "UInt64", "compressor": "vtkZLibDataCompressor"}
+    document = ElementTree.Element("VTKFile", attributes, type=kind, version="1.0")
+    return document, ElementTree.SubElement(document, kind)
+
+
+def _piece(points: int, described: list[Block], cells: VtkCells) -> list[bytes]:
+    """Return a .vtu file, in parts: ``described`` are the points, then the arrays at them."""
+    document, grid = _document("UnstructuredGrid")
+    size = {"NumberOfPoints": str(points), "NumberOfCells": str(len(cells.corners))}
+    piece, offset = ElementTree.SubElement(grid, "Piece", size), 0
+    sections = {"Points": described[:1], "Cells": cells.blocks, "PointData": described[1:]}
+    for section, blocks in sections.items():
+        parent = ElementTree.SubElement(piece, section)
+        for block in blocks:
+            place = {"format": "appended", "offset": str(offset)}
+            ElementTree.SubElement(parent, "DataArray", block.said | place)
+            offset += len(block.content)
+    head = ElementTree.tostring(document).removesuffix(b"</VTKFile>")
+    contents = (block.content for blocks in sections.values() for block in blocks)
+    return [head, b'<AppendedData encoding="raw">_', *contents, b"</AppendedData></VTKFile>\n"]
+
+
+def _pieces(stem: str, described: list[Block], ranks: int) -> bytes:
+    """Return a .pvtu file, which tells the pieces of a snapshot."""
+    document, grid = _document("PUnstructuredGrid")
+    for section, blocks in {"PPoints": described[:1], "PPointData": described[1:]}.items():
+        parent = ElementTree.SubElement(grid, section)
+        for block in blocks:
+            ElementTree.SubElement(parent, "PDataArray", block.said)
+    for rank in range(ranks):
+        ElementTree.SubElement(grid, "Piece", Source=f"{stem}_{rank:04d}.vtu")
+    return ElementTree.tostring(document)
+
+
+def _index(snapshots: list[tuple[float, str]]) -> bytes:
+    """Return a .pvd file, which tells times and files of snapshots."""
+    document, collection = _document("Collection")
+    for t, file in snapshots:
+        ElementTree.SubElement(collection, "DataSet", timestep=repr(float(t)), part="0", file=file)
+    return ElementTree.tostring(document)

@@ -1,0 +1,210 @@
+"""From a scene to a run: its scheme, step, start, filters and observers."""
+
+from collections.abc import Callable, Sequence
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.runs.footprints import build_footprint
+from wavetank.runs.sponges import build_sponge
+from wavetank.runs.waters import AnyWaves, fill
+from wavetank.runs.clock import Clock
+from wavetank.errors import InputError, OutsideError
+from wavetank.fe.agreed import agreed
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.stage_solver import ITERATES
+from wavetank.integrators import INTEGRATORS
+from wavetank.integrators.absorbing import Absorbing
+from wavetank.integrators.contract import Integrator
+from wavetank.integrators.filtered import Filter
+from wavetank.values.noun import Problem, SceneError, about
+from wavetank.observers.contract import Observer
+from wavetank.observers.energy import EnergyBudget, Sink
+from wavetank.observers.fields import SurfaceFields, VelocityFields
+from wavetank.observers.gauges import Gauges
+from wavetank.observers.record import FieldRecord, Record
+from wavetank.observers.schedule import EverySteps, EveryTime
+from wavetank.observers.stability import StabilityWatch
+from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
+from wavetank.runs.run import Run
+from wavetank.case import RingTank, Scene
+from wavetank.water.breaking import BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.short_waves import ShortWaves
+from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.waves import NonlinearWaves
+
+
+class Records(NamedTuple):
+    """Where the observers of a scene write.
+
+    Attributes
+    ----------
+    gauges, energy
+        Tables.
+    surface
+        Of snapshots along a slice or ring; None on all ranks but the first.
+    fields
+        Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
+    """
+
+    gauges: Record
+    energy: Record
+    surface: SurfaceRecord | None
+    fields: Callable[[str], FieldRecord] | None = None
+
+
+def initial_state(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
+    """Return (Q, psi) of the scene's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
+    comm, (x, y) = waves.plane.comm, waves.plane.places.T
+    with about("initial"):
+        eta, psi = agreed(comm, lambda: scene.initial.surface(scene.tank, x, y))
+        state = waves.state(eta, psi)
+        lowest = comm.allreduce(float(np.min(waves.bed.still + eta, initial=np.inf)), op=MPI.MIN)
+        if not lowest > 0.0:
+            raise InputError(f"its surface lies down to {-lowest:.3g} m below the bed; must be above it everywhere.")
+        return state
+
+
+def build_clock(
+    scene: Scene, largest_frequency: float, integrator: Integrator[Any], *, moving: float | None = None
+) -> Clock:
+    """Return the scene's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
+
+    The default keeps 0.6 of the stability limit on still water, 1.4 of it for the ``moving`` surface of the start, if
+    that is faster, and a relative frequency error below 1e-4 for waves of a quarter of the largest frequency, and
+    divides the duration. Twice the limit leaves no noise behind waves that run freely; where a steep one runs up a wall
+    1.4 does not, and 1.75 does (docs/extremes.md). A given step is kept: its last one ends beyond the
+    duration, or before it where a recorded motion ends. Raises ``InputError`` for an unstable step.
+    """
+    limit = integrator.stability_limit / largest_frequency
+    if scene.numerics.dt is None:
+        coefficient, power = integrator.frequency_error
+        accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
+        steep = 1.4 * min(integrator.stability_limit, ITERATES) / (moving or largest_frequency)
+        return Clock.dividing(scene.run.duration, min(0.6 * limit, accurate, steep))
+    if scene.numerics.dt > limit:
+        allowed = (
+            f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "
+            f"{largest_frequency:.4g} rad/s)"
+        )
+        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+    with about("numerics", "dt"):
+        return Clock.covering(scene.run.duration, scene.numerics.dt, until=scene.motion().duration)
+
+
+def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, AnyWaves]:
+    """Return the run of a scene, nothing observed yet, and the waves in it; collective.
+
+    Raises ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.plan.planned``).
+    """
+    if scene.numerics.accuracy is not None:
+        raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
+    with about("tank", "layout"):
+        footprint = build_footprint(scene, comm)
+    waves = fill(scene, footprint)
+    integrator: Integrator[Any] = INTEGRATORS[scene.numerics.integrator]()
+    if scene.sponge is not None:
+        with about("sponge"):
+            integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, footprint, waves))
+    start = initial_state(scene, waves)
+    moving = _moving(waves, start)
+    clock = agreed(comm, lambda: build_clock(scene, waves.largest_frequency, integrator, moving=moving))
+    filters = build_filters(scene, waves, clock.dt)
+    return Run(waves, integrator, [], start=start, clock=clock, filters=filters), waves
+
+
+def _moving(waves: AnyWaves, start: tuple[Vector, Vector]) -> float:
+    """Return the largest frequency on the surface as it moves at the start [rad/s]; collective."""
+    if isinstance(waves, LinearWaves):
+        return waves.largest_frequency
+    waves.surface.update(*start, 0.0)
+    return ShortWaves(waves).largest_frequency(waves.surface)
+
+
+def summary(scene: Scene, run: Run, waves: AnyWaves) -> str:
+    """Return what a run is, in a line."""
+    unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
+    bound = f" of {limit:g}" if limit < inf else ", stable at any"
+    cells = waves.plane.mesh.topology.index_map(waves.plane.mesh.topology.dim).size_global
+    water = "linear water, " if isinstance(waves, LinearWaves) else ""
+    return (
+        f"{scene.title or 'untitled'}: {water}{cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
+        f"{unknowns} unknowns; {run.clock.steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
+        f"dt omega_max = {run.clock.dt * waves.largest_frequency:.2f}{bound})"
+    )
+
+
+def build_filters(scene: Scene, waves: AnyWaves, dt: float) -> list[Filter]:
+    """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective.
+
+    Breaking is looked for in slices and rings only.
+    """
+    if isinstance(waves, LinearWaves):
+        return []  # neither breaks nor has a current
+    flow, filters = waves.surface, list[Filter]()
+    if isinstance(flow, SurfaceFlow):
+        watch = breaking_watch(scene, waves, flow)
+        if scene.run.on_breaking == "stop":
+            filters.append(StopAtBreaking(watch))
+        elif scene.run.on_breaking == "dissipate":
+            filters.append(BreakingDissipation(waves, watch, dt=dt))
+    if scene.numerics.edge_penalty > 0:
+        size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
+        filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
+    return filters
+
+
+def breaking_watch(scene: Scene, waves: NonlinearWaves, flow: SurfaceFlow) -> BreakingWatch:
+    """Return what looks for breaking crests along a slice or ring; collective."""
+    return BreakingWatch(waves, flow, length=scene.tank.length if isinstance(scene.tank, RingTank) else None)
+
+
+def build_watch(scene: Scene, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Observer]:
+    """Return what watches the step of nonlinear waves and warns; collective."""
+    if isinstance(waves, LinearWaves):
+        return []  # the limit is known before the run, and kept
+    limit = run.integrator.stability_limit
+    return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn)]
+
+
+def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:
+    """Return a scene's gauges, energy budget (of what its sinks take, too) and snapshots; collective."""
+    output = scene.output
+    observers: list[Observer] = [
+        EnergyBudget(waves, record=records.energy, every=output.energy_every, sinks=sinks),
+    ]
+    if waves.plane.mesh.topology.dim == 1:
+        snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
+        observers.append(snapshots)
+    observers += _field_observers(scene, waves, records, sinks)
+    if scene.all_gauges:
+        observers.append(_gauges(scene, waves, records.gauges))
+    return observers
+
+
+def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
+    """Return what records the gauges; collective. Raises ``SceneError`` for one outside the mesh."""
+    places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
+    try:
+        return Gauges(waves, places, record=record, schedule=EverySteps(scene.output.gauges_every))
+    except OutsideError as error:
+        raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
+
+
+def _field_observers(scene: Scene, waves: AnyWaves, records: Records, sinks: Sequence[Sink]) -> list[Observer]:
+    """Return what writes a basin's surface and sponge, and the velocity field where it is asked for; collective."""
+    observers = list[Observer]()
+    if records.fields is None:
+        return observers
+    if waves.plane.mesh.topology.dim == 2:
+        schedule = EveryTime(scene.surface_every)
+        damping = next((one.gamma for one in sinks if isinstance(one, Absorbing)), None)
+        observers.append(SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=damping))
+    if scene.output.velocity_every is not None and isinstance(waves, NonlinearWaves):
+        schedule = EveryTime(scene.output.velocity_every)
+        observers.append(VelocityFields(waves, records.fields("velocity"), schedule=schedule))
+    return observers

@@ -1,0 +1,169 @@
+"""Standing waves of finite height, exactly: the surface that comes back to rest, found by shooting.
+
+Where a standing wave is highest it is at rest, psi = 0. Released from there it has, a quarter of a period later, the
+same elevation half a wave length further, and the opposite potential: of the former no odd cosines are left, of the
+latter no even ones. Newton's method finds the cosines at rest and the period for which that is so, from low waves on
+upwards.
+
+The water is the conformal image of a strip of depth D below u, x + i y = z(u + i v), that moves by
+
+    y_t = x_u A + y_u R,    phi_t = phi_u R + (psi_u² - phi_u²) / (2 J) - y,    A = -psi_u / J,    J = x_u² + y_u²,
+
+in units of 1/k and 1/sqrt(g k); R is conjugate to A, psi the stream function, and D - d the mean of y. Everything is in
+cosines of u: x_u = 1 + K y and -psi_u = G phi with multipliers m coth(m D) and m tanh(m D).
+
+Sources: A. I. Dyachenko, E. A. Kuznetsov, M. D. Spector, V. E. Zakharov, Phys. Lett. A 221, 1996; W. Choi and R.
+Camassa, J. Eng. Mech. 125, 1999 (finite depth); J. Wilkening and J. Yu, Comput. Sci. Disc. 5, 2012 (shooting).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.interpolate import make_interp_spline
+
+from wavetank.errors import InputError
+from wavetank.theory.conformal import SPLINE_DEGREE, Array, Shape
+
+STEP = 0.01  # of height over length, from one wave to the next
+HIGHEST = 0.15  # height over length; beyond, the crest wants more than MODES allows
+MODES, MORE = 14, 80  # cosines of a low wave; so many more at HIGHEST
+ENOUGH, ACCEPTED, ROUNDS = 3e-9, 1e-7, 8  # what is left a quarter of a period later; of Newton's method
+DEEP = 300.0  # beyond this m D the hyperbolic functions overflow
+DIFFERENCE = 1e-7
+
+
+@dataclass(frozen=True)
+class RestingWave:
+    """A standing wave, its crest at x = 0.
+
+    Attributes
+    ----------
+    period
+        In which it comes back [s].
+    residual
+        What is left of the cosines that should have gone after a quarter of it, in wave numbers' inverse.
+    shape
+        Elevation [m] when it is at rest, at places x [m], shape (N,).
+    """
+
+    period: float
+    residual: float
+    shape: Shape
+
+
+def resting_wave(height: float, length: float, *, depth: float, gravity: float = 9.81) -> RestingWave:
+    """Return the standing wave of a height, crest above trough where it is at rest [m], and length [m].
+
+    Depth is that of still water [m], gravity in m/s². Raises ``InputError`` beyond ``HIGHEST`` lengths, and where no
+    wave is found.
+    """
+    highest, k = HIGHEST * length, 2 * np.pi / length
+    if not 0.0 < height <= highest * (1 + 1e-12):
+        raise InputError(f"height = {height:g} m: must be above 0 and at most {highest:.4g} m.")
+    steps = max(1, round(height / length / STEP))
+    period = 2 * np.pi / np.sqrt(np.tanh(k * depth))
+    waves = [np.array([0.0, period]), np.array([k * height / steps / 2, period])]
+    residual = np.inf
+    for n in range(1, steps + 1):
+        if n > 1:
+            waves.append(2 * waves[-1] - _longer(waves[-2], waves[-1].size))
+        wanted = n / steps * k * height
+        waves[-1], residual = _shot(_longer(waves[-1], _modes(wanted) + 1), wanted, k * depth)
+        waves[-2] = _longer(waves[-2], waves[-1].size)
+    if not residual < ACCEPTED:
+        raise InputError(f"height = {height:g} m: no standing wave of length {length:g} m could be computed.")
+    return RestingWave(waves[-1][-1] / np.sqrt(gravity * k), residual, _shape(waves[-1][:-1], k, k * depth))
+
+
+def _modes(height: float) -> int:
+    """Return how many cosines a wave of k H needs, an even number."""
+    return MODES + 2 * round(MORE / 2 * float(np.power(height / (2 * np.pi * HIGHEST), 2.5)))
+
+
+def _longer(wave: Array, size: int) -> Array:
+    """Return cosines and period with more cosines."""
+    return np.concatenate([wave[:-1], np.zeros(size - wave.size), wave[-1:]])
+
+
+def _shot(wave: Array, height: float, depth: float) -> tuple[Array, float]:
+    """Return the wave of a height that comes to rest, by Newton's method, and its residual."""
+    best, least = wave, np.inf
+    for _ in range(ROUNDS):
+        varied = wave + DIFFERENCE * np.vstack([np.zeros(wave.size), np.eye(wave.size)])
+        left = _left(varied, height, depth)
+        residual = float(np.abs(left[0]).max())
+        if residual < least:
+            best, least = wave, residual
+        if least < ENOUGH or not np.isfinite(residual):
+            break
+        wave = wave - np.linalg.lstsq((left[1:] - left[0]).T / DIFFERENCE, left[0], rcond=1e-8)[0]
+    return best, least
+
+
+def _left(waves: Array, height: float, depth: float) -> Array:
+    """Return what should be zero of each wave, shape (waves, equations): cosines after a quarter, height."""
+    modes = waves.shape[1] - 1
+    flow = _Flow(next_fast_len(6 * modes, real=True), depth)
+    y = _surface(waves[:, :-1], flow.points, depth)
+    y, phi = (rfft(part).real / flow.points for part in flow.released(y, waves[:, -1:] / 4, steps=4 * modes))
+    last = 5 * modes // 4
+    missed = 2 * waves[:, :-1:2].sum(axis=1, keepdims=True) - height
+    return np.concatenate([y[:, 1:last:2], phi[:, 2 : last + 1 : 2], missed], axis=1)
+
+
+def _surface(cosines: Array, points: int, depth: float) -> Array:
+    """Return y at points of a period, its mean so that there is as much water as at rest."""
+    m = np.arange(1, cosines.shape[-1] + 1)
+    mean = np.zeros((*cosines.shape[:-1], 1))
+    for _ in range(60):
+        K = m / np.tanh(np.minimum(m * (mean + depth), DEEP))
+        mean = -0.5 * (K * cosines**2).sum(axis=-1, keepdims=True)
+    return np.asarray(mean + cosines @ np.cos(np.outer(m, 2 * np.pi / points * np.arange(points))))
+
+
+def _shape(cosines: Array, k: float, depth: float) -> Shape:
+    """Return the elevation over x in metres, for one wave length about the crest and a little more."""
+    points = 32 * cosines.size
+    y, m = _surface(cosines, points, depth), np.arange(1, cosines.size + 1)
+    u = 2 * np.pi / points * np.arange(-points // 2 - SPLINE_DEGREE, points // 2 + SPLINE_DEGREE + 1)
+    moved = cosines / np.tanh(np.minimum(m * (y.mean() + depth), DEEP))
+    x = u + moved @ np.sin(np.outer(m, u))
+    elevation = y.mean() + cosines @ np.cos(np.outer(m, u))
+    shape: Shape = make_interp_spline(x / k, elevation / k, k=SPLINE_DEGREE)
+    return shape
+
+
+class _Flow:
+    """The motion of surfaces at points of a period, shape (waves, points)."""
+
+    def __init__(self, points: int, depth: float):
+        self.points, self._depth = points, depth
+        self._m = np.arange(points // 2 + 1.0)
+        self._kept = self._m <= points // 3
+
+    def released(self, y: Array, duration: Array, *, steps: int) -> tuple[Array, Array]:
+        """Return y and phi so much later, by the classical Runge-Kutta scheme; duration has shape (waves, 1)."""
+        h, state = duration / steps, np.stack([y, np.zeros_like(y)])
+        for _ in range(steps):
+            a = self._rates(state)
+            b = self._rates(state + h / 2 * a)
+            c = self._rates(state + h / 2 * b)
+            state = state + h / 6 * (a + 2 * b + 2 * c + self._rates(state + h * c))
+        return state[0], state[1]
+
+    def _rates(self, state: Array) -> Array:
+        y, phi = rfft(state)
+        kD = np.minimum(self._m[1:] * (y[:, :1].real / self.points + self._depth), DEEP)
+        tanh = np.concatenate([np.zeros_like(kD[:, :1]), np.tanh(kD)], axis=1)
+        coth = np.concatenate([np.zeros_like(kD[:, :1]), 1 / np.tanh(kD)], axis=1)
+        y_u, phi_u, x_u = self._at(1j * self._m * y), self._at(1j * self._m * phi), 1 + self._at(self._m * coth * y)
+        psi_u = self._at(-self._m * tanh * phi)
+        J = x_u**2 + y_u**2
+        A = rfft(-psi_u / J)
+        across, along = self._at(A), self._at(-1j * coth * A)
+        dynamic = self._at(rfft((psi_u**2 - phi_u**2) / (2 * J)))
+        return np.stack([x_u * across + y_u * along, phi_u * along + dynamic - state[0]])
+
+    def _at(self, coefficients: Array) -> Array:
+        return np.asarray(irfft(coefficients * self._kept, n=self.points))

@@ -1,0 +1,209 @@
+"""Standing waves in a rectangular basin, linear to third order in their amplitude a: frequency, elevation, potential.
+
+With kappa_x = m pi / length, kappa_y = n pi / width and s = omega t, Stokes' expansion
+
+    eta = a eta_1 + a^2 eta_2 + a^3 eta_3,   psi = a psi_1 + a^2 psi_2 + a^3 psi_3,   omega = omega_0 + a^2 omega_2
+
+of Zakharov's equations for the elevation and the potential at the surface
+
+    omega eta_s = G psi,
+    omega psi_s = -g eta - 1/2 |grad psi|^2 + 1/2 (G psi + grad eta . grad psi)^2 / (1 + |grad eta|^2),
+
+with the Dirichlet-Neumann operator G = G_0 + G_1 + G_2 of Craig and Sulem, G_0 = K tanh(K d):
+
+    G_1 psi = -div(eta grad psi) - G_0(eta G_0 psi),
+    G_2 psi = 1/2 lap(eta^2 G_0 psi) + 1/2 G_0(eta^2 lap psi) + G_0(eta G_0(eta G_0 psi)).
+
+Order one is eta_1 = cos(kappa_x x) cos(kappa_y y) cos s, psi_1 = -g / omega_0 cos cos sin s; the next orders are linear
+problems, one for each product of cosines, and omega_2 is what keeps the third from resonance. Products of three cosines
+have wave numbers up to three: a Fourier transform on eight points each way is exact. The water is at rest at s = 0,
+where psi = 0, and a is the whole of eta's part with cos(kappa_x x) cos(kappa_y y) cos s. A part of psi that is the same
+everywhere and grows linearly in time is left out: it moves nothing.
+
+Sources: I. Tadjbakhsh and J. B. Keller, J. Fluid Mech. 8, 1960 (one dimension, any depth; their omega_2 is twice this
+one); G. R. Verma and J. B. Keller, Phys. Fluids 5, 1962 (two dimensions); W. Craig and C. Sulem, J. Comput. Phys. 108,
+1993 (G).
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.theory.airy import Array, angular_frequency, relative_depth
+
+_POINTS = 8  # each way of x, y and s
+_HARMONICS = 4  # 0 to 3
+
+
+@dataclass(frozen=True, kw_only=True)
+class ThirdOrderStandingWave:
+    """A standing wave of small amplitude in x in [0, length], y in [0, width].
+
+    Raises ``InputError`` if no half wave is asked for, or an order that is not known.
+
+    Attributes
+    ----------
+    amplitude
+        a [m].
+    length, width
+        The basin's [m]; with n = 0 the width does not matter.
+    depth, gravity
+        Still-water depth d [m] or ``inf``, and gravity g [m/s^2].
+    modes
+        (m, n): the numbers of half waves along x and y.
+    order
+        How many orders of the expansion are taken, 1 to 3; errors are of the next.
+    """
+
+    amplitude: float
+    length: float
+    depth: float
+    gravity: float = 9.81
+    width: float = 1.0
+    modes: tuple[int, int] = (1, 0)
+    order: int = 3
+
+    def __post_init__(self) -> None:
+        if min(self.modes) < 0 or max(self.modes) < 1:
+            raise InputError(f"modes = {self.modes}: must be two numbers of half waves, not below 0 and not both 0.")
+        if not 1 <= self.order <= 3:
+            raise InputError(f"order = {self.order}: must be 1, 2 or 3.")
+
+    @property
+    def wave_numbers(self) -> tuple[float, float]:
+        """kappa_x and kappa_y [rad/m]."""
+        return self.modes[0] * np.pi / self.length, self.modes[1] * np.pi / self.width
+
+    @property
+    def linear_frequency(self) -> float:
+        """omega_0 [rad/s]."""
+        return float(angular_frequency(np.hypot(*self.wave_numbers), self.depth, self.gravity))
+
+    @property
+    def frequency_shift(self) -> float:
+        """omega_2 [rad/s/m^2]."""
+        return self._expansion.frequency_shift
+
+    @property
+    def frequency(self) -> float:
+        """Angular frequency omega [rad/s]: omega_0, in order three with a^2 omega_2."""
+        shift = self.amplitude**2 * self.frequency_shift if self.order == 3 else 0.0
+        return self.linear_frequency + shift
+
+    @cached_property
+    def elevation_coefficients(self) -> Array:
+        """E_ijl [m], shape (4, 4, 4): eta = sum E_ijl cos(i kappa_x x) cos(j kappa_y y) cos(l omega t)."""
+        return _halves(self._sum(self._expansion.eta)).real
+
+    @cached_property
+    def potential_coefficients(self) -> Array:
+        """P_ijl [m²/s], shape (4, 4, 4): psi = sum P_ijl cos(i kappa_x x) cos(j kappa_y y) sin(l omega t)."""
+        return -_halves(self._sum(self._expansion.psi)).imag
+
+    def surface(self, x: Array, y: Array, *, t: float) -> tuple[Array, Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], shape (N,), and time t [s], each of shape (N,)."""
+        harmonics = np.arange(_HARMONICS)
+        in_x, in_y = (
+            np.cos(np.multiply.outer(k * at, harmonics)) for k, at in zip(self.wave_numbers, (x, y), strict=True)
+        )
+        phases = self.frequency * t * harmonics
+        eta = np.einsum("ijl,ni,nj,l->n", self.elevation_coefficients, in_x, in_y, np.cos(phases))
+        psi = np.einsum("ijl,ni,nj,l->n", self.potential_coefficients, in_x, in_y, np.sin(phases))
+        return eta, psi
+
+    def _sum(self, terms: tuple[Array, ...]) -> Array:
+        return np.asarray(sum(self.amplitude**n * term for n, term in enumerate(terms[: self.order], start=1)))
+
+    @cached_property
+    def _expansion(self) -> "_Expansion":
+        return _expansion(_Water(self.wave_numbers, depth=self.depth, gravity=self.gravity))
+
+
+class _Expansion(NamedTuple):
+    """eta_n and psi_n, n = 1 to 3, at the points in x, y and s, and omega_2."""
+
+    eta: tuple[Array, ...]
+    psi: tuple[Array, ...]
+    frequency_shift: float
+
+
+class _Water:
+    """The linear operators on functions at the points, arrays of shape (8, 8, 8) along x, y and s."""
+
+    def __init__(self, wave_numbers: tuple[float, float], *, depth: float, gravity: float):
+        index = np.fft.fftfreq(_POINTS, 1 / _POINTS)
+        i, j, self.harmonic = np.meshgrid(index, index, index, indexing="ij")
+        self.k = wave_numbers[0] * i, wave_numbers[1] * j
+        self.K: Array = np.hypot(*self.k)
+        moving = np.where(self.K > 0, self.K, 1.0)  # the mean, whose K is 0, would have no product with infinite d
+        self.G: Array = self.K * np.tanh(relative_depth(moving, depth))
+        self.gravity, self.omega = gravity, float(angular_frequency(np.hypot(*wave_numbers), depth, gravity))
+        angles = 2 * np.pi / _POINTS * np.arange(_POINTS)
+        x, y, s = np.meshgrid(angles, angles, angles, indexing="ij")
+        plan = np.cos(x * (wave_numbers[0] > 0)) * np.cos(y * (wave_numbers[1] > 0))
+        self.cosine: Array = plan * np.cos(s)
+        self.sine: Array = plan * np.sin(s)
+
+    def apply(self, multipliers: NDArray[Any], f: Array) -> Array:
+        """Return f with its Fourier coefficients multiplied."""
+        return np.asarray(np.fft.ifftn(multipliers * np.fft.fftn(f)).real)
+
+    def slopes(self, f: Array) -> Array:
+        """Return grad f, shape (2, 8, 8, 8)."""
+        return np.stack([self.apply(1j * k, f) for k in self.k])
+
+    def G_0(self, psi: Array) -> Array:
+        """Return K tanh(K d) psi."""
+        return self.apply(self.G, psi)
+
+    def G_1(self, eta: Array, psi: Array) -> Array:
+        """Return the part of G psi that is linear in eta."""
+        flux = eta * self.slopes(psi)
+        divergence = sum(self.apply(1j * k, part) for k, part in zip(self.k, flux, strict=True))
+        return np.asarray(-divergence - self.G_0(eta * self.G_0(psi)))
+
+    def G_2(self, eta: Array, psi: Array) -> Array:
+        """Return the part of G psi that is quadratic in eta."""
+        rise = self.G_0(psi)
+        curved = self.apply(self.K**2, eta**2 * rise) + self.G_0(eta**2 * self.apply(self.K**2, psi))
+        return self.G_0(eta * self.G_0(eta * rise)) - 0.5 * curved
+
+    def respond(self, F: Array, R: Array) -> tuple[Array, Array]:
+        """Return eta and psi with omega eta_s - G_0 psi = F, omega psi_s + g eta = R.
+
+        The first order's own frequency and the mean are left out of eta: that is what a and d mean.
+        """
+        F_hat, R_hat, turning = np.fft.fftn(F), np.fft.fftn(R), 1j * self.omega * self.harmonic
+        determinant = -(turning**2) - self.gravity * self.G
+        own = np.isclose(determinant, 0.0, atol=1e-9 * self.omega**2)
+        by_both = (self.gravity * F_hat - turning * R_hat) / np.where(own, 1.0, determinant)
+        psi_hat = np.where(own, -F_hat / np.where(self.G > 0, self.G, np.inf), by_both)
+        eta_hat = np.where(own, 0.0, (R_hat - turning * psi_hat) / self.gravity)
+        return np.fft.ifftn(eta_hat).real, np.fft.ifftn(psi_hat).real
+
+
+def _expansion(water: _Water) -> _Expansion:
+    g, omega = water.gravity, water.omega
+    eta_1, psi_1 = water.cosine, -g / omega * water.sine
+    rise_1, slopes_1 = water.G_0(psi_1), water.slopes(psi_1)
+    F = water.G_1(eta_1, psi_1)
+    eta_2, psi_2 = water.respond(F, 0.5 * rise_1**2 - 0.5 * (slopes_1**2).sum(axis=0))
+    slopes_2 = water.slopes(psi_2)
+    rise_2 = water.G_0(psi_2) + F + (water.slopes(eta_1) * slopes_1).sum(axis=0)
+    F = water.G_1(eta_2, psi_1) + water.G_1(eta_1, psi_2) + water.G_2(eta_1, psi_1)
+    R = rise_1 * rise_2 - (slopes_1 * slopes_2).sum(axis=0)
+    resonant = (F * water.sine).sum() + omega / g * (R * water.cosine).sum()
+    shift = -0.5 * resonant / (water.sine**2).sum()
+    eta_3, psi_3 = water.respond(F + shift * water.sine, R + shift * g / omega * water.cosine)
+    return _Expansion((eta_1, eta_2, eta_3), (psi_1, psi_2, psi_3), float(shift))
+
+
+def _halves(f: Array) -> NDArray[np.complex128]:
+    """Return the coefficients of cosines in x, y, and of exp(i l s) with Re = cos and -Im = sin, shape (4, 4, 4)."""
+    positive = (np.fft.fftn(f) / f.size)[:_HARMONICS, :_HARMONICS, :_HARMONICS]
+    twice = np.where(np.arange(_HARMONICS) > 0, 2.0, 1.0)
+    return np.asarray(positive * np.einsum("i,j,l->ijl", twice, twice, twice))

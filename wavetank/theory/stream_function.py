@@ -1,0 +1,136 @@
+"""Periodic waves of permanent form: what a stream-function wave (Rienecker and Fenton 1981) approaches, exactly.
+
+Babenko's equation for a given height by Newton's method in conformal variables, stepping up in height and refining the
+points until Bernoulli's equation holds between them, too. A series in x stops at 1e-5 for steep waves, or settles on
+waves with several crests; this reaches 1e-10.
+
+Sources: those of ``conformal.py``; for the maximum height J. D. Fenton, "Nonlinear wave theories", The Sea 9, 1990,
+equation (32), which fits J. M. Williams, Phil. Trans. R. Soc. A 302, 1981.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from math import ceil
+
+import numpy as np
+from scipy.fft import idct
+from scipy.interpolate import make_interp_spline
+from scipy.optimize import brentq
+from scipy.special import ellipj, ellipk
+
+from wavetank.errors import InputError
+from wavetank.theory.conformal import SPLINE_DEGREE, Array, Shape, Solution, SteadyWave, Strip
+
+STEP = 0.1  # in height, relative to the maximum: so close, Newton's method stays with waves of one crest
+RESOLVED, ACCEPTED, HOPELESS = 1e-10, 1e-9, 1.0  # Bernoulli residuals: fine enough; still a wave; not to be cured
+FEWEST, MOST = 64, 2048  # intervals of half a wave length: for waves of LONG depths to begin with; at most
+LONG = 16.0
+SHALLOWEST = 1.0 - 1e-15  # parameter m of the elliptic functions, which is 1 for a solitary wave
+
+
+def maximum_height(length: float, depth: float) -> float:
+    """Return the height [m] of the highest wave of a length [m] in a depth [m], within about 1 %."""
+    r = length / depth
+    rising = 0.141063 * r + 0.0095721 * r**2 + 0.0077829 * r**3
+    return depth * rising / (1.0 + 0.0788340 * r + 0.0317567 * r**2 + 0.0093407 * r**3)
+
+
+@lru_cache(maxsize=16)  # a run asks for that of its start many times
+def stream_function_wave(height: float, length: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
+    """Return the wave of a height, crest above trough [m], and length [m], without mean Eulerian current.
+
+    Depth is that of still water [m], gravity in m/s². Raises ``InputError`` if there is no such wave, or none that
+    ``MOST`` intervals resolve.
+    """
+    highest = maximum_height(length, depth)
+    if not 0.0 < height < highest:
+        raise InputError(f"height = {height:g} m: must be above 0 and below that of the highest wave, {highest:.4g} m.")
+    steps = ceil(height / highest / STEP)
+    solution = _cnoidal_wave(height / depth / steps, length / depth)
+    for step in range(1, steps + 1):
+        solution = _at_height(solution, step / steps * height / depth)
+        if not (solution.residual() < ACCEPTED and solution.has_one_crest()):
+            raise InputError(
+                f"height = {height:g} m: no wave of length {length:g} m in a depth of {depth:g} m could be computed; a "
+                f"lower one may be (the highest has about {highest:.4g} m), or a shorter one."
+            )
+    return solution.wave(depth, gravity, interpolate=_periodic)
+
+
+def _periodic(x: Array, values: Array) -> Shape:
+    spline: Shape = make_interp_spline(x, values, k=SPLINE_DEGREE, bc_type="periodic")
+    return spline
+
+
+def _strip(length: float, eta: Array) -> Strip:
+    """Return the strip whose depth goes with an elevation."""
+    intervals = eta.size - 1
+    return Strip(length, 1.0 + float(_weights(intervals) @ eta), mean=0.0, intervals=intervals)
+
+
+def _weights(intervals: int) -> Array:
+    """Return the weights of the mean of an even function."""
+    weights = np.full(intervals + 1, 1.0 / intervals)
+    weights[[0, -1]] /= 2
+    return weights
+
+
+def _cnoidal_wave(height: float, length: float) -> Solution:
+    """Return H cn^2(2 K x / length), H length^2 = 16/3 m K(m)^2: the wave in shallow water, in deep water a cosine."""
+
+    def excess(m: float) -> float:
+        return float(m * ellipk(m) ** 2 - 3.0 / 16.0 * height * length**2)
+
+    m = brentq(excess, 0.0, SHALLOWEST) if excess(SHALLOWEST) > 0 else SHALLOWEST
+    intervals = min(FEWEST * ceil(length / LONG), MOST)
+    eta = height * ellipj(np.linspace(0.0, ellipk(m), intervals + 1), m)[1] ** 2
+    eta -= _weights(intervals) @ eta
+    now = Solution(_strip(length, eta), eta, 0.0)
+    K_eta = now.strip.multiply(now.strip.K, eta)
+    return replace(now, b=-float(K_eta @ now.babenko() / (K_eta @ K_eta)))  # the best in the mean square
+
+
+def _at_height(start: Solution, height: float) -> Solution:
+    """Return the solution of another height, on as many points as it needs."""
+    solution = _newton(start, height)
+    while RESOLVED < solution.residual() < HOPELESS and solution.strip.intervals < MOST:
+        solution = _newton(solution.refined(2), height)
+    return solution
+
+
+def _newton(start: Solution, height: float) -> Solution:
+    """Solve Babenko's equation for eta and b together, at a given height."""
+    length, b = start.strip.length, start.b
+    eta = start.eta * height / (start.eta[0] - start.eta[-1])
+    for _ in range(20):
+        now = Solution(_strip(length, eta), eta, b)
+        correction = np.linalg.solve(_jacobian(now), np.append(now.babenko(), 0.0))
+        eta, b = eta - correction[:-1], b - float(correction[-1])
+        if np.abs(correction).max() < 1e-12:
+            break
+    return Solution(_strip(length, eta), eta, b)
+
+
+def _jacobian(now: Solution) -> Array:
+    """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
+    strip, eta, b = now.strip, now.eta, now.b
+    K, K_eta = _matrix(strip.K), strip.multiply(strip.K, eta)
+    jacobian = np.zeros((eta.size + 1, eta.size + 1))
+    jacobian[:-1, :-1] = (b - eta)[:, None] * K - K * eta - np.diag(1.0 + K_eta)
+    by_depth = np.append(0.0, strip.k[1:] ** 2 - strip.K[1:] ** 2)  # dK/dD; D takes part in the mean of eta
+    change = (b - eta) * strip.multiply(by_depth, eta) - 0.5 * strip.multiply(by_depth, eta**2)
+    jacobian[:-1, :-1] += np.outer(change, _weights(strip.intervals))
+    jacobian[:-1, -1] = K_eta
+    jacobian[-1, 0], jacobian[-1, -2] = 1.0, -1.0
+    return jacobian
+
+
+def _matrix(multipliers: Array) -> Array:
+    """Return the matrix that multiplies Fourier coefficients of even functions: a convolution and its mirror image."""
+    kernel = idct(multipliers, type=1)
+    last = kernel.size - 1
+    point = np.arange(kernel.size)
+    there, back = np.abs(point[:, None] - point), last - np.abs(last - point[:, None] - point)
+    matrix: Array = kernel[there] + kernel[back]
+    matrix[:, [0, -1]] /= 2
+    return matrix

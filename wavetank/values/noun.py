@@ -1,0 +1,84 @@
+"""What every part of a scene is: frozen and validated data that can say what does not fit."""
+
+import json
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+
+from wavetank.errors import InputError, printable
+
+KEY_SHOWN = 200  # characters of a key in a message
+
+
+class Problem(NamedTuple):
+    """What does not fit together in a scene whose values are each allowed.
+
+    Attributes
+    ----------
+    key
+        The place in the scene, e.g. ``("gauges", 0, "x")``.
+    received, allowed
+        The value there, and what it may be.
+    """
+
+    key: tuple[str | int, ...]
+    received: Any
+    allowed: str
+
+    def __str__(self) -> str:
+        """Return the sentence, e.g. ``tank.depth = -1: must be greater than 0``; a value of None was not given."""
+        shown = "" if self.received is None else f" = {_shown(self.received)}"
+        key = printable(".".join(map(str, self.key))[:KEY_SHOWN]).replace("\n", "\\n")
+        return f"{key}{shown}: {self.allowed}"
+
+
+def _shown(received: Any) -> str:
+    """Return the beginning of a value, as JSON has it."""
+    try:
+        return json.dumps(received, default=str)[:80]
+    except (ValueError, RecursionError):  # a number of too many digits, lists in lists in lists
+        return f"{type(received).__name__} of no sensible size"
+
+
+class SceneError(InputError):
+    """A scene that cannot be built, with what is wrong in it."""
+
+    def __init__(self, problems: Sequence[Problem]):
+        super().__init__(problems)
+        self.problems = problems
+
+    def __str__(self) -> str:
+        return "\n".join(f"{problem}." for problem in self.problems)
+
+
+@contextmanager
+def about(*key: str | int) -> Iterator[None]:
+    """Tell where in the scene it stands what an ``InputError`` refuses that does not know."""
+    try:
+        yield
+    except SceneError:
+        raise
+    except InputError as error:
+        raise SceneError([Problem(key, None, str(error).removesuffix("."))]) from error
+
+
+class Noun(BaseModel):
+    """A part of the scene: frozen, unknown keys refused, numbers finite."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+
+    def problems(self, scene: Any) -> Iterator[Problem]:
+        """Yield what does not fit the rest of ``scene``, the ``Scene`` that it is a part of; by itself, nothing."""
+        yield from ()
+
+
+def _located(reference: str, info: ValidationInfo) -> str:
+    """Return a path made absolute from the case file's folder; data:NAME/FILE is kept, it is looked up when read."""
+    folder = (info.context or {}).get("folder", Path())
+    return reference if reference.startswith("data:") else str((folder / reference).resolve())
+
+
+FilePath = Annotated[str, Field(min_length=1), AfterValidator(_located)]

@@ -1,0 +1,104 @@
+"""Footprints of the reference tank: where the water stands, seen from above. A basin is only another mesh.
+
+Each has a mesh and a chart, which says where a place of the tank lies in it.
+"""
+
+import basix.ufl
+import numpy as np
+from dolfinx import mesh
+from mpi4py import MPI
+
+from wavetank.fe.charts import Polygon, Straight
+from wavetank.fe.layout_mesh import LayoutMesh
+from wavetank.fe.partition import cell_partitioner
+from wavetank.water.walls import Side
+
+ALONG = 1e-6  # of a facet's length: a wall runs along the motion if it turns away by no more
+
+
+class Slice:
+    """A straight tank of one horizontal dimension, x in [0, length], of equal cells.
+
+    Parameters
+    ----------
+    length
+        Length [m].
+    cells
+        Number of cells.
+    """
+
+    def __init__(self, length: float, cells: int, *, comm: MPI.Comm):
+        self.length, self.cells = length, cells
+        self.mesh = mesh.create_interval(comm, cells, [0.0, length])
+        self.chart = Straight()
+
+    @property
+    def cell_size(self) -> float:
+        """The size of a cell [m]."""
+        return self.length / self.cells
+
+    def free_reach(self, side: Side) -> float:
+        """Return how far from the paddle all walls run along its motion [m]: up to the far end."""
+        return self.length
+
+    def side(self) -> Side:
+        """Return the wall at x = 0; collective."""
+        dim = self.mesh.topology.dim - 1
+        facets = mesh.locate_entities_boundary(self.mesh, dim, lambda x: np.isclose(x[0], 0.0, atol=1e-9 * self.length))
+        tags = mesh.meshtags(self.mesh, dim, facets, np.ones(facets.size, dtype=np.int32))
+        return Side(tags, point=np.zeros(2), normal=np.array([1.0, 0.0]))
+
+
+class Ring:
+    """A periodic tank of one horizontal dimension: equal edges closed to a polygon, x in [0, length) along them.
+
+    The mesh has one dimension in a plane of two; its derivatives are those along the edges, so it is exactly flat.
+
+    Parameters
+    ----------
+    length
+        Length [m].
+    cells
+        Number of cells, at least 3.
+    """
+
+    def __init__(self, length: float, cells: int, *, comm: MPI.Comm):
+        self.length, self.cells = length, cells
+        self.chart = Polygon(length, cells)
+        corner = np.arange(cells if comm.rank == 0 else 0)
+        edges = np.column_stack([corner, (corner + 1) % cells])
+        edge = basix.ufl.element("Lagrange", "interval", 1, shape=(2,))
+        corners = self.chart.corners()[corner]
+        self.mesh = mesh.create_mesh(comm, edges, x=corners, e=edge, partitioner=cell_partitioner())  # as of a slice
+
+
+class Basin:
+    """A tank of two horizontal dimensions, as drawn or read.
+
+    Parameters
+    ----------
+    layout
+        The mesh with its groups.
+    """
+
+    def __init__(self, layout: LayoutMesh):
+        self.layout, self.mesh, self.chart = layout, layout.mesh, Straight()
+
+    def side(self) -> Side:
+        """Return the wall of the group ``paddle``; raises ``InputError`` if it is none, or not straight; collective."""
+        point, normal = self.layout.paddle_line()
+        return Side(self.layout.facets_of("paddle"), point=point, normal=normal)
+
+    def free_reach(self, side: Side) -> float:
+        """Return how far from the paddle all walls run along its motion [m]: others must not move with it; collective.
+
+        That is up to the nearest node of a wall across the motion, a round one, or a cylinder.
+        """
+        walls = mesh.exterior_facet_indices(self.mesh.topology)
+        nodes = mesh.entities_to_geometry(self.mesh, 1, walls) if walls.size else np.zeros((0, 2), dtype=np.int32)
+        places = self.mesh.geometry.x[nodes.ravel(), :2]
+        distances = side.distances(places).reshape(nodes.shape)
+        along = np.ptp(side.along(places).reshape(nodes.shape), axis=1) < ALONG * np.ptp(distances, axis=1)
+        itself = np.abs(distances).max(axis=1, initial=0.0) < ALONG * self.layout.cell_size
+        nearest = distances[~along & ~itself].min(initial=np.inf)
+        return float(self.mesh.comm.allreduce(float(nearest), op=MPI.MIN))
