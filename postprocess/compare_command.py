@@ -21,7 +21,7 @@ def compare(
     out: Annotated[Path | None, typer.Option(help="where to write; default: the run directory")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace a comparison that is there (--out)")] = False,
 ) -> None:
-    """Compare a run with measurements, or with another run, at the gauges: a table and a figure."""
+    """Compare a run with measurements, or another run, at the gauges."""
     directory, folder = RunDirectory(run), run if out is None else out
     check_new(folder / "compare.csv", folder / "compare.png", overwrite=overwrite or out is None)
     known = _known_heights(reference)

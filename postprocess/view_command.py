@@ -27,7 +27,7 @@ def view(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace files that are there")] = False,
     size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
 ) -> None:
-    """View a run in three dimensions: a still (the default), a film, a window; or draw its space-time diagram."""
+    """View a run: a still (the default), a film, a window, a diagram."""
     directory, console = RunDirectory(run), Console(soft_wrap=True, markup=False)
     check_new(*(file for file in (out, film) if file is not None), overwrite=overwrite)
     given = {} if size is None else {"size": _pixels(size)}

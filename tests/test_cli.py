@@ -6,13 +6,14 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 from ranks import CHECKOUT, begun, launch
 
-from wavetank.cli import main
+from wavetank.cli import ORDER, app, main
 from wavetank.records.directory import RunDirectory
 
 DRIVEN = ["cases/wavemaker.toml", "wall.motion.amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
@@ -78,6 +79,55 @@ def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetan
     alone, together = records
     assert np.abs(alone).max() > 1e-3
     assert np.abs(together - alone).max() < 1e-9 * np.abs(alone).max()
+
+
+# ---------------------------------------------------------------- what it says of itself
+def commands(group=None, path=()):
+    """Yield all commands with the words that call them, groups before theirs."""
+    import typer
+
+    group = typer.main.get_command(app) if group is None else group
+    yield path, group
+    for name in group.list_commands(None) if hasattr(group, "commands") else ():
+        yield from commands(group.commands[name], (*path, name))
+
+
+def test_every_command_has_an_example_that_it_takes():
+    """Its options are those of the command, its arguments as many as needed, its files those of the checkout."""
+    known = dict(commands())
+    for path, command in known.items():
+        words = command.epilog.removeprefix("Example: wavetank ").split()
+        called = max((one for one in known if tuple(words[: len(one)]) == one), key=len)
+        assert called[: len(path)] == path and len(command.epilog) < 78
+        known[called].make_context("wavetank", words[len(called) :])
+        assert all((CHECKOUT / word).exists() for word in words if word.startswith("cases/"))
+
+
+def test_commands_are_listed_in_the_order_of_use_each_with_a_whole_sentence(wavetank):
+    listed = wavetank("--help").stdout.partition("Commands:")[2].splitlines()
+    assert [line.split()[0] for line in listed if line[:3].strip()] == [*ORDER, "Example:"]
+    for group in ("--help", "verify --help", "data --help"):
+        assert "..." not in wavetank(*group.split()).stdout.partition("Commands:")[2]
+
+
+def test_the_version_is_the_package_s(wavetank):
+    version = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["version"]
+    said = wavetank("--version")
+    assert (said.returncode, said.stdout) == (0, f"wavetank {version}\n")
+
+
+def test_run_without_a_case_lists_those_at_hand(monkeypatch, capsys, tmp_path):
+    """Those of the present folder and of the checkout, by their titles, and no other TOML file; nothing is run."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text('title = "My [own] waves"\n[tank]\nlength = 2.0\ndepth = 1.0\n[run]\n')
+    (tmp_path / "pyproject.toml").write_text("[project]\n")
+    (tmp_path / "broken.toml").write_text("[[[")
+    assert main(["run"]) == 2
+    lines = [line.split(maxsplit=1) for line in capsys.readouterr().out.splitlines()[1:]]
+    assert lines[-1] == ["mine.toml", "My [own] waves"]
+    titles = {path: tomllib.loads(path.read_text())["title"] for path in sorted((CHECKOUT / "cases").glob("*.toml"))}
+    assert lines[:-1] == [[str(path), title] for path, title in titles.items()]
+    assert list(tmp_path.glob("runs*")) == []
 
 
 @pytest.mark.parametrize(

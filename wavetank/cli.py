@@ -12,7 +12,9 @@ from typing import Annotated
 
 import typer
 from mpi4py import MPI
+from typer.core import TyperGroup
 
+import wavetank
 from wavetank import data
 from wavetank.case.reading import located, read_case
 from wavetank.console import console, drain
@@ -25,32 +27,70 @@ from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
 from wavetank.study.command import study
 
+ORDER = ("plan", "run", "view", "compare", "study", "data", "verify")  # of use
+
+
+class InOrderOfUse(TyperGroup):
+    """Commands listed in the order of their use."""
+
+    def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
+        """Return the names of all commands."""
+        return sorted(self.commands, key=ORDER.index)
+
+
+def example(command: str) -> str:
+    """Return what stands below the help of a command."""
+    return f"Example: wavetank {command}"
+
+
 app = typer.Typer(
+    cls=InOrderOfUse,
     help="A numerical wave tank: fully nonlinear potential-flow water waves.",
+    epilog=example("run cases/focusing.toml"),
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-data_app = typer.Typer(help="Benchmark data: download with checksum, or use a local folder.", no_args_is_help=True)
+data_app = typer.Typer(
+    help="Benchmark data: download with checksum, or use a local folder.",
+    epilog=example("data list"),
+    no_args_is_help=True,
+)
+verify_app = typer.Typer(
+    help="Recompute what the literature says of the method.", epilog=example("verify sponge"), no_args_is_help=True
+)
 app.add_typer(data_app, name="data")
-app.command()(study)
-app.command()(view)
-app.command()(compare)
-verify_app = typer.Typer(help="Recompute what the literature says of the method.", no_args_is_help=True)
 app.add_typer(verify_app, name="verify")
+app.command(epilog=example("plan cases/wavemaker.toml --accuracy 0.01"))(plan)
+app.command(epilog=example("view runs/focusing --film runs/focusing/film.mp4"))(view)
+app.command(epilog=example("compare runs/marin-202002 --with marin-202002"))(compare)
+app.command(epilog=example("study cases/standing-wave.toml --sweep dt=0.02,0.01"))(study)
 
-app.command()(plan)
 
-CasePath = Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")]
+def _tell_version(asked: bool) -> None:
+    if asked:
+        console().print(f"wavetank {wavetank.__version__}", highlight=False)
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="print the version")
+    ] = False,
+) -> None:
+    """A numerical wave tank: fully nonlinear potential-flow water waves."""
 
 
 LAST_RANK = 60.0  # s in which all ranks must have come to the same end
 OVERWRITE = "replace what an earlier command has written there"
 
 
-@app.command()
+@app.command(epilog=example("run cases/focusing.toml --set numerics.cell_size=0.1"))
 def run(
-    case: CasePath,
+    case: Annotated[
+        Path | None, typer.Argument(help="case file (TOML); without one, the cases at hand are listed", metavar="CASE")
+    ] = None,
     out: Annotated[
         Path | None, typer.Option(help="run directory; default runs/ and the case's name, numbered where taken")
     ] = None,
@@ -60,6 +100,9 @@ def run(
     yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
 ) -> None:
     """Run a case; also under mpirun."""
+    if case is None:
+        _list_cases()
+        raise typer.Exit(2)  # nothing has been run
     scene = read_case(case, overrides or [])
     place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite)
     from wavetank.recording import record_run
@@ -69,13 +112,22 @@ def run(
         record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, unasked=yes)
 
 
+def _list_cases() -> None:
+    from wavetank.case.at_hand import cases_at_hand
+
+    terminal = console()
+    terminal.print("wavetank run CASE, of which these are at hand:", highlight=False)
+    for path, title in cases_at_hand():
+        terminal.print(f"  {path!s:30}  {title}", highlight=False)
+
+
 def _draw(directory: RunDirectory) -> list[Path]:
     from wavetank.postprocess.run_figures import draw_run
 
     return draw_run(directory)
 
 
-@data_app.command("list")
+@data_app.command("list", epilog=example("data list"))
 def list_data() -> None:
     """List the benchmark data this project knows."""
     terminal = console()
@@ -83,7 +135,7 @@ def list_data() -> None:
         terminal.print(f"{name}: {dataset.title}", highlight=False)
 
 
-@data_app.command()
+@data_app.command(epilog=example("data fetch marin-202002"))
 def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metavar="NAME")]) -> None:
     """Download a data set from its public source into the user's cache."""
     folder = data.fetch(name)
@@ -91,12 +143,12 @@ def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metav
 
 
 VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verify_NAME(folder, console): its help
-    "integrators": "Recompute every table and figure on the integrators: orders, stability, dispersion, damping, work.",
-    "extremes": "Measure the extremes: growing modes, steepness, standing waves, depths, shapes, breaking; two hours.",
-    "sponge": "Measure what a sponge reflects: lengths, depths, wave periods and strengths; two minutes.",
-    "cylinder": "Hold the run-up around a cylinder against McCamy and Fuchs, on finer and finer meshes; some minutes.",
-    "directional_focus": "Hold waves that meet from many directions against linear theory; some minutes.",
-    "layouts": "Draw the recipes of basins' layouts, and hold their areas against the exact ones; some seconds.",
+    "integrators": "Recompute every table and figure on the integrators.",
+    "extremes": "Measure growing modes, steepness, breaking; two hours.",
+    "sponge": "Measure what a sponge reflects; two minutes.",
+    "cylinder": "Hold run-up around a cylinder against McCamy and Fuchs.",
+    "directional_focus": "Hold waves from many directions against linear theory.",
+    "layouts": "Draw the recipes of basins' layouts; some seconds.",
 }
 
 
@@ -113,7 +165,7 @@ def _add_verification(name: str, meaning: str) -> None:
         place = Place.of(out, Path("runs") / shown, overwrite=overwrite)
         on_first(MPI.COMM_WORLD, lambda: getattr(module, f"verify_{name}")(place.folder(), console()))
 
-    verify_app.command(shown, help=meaning)(verify)
+    verify_app.command(shown, help=meaning, epilog=example(f"verify {shown} --out runs/{shown}"))(verify)
 
 
 for _name, _meaning in VERIFICATIONS.items():

@@ -25,11 +25,11 @@ def plan(
         bool, typer.Option("--calibrate", help="measure first, about a minute, what a step costs on this machine")
     ] = False,
 ) -> None:
-    """Say what a case requires, and propose the numerics that reach an accuracy at least cost.
+    """Say what a case requires, and propose numerics for an accuracy.
 
-    Where numerics.accuracy stands in the case, what is set beside it is kept; else the case's own numerics are judged
-    beside the proposed ones. A case that names none is run with the plan. Of basins, tanks over a bed and starts by
-    formula no plan is made: some steps are run, also under mpirun, and timed.
+    They reach it at least cost. Where numerics.accuracy stands in the case, what is set beside it is kept; else the
+    case's own numerics are judged beside the proposed ones. A case that names none is run with the plan. Of basins,
+    tanks over a bed and starts by formula no plan is made: some steps are run, also under mpirun, and timed.
     """
     from wavetank.case.reading import read_case
     from wavetank.console import console

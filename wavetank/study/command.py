@@ -24,11 +24,11 @@ def study(
     at_once: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one a core")] = None,
     yes: Annotated[bool, typer.Option("--yes", help="also runs of days, or of more memory than there is")] = False,
 ) -> None:
-    """Run all combinations of some settings, each in a process of its own: error against cost.
+    """Run all combinations of some settings: error against cost.
 
-    Where a key changes what is modelled, a wave's height, say: highest crest and deepest trough over that key.
-    What has finished is not run again, and no run of another scene is replaced. Keys are those of the case, or short:
-    dt, dx, cells, n, p, order, integrator, tolerance.
+    Each is run in a process of its own. Where a key changes what is modelled, a wave's height, say: highest crest and
+    deepest trough over that key. What has finished is not run again, and no run of another scene is replaced. Keys are
+    those of the case, or short: dt, dx, cells, n, p, order, integrator, tolerance.
     """
     from mpi4py import MPI
 
