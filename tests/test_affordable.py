@@ -64,7 +64,7 @@ HUGE = [
     ["numerics.cell_size=1e-6"],
     [
         "numerics={accuracy=0.01, order=4, vertical_order=6}",
-        'wall={type="piston", motion={type="sinusoid", amplitude=0.03, period=1.6}}',
+        'wall={type="piston", motion={type="sinusoid", paddle_amplitude=0.03, period=1.6}}',
         "run.duration=1e9",
     ],
     ['tank={type="basin", depth=1.0, layout={type="rectangle", length=1e3, width=1e3}}', "numerics.cell_size=0.01"],

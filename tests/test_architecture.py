@@ -138,7 +138,7 @@ late = "matplotlib", "netCDF4", "pandas", "pyvista", "scipy.stats", "sympy", "xa
 case, out = sys.argv[1:]
 assert main(["run", case, "--set", "tank.depth=-1"]) == 2
 assert not loaded("dolfinx", "petsc4py", *late), loaded(*late)
-changes = "initial.amplitude=0.01", "run.duration=0.02", "numerics.dt=0.01", "numerics.vertical_order=2"
+changes = "initial.wave_amplitude=0.01", "run.duration=0.02", "numerics.dt=0.01", "numerics.vertical_order=2"
 assert main(["run", case, "--no-plots", "--out", out, *(word for one in changes for word in ("--set", one))]) == 0
 assert not loaded(*late), loaded(*late)
 """

@@ -207,12 +207,12 @@ UNCUT = RUN.replace("cells = 8\n", "")
 SLICE = "gauges = [{x = 1.0}]\n[tank]\nlength = 20.0\ndepth = 1.0\n"
 BASIN = "[tank]\ntype = 'basin'\ndepth = 1.0\n[tank.layout]\n"
 RECTANGLE = BASIN + "type = 'rectangle'\nlength = 20.0\nwidth = 10.0\nsponge_length = 3.0\n"
-FOCUS = "amplitude = 0.05\nfocus_x = 8.0\nfocus_time = 19.5\nspectrum = {type = 'jonswap', peak_frequency = 0.6}\n"
+FOCUS = "linear_crest = 0.05\nfocus_x = 8.0\nfocus_time = 19.5\nspectrum = {type = 'jonswap', peak_frequency = 0.6}\n"
 SEGMENTS = "[wall]\ntype = 'segmented-piston'\nsegment = 0.5\n[wall.motion]\n"
 EVERY = {  # cases that have each noun of a scene somewhere
     "slice": SLICE + "bed = {type = 'formula', depth = '1 - x*s', where = {s = 0.02}}\n"
     "[initial]\ntype = 'formula'\neta = '0.01*cos(x)'\n[sponge]\ntype = 'end'\nlength = 4.0\n"
-    "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'sinusoid'\namplitude = 0.01\nperiod = 2.0\n" + RUN,
+    "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n" + RUN,
     "group": "gauge_lines = [{name = 'A', start = [1.0, 0.0], end = [2.0, 0.0], count = 3}]\n" + SLICE + RUN
     + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'wave-group'\ncomponents = 32\n" + FOCUS
     + "[sponge]\ntype = 'formula'\ngamma = '0.1*x'\n[water]\ntype = 'linear'\n[output]\nenergy_every = 2\n",
@@ -222,12 +222,12 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "[wall]\ntype = 'piston'\nmotion = {type = 'recorded', position = 'paddle.txt'}\n",
     "ring": SLICE.replace("[tank]", "[tank]\ntype = 'ring'") + RUN
     + "[initial]\ntype = 'stream-function'\nsteepness = 0.1\nwaves = 4\n",
-    "beds": SLICE + "bed = {type = 'gridded', file = 'bed.csv'}\n[initial]\ntype = 'standing-wave'\namplitude = 0.1\n"
-    "[wall]\ntype = 'piston'\nmotion = {type = 'at-rest'}\n" + RUN,
+    "beds": SLICE + "bed = {type = 'gridded', file = 'bed.csv'}\n[initial]\ntype = 'standing-wave'\n"
+    "wave_amplitude = 0.1\n[wall]\ntype = 'piston'\nmotion = {type = 'at-rest'}\n" + RUN,
     "python": SLICE + "bed = {type = 'python', file = 'bed.py'}\n[wall]\ntype = 'fixed'\n"
     "[initial]\ntype = 'still-water'\n" + RUN,
     "rectangle": RECTANGLE + "[tank.layout.refine]\nx = [2.0, 4.0]\nfactor = 0.5\n[sponge]\ntype = 'group'\n"
-    + SEGMENTS + "type = 'oblique-wave'\namplitude = 0.01\nperiod = 1.6\nangle = 20.0\n" + UNCUT,
+    + SEGMENTS + "type = 'oblique-wave'\nwave_amplitude = 0.01\nperiod = 1.6\nangle = 20.0\n" + UNCUT,
     "directional": RECTANGLE + SEGMENTS + "type = 'directional-focus'\nfocus_y = 5.0\nlargest_angle = 20.0\n"
     "components = 32\ndirections = 5\n" + FOCUS + UNCUT,
     "reflected": RECTANGLE + SEGMENTS + "type = 'reflected-focus'\nfocus_y = 5.0\ncomponents = 32\ndirections = 5\n"

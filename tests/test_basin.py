@@ -252,18 +252,18 @@ def test_the_paddle_moves_no_wall_but_itself(layout, free):
     """The mapping ends where the first wall stands that does not run along the motion, and may not be asked further."""
     scene = {
         "tank": {"type": "basin", "depth": 0.5, "layout": layout},
-        "wall": {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.01, "period": 1.0}},
+        "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 1.0}},
         "run": {"duration": 1.0},
         "numerics": {"vertical_order": 1, "order": 1, "cell_size": 0.25},
     }
     wall = build_waves(Scene.model_validate(scene), MPI.COMM_SELF).wall
     assert free - 0.5 < wall.reach < free + 1e-6
-    scene["wall"]["motion"]["amplitude"] = 0.8 * wall.reach
+    scene["wall"]["motion"]["paddle_amplitude"] = 0.8 * wall.reach
     told = rf"wall\.motion: goes .* m from rest; must stay below {0.75 * wall.reach:.4g} m"
     scene["run"]["duration"] = 3.25
     with pytest.raises(InputError, match=rf"{told}|wall\.reach = 4.0: must be more"):
         build_waves(Scene.model_validate(scene), MPI.COMM_SELF)
-    scene["wall"]["motion"]["amplitude"] = 0.01
+    scene["wall"]["motion"]["paddle_amplitude"] = 0.01
     scene["wall"]["reach"] = free + 0.01
     refused = "at most the tank's length" if layout["type"] == "rectangle" else r"wall\.reach .* does not run along"
     with pytest.raises((InputError, ValidationError), match=refused):

@@ -16,7 +16,7 @@ def run(folder, **changes):
     """Run a standing wave of k a = 0.157 in a tank of 2 m, with some tables replaced."""
     case = {
         "tank": {"length": 2.0, "depth": 1.0},
-        "initial": {"type": "standing-wave", "amplitude": 0.1, "mode": 1},
+        "initial": {"type": "standing-wave", "wave_amplitude": 0.1, "mode": 1},
         "run": {"duration": 1.0},
         "numerics": {"cells": 16, "vertical_order": 4, "dt": 0.02},
     }

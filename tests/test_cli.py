@@ -16,7 +16,7 @@ from ranks import CHECKOUT, begun, launch
 from wavetank.cli import ORDER, app, main
 from wavetank.records.directory import RunDirectory
 
-DRIVEN = ["cases/wavemaker.toml", "wall.motion.amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
+DRIVEN = ["cases/wavemaker.toml", "wall.motion.paddle_amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
 DRIVEN += ["tank.length=3.5", "run.duration=0.3", "numerics.vertical_order=4", "numerics.tolerance=1e-11"]
 COARSE = ["--set", "numerics.cells=12", "--set", "numerics.vertical_order=4"]
 
@@ -158,7 +158,9 @@ def test_bad_input_is_one_sentence_on_two_ranks():
 def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, tmp_path):
     """A standing wave of k a = 0.47 released from rest jets up at the walls and breaks."""
     out = tmp_path / "run"
-    result = wavetank("run", "cases/standing-wave.toml", "--set", "initial.amplitude=0.3", *COARSE, "--out", str(out))
+    result = wavetank(
+        "run", "cases/standing-wave.toml", "--set", "initial.wave_amplitude=0.3", *COARSE, "--out", str(out)
+    )
     assert result.returncode == 1
     assert re.search(r"wavetank: t = [\d.]+ s.*(steep|break)", result.stderr)
     manifest = json.loads((out / "manifest.json").read_text())
@@ -193,7 +195,7 @@ def test_a_case_built_in_python_runs_without_a_directory():
     scene = Scene.model_validate(
         {
             "tank": {"length": 2.0, "depth": 1.0},
-            "initial": {"type": "standing-wave", "amplitude": 0.01},
+            "initial": {"type": "standing-wave", "wave_amplitude": 0.01},
             "gauges": [0.0],
             "run": {"duration": 0.5},
             "numerics": {"cells": 8},

@@ -100,7 +100,7 @@ ORIGINS = {  # what a case has beside a step of 3 s: where its cells come from
 def test_a_step_too_long_for_its_mesh_tells_where_that_comes_from(tmp_path, numerics, mode, origin):
     parts = {
         "tank": {"length": 2.0, "depth": 1.0},
-        "initial": {"type": "standing-wave", "amplitude": 1e-3, "mode": mode},
+        "initial": {"type": "standing-wave", "wave_amplitude": 1e-3, "mode": mode},
         "run": {"duration": 6.0},
         "numerics": {"dt": 3.0, **numerics},
     }

@@ -43,12 +43,12 @@ def test_the_crest_is_at_its_place_at_its_time():
     Waves that cannot travel across the basin are missing in theory and tank, 2 %. The sponge, and the end behind it, do
     not belong to theory: what has come back from there is seen just behind the focus.
     """
-    check(Focus(read_case(CASE, [*HALF, *SHORT, f"wall.motion.amplitude={SMALL}"])), error=0.04, beyond=0.2)
+    check(Focus(read_case(CASE, [*HALF, *SHORT, f"wall.motion.linear_crest={SMALL}"])), error=0.04, beyond=0.2)
 
 
 @pytest.mark.slow
 def test_the_case_of_small_amplitude_is_linear_theory_up_to_the_sponge():
-    check(Focus(read_case(CASE, [*HALF, f"wall.motion.amplitude={SMALL}"])), error=0.04, beyond=1.5)
+    check(Focus(read_case(CASE, [*HALF, f"wall.motion.linear_crest={SMALL}"])), error=0.04, beyond=1.5)
 
 
 @pytest.mark.slow

@@ -333,7 +333,7 @@ def test_the_limit_on_still_water_holds_for_ten_thousand_steps(part, stable):
     scene = Scene.model_validate(
         {
             "tank": {"length": 2.0, "depth": 1.0},
-            "initial": {"type": "standing-wave", "amplitude": 1e-6, "mode": 5},
+            "initial": {"type": "standing-wave", "wave_amplitude": 1e-6, "mode": 5},
             "run": {"duration": 1.0},
             "numerics": {"cells": 4, "vertical_order": 4, "dt": 0.01, "tolerance": 1e-10},
         }
@@ -356,7 +356,7 @@ def test_the_limit_on_still_water_holds_for_ten_thousand_steps(part, stable):
 
 
 # ---------------------------------------------------------------- breaking
-GROUP = ["cases/focusing.toml", "--no-plots", "--set", "wall.motion.amplitude=0.16", "--set", "numerics.dt=0.01"]
+GROUP = ["cases/focusing.toml", "--no-plots", "--set", "wall.motion.linear_crest=0.16", "--set", "numerics.dt=0.01"]
 
 
 @pytest.mark.slow

@@ -41,11 +41,11 @@ def scene(*, tank=SLICE, duration=2.0, **parts):
 
 
 def piston(period, amplitude=0.005):
-    return {"type": "piston", "motion": {"type": "sinusoid", "amplitude": amplitude, "period": period}}
+    return {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": amplitude, "period": period}}
 
 
 def standing(mode=1):
-    return {"type": "standing-wave", "amplitude": 1e-4, "mode": mode}
+    return {"type": "standing-wave", "wave_amplitude": 1e-4, "mode": mode}
 
 
 def said_of(one):
@@ -72,7 +72,7 @@ DOUBTFUL = {
         "the step of 0.08 s misses the paddle's motion by 2.2 of it",
     ),
     "too deep for any vertical order": (
-        {"tank": {"length": 0.0209, "depth": 1.0}, "initial": standing() | {"amplitude": 1e-6}, "duration": 1.0},
+        {"tank": {"length": 0.0209, "depth": 1.0}, "initial": standing() | {"wave_amplitude": 1e-6}, "duration": 1.0},
         r"predicted .* waves as short against the depth \(k d = 150\) are the same in a tank that is less deep",
     ),
 }
@@ -116,7 +116,7 @@ def test_a_case_cut_short_is_what_it_was(case):
 )
 def test_an_energy_balance_that_is_off_is_said(numerics, off):
     """However few rows of it are recorded."""
-    initial = {} if numerics is None else {"initial": {"type": "standing-wave", "amplitude": 0.1}}
+    initial = {} if numerics is None else {"initial": {"type": "standing-wave", "wave_amplitude": 0.1}}
     chosen = {"cells": 2, "vertical_order": 3, **(numerics or {})}
     one = scene(tank={"length": 2.0, "depth": 1.0}, duration=6.0, numerics=chosen, **initial)
     run, waves = build_run(one, MPI.COMM_SELF)
@@ -146,7 +146,8 @@ def test_a_warning_is_printed_once():
 def test_a_run_says_so_at_its_end_and_in_its_manifest(wavetank, tmp_path):
     case, out = tmp_path / "case.toml", tmp_path / "run"
     case.write_text(
-        "[tank]\nlength = 2.0\ndepth = 1.0\n[initial]\ntype = 'standing-wave'\namplitude = 0.1\n[run]\nduration = 6.0\n"
+        "[tank]\nlength = 2.0\ndepth = 1.0\n[initial]\ntype = 'standing-wave'\nwave_amplitude = 0.1\n"
+        "[run]\nduration = 6.0\n"
         "[numerics]\ncells = 2\nvertical_order = 3\ndt = 0.08\nintegrator = 'stormer-verlet'\n"
     )
     result = wavetank("run", str(case), "--no-plots", "--out", str(out))

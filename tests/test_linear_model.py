@@ -115,7 +115,7 @@ def test_a_ring_of_mirrored_waves_is_a_slice(make_linear):
 # ------------------------------------------------------------------------------------------------ as a case
 def scene_of(water, *, amplitude):
     """A piston of a case in a short tank, with a gauge in its middle."""
-    motion = {"type": "sinusoid", "amplitude": amplitude, "period": 1.5, "ramp": 1.0}
+    motion = {"type": "sinusoid", "paddle_amplitude": amplitude, "period": 1.5, "ramp": 1.0}
     return Scene.model_validate(
         {
             "tank": {"length": 4.0, "depth": 1.0},

@@ -389,7 +389,7 @@ depth = 0.5
 layout = {{ type = "file", file = "{file}" }}
 [wall]
 type = "piston"
-motion = {{ type = "sinusoid", amplitude = 0.01, period = 1.0 }}
+motion = {{ type = "sinusoid", paddle_amplitude = 0.01, period = 1.0 }}
 [run]
 duration = 0.1
 """

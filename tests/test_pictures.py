@@ -147,17 +147,17 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
     """No front and no CPU time: crests over heights, in metres both, a line for each vertical order; errors beside."""
 
     def measures(n, values):
-        a = float(values["initial.amplitude"])
+        a = float(values["initial.wave_amplitude"])
         return {SURFACE: a / 10, PHASE: -a}, {"CPU [s]": 1.0}, "", {CREST: 1.2 * a, TROUGH: -0.9 * a, CREST_PLACE: 2.0}
 
-    sweeps = ["initial.amplitude=0.01,0.04,0.02", "n=4,6"]
+    sweeps = ["initial.wave_amplitude=0.01,0.04,0.02", "n=4,6"]
     axes, rows = study_rows("standing-wave.toml", sweeps, measures)
     draw_responses(rows, axes, tmp_path / "study.png", title="A study")
     (figure,) = drawn
     assert not faults(figure)
     labels = {panel.get_ylabel() for panel in figure.axes if panel.lines}
     assert labels == {CREST, TROUGH, CREST_PLACE, SURFACE, PHASE}
-    assert {panel.get_xlabel() for panel in figure.axes if panel.lines} == {"initial.amplitude [m]"}
+    assert {panel.get_xlabel() for panel in figure.axes if panel.lines} == {"initial.wave_amplitude [m]"}
     assert {text.get_text() for legend in figure.legends for text in legend.get_texts()} == {"n = 4", "n = 6"}
     crest = figure.axes[0].lines[0]
     np.testing.assert_allclose(crest.get_xydata(), [(a, 1.2 * a) for a in (0.01, 0.02, 0.04)])

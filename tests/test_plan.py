@@ -50,7 +50,7 @@ def standing(kd, mode, *, amplitude=1e-6, periods=20):
     period = 2 * np.pi / float(airy.angular_frequency(kd, 1.0, GRAVITY))
     scene = {
         "tank": {"length": mode * np.pi / kd, "depth": 1.0},
-        "initial": {"type": "standing-wave", "amplitude": amplitude, "mode": mode},
+        "initial": {"type": "standing-wave", "wave_amplitude": amplitude, "mode": mode},
         "run": {"duration": periods * period},
     }
     return Scene.model_validate(scene), period
@@ -144,7 +144,10 @@ def test_group_velocity_errs_like_the_slope_of_the_frequency():
 def test_a_sinusoid_is_one_line_of_biesels_height():
     scene = {
         "tank": {"length": 40.0, "depth": 1.0},
-        "wall": {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.005, "period": 2.0, "ramp": 4.0}},
+        "wall": {
+            "type": "piston",
+            "motion": {"type": "sinusoid", "paddle_amplitude": 0.005, "period": 2.0, "ramp": 4.0},
+        },
         "run": {"duration": 40.0},
     }
     required = requirements(Scene.model_validate(scene), 1e-2)
@@ -158,7 +161,7 @@ def test_a_sinusoid_is_one_line_of_biesels_height():
 def test_a_group_gets_as_high_as_it_is_meant_to():
     motion = {
         "type": "wave-group",
-        "amplitude": 0.05,
+        "linear_crest": 0.05,
         "focus_x": 10.0,
         "focus_time": 24.0,
         "spectrum": {"type": "gaussian", "peak_frequency": 0.6, "bandwidth": 0.08},
@@ -178,7 +181,7 @@ def test_rows_of_gauges_count_as_their_gauges_do():
     """The farthest gauge decides how far waves are followed, and where the highest crest is looked for."""
     case = {
         "tank": {"length": 20.0, "depth": 1.0},
-        "wall": {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.02, "period": 1.6}},
+        "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.6}},
         "run": {"duration": 20.0},
     }
     row = {"gauges": [1.0], "gauge_lines": [{"name": "row", "start": [4.0, 0.0], "end": [16.0, 0.0], "count": 4}]}
@@ -272,7 +275,7 @@ def measured_error(scene, settings, period) -> float:
     tank, wave = scene.tank, scene.initial
     waves = linear_tank(tank.length, settings.cells, settings.order, settings.vertical_order)
     k, omega = wave.mode * np.pi / tank.length, 2 * np.pi / period
-    shape = wave.amplitude * np.cos(k * waves.plane.coordinates()[:, 0])
+    shape = wave.wave_amplitude * np.cos(k * waves.plane.coordinates()[:, 0])
     scheme, dt = INTEGRATORS[settings.integrator](), settings.dt
     state, difference, size = scheme.start(*waves.state(shape, 0 * shape)), 0.0, 0.0
     for step in range(round(scene.run.duration / dt)):
@@ -384,7 +387,7 @@ def test_a_plan_reaches_its_accuracy(kd, accuracy):
 def test_a_piston_s_free_second_harmonic_is_planned_for_where_water_is_nonlinear():
     """As high as the bound one, which it makes up for at the paddle, at least; a wave of its own frequency."""
     k = float(airy.wave_number(2 * np.pi / 1.2, 1.0, GRAVITY))
-    motion = {"type": "sinusoid", "amplitude": 0.03, "period": 1.2, "ramp": 2.4}
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.03, "period": 1.2, "ramp": 2.4}
     parts = {"tank": {"length": 20.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}}
     for physics, there in (("nonlinear", True), ("linear", False)):
         scene = Scene.model_validate(parts | {"gauges": [5.0], "run": {"duration": 24.0}, "water": {"type": physics}})
@@ -479,7 +482,7 @@ def test_a_run_does_not_start_before_it_is_planned():
 
 def test_a_plan_can_be_made_where_no_gauge_is_reached():
     """Waves then are followed along the tank for the whole run: the plan is that of a case without gauges."""
-    motion = {"type": "sinusoid", "amplitude": 0.01, "period": 1.6, "ramp": 1.0}
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 1.6, "ramp": 1.0}
     case = {
         "tank": {"length": 8.0, "depth": 1.0},
         "wall": {"type": "piston", "motion": motion},
@@ -537,7 +540,7 @@ def test_a_trial_over_a_bed_has_the_waves_in_the_tank():
     """Against the solves of the second half of the run, within 15 %; those of its first steps are 30 % fewer."""
     case = {
         "tank": {"length": 8.0, "depth": 0.6, "bed": {"type": "formula", "depth": "0.6 - 0.04 * x"}},
-        "wall": {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.05, "period": 1.4}},
+        "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 1.4}},
         "sponge": {"type": "end", "length": 2.0},
         "run": {"duration": 9.0},
         "numerics": {"cell_size": 0.25, "vertical_order": 5},

@@ -55,7 +55,7 @@ def ring(kd: float, steepness: float, periods: int) -> Scene:
 def steep_standing(steepness: float, periods: int) -> Scene:
     """A standing wave of k a in k d = pi / 2, for so many periods of linear theory."""
     case = {"tank": {"length": 2.0, "depth": 1.0}, "gauges": [0.0], "run": {"duration": 1.0}}
-    initial = {"type": "standing-wave", "amplitude": steepness / (np.pi / 2)}
+    initial = {"type": "standing-wave", "wave_amplitude": steepness / (np.pi / 2)}
     period = 2 * np.pi / float(angular_frequency(np.pi / 2, 1.0, 9.81))
     return Scene.model_validate(case | {"initial": initial, "run": {"duration": periods * period}})
 
@@ -203,7 +203,7 @@ def test_the_error_of_a_plan_is_as_predicted(name):
 def piston(kd: float) -> Scene:
     """Waves of k a = 0.02 at two wave lengths from a piston, for twelve periods, two of them its ramp."""
     period, length = 2 * np.pi / float(angular_frequency(kd, 1.0, 9.81)), 2 * np.pi / kd
-    motion = {"type": "sinusoid", "amplitude": 0.02 / kd, "period": period, "ramp": 2 * period}
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.02 / kd, "period": period, "ramp": 2 * period}
     tank = {"length": round(8 * max(1.0, kd / 6)) * length, "depth": 1.0}
     wall, run = {"type": "piston", "motion": motion}, {"duration": 12 * period}
     return Scene.model_validate({"tank": tank, "gauges": [2 * length], "wall": wall, "run": run})

@@ -29,7 +29,7 @@ def largest_error(case: str, *, cells: int, order: int, n: int, steps: int, peri
     scene = Scene.model_validate(
         {
             "tank": {"length": facts["tank_length"], "depth": facts["depth"]},
-            "initial": {"type": "standing-wave", "amplitude": facts["a"]},
+            "initial": {"type": "standing-wave", "wave_amplitude": facts["a"]},
             "gauges": facts["probes"],
             "run": {"duration": periods * SAMPLES * steps * dt},
             "numerics": {"cells": cells, "order": order, "vertical_order": n, "dt": dt, "tolerance": 1e-11},

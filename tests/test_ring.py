@@ -182,7 +182,7 @@ run = {duration = 1.0}
             'wall={type="piston", motion={type="at-rest"}}',
             'wall.type = "piston": must be left out: a ring has no walls',
         ),
-        ('initial={type="standing-wave", amplitude=0.1}', "initial.mode = 1: must be even"),
+        ('initial={type="standing-wave", wave_amplitude=0.1}', "initial.mode = 1: must be even"),
         ('initial={type="solitary-wave", height=0.1, x=3.0}', 'initial.type = "solitary-wave": needs a slice'),
         ('initial={type="stream-function"}', "must have exactly one of the keys 'height' and 'steepness'"),
         ('initial={type="stream-function", steepness=1}', "initial.steepness = 1: must be less than 1"),

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from wavetank import motions
 from wavetank.case import Gauge, Numerics, PistonWall, RunNoun, Scene, SinusoidMotion, SliceTank
+from wavetank.case.keys import tables
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 
@@ -31,7 +32,7 @@ type = "piston"
 
 [wall.motion]
 type = "wave-group"
-amplitude = 0.1
+linear_crest = 0.1
 focus_x = 10.0
 focus_time = 20.0
 spectrum = {type = "jonswap", peak_frequency = 0.65}
@@ -66,14 +67,14 @@ def test_a_case_file_is_the_same_scene_as_python(case):
     text = """
         gauges = [1.0, {x = 2.0}, {name = "end", x = 5.0}]
         tank = {length = 5.0, depth = 0.5}
-        wall = {type = "piston", motion = {type = "sinusoid", amplitude = 0.01, period = 1.5}}
+        wall = {type = "piston", motion = {type = "sinusoid", paddle_amplitude = 0.01, period = 1.5}}
         run = {duration = 3}
         numerics = {cell_size = 0.25, integrator = "stormer-verlet"}
     """
     built = Scene(
         gauges=(Gauge(name="1", x=1.0), Gauge(name="2", x=2.0), Gauge(name="end", x=5.0)),
         tank=SliceTank(length=5.0, depth=0.5),
-        wall=PistonWall(motion=SinusoidMotion(amplitude=0.01, period=1.5)),
+        wall=PistonWall(motion=SinusoidMotion(paddle_amplitude=0.01, period=1.5)),
         run=RunNoun(duration=3.0),
         numerics=Numerics(cell_size=0.25, integrator="stormer-verlet"),
     )
@@ -106,7 +107,7 @@ def test_defaults_are_resolved_in_properties():
         9.81,
     )
     assert isinstance(scene.motion(), motions.AtRest)
-    piston = PistonWall(motion=SinusoidMotion(amplitude=0.01, period=1.0))
+    piston = PistonWall(motion=SinusoidMotion(paddle_amplitude=0.01, period=1.0))
     assert Scene(tank=scene.tank, run=scene.run, wall=piston).reach == 10.0
     assert Scene(tank=SliceTank(length=3.0, depth=1.0), run=scene.run, wall=piston).reach == 3.0
 
@@ -199,6 +200,21 @@ def test_a_scene_is_frozen():
         ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
         ("wall.piston=3", "wall.piston = 3: is an unknown key; allowed are: motion, reach, type"),
         ("wall.type=fixed", "wall.motion = {"),
+        ("run.dt=0.01", "run.dt = 0.01: is an unknown key; dt belongs to [numerics]."),
+        (
+            "numerics.length=2",
+            "is an unknown key; length belongs to [tank] of type slice or ring, [tank.layout] of type ",
+        ),
+        (
+            "tank.x=2",
+            "tank.x = 2: is an unknown key; x belongs to [tank.layout.refine], [initial] of type solitary-wave",
+        ),
+        ("output.title=A", 'output.title = "A": is an unknown key; title belongs to the top of the case, before all'),
+        ("wall.motion.period=2", "period = 2: is an unknown key; period belongs to [wall.motion] of type sinusoid or"),
+        (
+            "wall.motion.amplitude=0.2",
+            ": wall.motion.amplitude: is called linear_crest now (height of the crest at the",
+        ),
         ("wall.reach=0.01", "wall.reach = 0.01: must be more than 0.06087 m, 4/3 of"),
         ("wall.reach=30", "wall.reach = 30.0: must be at most the tank's length, 24 m"),
         ("wall.motion.type=sinusiod", "wall.motion.type = \"sinusiod\": is an unknown type; did you mean 'sinusoid'?"),
@@ -212,13 +228,16 @@ def test_a_scene_is_frozen():
         ('wall.motion={type="recorded"}', "must have exactly one of the keys 'position' and 'velocity'"),
         ('wall.motion={type="recorded", position="no.dat"}', "no.dat: cannot be read (No such file or directory)"),
         ('wall.motion={type="recorded", velocity="data:no"}', "path 'data:no' received; allowed is data:NAME/FILE"),
-        ('wall.motion={type="sinusoid", amplitude=0.1}', "wall.motion.period: is missing; needed is period T [s]"),
         (
-            'initial={type="standing-wave", amplitude=1}',
-            "initial.amplitude = 1.0: must be below the still-water depth, 1 m",
+            'wall.motion={type="sinusoid", paddle_amplitude=0.1}',
+            "wall.motion.period: is missing; needed is period T [s]",
         ),
         (
-            'initial={type="standing-wave", amplitude=0.1, mode=0}',
+            'initial={type="standing-wave", wave_amplitude=1}',
+            "initial.wave_amplitude = 1.0: must be below the still-water depth, 1 m",
+        ),
+        (
+            'initial={type="standing-wave", wave_amplitude=0.1, mode=0}',
             "initial.mode = 0: must be greater than or equal to 1",
         ),
         ("gauges=3", "gauges = 3: must be a list (the gauges)"),
@@ -240,6 +259,24 @@ def test_a_refusal_says_file_key_value_and_what_is_allowed(case, override, said)
     message = refused(path, override)
     assert said in message
     assert all(line.startswith(f"{path}, ") and line.endswith(".") for line in message.splitlines())
+
+
+def test_a_key_by_the_name_it_has_had_is_refused_by_the_one_it_has(case):
+    """In one sentence: that the key itself is missing is not said, too."""
+    sinusoid = 'wall.motion={type="sinusoid", amplitude=0.1, period=2.0}'
+    assert refused(case(), sinusoid).splitlines() == [
+        f"{case()}, overridden: wall.motion.amplitude: is called paddle_amplitude now (amplitude a of the paddle, half "
+        "its stroke [m])."
+    ]
+    basin = "tank={type='basin', depth=1.0, plan={type='rectangle', length=24.0, width=1.0}}"
+    assert f"{case()}, overridden: tank.plan: is called layout now (where its walls are, " in refused(case(), basin)
+
+
+def test_keys_that_have_other_names_now_have_them():
+    renamed = [noun for table in tables() for noun in table.nouns if getattr(noun, "formerly", {})]
+    assert len(renamed) > 5
+    for noun in renamed:
+        assert noun.formerly.keys().isdisjoint(noun.model_fields) and {*noun.formerly.values()} <= {*noun.model_fields}
 
 
 def test_a_refusal_says_the_line_of_the_file(case):

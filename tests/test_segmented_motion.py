@@ -296,7 +296,7 @@ BASIN = {"type": "basin", "depth": DEPTH, "layout": {"type": "rectangle", "lengt
 LOW, HIGH = span(BasinTank.model_validate(BASIN))
 FOCUS = {
     "type": "directional-focus",
-    "amplitude": 0.05,
+    "linear_crest": 0.05,
     "focus_x": 6.0,
     "focus_y": 0.5 * (LOW + HIGH),
     "focus_time": 20.0,
@@ -304,7 +304,7 @@ FOCUS = {
     "highest_frequency": 1.2,
     "components": 48,
 }
-OBLIQUE = {"type": "oblique-wave", "amplitude": 0.02, "period": 1.3, "angle": 30.0}
+OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 30.0}
 
 
 def scene(motion, *, tank=None, duration=24.0, **wall):

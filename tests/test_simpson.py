@@ -15,7 +15,7 @@ from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.runs.build import Records, build_observers, build_run, build_watch
 
-SINUSOID = {"type": "sinusoid", "amplitude": 0.03, "period": 1.6, "ramp": 1.6}
+SINUSOID = {"type": "sinusoid", "paddle_amplitude": 0.03, "period": 1.6, "ramp": 1.6}
 SLICE = {
     "tank": {"length": 6.0, "depth": 1.0},
     "wall": {"type": "piston", "motion": SINUSOID},
@@ -32,7 +32,7 @@ BASIN = {
     },
     "wall": {
         "type": "segmented-piston",
-        "motion": {"type": "oblique-wave", "amplitude": 0.02, "period": 1.6, "angle": 25.0, "ramp": 1.6},
+        "motion": {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.6, "angle": 25.0, "ramp": 1.6},
     },
     "gauges": [{"x": 0.5, "y": 0.2}, {"x": 1.0, "y": 0.9}],
     "run": {"duration": 2.4},

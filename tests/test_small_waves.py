@@ -20,7 +20,7 @@ def standing(water, *, depth, amplitude, integrator="simpson-4", periods=1.0):
     scene = {
         "tank": {"length": LENGTH, "depth": depth},
         "water": {"type": water},
-        "initial": {"type": "standing-wave", "amplitude": amplitude, "mode": 1},
+        "initial": {"type": "standing-wave", "wave_amplitude": amplitude, "mode": 1},
         "run": {"duration": periods * period},
         "numerics": {"cells": 4, "vertical_order": 4, "dt": period / 70, "integrator": integrator},
     }

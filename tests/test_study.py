@@ -37,7 +37,7 @@ RING = CHECKOUT / "cases" / "ring-50-percent.toml"
 # ---------------------------------------------------------------- sweeps
 def test_a_sweep_is_parsed_and_short_names_are_keys_of_the_case():
     assert parse_axis("dt=0.02, 0.04") == Axis("numerics.dt", ("0.02", "0.04"))
-    assert parse_axis("initial.amplitude=0.1") == Axis("initial.amplitude", ("0.1",))
+    assert parse_axis("initial.wave_amplitude=0.1") == Axis("initial.wave_amplitude", ("0.1",))
     assert parse_axis("p=3").label == "p" and parse_axis("numerics.dt=1").label == "dt [s]"
     fields = Scene.model_fields["numerics"].annotation.model_fields
     assert {key.removeprefix("numerics.") for key in SHORT_NAMES.values()} <= set(fields)
@@ -70,7 +70,7 @@ VALUES = {
     "dt": st.integers(1, 40).map(lambda n: n / 1000),
     "n": st.integers(1, 16),
     "cells": st.integers(1, 100),
-    "initial.amplitude": st.integers(1, 90).map(lambda n: n / 1000),
+    "initial.wave_amplitude": st.integers(1, 90).map(lambda n: n / 1000),
 }
 
 
@@ -117,15 +117,15 @@ def test_cells_given_by_their_size_are_refined_too():
 
 
 def test_scenes_that_differ_in_more_than_numerics_have_references_of_their_own():
-    axes = parse_axes(["initial.amplitude=0.01,0.02", "dt=0.02,0.04"])
+    axes = parse_axes(["initial.wave_amplitude=0.01,0.02", "dt=0.02,0.04"])
     groups = same_but_numerics(combinations(CASE, axes))
-    assert [{one.scene.initial.amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
+    assert [{one.scene.initial.wave_amplitude for one in group} for group in groups] == [{0.01}, {0.02}]
 
 
 @pytest.mark.parametrize(
     ("case", "changes", "sentence"),
     [
-        (CASE, [], "initial.amplitude = 0.1 received; it must be at most"),
+        (CASE, [], "initial.wave_amplitude = 0.1 received; it must be at most"),
         (CASE, ["initial={type='still-water'}"], "initial.type = 'still-water' received; exact are"),
         (CHECKOUT / "cases" / "wavemaker.toml", [], "wall.type = 'piston' received; the wall must be fixed"),
     ],
@@ -181,7 +181,7 @@ def write_run(path: Path, scene: Scene, x, eta, psi=lambda x, t: 0 * x, *, times
 
 def test_errors_of_a_standing_wave_are_found_as_they_were_made(tmp_path):
     """Oracle: Airy's standing wave, 2 % too high and 0.7 rad a second too fast: beyond pi after 5 s."""
-    scene, rate, high = read_case(CASE, ["initial.amplitude=1e-5"]), 0.7, 1.02
+    scene, rate, high = read_case(CASE, ["initial.wave_amplitude=1e-5"]), 0.7, 1.02
     k, a = np.pi / 2, 1e-5 * high
     omega = float(angular_frequency(k, 1.0, 9.81))
     run = write_run(
@@ -238,7 +238,7 @@ def test_without_a_gauge_in_common_surfaces_are_compared(tmp_path):
 
 
 # ---------------------------------------------------------------- small real studies
-LINEAR = ["initial.amplitude=1e-5", "water.type=linear", "numerics.cells=6", "numerics.vertical_order=8"]
+LINEAR = ["initial.wave_amplitude=1e-5", "water.type=linear", "numerics.cells=6", "numerics.vertical_order=8"]
 LINEAR += ["numerics.order=5", "run.duration=3.34"]  # two periods, less a thousandth of one
 (README,) = re.findall(r"^\./env wavetank (study .*)$", (CHECKOUT / "README.md").read_text(), flags=re.MULTILINE)
 SWEEPS = re.findall(r"--sweep (\S+)", README)
@@ -307,8 +307,8 @@ def test_what_has_finished_is_not_run_again(linear_study):
 def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     """A wave of k a = 0.94 breaks at once; the other, and twice its order, are judged by their refined reference."""
     overrides = ["run.duration=0.8", "numerics.cells=8", "numerics.vertical_order=3"]
-    sweeps = ["initial.amplitude=0.02,0.6", "dt=0.04"]
-    rows, said = run_study(tmp_path, sweeps, overrides, marked=["initial.amplitude=0.02", "dt=0.02", "n=6"])
+    sweeps = ["initial.wave_amplitude=0.02,0.6", "dt=0.04"]
+    rows, said = run_study(tmp_path, sweeps, overrides, marked=["initial.wave_amplitude=0.02", "dt=0.02", "n=6"])
     assert [row.outcome.status for row in rows] == ["finished", "failed", "finished"]
     good, broken, plan = rows
     assert broken.outcome.cause == RunDirectory(tmp_path / broken.combination.name).manifest["cause"]

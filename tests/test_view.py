@@ -54,7 +54,7 @@ def standing_wave(tmp_path_factory):
     from wavetank.recording import record_run
 
     tank = {"type": "slice", "length": 2.0, "depth": 1.0}
-    initial = {"type": "standing-wave", "amplitude": 0.1}
+    initial = {"type": "standing-wave", "wave_amplitude": 0.1}
     numerics = {"cells": 8, "vertical_order": 4, "dt": 0.045}
     content = {"tank": tank, "initial": initial, "numerics": numerics, "run": {"duration": 0.9}}
     path = tmp_path_factory.mktemp("view") / "standing"

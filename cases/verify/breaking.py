@@ -101,8 +101,8 @@ def cases(folder: Path) -> Iterator[Case]:
     yield Case("standing", False, standing(0.3))
     yield Case("collision", False, collision(0.4))
     yield Case("coarse", False, coarse())
-    for amplitude, breaks in ((0.12, False), (0.14, False), (0.16, True)):
-        yield Case(f"group-{amplitude:g}", breaks, group(amplitude))
+    for crest, breaks in ((0.12, False), (0.14, False), (0.16, True)):
+        yield Case(f"group-{crest:g}", breaks, group(crest))
     for jump in (0.5, 0.7):
         yield Case(f"surge-{100 * jump:.0f}", True, surge(jump))
     for height in (0.2, 0.4):
@@ -155,7 +155,7 @@ def bar(*, height: float, period: float, duration: float) -> Scene:
     omega = 2 * np.pi / period
     kd = _kd(omega**2 * 0.4 / 9.81)
     transfer = 2 * np.sinh(kd) ** 2 / (np.sinh(kd) * np.cosh(kd) + kd)  # H / stroke
-    motion = {"type": "sinusoid", "amplitude": height / transfer / 2, "period": period}
+    motion = {"type": "sinusoid", "paddle_amplitude": height / transfer / 2, "period": period}
     bed = {"type": "formula", "depth": "0.4 - 0.3 * clip((x - 6) / 6, 0, 1) + 0.3 * clip((x - 14) / 3, 0, 1)"}
     return _scene(
         tank={"length": 25.0, "depth": 0.4, "bed": bed},
@@ -211,7 +211,7 @@ def current(speed: float, *, steepness: float) -> Scene:
 
 def standing(steepness: float) -> Scene:
     """Return a steep standing wave with a crest in the middle of its tank."""
-    initial = {"type": "standing-wave", "amplitude": steepness / np.pi, "mode": 4}
+    initial = {"type": "standing-wave", "wave_amplitude": steepness / np.pi, "mode": 4}
     return _scene(tank={"length": 4.0, "depth": 1.0}, initial=initial, run={"duration": 4.0})
 
 
@@ -227,7 +227,7 @@ def collision(height: float) -> Scene:
 
 def coarse() -> Scene:
     """Return regular waves over cells of a quarter of a wave."""
-    wall = {"type": "piston", "motion": {"type": "sinusoid", "amplitude": 0.0242, "period": 1.0, "ramp": 4.0}}
+    wall = {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.0242, "period": 1.0, "ramp": 4.0}}
     return _scene(
         tank={"length": 10.0, "depth": 0.45},
         wall=wall,
@@ -237,11 +237,11 @@ def coarse() -> Scene:
     )
 
 
-def group(amplitude: float) -> Scene:
-    """Return the focused group of ``cases/focusing.toml`` with another amplitude [m]."""
+def group(linear_crest: float) -> Scene:
+    """Return the focused group of ``cases/focusing.toml`` with another linear crest [m]."""
     motion = {
         "type": "wave-group",
-        "amplitude": amplitude,
+        "linear_crest": linear_crest,
         "focus_x": 10.0,
         "focus_time": 20.0,
         "lowest_frequency": 0.4,

@@ -69,7 +69,7 @@ class Focus:
         run.execute()
         self._scene, self.motion = scene, _motion(scene)
         self.x, self.y = waves.plane.places.T
-        self.t, self.eta = np.array(surfaces.t), np.array(surfaces.eta) / self.motion.amplitude
+        self.t, self.eta = np.array(surfaces.t), np.array(surfaces.eta) / self.motion.linear_crest
 
     @cached_property
     def distance(self) -> Array:
@@ -91,7 +91,7 @@ class Focus:
     def linear(self, t: float) -> Array:
         """Return the theory's elevation over A at a time [s], shape (N,)."""
         waves: Any = self.motion.waves(self._scene.tank)
-        return np.asarray(waves.elevation(self.x, self.y, t=t) / self.motion.amplitude)
+        return np.asarray(waves.elevation(self.x, self.y, t=t) / self.motion.linear_crest)
 
     def misfit(self, *, beyond: float) -> float:
         """Return the root mean square difference from theory in focus, over that of theory.
@@ -129,7 +129,7 @@ def row(focus: Focus) -> FocusRow:
     top = int(focus.history.argmax())
     exact = focus.linear(focus.motion.focus_time)
     return FocusRow(
-        focus.motion.amplitude,
+        focus.motion.linear_crest,
         float(focus.history[top]),
         float(focus.t[top]),
         float(exact[focus.distance.argmin()]),
@@ -162,7 +162,7 @@ def _draw_across(axes: Axes, focuses: Sequence[Focus]) -> None:
             exact = focus.linear(focus.motion.focus_time)[on]
             axes.plot(y, np.concatenate([exact[::-1], exact]), color="#666666", label="linear theory")
         eta = focus.in_focus[on]
-        label = f"A = {1000 * focus.motion.amplitude:g} mm"
+        label = f"A = {1000 * focus.motion.linear_crest:g} mm"
         axes.plot(y, np.concatenate([eta[::-1], eta]), mark, mfc="none", ms=4, label=label)
     axes.set(xlabel="y [m]", ylabel="η / A [-]", title="Across, through the focus")
     axes.legend(fontsize=8)
@@ -181,7 +181,7 @@ def _draw_history(axes: Axes, focuses: Sequence[Focus]) -> None:
 
 def write(report: Report) -> None:
     """Write directional-focus.csv and .png."""
-    focuses = [Focus(read_case(CASE, [*HALF, f"wall.motion.amplitude={one}"])) for one in (SMALL, LARGE)]
+    focuses = [Focus(read_case(CASE, [*HALF, f"wall.motion.linear_crest={one}"])) for one in (SMALL, LARGE)]
     report.table("directional-focus", FocusRow._fields, [row(focus) for focus in focuses])
     with report.figure("directional-focus", 13, 7.5) as figure:
         (theory, steep), (across, history) = figure.subplots(2, 2, height_ratios=(3, 2))

@@ -1,7 +1,7 @@
 """A segmented paddle: waves that leave it at an angle, or meet from many directions. Angles are in degrees from x."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -33,7 +33,8 @@ class ObliqueWaveMotion(Noun):
     """A regular wave that leaves the paddle at an angle; side walls reflect it."""
 
     type: Literal["oblique-wave"] = "oblique-wave"
-    amplitude: Height = Field(description="amplitude a of the wave [m]")
+    formerly: ClassVar[dict[str, str]] = {"amplitude": "wave_amplitude"}
+    wave_amplitude: Height = Field(description="amplitude a of the wave [m]")
     period: Duration = Field(description="period T [s]")
     angle: float = Field(gt=-90, lt=90, description="direction theta of the wave [deg], positive towards y")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
@@ -41,7 +42,7 @@ class ObliqueWaveMotion(Noun):
     def wave(self, tank: AnyTank) -> motions.ObliqueWave:
         """Return the motion without its ramp."""
         return motions.ObliqueWave(
-            amplitude=self.amplitude,
+            amplitude=self.wave_amplitude,
             period=self.period,
             angle=float(np.radians(self.angle)),
             depth=tank.depth,

@@ -1,7 +1,7 @@
 """Waves that meet in one crest: what is said of them, however many directions they come from."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -43,7 +43,8 @@ class GaussianSpectrum(Noun):
 class FocusingWaves(Noun):
     """Waves that meet, by linear theory, in one crest at focus_x and focus_time."""
 
-    amplitude: Height = Field(description="height of the linear crest at the focus [m]")
+    formerly: ClassVar[dict[str, str]] = {"amplitude": "linear_crest"}
+    linear_crest: Height = Field(description="height of the crest at the focus above still water, by linear theory [m]")
     focus_x: Length = Field(description="where the crests meet [m]")
     focus_time: Duration = Field(description="when the crests meet [s]")
     spectrum: Annotated[JonswapSpectrum | GaussianSpectrum, Field(discriminator="type", description="shape S(f)")]
@@ -61,7 +62,7 @@ class FocusingWaves(Noun):
         """Return the group as of waves along x, without its ramp."""
         peak = self.spectrum.peak_frequency
         return motions.WaveGroup(
-            amplitude=self.amplitude,
+            amplitude=self.linear_crest,
             spectrum=self.spectrum.build(),
             lowest_frequency=peak / 2 if self.lowest_frequency is None else self.lowest_frequency,
             highest_frequency=2 * peak if self.highest_frequency is None else self.highest_frequency,

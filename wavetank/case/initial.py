@@ -1,10 +1,10 @@
 """The state at t = 0."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from wavetank import motions
 from wavetank.case.initial_formula import FormulaSurface
@@ -15,7 +15,7 @@ from wavetank.meshes import Rectangle
 from wavetank.theory.conformal import SteadyWave
 from wavetank.theory.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.theory.stream_function import maximum_height, stream_function_wave
-from wavetank.values.noun import Noun, Problem
+from wavetank.values.noun import Noun, Problem, one_of
 from wavetank.values.quantities import Coordinate, Count, Height, Share, metres
 
 
@@ -40,7 +40,8 @@ class StandingWave(Noun):
     """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
 
     type: Literal["standing-wave"] = "standing-wave"
-    amplitude: Height = Field(description="amplitude a [m]")
+    formerly: ClassVar[dict[str, str]] = {"amplitude": "wave_amplitude"}
+    wave_amplitude: Height = Field(description="amplitude a of the elevation [m]")
     mode: Count = Field(default=1, description="number m of half waves along the tank")
     mode_across: int = Field(default=0, ge=0, le=10**9, description="number n of half waves across a basin")
 
@@ -48,7 +49,9 @@ class StandingWave(Noun):
         """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
         left, low, right, high = _box(tank)
         along = np.cos(self.mode * np.pi * (x - left) / (right - left))
-        return self.amplitude * along * np.cos(self.mode_across * np.pi * (y - low) / (high - low)), np.zeros_like(x)
+        return self.wave_amplitude * along * np.cos(self.mode_across * np.pi * (y - low) / (high - low)), np.zeros_like(
+            x
+        )
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield an amplitude that lays the bed dry, half a wave too many for a ring, and a basin of another shape."""
@@ -56,9 +59,9 @@ class StandingWave(Noun):
             yield Problem(("initial", "type"), self.type, "needs a rectangle (tank.layout.type)")
         if self.mode_across and not isinstance(scene.tank, BasinTank):
             yield Problem(("initial", "mode_across"), self.mode_across, f"must be 0: a {scene.tank.type} has no width")
-        if self.amplitude >= scene.tank.depth:
+        if self.wave_amplitude >= scene.tank.depth:
             allowed = f"must be below the still-water depth, {scene.tank.depth:g} m"
-            yield Problem(("initial", "amplitude"), self.amplitude, allowed)
+            yield Problem(("initial", "wave_amplitude"), self.wave_amplitude, allowed)
         if isinstance(scene.tank, RingTank) and self.mode % 2:
             yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
 
@@ -71,11 +74,7 @@ class StreamFunctionWave(Noun):
     steepness: Share | None = Field(default=None, description="height over that of the highest wave [-]")
     waves: Count = Field(default=1, description="number of waves around the ring")
 
-    @model_validator(mode="after")
-    def _one_height(self) -> Self:
-        if (self.height is None) == (self.steepness is None):
-            raise ValueError("must have exactly one of the keys 'height' and 'steepness'")
-        return self
+    _one_height = one_of("height", "steepness")
 
     def wave(self, tank: AnyTank) -> SteadyWave:
         """Return one of the waves; raises ``InputError`` if it cannot be had."""

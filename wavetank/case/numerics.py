@@ -1,13 +1,13 @@
 """How it is computed, for how long, and what is recorded."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
-from wavetank.values.noun import Noun, Problem
+from wavetank.values.noun import Noun, Problem, one_of
 from wavetank.values.quantities import Coordinate, Count, Duration, Label, Length, Share
 
 
@@ -66,11 +66,7 @@ class Numerics(Noun):
         default=0.25, ge=0, le=10, description="strength of the penalty on kinks under steep crests [-]; 0 is none"
     )
 
-    @model_validator(mode="after")
-    def _one_size(self) -> Self:
-        if self.cells is not None and self.cell_size is not None:
-            raise ValueError("must have at most one of the keys 'cells' and 'cell_size'")
-        return self
+    _one_size = one_of("cells", "cell_size", needed=False)
 
     @property
     def open(self) -> bool:

@@ -1,16 +1,16 @@
 """The paddle's motion."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from wavetank import data, motions
 from wavetank.case.groups import FocusingWaves
 from wavetank.case.tanks import AnyTank
 from wavetank.errors import InputError
 from wavetank.motions.record_file import read_record
-from wavetank.values.noun import FilePath, Noun, Problem, SceneError
+from wavetank.values.noun import FilePath, Noun, Problem, SceneError, one_of
 from wavetank.values.quantities import Duration, Height, Ramp
 
 
@@ -28,14 +28,15 @@ class SinusoidMotion(Noun):
     """X = r(t) a sin(2 pi t / T), with a smooth ramp r."""
 
     type: Literal["sinusoid"] = "sinusoid"
-    amplitude: Height = Field(description="paddle amplitude a, half the stroke [m]")
+    formerly: ClassVar[dict[str, str]] = {"amplitude": "paddle_amplitude"}
+    paddle_amplitude: Height = Field(description="amplitude a of the paddle, half its stroke [m]")
     period: Duration = Field(description="period T [s]")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
     def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped sinusoid."""
         ramp = 2 * self.period if self.ramp is None else self.ramp
-        return _ramped(motions.Sinusoid(self.amplitude, self.period), ramp)
+        return _ramped(motions.Sinusoid(self.paddle_amplitude, self.period), ramp)
 
 
 class WaveGroupMotion(FocusingWaves):
@@ -56,11 +57,7 @@ class RecordedMotion(Noun):
     velocity: FilePath | None = Field(default=None, description="file of t [s] and dX/dt [m/s]")
     ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
 
-    @model_validator(mode="after")
-    def _one_file(self) -> Self:
-        if (self.position is None) == (self.velocity is None):
-            raise ValueError("must have exactly one of the keys 'position' and 'velocity'")
-        return self
+    _one_file = one_of("position", "velocity")
 
     def build(self, tank: AnyTank) -> motions.Motion:
         """Return the spline's motion; raises ``SceneError`` if the file cannot be had or read."""

@@ -7,15 +7,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, get_args
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from wavetank.case import Scene
+from wavetank.case.keys import homes, nouns, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.files import regular
-from wavetank.values.noun import Problem, SceneError
+from wavetank.values.noun import Noun, Problem, SceneError
 
 Key = tuple[str | int, ...]
 LONGEST_INDEX = 9  # digits
@@ -176,11 +177,15 @@ class _Place(NamedTuple):
 
     @property
     def tags(self) -> list[str]:
-        return [str(noun.model_fields["type"].default) for noun in self.nouns]
+        return [tag(noun) for noun in self.nouns]
 
     @property
     def fields(self) -> list[str]:
         return sorted({field for noun in self.nouns for field in noun.model_fields})
+
+    def renamed(self, key: str) -> str:
+        """Return what a key is called now that a noun here has had by another name; empty of any other."""
+        return next((noun.formerly[key] for noun in self.nouns if issubclass(noun, Noun) and key in noun.formerly), "")
 
 
 def _place(location: Key) -> _Place:
@@ -189,20 +194,12 @@ def _place(location: Key) -> _Place:
     for part in location:
         fields = [noun.model_fields[part] for noun in place.nouns if part in noun.model_fields]
         if fields:
-            nouns = list(_nouns(fields[0].annotation))
-            place = _Place((*place.key, part), nouns, fields[0].description or "")
+            place = _Place((*place.key, part), list(nouns(fields[0].annotation)), fields[0].description or "")
         elif len(place.nouns) > 1 and part in place.tags:
             place = place._replace(nouns=[place.nouns[place.tags.index(str(part))]])
         else:
             place = place._replace(key=(*place.key, part))
     return place
-
-
-def _nouns(annotation: Any) -> Iterator[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation
-    for argument in get_args(annotation):
-        yield from _nouns(argument)
 
 
 def _problems(details: ErrorDetails) -> Iterator[Problem]:
@@ -214,9 +211,11 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
         case "scene":
             yield from context["problems"]
         case "missing":
+            if isinstance(received, dict) and any(holder.renamed(key) == place.key[-1] for key in received):
+                return  # it is there by the name that it has had
             yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
         case "extra_forbidden":
-            yield Problem(place.key, received, f"is an unknown key{choice(str(place.key[-1]), holder.fields)}")
+            yield _unknown(place.key, received, holder)
         case "union_tag_not_found":
             yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
         case "union_tag_invalid":
@@ -228,6 +227,17 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield Problem(place.key, received, str(context["error"]))
         case _:
             yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
+
+
+def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
+    """Return what is to be said of a key that its table does not have: how it is called now, or where it belongs."""
+    name = str(key[-1])
+    if now := holder.renamed(name):
+        meaning = next(noun.model_fields[now].description for noun in holder.nouns if now in noun.model_fields)
+        return Problem(key, None, f"is called {now} now ({meaning})")
+    if where := homes(name):
+        return Problem(key, received, f"is an unknown key; {name} belongs to {where}")
+    return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
 
 
 def _in_words(message: str, meaning: str) -> str:

@@ -173,13 +173,13 @@ def _scene(kind: str, cells: int, order: int, n: int) -> Scene:
     physics, driven = KINDS[kind]
     halves = max(1, round(cells / 4 * 2 / np.pi))
     length = halves * np.pi / 2
-    motion = {"type": "sinusoid", "amplitude": 0.02, "period": 1.44, "ramp": 0.7}
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.44, "ramp": 0.7}
     return Scene.model_validate(
         {
             "tank": {"length": length, "depth": 1.0},
             "wall": {"type": "piston", "motion": motion} if driven else {"type": "fixed"},
             "water": {"type": physics},
-            "initial": {"type": "standing-wave", "amplitude": 0.05, "mode": halves},
+            "initial": {"type": "standing-wave", "wave_amplitude": 0.05, "mode": halves},
             "gauges": [0.3 * length, 0.6 * length],
             "run": {"duration": 100.0},
             "numerics": {"cells": cells, "order": order, "vertical_order": n},

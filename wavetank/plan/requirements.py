@@ -299,17 +299,17 @@ def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
 def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
     tank = scene.tank
     exact = standing_wave.ThirdOrderStandingWave(
-        amplitude=wave.amplitude, length=tank.length, depth=tank.depth, gravity=tank.gravity, modes=(wave.mode, 0)
+        amplitude=wave.wave_amplitude, length=tank.length, depth=tank.depth, gravity=tank.gravity, modes=(wave.mode, 0)
     )
     in_time = exact.elevation_coefficients[:, 0, :] * [1.0, *3 * [np.sqrt(0.5)]]  # for means over a period
     ratios = np.minimum(np.linalg.norm(in_time, axis=1)[1:] / np.linalg.norm(in_time[1]), 1.0)
     k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
     omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
-    components = Components(np.asarray(k), omega, wave.amplitude * ratios[:2], age)
-    excess = exact.frequency_shift * wave.amplitude**2 / exact.linear_frequency
-    crest = 2 * float(exact.elevation_coefficients.sum()) - wave.amplitude
-    form = Form(ratios, _crest_velocity(float(k[0]), wave.amplitude, scene), excess, crest)
-    return [SceneWaves(components, wave.amplitude, form)]
+    components = Components(np.asarray(k), omega, wave.wave_amplitude * ratios[:2], age)
+    excess = exact.frequency_shift * wave.wave_amplitude**2 / exact.linear_frequency
+    crest = 2 * float(exact.elevation_coefficients.sum()) - wave.wave_amplitude
+    form = Form(ratios, _crest_velocity(float(k[0]), wave.wave_amplitude, scene), excess, crest)
+    return [SceneWaves(components, wave.wave_amplitude, form)]
 
 
 def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[SceneWaves]:

@@ -107,10 +107,10 @@ def exact_solution(scene: Scene) -> ExactSolution:
         raise InputError(f"reference exact: initial.type = {initial.type!r} received; exact are {allowed}.")
     k = np.pi * initial.mode / tank.length
     highest = LINEAR / k * np.tanh(k * tank.depth) ** 3
-    if initial.amplitude > highest and not isinstance(scene.water, LinearWater):
+    if initial.wave_amplitude > highest and not isinstance(scene.water, LinearWater):
         raise InputError(
-            f"reference exact: initial.amplitude = {initial.amplitude:g} received; it must be at most {highest:.2g} m, "
-            "up to which a standing wave is linear, or water.type must be 'linear'."
+            f"reference exact: initial.wave_amplitude = {initial.wave_amplitude:g} received; it must be at most "
+            f"{highest:.2g} m, up to which a standing wave is linear, or water.type must be 'linear'."
         )
     omega = float(angular_frequency(k, tank.depth, tank.gravity))
-    return LinearStandingWave(initial.amplitude, k, omega, tank.gravity)
+    return LinearStandingWave(initial.wave_amplitude, k, omega, tank.gravity)

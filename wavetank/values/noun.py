@@ -4,9 +4,9 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
 from wavetank.errors import InputError, printable
 
@@ -66,13 +66,33 @@ def about(*key: str | int) -> Iterator[None]:
 
 
 class Noun(BaseModel):
-    """A part of the scene: frozen, unknown keys refused, numbers finite."""
+    """A part of the scene: frozen, unknown keys refused, numbers finite.
+
+    Attributes
+    ----------
+    formerly
+        Keys that it has had, with what they are called now.
+    """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
+    formerly: ClassVar[dict[str, str]] = {}
 
     def problems(self, scene: Any) -> Iterator[Problem]:
         """Yield what does not fit the rest of ``scene``, the ``Scene`` that it is a part of; by itself, nothing."""
         yield from ()
+
+
+def one_of(*keys: str, needed: bool = True) -> Any:
+    """Return a check of a noun: that it has exactly one of these keys, or where none is ``needed`` at most one."""
+
+    def check(noun: Noun) -> Noun:
+        given = sum(getattr(noun, key) is not None for key in keys)
+        if given > 1 or (needed and not given):
+            names = " and ".join(map(repr, keys))
+            raise ValueError(f"must have {'exactly' if needed else 'at most'} one of the keys {names}")
+        return noun
+
+    return model_validator(mode="after")(check)
 
 
 def _located(reference: str, info: ValidationInfo) -> str:

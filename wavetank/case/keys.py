@@ -1,0 +1,84 @@
+"""What keys a case may have: the tables of a scene, and what can stand in them."""
+
+from collections.abc import Iterator
+from functools import cache
+from typing import Any, NamedTuple, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from wavetank.case.scene import Scene
+
+
+class Table(NamedTuple):
+    """A table of a case, with all nouns that can stand there.
+
+    Attributes
+    ----------
+    path
+        Its key; empty for what stands before all tables.
+    nouns
+        One a type.
+    listed
+        Whether there may be several of it.
+    """
+
+    path: tuple[str, ...]
+    nouns: tuple[type[BaseModel], ...]
+    listed: bool = False
+
+    @property
+    def header(self) -> str:
+        """The line that begins it in a case."""
+        name = ".".join(self.path)
+        return f"[[{name}]]" if self.listed else f"[{name}]"
+
+    def with_key(self, key: str) -> str:
+        """Return where a key of it belongs, in words; empty if it has none of that name."""
+        having = [noun for noun in self.nouns if key in noun.model_fields]
+        if not having or not self.path:
+            return "the top of the case, before all tables" if having else ""
+        some = f" of type {' or '.join(map(tag, having))}" if len(having) < len(self.nouns) else ""
+        return f"{self.header}{some}"
+
+
+def nouns(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the nouns that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from nouns(argument)
+
+
+def tag(noun: type[BaseModel]) -> str:
+    """Return the type by which a case names a noun; empty where there is no other that could stand there."""
+    return str(noun.model_fields["type"].default) if "type" in noun.model_fields else ""
+
+
+@cache
+def tables() -> tuple[Table, ...]:
+    """Return all tables of a case, a table before those in it."""
+    return tuple(_tables(Table((), (Scene,))))
+
+
+def _tables(table: Table) -> Iterator[Table]:
+    yield table
+    inside: dict[str, Table] = {}
+    for name, field in ((name, field) for noun in table.nouns for name, field in noun.model_fields.items()):
+        if found := tuple(nouns(field.annotation)):
+            known = inside.get(name, Table((), ())).nouns
+            inside[name] = Table((*table.path, name), tuple(dict.fromkeys((*known, *found))), _listed(field))
+    for one in inside.values():
+        yield from _tables(one)
+
+
+def _listed(field: FieldInfo) -> bool:
+    return get_origin(field.annotation) is tuple
+
+
+def homes(key: str) -> str:
+    """Return in words where in a case a key belongs; empty if it belongs nowhere."""
+    if key == "type":
+        return ""
+    found = [where for table in tables() if (where := table.with_key(key))]
+    return " or ".join(filter(None, (", ".join(found[:-1]), *found[-1:])))
