@@ -16,7 +16,7 @@ from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
 from wavetank.integrators import INTEGRATORS
-from wavetank.motions import Ramped, Sinusoid, Uniform
+from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
 from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
 from wavetank.runs.clock import Clock
@@ -97,8 +97,19 @@ def test_a_basin_uniform_in_y_is_its_slice(kind, depth):
     assert energies < (1e-9 if same else 0.01 * narrow_rows[:, 3].max())
 
 
-def test_a_uniform_segmented_paddle_is_a_piston():
-    one, many = (basin(2.0, 0.6, (6, 2), motion=motion) for motion in (MOTION, Uniform(MOTION)))
+class Segments(SegmentedMotion):
+    """A paddle whose segments move alike, but for a bow."""
+
+    def __init__(self, bow=0.5):
+        self.bow = bow
+
+    def derivative(self, t, order, y=None):
+        """Return the piston's motion times the bow's shape."""
+        return np.multiply.outer(MOTION.derivative(t, order), 1 + self.bow * np.cos(np.pi * y / 0.6))
+
+
+def test_a_segmented_paddle_without_a_bow_is_a_piston():
+    one, many = (basin(2.0, 0.6, (6, 2), motion=motion) for motion in (MOTION, Segments(bow=0.0)))
     (a, a_rows), (b, b_rows) = (run(waves, steps=10, dt=0.03) for waves in (one, many))
     assert np.abs(a.q - b.q).max() < 1e-12
     assert np.abs(a.p - b.p).max() < 1e-10
@@ -113,17 +124,6 @@ def test_a_bed_without_slope_is_a_flat_bed():
     assert np.abs(a_rows - b_rows).max() < 1e-10
 
 
-class Oblique(Uniform):
-    """A paddle whose motion varies along it."""
-
-    def __init__(self):
-        super().__init__(MOTION)
-
-    def derivative(self, order, t, y):
-        """Return the piston's motion times a bow."""
-        return super().derivative(order, t, y) * (1 + 0.5 * np.cos(np.pi * y / 0.6))
-
-
 def uneven(x, y):
     """Return the depth over a bed that varies in both directions, under the paddle's way, too."""
     return 0.5 - 0.05 * x + 0.05 * np.cos(np.pi * y / 0.6)
@@ -134,9 +134,9 @@ def test_a_turned_basin_is_itself():
     """The energies of a basin with segments, slope and all; its bed turned with it."""
     angle = 0.7
     c, s = np.cos(angle), np.sin(angle)
-    straight = basin(2.0, 0.6, (6, 2), motion=Oblique(), depth=uneven)
+    straight = basin(2.0, 0.6, (6, 2), motion=Segments(), depth=uneven)
     turned = basin(
-        2.0, 0.6, (6, 2), motion=Oblique(), depth=lambda x, y: uneven(c * x + s * y, c * y - s * x), angle=angle
+        2.0, 0.6, (6, 2), motion=Segments(), depth=lambda x, y: uneven(c * x + s * y, c * y - s * x), angle=angle
     )
     (_, rows), (_, turned_rows) = (run(waves, steps=10, dt=0.03) for waves in (straight, turned))
     assert np.abs(rows - turned_rows).max() < 1e-10
@@ -146,7 +146,7 @@ def test_a_turned_basin_is_itself():
 # ---------------------------------------------------------------- energy and mass
 def test_paddle_work_over_a_bed_balances_with_the_order_of_the_scheme():
     """Segments, their metric, and a bed that moves under the reference tank: all in the explicit rate."""
-    waves = basin(2.0, 0.6, (6, 2), motion=Oblique(), depth=uneven, n=3)
+    waves = basin(2.0, 0.6, (6, 2), motion=Segments(), depth=uneven, n=3)
     balance, mass = (columns(2).index(name) for name in ("balance [m^5/s^2]", "mass [m^3]"))
     steps, errors = (16, 20, 28), []
     for count in steps:
@@ -282,7 +282,7 @@ def test_a_basin_is_the_same_on_any_number_of_ranks(on_ranks, kind):
 
 def last_row(kind):
     """Return the last row of a run."""
-    waves = basin(2.0, 1.2, (8, 6), motion=Oblique(), depth=uneven, n=3, kind=kind, comm=MPI.COMM_WORLD)
+    waves = basin(2.0, 1.2, (8, 6), motion=Segments(), depth=uneven, n=3, kind=kind, comm=MPI.COMM_WORLD)
     _, rows = run(waves, steps=4, dt=0.03)
     return rows[-1, 1:]
 

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 from wavetank.fe.plane import Plane
 from wavetank.integrators import ThirdOrder
-from wavetank.motions import Ramped, Sinusoid
+from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
 from wavetank.motions.mapping import STEEPEST, largest_stroke, share, unmapped
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
@@ -28,19 +28,11 @@ from wavetank.water.waves import NonlinearWaves, Tolerances
 TIGHT = Tolerances(stage=1e-12, interior=1e-13)
 
 
-class Shear:
+class Shear(SegmentedMotion):
     """A segmented paddle as a smooth function: X_p = (a + b y) sin(t)."""
 
-    duration = np.inf
-
-    def position(self, t, y):
-        return (0.15 + 0.2 * y) * np.sin(t)
-
-    def velocity(self, t, y):
-        return (0.15 + 0.2 * y) * np.cos(t)
-
-    def acceleration(self, t, y):
-        return -(0.15 + 0.2 * y) * np.sin(t)
+    def derivative(self, t, order, y=None):
+        return (0.15 + 0.2 * y) * np.sin(t + order * np.pi / 2)
 
 
 # ---------------------------------------------------------------- its shape

@@ -9,10 +9,11 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from wavetank import motions
-from wavetank.case import Gauge, Numerics, PistonWall, RunNoun, Scene, SinusoidMotion, SliceTank
+from wavetank.case import Gauge, Numerics, PistonWall, RunNoun, Scene, SceneError, SinusoidMotion, SliceTank, paddles
 from wavetank.case.keys import tables
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
+from wavetank.motions.record_file import read_record
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -147,6 +148,19 @@ def test_a_recorded_motion_is_read_relative_to_the_case(case, tmp_path, key):
     assert Scene.model_validate(scene.model_dump(mode="json")).motion().position(7.77) == scene.motion().position(7.77)
     said = refused(path, "run.duration=31")
     assert said == f"{path}, overridden: run.duration = 31.0: must be at most 30 s, where the recorded motion ends."
+
+
+def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(case, tmp_path, monkeypatch):
+    t, read = np.linspace(0.0, 30.0, 301), []
+    np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, 0.01 * np.sin(t)]))
+    monkeypatch.setattr(paddles, "read_record", lambda path: read.append(path) or read_record(path))
+    scene = read_case(case(), ['wall.motion={type="recorded", position="paddle.dat"}', "run.duration=20"])
+    other = scene.model_copy(update={"numerics": Numerics(dt=0.1)})
+    assert other.motion() is scene.motion() and other.paddle_period == scene.paddle_period and len(read) == 1
+    assert other == Scene.model_validate(other.model_dump(mode="json"))
+    longer = scene.model_copy(update={"run": RunNoun(duration=31.0)})
+    with pytest.raises(SceneError, match=r"must be at most 30 s, where the recorded motion ends"):
+        longer.motion()
 
 
 def test_data_references_are_kept_in_the_dump(case, tmp_path, monkeypatch):

@@ -15,11 +15,8 @@ from wavetank.motions import (
     ObliqueWave,
     PiecewiseLinear,
     Ramped,
-    RampedSegments,
     Recorded,
     ReflectedFocus,
-    Sinusoid,
-    Uniform,
     WaveGroup,
 )
 from wavetank.motions.segmented import joints, widest_segment
@@ -55,12 +52,11 @@ def oblique(**changes):
 
 MOTIONS = {
     "oblique": oblique(),
-    "uniform": Uniform(Sinusoid(0.1, 1.7)),
     "focus": focus(),
     "reflected": ReflectedFocus(focus=focus(), low=-4.0, high=4.0),
-    "ramped": RampedSegments(oblique(), 6.0, start=1.0),
+    "ramped": Ramped(oblique(), 6.0, start=1.0),
     "segments": PiecewiseLinear(focus(), joints(-4.0, 4.0, segment=0.5)),
-    "all": PiecewiseLinear(RampedSegments(oblique(), 5.0), joints(-4.0, 4.0, segment=0.5)),
+    "all": PiecewiseLinear(Ramped(oblique(), 5.0), joints(-4.0, 4.0, segment=0.5)),
 }
 
 
@@ -73,9 +69,9 @@ def test_each_derivative_is_the_slope_of_the_one_below(name, t):
     motion, step = MOTIONS[name], 1e-3
     scale = np.abs(motion.position(np.linspace(0.0, 30.0, 200), Y)).max()
     for order in (0, 1):
-        slope = (motion.derivative(order, t + step, Y) - motion.derivative(order, t - step, Y)) / (2 * step)
+        slope = (motion.derivative(t + step, order, Y) - motion.derivative(t - step, order, Y)) / (2 * step)
         bound = step**2 / 6 * (2 * np.pi * 1.5) ** (order + 3) * scale
-        np.testing.assert_allclose(motion.derivative(order + 1, t, Y), slope, atol=2 * bound + 1e-10)
+        np.testing.assert_allclose(motion.derivative(t, order + 1, Y), slope, atol=2 * bound + 1e-10)
 
 
 @pytest.mark.parametrize("name", MOTIONS)
@@ -84,27 +80,31 @@ def test_named_derivatives_and_shapes(name):
     for order, method in enumerate((motion.position, motion.velocity, motion.acceleration)):
         assert method(0.5, Y).shape == Y.shape
         assert method(t, Y).shape == (2, 3, Y.size)
-        np.testing.assert_array_equal(method(t, Y), motion.derivative(order, t, Y))
+        np.testing.assert_array_equal(method(t, Y), motion.derivative(t, order, Y))
         np.testing.assert_allclose(method(t, Y)[1, 2], method(float(t[1, 2]), Y), atol=1e-12)
     assert motion.duration == np.inf
 
 
 # ---------------------------------------------------------------- wrappers
 @given(st.floats(0.0, 20.0), st.integers(0, 2))
-def test_a_uniform_motion_is_the_motion_itself_and_ramps_alike(t, order):
-    motion = group()
-    uniform = Uniform(motion).derivative(order, t, Y)
-    np.testing.assert_array_equal(uniform, np.full(Y.size, motion.derivative(t, order)))
-    ramped = RampedSegments(Uniform(motion), 3.0, start=1.0).derivative(order, t, Y)
-    np.testing.assert_allclose(ramped, Ramped(motion, 3.0, start=1.0).derivative(t, order), rtol=1e-12, atol=1e-15)
-    hinged = PiecewiseLinear(Uniform(motion), joints(-4.0, 4.0, segment=0.7)).derivative(order, t, Y)
-    np.testing.assert_allclose(hinged, uniform, rtol=1e-14)
+def test_segments_that_move_alike_are_a_paddle_that_moves_as_a_whole_and_ramp_alike(t, order):
+    whole, alike = group(), DirectionalFocus(group=group(), fan=Fan(0.5, 1))
+    expected = whole.derivative(t, order)
+    assert whole.derivative(t, order, Y) == expected  # the same wherever it is looked at
+    tight = {"rtol": 1e-9, "atol": 1e-12}
+    np.testing.assert_allclose(alike.derivative(t, order, Y), np.full(Y.size, expected), **tight)
+    ramped = Ramped(whole, 3.0, start=1.0).derivative(t, order)
+    np.testing.assert_allclose(Ramped(alike, 3.0, start=1.0).derivative(t, order, Y), np.full(Y.size, ramped), **tight)
+    hinged = PiecewiseLinear(alike, joints(-4.0, 4.0, segment=0.7)).derivative(t, order, Y)
+    np.testing.assert_allclose(hinged, np.full(Y.size, expected), **tight)
 
 
 def test_a_motion_that_ends_ends_in_every_wrapper():
     t = np.linspace(0.0, 5.0, 20)
-    recorded = Uniform(Recorded.of_positions(t, np.sin(t)))
-    assert RampedSegments(recorded, 1.0).duration == PiecewiseLinear(recorded, np.array([0.0, 1.0])).duration == 5.0
+    recorded = Recorded.of_positions(t, np.sin(t))
+    ramped = Ramped(recorded, 1.0)
+    assert ramped.duration == PiecewiseLinear(recorded, np.array([0.0, 1.0])).duration == 5.0
+    assert ramped.interval == recorded.interval == pytest.approx(5.0 / 19)
 
 
 @given(st.floats(-3.9, 3.9), st.floats(0.0, 20.0))
@@ -178,7 +178,7 @@ def test_one_direction_is_the_wave_group():
     ):
         for order in range(3):
             expected = np.repeat(waves.derivative(t, order)[:, None], Y.size, axis=1)
-            np.testing.assert_allclose(motion.derivative(order, t, Y), expected, atol=1e-12)
+            np.testing.assert_allclose(motion.derivative(t, order, Y), expected, atol=1e-12)
         np.testing.assert_allclose(motion.elevation(np.full_like(Y, 5.0), Y, t=19.0), waves.elevation(5.0, 19.0))
         assert motion.earliest_focus(2.0) == pytest.approx(waves.earliest_focus(2.0))
 
@@ -258,7 +258,7 @@ def test_a_ramp_that_ends_in_time_leaves_the_crest(make):
     later = later if isinstance(motion, DirectionalFocus) else ReflectedFocus(focus=later, low=-4.0, high=4.0)
     # open water is wide enough to be periodic: from 20 m aside nothing reaches the focus in time
     low, width = (-4.0, 8.0) if isinstance(later, ReflectedFocus) else (-20.3, 40.6)
-    crest = sent_to_focus(RampedSegments(later, ramp), early, low, width)
+    crest = sent_to_focus(Ramped(later, ramp), early, low, width)
     assert crest == pytest.approx(0.05, rel=0.03)
 
 
@@ -321,7 +321,7 @@ def test_the_nouns_build_their_motions():
     case = scene(OBLIQUE, segment=0.5)
     assert HIGH - LOW == 10.0
     motion = case.motion()
-    assert isinstance(motion, PiecewiseLinear) and isinstance(motion.motion, RampedSegments)
+    assert isinstance(motion, PiecewiseLinear) and isinstance(motion.motion, Ramped)
     assert (motion.joints[0], motion.joints[-1], motion.joints.size) == (LOW, HIGH, 21)
     assert motion.motion.ramp == 2.6
     expected = oblique(angle=np.radians(30.0)).position(7.0, motion.joints)

@@ -49,7 +49,7 @@ class ObliqueWaveMotion(Noun):
             gravity=tank.gravity,
         )
 
-    def build(self, tank: AnyTank) -> motions.SegmentedMotion:
+    def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped motion."""
         return _ramped(self.wave(tank), 2 * self.period if self.ramp is None else self.ramp)
 
@@ -81,8 +81,8 @@ class _FanOfWaves(FocusingWaves):
 
     def _places(self, scene: Surroundings) -> int:
         """Return at how many places of the paddle its motion is summed up."""
-        wall = scene.wall
-        return wall.places(scene.tank).size if isinstance(wall, SegmentedPistonWall) else PLACES
+        places = scene.wall.places(scene.tank)
+        return PLACES if places is None else places.size
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
@@ -102,7 +102,7 @@ class DirectionalFocusMotion(_FanOfWaves):
 
     type: Literal["directional-focus"] = "directional-focus"
 
-    def build(self, tank: AnyTank) -> motions.SegmentedMotion:
+    def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped motion."""
         return _ramped(self.focus(tank), self.ramp_length)
 
@@ -140,7 +140,7 @@ class ReflectedFocusMotion(_FanOfWaves):
         low, high = span(tank)
         return motions.ReflectedFocus(focus=self.focus(tank), low=low, high=high)
 
-    def build(self, tank: AnyTank) -> motions.SegmentedMotion:
+    def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped motion."""
         return _ramped(self.waves(tank), self.ramp_length)
 
@@ -164,7 +164,7 @@ class SegmentedPistonWall(MovingWall):
         default=None, description="largest width of a segment [m]; default: no segments, continuous in y"
     )
 
-    def paddle(self, tank: AnyTank) -> motions.SegmentedMotion:
+    def paddle(self, tank: AnyTank) -> motions.Motion:
         """Return the motion of the paddle's segments, hinged to each other."""
         motion = self.motion.build(tank)
         return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
@@ -198,5 +198,5 @@ class SegmentedPistonWall(MovingWall):
         yield from self.motion.problems(scene)
 
 
-def _ramped(motion: motions.SegmentedMotion, ramp: float) -> motions.SegmentedMotion:
-    return motions.RampedSegments(motion, ramp) if ramp > 0 else motion
+def _ramped(motion: motions.SegmentedMotion, ramp: float) -> motions.Motion:
+    return motions.Ramped(motion, ramp) if ramp > 0 else motion

@@ -1,16 +1,15 @@
 """The scene as a whole."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator
-from functools import partial
-from typing import Annotated, Literal, Self
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property, partial
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, Strict, model_validator
 from pydantic_core import PydanticCustomError
 
 from wavetank import motions
-from wavetank.case.directional import SegmentedPistonWall
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, StillWater
 from wavetank.case.numerics import Gauge, Numerics, Output, RunNoun, named
@@ -90,15 +89,26 @@ class Scene(Noun):
         short = 0.5 * (self.tank.depth / self.tank.gravity) ** 0.5
         return float(np.clip(short, self.run.duration / 1000, self.run.duration / 200))
 
-    def motion(self) -> motions.Motion | motions.SegmentedMotion:
-        """Return the paddle's motion, checked against the run and the tank.
+    def motion(self) -> motions.Motion:
+        """Return the paddle's motion, checked against the run and the tank; its file is read once.
 
         Raises ``SceneError`` if its file cannot be had or read, ends before the run, or leaves the mapping's reach.
         """
+        return self._motion
+
+    @cached_property
+    def _motion(self) -> motions.Motion:
         motion = self.wall.paddle(self.tank)
         if problems := list(self._motion_problems(motion)):
             raise SceneError(problems)
         return motion
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with some fields changed; it looks at its paddle anew where they may be of importance to it."""
+        copied = super().model_copy(update=update, deep=deep)
+        if {"tank", "wall", "run"} & {*(update or ())}:
+            copied.__dict__.pop("_motion", None)
+        return copied
 
     @property
     def paddle_period(self) -> float | None:
@@ -106,16 +116,11 @@ class Scene(Noun):
         velocity = self.of_paddle(self.motion(), "velocity")
         return paddle_period(velocity, duration=self.run.duration, tank=self.tank)
 
-    def of_paddle(
-        self, motion: motions.Motion | motions.SegmentedMotion, what: str
-    ) -> Callable[[motions.Array], motions.Array]:
+    def of_paddle(self, motion: motions.Motion, what: str) -> Callable[[motions.Array], motions.Array]:
         """Return a motion's position or velocity as a function of times alone, at all places where it has several."""
-        function: Callable[..., motions.Array] = getattr(motion, what)
-        if isinstance(self.wall, SegmentedPistonWall):
-            return partial(function, y=self.wall.places(self.tank))
-        return function
+        return partial(getattr(motion, what), y=self.wall.places(self.tank))
 
-    def _motion_problems(self, motion: motions.Motion | motions.SegmentedMotion) -> Iterator[Problem]:
+    def _motion_problems(self, motion: motions.Motion) -> Iterator[Problem]:
         if motion.duration < self.run.duration:
             allowed = f"must be at most {motion.duration:g} s, where the recorded motion ends"
             yield Problem(("run", "duration"), self.run.duration, allowed)
@@ -127,7 +132,7 @@ class Scene(Noun):
             allowed = f"must be more than {STEEPEST * stroke:.4g} m, 4/3 of the paddle's largest distance from rest"
             yield Problem(("wall", "reach"), self.reach, allowed)
 
-    def stroke(self, motion: motions.Motion | motions.SegmentedMotion) -> float:
+    def stroke(self, motion: motions.Motion) -> float:
         """Return the paddle's largest distance from rest in the run [m]."""
         end = min(self.run.duration, motion.duration)
         positions = self.of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))

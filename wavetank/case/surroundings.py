@@ -3,6 +3,7 @@
 from typing import Protocol
 
 from wavetank.case.tanks import AnyTank
+from wavetank.motions import Array
 
 
 class Lasting(Protocol):
@@ -13,6 +14,13 @@ class Lasting(Protocol):
         """How long it takes [s]."""
 
 
+class Placed(Protocol):
+    """A wall."""
+
+    def places(self, tank: AnyTank) -> Array | None:
+        """Return the places y along it at which it is looked at [m], shape (N,); None where all are alike."""
+
+
 class Surroundings(Protocol):
     """The scene, as its parts know it; nothing else of it may decide what they allow."""
 
@@ -21,7 +29,7 @@ class Surroundings(Protocol):
         """The tank."""
 
     @property
-    def wall(self) -> object:
+    def wall(self) -> Placed:
         """The wall at x = 0, of whatever type."""
 
     @property

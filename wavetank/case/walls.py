@@ -1,7 +1,7 @@
 """The wall at x = 0."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -18,6 +18,7 @@ from wavetank.values.noun import Noun, Problem
 class FixedWall(Noun):
     """A wall that stands still."""
 
+    moves: ClassVar[bool] = False
     type: Literal["fixed"] = "fixed"
 
     def paddle(self, tank: AnyTank) -> motions.Motion:
@@ -27,6 +28,9 @@ class FixedWall(Noun):
     def reach_in(self, tank: AnyTank) -> float:
         """Return inf: there is no mapping to die out."""
         return np.inf
+
+    def places(self, tank: AnyTank) -> None:
+        """Return None: it is the same all along the wall."""
 
 
 class PistonWall(MovingWall):

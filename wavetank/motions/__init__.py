@@ -3,12 +3,12 @@
 from wavetank.motions.at_rest import AtRest
 from wavetank.motions.directional_focus import DirectionalFocus
 from wavetank.motions.fan import Fan
-from wavetank.motions.motion import Array, Motion
+from wavetank.motions.motion import Array, Motion, SegmentedMotion
 from wavetank.motions.oblique_wave import ObliqueWave
 from wavetank.motions.ramped import Ramped
 from wavetank.motions.recorded import Recorded
 from wavetank.motions.reflected_focus import ReflectedFocus
-from wavetank.motions.segmented import PiecewiseLinear, RampedSegments, SegmentedMotion, Uniform
+from wavetank.motions.segmented import PiecewiseLinear
 from wavetank.motions.sinusoid import Sinusoid
 from wavetank.motions.spectra import Gaussian, Jonswap, Spectrum
 from wavetank.motions.wave_group import WaveGroup
@@ -24,12 +24,10 @@ __all__ = [
     "ObliqueWave",
     "PiecewiseLinear",
     "Ramped",
-    "RampedSegments",
     "Recorded",
     "ReflectedFocus",
     "SegmentedMotion",
     "Sinusoid",
     "Spectrum",
-    "Uniform",
     "WaveGroup",
 ]

@@ -12,6 +12,8 @@ from wavetank.motions.motion import Motion
 class AtRest(Motion):
     """X = 0."""
 
-    def derivative(self, t: Any, order: int) -> Any:
+    moves = False
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return zero."""
         return np.zeros(np.shape(t))[()]

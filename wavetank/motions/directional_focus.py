@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.motions.fan import Fan
-from wavetank.motions.motion import Array
-from wavetank.motions.segmented import SegmentedMotion
+from wavetank.motions.motion import Array, SegmentedMotion
 from wavetank.motions.wave_group import WaveGroup
 from wavetank.theory import airy
 
@@ -71,7 +70,7 @@ class DirectionalFocus(SegmentedMotion):
         travel = self.group.focus_x / np.multiply.outer(speeds, np.cos(self.fan.angles))
         return ramp + latest(travel, self.crest_amplitudes, lost=lost) + 1.0 / self.group.spectrum.peak_frequency
 
-    def derivative(self, order: int, t: Any, y: Array) -> Array:
+    def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sum of the components' derivatives; memory is components times directions times places."""
         phases = self.k_x * self.group.focus_x - np.multiply.outer(y - self.focus_y, self.k_y)
         amplitudes = np.multiply.outer(self.group.paddle_amplitudes, self.fan.shares * np.cos(self.fan.angles))

@@ -1,21 +1,28 @@
-"""What a paddle motion is: one function X(t) [m], positive into the water, and its derivatives."""
+"""What a paddle motion is: one function X(t), or X(t, y) along the paddle [m], positive into the water."""
 
 from abc import ABC, abstractmethod
-from typing import Any, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-T = TypeVar("T", float, Array)
 
 
 class Motion(ABC):
     """A paddle motion.
 
     A motion is written once, as ``derivative``; position, velocity and acceleration are derivatives of that one
-    function. Times are a number or an array of any shape [s]; the values have the same shape.
+    function. Times are a number or an array of any shape [s]. A paddle that moves as a whole takes no notice of the
+    places y, and its values have the shape of the times.
+
+    Attributes
+    ----------
+    moves
+        Whether it ever leaves its place.
     """
+
+    moves: ClassVar[bool] = True
 
     @property
     def start(self) -> float:
@@ -27,21 +34,31 @@ class Motion(ABC):
         """Until when the motion is known [s]; ``inf`` where it never ends."""
         return np.inf
 
+    @property
+    def interval(self) -> float | None:
+        """The mean time between two rows of the record [s], if the motion was measured."""
+        return None
+
     @abstractmethod
-    def derivative(self, t: Any, order: int) -> Any:
-        """Return the derivative of X at t [s], of order 0 to 2, in m/s^order."""
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the derivative of X in time of order 0 to 2, in m/s^order, at times t [s] and places y [m]."""
 
-    def position(self, t: T) -> T:
-        """Return X [m] at t [s]."""
-        value: T = self.derivative(t, 0)
-        return value
+    def position(self, t: Any, y: Any = None) -> Any:
+        """Return X [m] at times t [s] and places y [m]."""
+        return self.derivative(t, 0, y)
 
-    def velocity(self, t: T) -> T:
-        """Return dX/dt [m/s] at t [s]."""
-        value: T = self.derivative(t, 1)
-        return value
+    def velocity(self, t: Any, y: Any = None) -> Any:
+        """Return dX/dt [m/s] at times t [s] and places y [m]."""
+        return self.derivative(t, 1, y)
 
-    def acceleration(self, t: T) -> T:
-        """Return d^2X/dt^2 [m/s^2] at t [s]."""
-        value: T = self.derivative(t, 2)
-        return value
+    def acceleration(self, t: Any, y: Any = None) -> Any:
+        """Return d^2X/dt^2 [m/s^2] at times t [s] and places y [m]."""
+        return self.derivative(t, 2, y)
+
+
+class SegmentedMotion(Motion):
+    """A motion that depends on the place along the paddle.
+
+    Places are to be given, an array of shape (N,) [m]; the values have the shape of the times with N appended: (N,) for
+    one time.
+    """

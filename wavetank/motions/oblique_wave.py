@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.motions.motion import Array
-from wavetank.motions.segmented import SegmentedMotion
+from wavetank.motions.motion import Array, SegmentedMotion
 from wavetank.theory import airy, wavemaker
 
 
@@ -60,7 +59,7 @@ class ObliqueWave(SegmentedMotion):
         """The snake's amplitude a cos(theta) / c [m]."""
         return float(self.amplitude * np.cos(self.angle) / wavemaker.piston_transfer(self.k, self.depth))
 
-    def derivative(self, order: int, t: Any, y: Array) -> Array:
+    def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sine's derivative."""
         phase = np.subtract.outer(np.multiply(self.omega, t) + order * np.pi / 2.0, self.k * np.sin(self.angle) * y)
         return np.asarray(self.paddle_amplitude * self.omega**order * np.sin(phase))

@@ -1,4 +1,4 @@
-"""A motion that begins gently: X = r(t) S(t), with S any other motion.
+"""A motion that begins gently: X = r(t) S(t, y), with S any other motion.
 
 r = 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 with s = (t - start) / ramp: three continuous derivatives, all zero at both ends,
 so that X, its velocity and its acceleration start from zero.
@@ -18,12 +18,12 @@ _STEP = tuple(Polynomial([0, 0, 0, 0, 35, -84, 70, -20]).deriv(order) for order 
 
 @dataclass(frozen=True)
 class Ramped(Motion):
-    """r(t) S(t); before ``start`` the paddle is at rest, after ``start + ramp`` it follows S exactly.
+    """r(t) S; before ``start`` the paddle is at rest, after ``start + ramp`` it follows S exactly.
 
     Attributes
     ----------
     motion
-        S(t).
+        S(t), or S(t, y).
     ramp
         How long the ramp takes [s], positive.
     start
@@ -39,10 +39,17 @@ class Ramped(Motion):
         """Until when S is known [s]."""
         return self.motion.duration
 
-    def derivative(self, t: Any, order: int) -> Any:
-        """Return the derivative of the product by Leibniz' rule."""
-        return sum(comb(order, n) * self._factor(t, n) * self.motion.derivative(t, order - n) for n in range(order + 1))
+    @property
+    def interval(self) -> float | None:
+        """The mean time between two rows of the record of S [s], if it was measured."""
+        return self.motion.interval
 
-    def _factor(self, t: Any, order: int) -> Any:
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the derivative of the product by Leibniz' rule."""
+        return sum(self._term(t, order, n, y) for n in range(order + 1))
+
+    def _term(self, t: Any, order: int, n: int, y: Any) -> Any:
         s = np.clip(np.subtract(t, self.start) / self.ramp, 0.0, 1.0)
-        return _STEP[order](s) / self.ramp**order
+        factor = comb(order, n) * (_STEP[n](s) / self.ramp**n)
+        values = self.motion.derivative(t, order - n, y)
+        return np.reshape(factor, np.shape(t) + (1,) * (np.ndim(values) - np.ndim(t))) * values

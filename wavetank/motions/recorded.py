@@ -49,7 +49,7 @@ class Recorded(Motion):
         """The mean time between two rows of the record [s]."""
         return float(np.mean(np.diff(self.spline.x)))
 
-    def derivative(self, t: Any, order: int) -> Any:
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; raise ``InputError`` beyond the record."""
         self._check(t)
         value = self.spline(np.maximum(t, self.start), nu=order)

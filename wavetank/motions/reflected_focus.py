@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.motions.directional_focus import DirectionalFocus, latest
-from wavetank.motions.motion import Array
-from wavetank.motions.segmented import SegmentedMotion
+from wavetank.motions.motion import Array, SegmentedMotion
 from wavetank.theory import airy, wavemaker
 
 Complex = NDArray[np.complex128]
@@ -83,7 +82,7 @@ class ReflectedFocus(SegmentedMotion):
         at_focus = np.abs(self.crests * np.cos(self.across * (self.focus.focus_y - self.low)))
         return ramp + latest(travel, at_focus, lost=lost) + 1.0 / group.spectrum.peak_frequency
 
-    def derivative(self, order: int, t: Any, y: Array) -> Array:
+    def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sum of the components' derivatives."""
         group = self.focus.group
         transfer = self.along / (group.k * wavemaker.piston_transfer(group.k, group.depth))[:, None]

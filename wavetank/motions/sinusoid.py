@@ -23,7 +23,7 @@ class Sinusoid(Motion):
     amplitude: float
     period: float
 
-    def derivative(self, t: Any, order: int) -> Any:
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return a omega^order sin(omega t + order pi / 2)."""
         omega = 2.0 * np.pi / self.period
         return self.amplitude * omega**order * np.sin(np.multiply(omega, t) + order * np.pi / 2.0)

@@ -99,7 +99,7 @@ class WaveGroup(Motion):
         travel = self.focus_x / airy.group_velocity(slowest, self.depth, self.gravity)
         return float(ramp + travel + 1.0 / self.spectrum.peak_frequency)
 
-    def derivative(self, t: Any, order: int) -> Any:
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the sum of the components' derivatives; memory for an array of times is components times its size."""
         phases = np.multiply.outer(t, self.omega) + (self._phases + order * np.pi / 2.0)
         return np.sin(phases) @ (self.paddle_amplitudes * self.omega**order)

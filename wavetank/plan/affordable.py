@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from mpi4py import MPI
 
-from wavetank.case import BasinTank, FixedWall, Scene
+from wavetank.case import BasinTank, Scene
 from wavetank.fe.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.meshes import MeshFile
@@ -95,7 +95,7 @@ def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:
 def _kind(scene: Scene) -> str:
     if scene.physics == "linear":
         return "linear"
-    return "nonlinear" if isinstance(scene.wall, FixedWall) else "driven"
+    return "driven" if scene.wall.moves else "nonlinear"
 
 
 def _steps(scene: Scene, cell_size: float) -> tuple[float, float, float]:

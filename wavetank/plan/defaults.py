@@ -17,7 +17,6 @@ from wavetank.case.initial import StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.case.sponges import paddle_period
 from wavetank.errors import InputError
-from wavetank.motions import AtRest
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.requirements import highest_frequency, looked_at, tapered
 from wavetank.theory import airy
@@ -71,7 +70,7 @@ def _vertical_order(kd: float) -> int:
 def _of_motion(scene: Scene) -> float:
     """Return the frequency below which the paddle moves [rad/s]; 0 if it stands still."""
     motion = scene.motion()
-    if isinstance(motion, AtRest):
+    if not motion.moves:
         return 0.0
     velocity, duration = scene.of_paddle(motion, "velocity"), looked_at(scene, motion)
 

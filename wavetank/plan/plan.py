@@ -21,7 +21,6 @@ import numpy as np
 from wavetank.case import LinearWater, NonlinearWater, Physics, Scene
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
-from wavetank.motions import Recorded
 from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
 from wavetank.plan.dispersion import Mesh
 from wavetank.plan.error_model import ErrorModel, ErrorPart, Settings
@@ -303,10 +302,10 @@ class _Steps:
 
     def _of_rows(self) -> list[float]:
         """Return steps of some rows of the record that end within it."""
-        motion, duration = self._required.measured, self._required.duration
-        if motion is None:
+        motion, row, duration = self._required.motion, self._required.motion.interval, self._required.duration
+        if row is None:
             return []
-        steps = [Clock.covering(duration, rows * motion.interval) for rows in ROWS]
+        steps = [Clock.covering(duration, rows * row) for rows in ROWS]
         return [clock.dt for clock in steps if clock.end <= motion.duration * (1 + ROUNDING)]
 
     def _holds(self, name: str, dt: float) -> bool:
@@ -314,15 +313,15 @@ class _Steps:
 
         Where one of ``BETWEEN`` rows does not, the noise counts: steps that do not resolve the rows hold it by chance.
         """
-        motion = self._required.measured
-        if motion is None or self._given:
+        limit, row = HELD * self._required.accuracy, self._required.motion.interval
+        if row is None or self._given:
             return True
-        limit, row = HELD * self._required.accuracy, motion.interval
-        if dt > ROWS[0] * row * (1 + ROUNDING) and self._misses(motion, name, BETWEEN * row) > limit:
+        if dt > ROWS[0] * row * (1 + ROUNDING) and self._misses(name, BETWEEN * row) > limit:
             return False
-        return self._misses(motion, name, dt) <= limit
+        return self._misses(name, dt) <= limit
 
-    def _misses(self, motion: Recorded, name: str, dt: float) -> float:
+    def _misses(self, name: str, dt: float) -> float:
+        motion = self._required.motion
         if (name, dt) not in self._missed:
             nodes, steps = INTEGRATORS[name].nodes, max(1, int(self._required.duration / dt))
             self._missed[name, dt] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)

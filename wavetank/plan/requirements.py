@@ -31,7 +31,7 @@ from wavetank.arrays import Vector
 from wavetank.case import Physics, Scene
 from wavetank.case.sponges import AT_ONCE
 from wavetank.errors import InputError
-from wavetank.motions import AtRest, Motion, Recorded, SegmentedMotion
+from wavetank.motions import Motion
 from wavetank.theory import airy, standing_wave, wavemaker
 from wavetank.theory.conformal import SteadyWave
 
@@ -141,8 +141,8 @@ class Requirements:
         Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
     driven
         Whether a paddle drives the waves.
-    measured
-        Its motion, if that was measured: steps must hold it, noise and all.
+    motion
+        Its motion; if that was measured, steps must hold it, noise and all.
     physics
         "linear" or "nonlinear".
     reasons
@@ -161,7 +161,7 @@ class Requirements:
     velocity: float
     harmonics: Vector
     driven: bool
-    measured: Recorded | None
+    motion: Motion
     physics: Physics
     reasons: tuple[str, ...]
 
@@ -200,7 +200,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
-    driven = not isinstance(motion, AtRest)
+    driven = motion.moves
     free = _free_harmonic(waves, k, scene) if driven and physics == "nonlinear" else None
     return Requirements(
         accuracy=accuracy,
@@ -215,7 +215,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
         driven=driven,
-        measured=motion if isinstance(motion, Recorded) else None,
+        motion=motion,
         physics=physics,
         reasons=(
             f"footprint: a {tank.type}, the scene has one horizontal dimension.",
@@ -265,9 +265,9 @@ def _enough(accuracy: float, second: float, phase: float) -> Physics:
 def _wall_reason(scene: Scene) -> str:
     if isinstance(scene.tank, nouns.RingTank):
         return "wall at x = 0: none in a ring."
-    if isinstance(scene.wall, nouns.FixedWall):
+    if not scene.wall.moves:
         return "wall at x = 0: fixed, nothing moves there."
-    if _is_measured(scene.wall):
+    if scene.motion().interval is not None:
         return f"wall at x = 0: a piston with a measured motion; short waves below {NOISE:.1%} count as its noise."
     return "wall at x = 0: a piston, the waves come from its motion."
 
@@ -278,7 +278,7 @@ def _end_reason(scene: Scene, waves: Components) -> str:
     if scene.sponge is not None:
         return f"far end: a sponge (type {scene.sponge.type}) absorbs what comes; what it reflects is not planned for."
     fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
-    if isinstance(scene.wall, nouns.FixedWall) or fastest * scene.run.duration > scene.tank.length:
+    if not scene.wall.moves or fastest * scene.run.duration > scene.tank.length:
         return "far end: a wall that reflects, the scene has no sponge; reflected waves are not followed further."
     return "far end: a wall, no sponge is needed, no wave gets there within the run."
 
@@ -287,7 +287,7 @@ def _end_reason(scene: Scene, waves: Components) -> str:
 def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
     found = STARTS[type(scene.initial)](scene.initial, scene)
     motion = scene.motion()
-    if isinstance(motion, Motion) and not isinstance(motion, AtRest):
+    if motion.moves:
         found.append(_paddle_waves(scene, motion, accuracy))
     if not found or not max(waves.crest for waves in found) > 0.0:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
@@ -347,7 +347,7 @@ class _Lines(NamedTuple):
 
 def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     lines = _lines(scene, motion)
-    waves = lines.omega <= _highest(scene.wall, lines, accuracy)
+    waves = lines.omega <= _highest(motion, lines, accuracy)
     omega, amplitude = _gathered(lines.omega[waves], np.abs(lines.elevation[waves]), 0.05 * accuracy**2)
     k = airy.wave_number(omega, scene.tank.depth, scene.tank.gravity)
     age, share = _age(scene, k)
@@ -359,20 +359,14 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
 def highest_frequency(scene: Scene, accuracy: float) -> float:
     """Return the frequency [rad/s] above which a measured paddle makes but noise; ``inf`` of any other."""
     motion = scene.motion()
-    if not _is_measured(scene.wall) or not isinstance(motion, Motion):
-        return np.inf
-    return _highest(scene.wall, _lines(scene, motion), accuracy)
+    return np.inf if motion.interval is None else _highest(motion, _lines(scene, motion), accuracy)
 
 
-def _highest(wall: nouns.Wall, lines: _Lines, accuracy: float) -> float:
-    if not _is_measured(wall) or not np.any(lines.elevation):
+def _highest(motion: Motion, lines: _Lines, accuracy: float) -> float:
+    if motion.interval is None or not np.any(lines.elevation):
         return np.inf
     omega, amplitude = _gathered(lines.omega, np.abs(lines.elevation), 0.05 * accuracy**2)
     return float(omega[amplitude > NOISE * amplitude.max()].max())
-
-
-def _is_measured(wall: nouns.Wall) -> bool:
-    return isinstance(wall, nouns.PistonWall) and isinstance(wall.motion, nouns.RecordedMotion)
 
 
 def _lines(scene: Scene, motion: Motion) -> _Lines:
@@ -392,7 +386,7 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     return _Lines(omega, k, 1j * wavemaker.piston_transfer(k, tank.depth) * coefficients)
 
 
-def looked_at(scene: Scene, motion: Motion | SegmentedMotion) -> float:
+def looked_at(scene: Scene, motion: Motion) -> float:
     """Return for how long a motion is looked at [s]: beyond a short run's end, whose waves are the same, if known."""
     least = WINDOW * float(np.sqrt(scene.tank.depth / scene.tank.gravity))
     return float(max(scene.run.duration, min(least, motion.duration)))

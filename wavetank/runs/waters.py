@@ -8,7 +8,6 @@ from mpi4py import MPI
 from wavetank import case as nouns
 from wavetank.runs.footprints import Footprint, build_footprint
 from wavetank.fe.plane import Plane
-from wavetank.motions import Motion
 from wavetank.values.noun import Problem, SceneError, about
 from wavetank.case import Physics, Scene
 from wavetank.case.moving_wall import MovingWall
@@ -91,7 +90,7 @@ def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWav
 
 def _linear(scene: Scene, footprint: Footprint, plane: Plane) -> LinearWaves:
     wall, motion = StillWall(), scene.motion()
-    if (driven := _driven(scene, footprint)) and isinstance(motion, Motion):
+    if driven := _driven(scene, footprint):
         wall = LinearPiston(motion, plane=plane, side=driven.side())
     return LinearWaves(
         plane,

@@ -152,7 +152,7 @@ class LinearWaves:
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
         self._set_potential(p)
-        return self._G_psi + self.motion.velocity(t) * self._inflow
+        return np.asarray(self._G_psi + self.motion.velocity(t) * self._inflow)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dQ = -dpsi/dt = g eta, shape (owned,); collective."""
@@ -180,7 +180,7 @@ class LinearWaves:
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi), X_p'' F [m^4/s³]: what the paddle does; collective."""
-        return self.motion.acceleration(t) * self._through_wall(p, self.motion.velocity(t))
+        return float(self.motion.acceleration(t) * self._through_wall(p, self.motion.velocity(t)))
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:

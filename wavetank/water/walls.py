@@ -23,7 +23,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.fe.plane import Field, Plane
-from wavetank.motions import Motion, SegmentedMotion
+from wavetank.motions import Motion
 from wavetank.motions.mapping import largest_stroke, share, unmapped
 
 
@@ -122,115 +122,54 @@ class Side(NamedTuple):
         return np.asarray((places - self.point) @ np.array([-self.normal[1], self.normal[0]]))
 
 
-class Travel(Protocol):
+class Travel:
     """How far a paddle carries the water, and how fast: s X_p, s X_p' and s X_p'' in UFL, in m, m/s, m/s².
 
     All are in the horizontal space, so that x is, and uniform flow is exact on any mesh.
 
+    Parameters
+    ----------
+    motion
+        X_p(y, t) with its exact derivatives; of a paddle that moves as a whole the same at all y.
+    s
+        A field of the horizontal space.
+
     Attributes
     ----------
     velocities
-        See ``Wall``.
+        X_p' at all y along the paddle that degrees of freedom have [m/s], shape (m,).
     """
 
-    position: Any
-    speed: Any
-    acceleration: Any
-
-    @property
-    def velocities(self) -> Vector:
-        """See above."""
-
-    def set_time(self, t: float) -> bool:
-        """Move to where the paddle stands at t [s]; return whether its position has changed."""
-
-    def positions(self, y: Vector) -> Vector:
-        """Return X_p at places y along the paddle [m], shape (N,)."""
-
-    def speeds(self, y: Vector) -> Vector:
-        """Return X_p' at places y along the paddle [m/s], shape (N,)."""
-
-
-class UniformTravel:
-    """A paddle that moves as a whole.
-
-    Parameters
-    ----------
-    motion
-        X_p(t) with its exact derivatives.
-    s
-        A field of the horizontal space.
-    """
-
-    def __init__(self, motion: Motion, *, plane: Plane, s: Field):
-        self._motion, self._t = motion, np.nan
-        self._position, self._speed, self._acceleration = (fem.Constant(plane.mesh, 0.0) for _ in range(3))
-        self.position, self.speed = s.function * self._position, s.function * self._speed
-        self.acceleration = s.function * self._acceleration
-
-    @property
-    def velocities(self) -> Vector:
-        """The paddle's velocity [m/s], shape (1,)."""
-        return np.array([float(self._speed.value)])
-
-    def set_time(self, t: float) -> bool:
-        """Move to where the paddle stands at t [s]; return whether its position has changed."""
-        if t == self._t:
-            return False
-        self._t = t
-        position, before = self._motion.position(t), float(self._position.value)
-        self._position.value, self._speed.value = position, self._motion.velocity(t)
-        self._acceleration.value = self._motion.acceleration(t)
-        return bool(position != before)
-
-    def positions(self, y: Vector) -> Vector:
-        """Return X_p, the same for all y, shape (N,)."""
-        return np.full(len(y), float(self._position.value))
-
-    def speeds(self, y: Vector) -> Vector:
-        """Return X_p', the same for all y, shape (N,)."""
-        return np.full(len(y), float(self._speed.value))
-
-
-class SegmentedTravel:
-    """A paddle whose motion depends on the place along it, interpolated at the degrees of freedom.
-
-    Parameters
-    ----------
-    motion
-        X_p(y, t) with its exact derivatives.
-    s
-        A field of the horizontal space.
-    """
-
-    def __init__(self, motion: SegmentedMotion, *, plane: Plane, side: Side, s: Field):
-        self._motion, self._t, self._s = motion, np.nan, s.owned.copy()
+    def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
+        self._motion, self._comm, self._t, self._s = motion, plane.comm, np.nan, s.owned.copy()
         self._y, self._place = np.unique(np.round(side.along(plane.places), 9), return_inverse=True)
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''")]
         self.position, self.speed, self.acceleration = (field.function for field in self._fields)
-
-    @property
-    def velocities(self) -> Vector:
-        """S X_p' at the degrees of freedom [m/s], shape (owned,)."""
-        return self._fields[1].owned
+        self.velocities: Vector = np.zeros(self._y.size)
 
     def set_time(self, t: float) -> bool:
-        """Move to where the paddle stands at t [s]; return whether that is another time."""
+        """Move to where the paddle stands at t [s]; return whether its position has changed; collective."""
         if t == self._t:
             return False
-        self._t = t
-        derivatives = (self._motion.position, self._motion.velocity, self._motion.acceleration)
-        for field, derivative in zip(self._fields, derivatives, strict=True):
-            field.set(self._s * derivative(t, self._y)[self._place])
-        return True
+        self._t, before = t, self._fields[0].owned.copy()
+        derivatives = (self.positions, self.speeds, self._accelerations)
+        values = [derivative(self._y) for derivative in derivatives]
+        for field, value in zip(self._fields, values, strict=True):
+            field.set(self._s * value[self._place])
+        self.velocities = values[1]
+        moved = not np.array_equal(before, self._fields[0].owned)
+        return bool(self._comm.allreduce(int(moved), op=MPI.MAX))
 
     def positions(self, y: Vector) -> Vector:
         """Return X_p at places y along the paddle [m], shape (N,)."""
-        return self._motion.position(self._t, y)
+        return np.broadcast_to(self._motion.position(self._t, y), y.shape)
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
-        return self._motion.velocity(self._t, y)
+        return np.broadcast_to(self._motion.velocity(self._t, y), y.shape)
+
+    def _accelerations(self, y: Vector) -> Vector:
+        return np.broadcast_to(self._motion.acceleration(self._t, y), y.shape)
 
 
 @dataclass(frozen=True)
@@ -277,17 +216,13 @@ class Piston:
 
     moves = True
 
-    def __init__(self, motion: Motion | SegmentedMotion, *, plane: Plane, reach: float, side: Side):
+    def __init__(self, motion: Motion, *, plane: Plane, reach: float, side: Side):
         self.side, self._plane = side, plane
         vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
         s = plane.function("s")
         s.set(self._share(side.distances(plane.places)))
-        self.travel: Travel = (
-            UniformTravel(motion, plane=plane, s=s)
-            if isinstance(motion, Motion)
-            else SegmentedTravel(motion, plane=plane, side=side, s=s)
-        )
+        self.travel = Travel(motion, plane=plane, side=side, s=s)
         self.axis = ufl.as_vector([float(part) for part in side.normal[: plane.mesh.geometry.dim]])
         self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
         self._mapping = self.after(0.0)
