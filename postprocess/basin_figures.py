@@ -79,7 +79,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
         for axes, one in zip(panels, maps, strict=True):
             _draw_map(figure, axes, surface, one)
             axes.plot(*one.points[paddle, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
-            _draw_gauges(axes, run.gauges(), one.ink)
+            _draw_gauges(axes, run.gauge_series(), one.ink)
         figure.suptitle(run.title or "Surface elevation", fontsize=13, parse_math=False)
         figure.draw_without_rendering()  # where names are is known only now
         for axes in panels:

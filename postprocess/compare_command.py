@@ -45,7 +45,7 @@ def _gauges(name: str) -> tuple[list[GaugeSeries], list[GaugeSeries]]:
         if not Path(name).is_dir():
             known = ", ".join(sorted(data.DATASETS))
             raise InputError(f"--with {name}: is no run directory, and no data set; known data sets are: {known}.")
-        return [replace(gauge, source=Path(name).name) for gauge in RunDirectory(name).gauges()], []
+        return [replace(gauge, source=Path(name).name) for gauge in RunDirectory(name).gauge_series()], []
     series = data.gauge_series(name)
     published = [one for kind, records in series.items() if kind != data.MEASURED for one in records]
     return list(series[data.MEASURED]), published
@@ -57,7 +57,7 @@ def _compare_gauges(
     from wavetank.postprocess import compare as comparison
     from wavetank.postprocess.figures import gauges_figure
 
-    computed = run.gauges()
+    computed = run.gauge_series()
     compared = comparison.compare(computed, measured)
     folder.mkdir(parents=True, exist_ok=True)
     comparison.write_comparison(folder / "compare.csv", compared)
@@ -71,7 +71,7 @@ def _compare_heights(
     from wavetank.postprocess import sections
     from wavetank.postprocess.sections_figure import bathymetry, sections_figure
 
-    computed = sections.computed_heights(run.gauges(), known)
+    computed = sections.computed_heights(run.gauge_series(), known)
     compared = sections.compare_heights(computed, measured, incident=known.incident_height)
     folder.mkdir(parents=True, exist_ok=True)
     sections.write_heights(folder / "compare.csv", compared)

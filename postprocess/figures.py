@@ -28,8 +28,8 @@ from wavetank.postprocess.style import (
     WATER,
     picture,
 )
-from wavetank.records.directory import Surface
 from wavetank.records.series import GaugeSeries
+from wavetank.records.surface import Surface
 
 KINETIC, POTENTIAL, TOTAL, WORK = VERMILION, GREEN, "#8cc5e8", INK
 BEFORE, CREST, AFTER = ORANGE, "#0b2d5c", "#a0417f"

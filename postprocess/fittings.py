@@ -17,7 +17,7 @@ POWER = 2  # of the distance into a sponge that its damping grows with
 
 def gauges_of(run: RunDirectory) -> list[GaugeSeries]:
     """Return the gauges of a run with their records; none where it has none."""
-    return run.gauges() if (run.path / GAUGES).exists() else []
+    return run.gauge_series() if (run.path / GAUGES).exists() else []
 
 
 def damping_along(run: RunDirectory, length: float) -> Callable[[Array], Array] | None:

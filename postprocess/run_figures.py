@@ -8,7 +8,8 @@ import numpy as np
 from wavetank.postprocess.beds import still_water
 from wavetank.postprocess.figures import energy_figure, gauges_overview, surface_figure
 from wavetank.postprocess.within_cells import within_cells
-from wavetank.records.directory import SURFACE, RunDirectory, Surface, index_file
+from wavetank.records.directory import SURFACE, RunDirectory, index_file
+from wavetank.records.surface import Surface
 
 
 def draw_run(run: RunDirectory) -> list[Path]:
@@ -17,7 +18,7 @@ def draw_run(run: RunDirectory) -> list[Path]:
     What a run that was killed early did not come to record is left out, and so are a basin's maps where pyvista, which
     reads its surface, is not installed. Raises ``InputError`` for missing files.
     """
-    gauges, energy = run.gauges(), run.energy()
+    gauges, energy = run.gauge_series(), run.budget()
     pictures = []
     if _snapshots(run) > 1:
         pictures.append(draw_surface(run))
@@ -33,7 +34,7 @@ def draw_run(run: RunDirectory) -> list[Path]:
 def _snapshots(run: RunDirectory) -> int:
     """Return how many snapshots of the surface can be drawn."""
     if (run.path / SURFACE).exists():
-        return int(run.surface().t.size)
+        return int(run.snapshots().t.size)
     return len(run.fields("surface")) if index_file(run.path, "surface").exists() and find_spec("pyvista") else 0
 
 
@@ -51,7 +52,7 @@ def draw_surface(run: RunDirectory) -> Path:
         from wavetank.postprocess.basin_figures import basin_figure
 
         return basin_figure(run, path)
-    ring, surface = tank.get("type") == "ring", run.surface()
+    ring, surface = tank.get("type") == "ring", run.snapshots()
     origin = ORIGINS.get("ring" if ring else wall.get("type"), "along the tank")
     shown = _closed(surface, tank["length"]) if ring else surface
     numerics = (run.manifest.get("planned") or scene).get("numerics", {})

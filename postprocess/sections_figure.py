@@ -38,7 +38,7 @@ def bathymetry(run: RunDirectory) -> Bathymetry | None:
     depth = still_water(run)
     if depth is None:
         return None
-    places = np.array([(gauge.x, gauge.y) for gauge in run.gauges()])
+    places = np.array([(gauge.x, gauge.y) for gauge in run.gauge_series()])
     x, y = np.linspace(places.min(axis=0), places.max(axis=0), POINTS, dtype=np.float64).T
     grid = [axis.ravel() for axis in np.meshgrid(x, y)]
     return Bathymetry(x, y, depth(*grid).reshape(POINTS, POINTS))

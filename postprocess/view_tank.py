@@ -59,7 +59,7 @@ class FlumeView:
         self._bed, self._damping = still_water(run), damping_along(run, self.length)
         self._gauges, self.note = gauges_of(run), SPONGE if self._damping else ""
         self.depth = float(self._still_water(np.linspace(0.0, self.length, FINE, dtype=np.float64)).max())
-        surface = run.surface()
+        surface = run.snapshots()
         if not surface.t.size:
             raise InputError(f"{run.path}: has no snapshot of the surface; at least 1 is needed to view it.")
         self.times, self._x, self._eta = surface.t, *self._whole(surface.x, surface.eta)

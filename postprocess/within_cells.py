@@ -5,7 +5,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.records.directory import Surface
+from wavetank.records.surface import Surface
 
 ENOUGH = 1200  # places along a tank: about the pixels of a picture
 

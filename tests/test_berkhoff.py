@@ -25,8 +25,8 @@ from wavetank.postprocess.compare import matched
 from wavetank.postprocess.compare_command import compare
 from wavetank.postprocess.sections import COLUMNS, compare_heights, computed_heights
 from wavetank.postprocess.wave_heights import mean_wave_height, wave_heights
-from wavetank.records.directory import RunWriter
 from wavetank.records.series import GaugeSeries
+from wavetank.records.writer import RunWriter
 
 NAME = "berkhoff_1982_shoal"
 KNOWN = DATASETS[NAME].heights

@@ -35,18 +35,18 @@ def test_a_case_steps_on_one_rank_and_on_two(case, on_ranks, tmp_path):
     on_ranks(recorded, case, changes, tmp_path / "2", ranks=2)
     runs = [RunDirectory(tmp_path / ranks) for ranks in ("1", "2")]
     assert [run.manifest["status"] for run in runs] == ["finished"] * 2
-    alone, together = (run.energy() for run in runs)
+    alone, together = (run.budget() for run in runs)
     mass = alone[MASS[2 if isinstance(scene.tank, BasinTank) else 1]]
     assert mass.size > 2 and np.ptp(mass) < 1e-13 * mass[0]
     for name, values in alone.items():
         assert together[name] == pytest.approx(values, rel=1e-6, abs=1e-9), name
     if scene.all_gauges:
-        one, two = (np.array([gauge.eta for gauge in run.gauges()]) for run in runs)
+        one, two = (np.array([gauge.eta for gauge in run.gauge_series()]) for run in runs)
         assert np.abs(two - one).max() < 1e-9 + 1e-6 * np.abs(one).max()
 
 
 def test_there_may_be_more_ranks_than_cells(recorded_on_ranks):
     """Two cells on three ranks, one of which has none."""
     changes = ("numerics.cells=2", "numerics.vertical_order=4", "run.duration=0.1", "numerics.dt=0.05")
-    alone, together = (run.surface().eta for run in recorded_on_ranks("cases/standing-wave.toml", *changes))
+    alone, together = (run.snapshots().eta for run in recorded_on_ranks("cases/standing-wave.toml", *changes))
     assert together == pytest.approx(alone, abs=1e-9)

@@ -32,7 +32,7 @@ def focused(path: Path) -> None:
     """
     run = RunDirectory(path)
     assert run.manifest["status"] == "finished"
-    surface = run.surface()
+    surface = run.snapshots()
     highest = np.unravel_index(np.argmax(surface.eta), surface.eta.shape)
     assert 0.10 < surface.eta[highest] < 0.13
     assert surface.x[highest] == pytest.approx(10.0, abs=1.0)
@@ -73,7 +73,7 @@ def test_gauges_are_the_same_on_any_number_of_ranks_and_progress_is_seen(wavetan
         command = ("run", case, *overrides, "--no-plots", "--out", str(out))
         result = launch([sys.executable, "-m", "wavetank", *command], ranks=ranks) if ranks > 1 else wavetank(*command)
         assert result.returncode == 0, result.stderr
-        records.append(np.array([gauge.eta for gauge in RunDirectory(out).gauges()]))
+        records.append(np.array([gauge.eta for gauge in RunDirectory(out).gauge_series()]))
         assert RunDirectory(out).manifest["ranks"] == ranks
         assert re.search(r"\nt = .*s left, .*iterations a step\n", result.stdout), result.stdout
     alone, together = records
@@ -165,7 +165,7 @@ def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, t
     assert re.search(r"wavetank: t = [\d.]+ s.*(steep|break)", result.stderr)
     manifest = json.loads((out / "manifest.json").read_text())
     assert manifest["status"] == "failed" and manifest["cause"] in result.stderr
-    gauges = RunDirectory(out).gauges()
+    gauges = RunDirectory(out).gauge_series()
     assert gauges[0].t.size > 20 and np.all(np.isfinite(gauges[0].eta))
     assert (out / "surface.png").exists()
 
@@ -182,7 +182,7 @@ def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
     assert process.returncode == 1
     assert re.search(r"wavetank: t = [\d.]+ s: interrupted by SIGINT", errors), errors
     assert RunDirectory(out).manifest["status"] == "failed"
-    assert RunDirectory(out).gauges()[0].t.size > 5
+    assert RunDirectory(out).gauge_series()[0].t.size > 5
 
 
 def test_a_case_built_in_python_runs_without_a_directory():

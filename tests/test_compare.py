@@ -17,8 +17,9 @@ from wavetank.errors import InputError
 from wavetank.postprocess.compare import COLUMNS, compare, comparison_table, matched, write_comparison
 from wavetank.postprocess.figures import gauges_figure
 from wavetank.postprocess.run_figures import draw_run
-from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.directory import RunDirectory
 from wavetank.records.series import GaugeSeries
+from wavetank.records.writer import RunWriter
 
 
 def group(t, t0):
@@ -101,7 +102,7 @@ def test_pictures_of_a_run_are_drawn(tmp_path: Path):
     pictures = draw_run(RunDirectory(tmp_path / "run"))
     assert {path.name for path in pictures} == {"surface.png", "gauges.png", "energy.png"}
     assert all(path.stat().st_size > 10_000 for path in pictures)
-    record = RunDirectory(tmp_path / "run").gauges()
+    record = RunDirectory(tmp_path / "run").gauge_series()
     gauges_figure(record, record, record, tmp_path / "compare.png")
     assert (tmp_path / "compare.png").stat().st_size > 10_000
 

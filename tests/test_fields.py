@@ -20,9 +20,10 @@ from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.schedule import EverySteps
 from wavetank.recording import record_run
 from wavetank.records import vtu_series
-from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
 from wavetank.records.vtu_series import VtkCells, VtuSeries
+from wavetank.records.writer import RunWriter
 from wavetank.water.bed import VaryingBed
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.footprint import Ring, Slice

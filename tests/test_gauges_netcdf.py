@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from wavetank.errors import RunError
-from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
+from wavetank.records.writer import RunWriter
 
 xarray = pytest.importorskip("xarray")
 
@@ -30,7 +31,7 @@ def test_places_are_in_the_header_and_read_back(tmp_path):
         pass
     header = (tmp_path / "gauges.csv").read_text().splitlines()[0]
     assert header == 't,1@x=10,"Süd, the focus@x=49.5,y=-2.25",a@x=b@x=0.1'
-    found = [(gauge.name, gauge.x, gauge.y) for gauge in RunDirectory(tmp_path).gauges()]
+    found = [(gauge.name, gauge.x, gauge.y) for gauge in RunDirectory(tmp_path).gauge_series()]
     assert found == [("1", 10.0, 0.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
 
 
@@ -39,9 +40,9 @@ def test_the_netcdf_holds_the_table_to_the_last_bit(engine, tmp_path):
     with write(tmp_path) as writer:
         writer.finish("finished", {})
     with xarray.open_dataset(tmp_path / "gauges.nc", engine=engine) as data:
-        for n, gauge in enumerate(RunDirectory(tmp_path).gauges()):
-            station = data.isel(station=n)
-            assert (str(station.station_name.values), float(station.x), float(station.y)) == (
+        for n, gauge in enumerate(RunDirectory(tmp_path).gauge_series()):
+            station = data.isel(gauge=n)
+            assert (str(station.gauge.values), float(station.x), float(station.y)) == (
                 gauge.name,
                 gauge.x,
                 gauge.y,
@@ -63,10 +64,10 @@ def test_the_netcdf_follows_the_conventions(tmp_path):
             "history": "2025-01-02T03:04:05 wavetank run 'a case.toml'",
         }
         elevation = data.elevation
-        assert elevation.dims == ("station", "time") and elevation.attrs["units"] == "m"
+        assert elevation.dims == ("gauge", "time") and elevation.attrs["units"] == "m"
         assert elevation.attrs["standard_name"] == "sea_surface_height_above_mean_sea_level"
-        assert set(elevation.attrs["coordinates"].split()) == {"station_name", "x", "y"}
-        assert data.station_name.attrs["cf_role"] == "timeseries_id"
+        assert set(elevation.attrs["coordinates"].split()) == {"x", "y"}
+        assert data.gauge.attrs["cf_role"] == "timeseries_id"
         assert {name: data[name].attrs["units"] for name in ("time", "x", "y")} == {"time": "s", "x": "m", "y": "m"}
         assert all("_FillValue" not in variable.attrs for variable in data.variables.values())
 
@@ -82,7 +83,7 @@ def test_a_run_that_breaks_down_has_it_too(tmp_path):
     with pytest.raises(RunError), write(tmp_path, rows=2):
         raise RunError("t = 0.2 s: the wave broke.")
     with xarray.open_dataset(tmp_path / "gauges.nc") as data:
-        assert data.sizes == {"station": 3, "time": 2}
+        assert data.sizes == {"gauge": 3, "time": 2}
     assert RunDirectory(tmp_path).manifest["cause"] == "t = 0.2 s: the wave broke."
 
 
@@ -94,22 +95,22 @@ def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
         writer.gauges([])
         writer.finish("finished", {})
     assert not (tmp_path / "gauges.nc").exists()
-    assert RunDirectory(tmp_path).gauges_dataset().sizes == {"station": 0, "time": 0}
+    assert RunDirectory(tmp_path).gauges.sizes == {"gauge": 0, "time": 0}
 
 
 def test_a_finished_run_stays_one_where_there_is_no_room_for_it(tmp_path, monkeypatch):
-    from wavetank.records import directory as rundir
+    from wavetank.records import writer
 
-    writer, replace = write(tmp_path), rundir.replace
+    written, replace = write(tmp_path), writer.replace
 
     def full(path, *content):
         if path.suffix == ".nc":
             raise OSError(28, "No space left on device")
         replace(path, *content)
 
-    monkeypatch.setattr(rundir, "replace", full)
-    with writer:
-        writer.finish("finished", {})
+    monkeypatch.setattr(writer, "replace", full)
+    with written:
+        written.finish("finished", {})
     manifest = RunDirectory(tmp_path).manifest
     assert manifest["status"] == "finished"
     assert manifest["warnings"] == ["gauges.nc could not be written (No space left on device); gauges.csv has the same"]

@@ -147,7 +147,7 @@ def test_a_case_has_the_water_it_asks_for():
 def test_a_linear_case_is_recorded_the_same_on_any_number_of_ranks(recorded_on_ranks):
     runs = recorded_on_ranks("cases/wavemaker.toml", "water.type=linear", "gauges.0=0.5", "run.duration=2.0")
     assert runs[0].manifest["scene"]["water"] == {"type": "linear"}
-    alone, together = (np.array([gauge.eta for gauge in run.gauges()]) for run in runs)
+    alone, together = (np.array([gauge.eta for gauge in run.gauge_series()]) for run in runs)
     assert np.abs(alone).max() > 2e-4
     assert np.abs(together - alone).max() < 1e-9 * np.abs(alone).max()
 

@@ -20,9 +20,10 @@ from wavetank.cli import main
 from wavetank.console import Unhurried
 from wavetank.errors import InputError, RecordError
 from wavetank.recording import record_run
-from wavetank.records.directory import LOG, RunDirectory, RunWriter
+from wavetank.records.directory import LOG, RunDirectory
 from wavetank.records.lock import LOCK, RunLock, is_held
 from wavetank.records.place import Place
+from wavetank.records.writer import RunWriter
 
 CASE = str(CHECKOUT / "cases" / "standing-wave.toml")
 SHORT = ["--set", "run.duration=0.1", "--set", "numerics.dt=0.02"]
@@ -70,7 +71,7 @@ def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
     assert contents(first) == before
 
     assert main(["run", CASE, "--overwrite", "--no-plots", *SHORT, "--set", "numerics.dt=0.04"]) == 0
-    assert RunDirectory(first).gauges()[0].t.size < 6
+    assert RunDirectory(first).gauge_series()[0].t.size < 6
     assert (first / "notes.txt").read_text() == "mine"
     assert not list(first.glob("*.png"))  # those of the run that is no more
 
@@ -108,7 +109,7 @@ def test_a_directory_has_one_run_at_a_time_and_a_killed_one_gives_it_free(tmp_pa
     code = f"""
 import os
 from pathlib import Path
-from wavetank.records.directory import RunWriter
+from wavetank.records.writer import RunWriter
 writer = RunWriter(Path({str(tmp_path / "run")!r}), {{}}).begin()
 print(flush=True)
 os.read(0, 1)
@@ -243,7 +244,7 @@ def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
     assert (tmp_path / "code").read_text() == "1\n"
     manifest = RunDirectory(tmp_path / "run").manifest
     assert manifest["status"] == "failed" and "No space left on device" in manifest["cause"] in done.stderr
-    assert RunDirectory(tmp_path / "run").gauges()[0].t.size > 100
+    assert RunDirectory(tmp_path / "run").gauge_series()[0].t.size > 100
     assert "could not all be drawn" in done.stdout
     assert not list((tmp_path / "run").glob(".*"))
 

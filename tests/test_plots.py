@@ -16,8 +16,10 @@ from wavetank.errors import InputError
 from wavetank.postprocess import figures, run_figures
 from wavetank.postprocess.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
 from wavetank.postprocess.run_figures import draw_run
-from wavetank.records.directory import RunDirectory, RunWriter, Surface
+from wavetank.records.directory import RunDirectory
 from wavetank.records.series import GaugeSeries
+from wavetank.records.surface import Surface
+from wavetank.records.writer import RunWriter
 
 ENERGY = (
     "t [s]",
@@ -122,7 +124,7 @@ def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):
         for t in range(4):
             record.append(t, x, 0.01 * np.cos(np.pi / 4 * (x - t)), 0 * x)
     run = RunDirectory(tmp_path / "run")
-    surface = run_figures._closed(run.surface(), 8.0)
+    surface = run_figures._closed(run.snapshots(), 8.0)
     assert np.all(surface.x[:, -1] == 8.0) and np.array_equal(surface.eta[:, -1], surface.eta[:, 0])
     text = words(lambda path: surface_figure(surface, path, depth=0.01, origin="along the ring"), tmp_path)
     assert "distance along the ring, x [m]" in text
@@ -245,10 +247,10 @@ def test_the_overview_orders_gauges_from_the_paddle_outwards(tmp_path):
 
 
 def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
-    text = words(lambda path: energy_figure(run.energy(), path), tmp_path)
+    text = words(lambda path: energy_figure(run.budget(), path), tmp_path)
     for word in ("kinetic", "potential", "total", "start + paddle", "[m⁴/s²]", "time [s]", "what does not balance"):
         assert word in text
-    fixed = {name: 0 * column if name.startswith("paddle_work") else column for name, column in run.energy().items()}
+    fixed = {name: 0 * column if name.startswith("paddle_work") else column for name, column in run.budget().items()}
     text = words(lambda path: energy_figure(fixed, path), tmp_path)
     assert "start" in text and "paddle" not in text
 

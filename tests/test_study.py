@@ -19,7 +19,8 @@ from rich.console import Console
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RunError
-from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.directory import RunDirectory
+from wavetank.records.writer import RunWriter
 from wavetank.study.drawing import draw_study, pareto_front
 from wavetank.study.exact import exact_solution
 from wavetank.study.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
@@ -319,7 +320,7 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
         table = list(csv.DictReader(file))
     assert [line["mark"] for line in table] == ["", "", "plan"] and table[2]["n"] == "6"
     assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE] == table[1]["highest crest [m]"] == ""
-    surface = RunDirectory(tmp_path / good.combination.name).surface()
+    surface = RunDirectory(tmp_path / good.combination.name).snapshots()
     assert float(table[0]["highest crest [m]"]) == pytest.approx(surface.eta.max(), rel=1e-6)
     assert float(table[0]["deepest trough [m]"]) == pytest.approx(surface.eta.min(), rel=1e-6)
 

@@ -15,7 +15,8 @@ from typer.testing import CliRunner
 
 from wavetank.errors import InputError
 from wavetank.postprocess import view, view_command, view_film, view_sight, view_tank
-from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.directory import RunDirectory
+from wavetank.records.writer import RunWriter
 
 LENGTH, DEPTH, HEIGHT = 8.0, 1.0, 0.1  # m
 STEPS, PERIOD = 40, 2.0  # snapshots of one period [s]
@@ -360,8 +361,8 @@ def test_runs_without_waves_to_view_are_refused(tmp_path):
         view.still(record(tmp_path / "d", {"type": "slice", "length": 1.0}), tmp_path / "d.png")
     with pytest.raises(InputError, match="times and places must increase"):
         view.still(record(tmp_path / "e", times=[1.0, 0.0]), tmp_path / "e.png")
-    (tmp_path / "b" / "surface.bin").unlink()
-    with pytest.raises(InputError, match=r"no readable surface\.bin"):
+    (tmp_path / "b" / "surface.nc").unlink()
+    with pytest.raises(InputError, match=r"no readable surface\.nc"):
         view.still(RunDirectory(tmp_path / "b"), tmp_path / "b.png")
     assert not list(tmp_path.glob("*.png")) and not list(tmp_path.glob("*.gif"))
 

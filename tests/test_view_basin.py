@@ -14,9 +14,10 @@ from wavetank.postprocess.basin_surface import BasinSurface, Extremes, history
 from wavetank.postprocess.run_figures import draw_run
 from wavetank.postprocess.view_basin import BasinView
 from wavetank.postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
-from wavetank.records.directory import RunDirectory, RunWriter
+from wavetank.records.directory import RunDirectory
 from wavetank.records.series import GaugeSeries
 from wavetank.records.vtu_series import VtkCells, VtuSeries
+from wavetank.records.writer import RunWriter
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
 PERIOD, STEPS = 1.6, 20  # snapshots of one period [s]

@@ -14,18 +14,20 @@ from wavetank.errors import BreakdownError, RunError
 from wavetank.fe.agreed import on_first
 from wavetank.observers.breaking import BreakingNews
 from wavetank.observers.contract import Judge, Observer
-from wavetank.observers.energy import columns
+from wavetank.observers.energy import columns as energy_columns
 from wavetank.observers.interruption import Interruption
+from wavetank.observers.paddle import columns as paddle_columns
 from wavetank.observers.progress import ProgressBar
-from wavetank.observers.record import Discard, Kept, Record, RecordCheck
-from wavetank.observers.surface import SurfaceRecord
+from wavetank.observers.record import Discard, Kept, RecordCheck
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned
-from wavetank.records.directory import ENERGY, LOG, RunDirectory, RunWriter, environment
+from wavetank.records.directory import ENERGY, LOG, PADDLE, RunDirectory
+from wavetank.records.environment import environment
 from wavetank.records.log import RunLog
 from wavetank.records.place import Place
 from wavetank.records.vtu_series import VtuSeries
+from wavetank.records.writer import RunWriter
 from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary
 from wavetank.runs.memory import peak_memory
 from wavetank.runs.run import Run
@@ -148,21 +150,27 @@ def record_run(
 def _observe(run: Run, scene: Scene, waves: AnyWaves, writer: RunWriter | None, warnings: Warnings) -> None:
     """Add what observes a run to it; collective."""
     comm, out = waves.plane.comm, waves.plane.comm.bcast(None if writer is None else writer.path)
-    gauges, energy, surface = _tables(scene, waves, writer)
-    records = Records(gauges, energy, surface, lambda name: VtuSeries(out, name, comm=comm))
-    run.observers += build_observers(scene, waves, records, sinks=run.sinks)
-    run.observers.append(RecordCheck(comm, [one for one in (gauges, energy, surface) if isinstance(one, Kept)]))
+
+    def series(name: str) -> VtuSeries:
+        return VtuSeries(out, name, comm=comm)
+
+    records = _records(scene, waves, writer)
+    run.observers += build_observers(scene, waves, records._replace(fields=series), sinks=run.sinks)
+    run.observers.append(RecordCheck(comm, [one for one in records if isinstance(one, Kept)]))
     run.observers += build_watch(scene, run, waves, warnings.at_once)
 
 
-def _tables(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> tuple[Record, Record, SurfaceRecord | None]:
-    """Return where gauges, energy and the surface of a slice go; opened when the run begins."""
+def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records:
+    """Return where gauges, energy, the surface of a slice and a wall that moves go; opened when the run begins."""
     if writer is None:
-        return Discard(), Discard(), None
+        return Records(Discard(), Discard(), None, paddle=Discard() if scene.wall.moves else None)
     dimensions = waves.plane.mesh.topology.dim
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
-    energy = writer.table(ENERGY, columns(dimensions))
-    return Kept(gauges.append), Kept(energy.append), Kept(writer.surface().append) if dimensions == 1 else None
+    energy = writer.table(ENERGY, energy_columns(dimensions))
+    surface = Kept(writer.surface().append) if dimensions == 1 else None
+    moved = paddle_columns(scene.wall.places(scene.tank))
+    paddle = Kept(writer.table(PADDLE, moved).append) if scene.wall.moves else None
+    return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle)
 
 
 def _begin(writer: RunWriter | None, log: RunLog, *, asked: Scene, planned: Scene) -> None:

@@ -24,6 +24,7 @@ from wavetank.observers.contract import Observer
 from wavetank.observers.energy import EnergyBudget, Sink
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.gauges import Gauges
+from wavetank.observers.paddle import RATES, PaddleMotion
 from wavetank.observers.record import FieldRecord, Record
 from wavetank.observers.schedule import EverySteps, EveryTime
 from wavetank.observers.stability import StabilityWatch
@@ -47,6 +48,8 @@ class Records(NamedTuple):
         Tables.
     surface
         Of snapshots along a slice or ring; None on all ranks but the first.
+    paddle
+        A table; None where the wall stands still.
     fields
         Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
     """
@@ -55,6 +58,7 @@ class Records(NamedTuple):
     energy: Record
     surface: SurfaceRecord | None
     fields: Callable[[str], FieldRecord] | None = None
+    paddle: Record | None = None
 
 
 def initial_state(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
@@ -183,6 +187,10 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
     observers += _field_observers(scene, waves, records, sinks)
     if scene.all_gauges:
         observers.append(_gauges(scene, waves, records.gauges))
+    if records.paddle is not None:
+        motion, schedule = scene.motion(), EverySteps(scene.output.gauges_every)
+        rates = {name: scene.of_paddle(motion, name) for name in RATES}
+        observers.append(PaddleMotion(rates, record=records.paddle, schedule=schedule))
     return observers
 
 

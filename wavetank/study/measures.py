@@ -20,7 +20,8 @@ from scipy.optimize import minimize_scalar
 from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.postprocess.compare import matched
-from wavetank.records.directory import RunDirectory, Surface
+from wavetank.records.directory import RunDirectory
+from wavetank.records.surface import Surface
 from wavetank.study.exact import Array, ExactSolution, exact_solution
 
 SURFACE, GAUGES, PHASE, CREST = "surface error [-]", "gauge error [-]", "phase error [rad]", "crest error [-]"
@@ -92,7 +93,7 @@ class ExactReference:
     def errors(self, run: RunDirectory) -> Errors:
         """Return surface, phase and crest error; a phase is followed from snapshot to snapshot, beyond pi, too."""
         exact, squares, ahead = self._solution, [], []
-        for now in snapshots(run.surface(), period=_period(run)):
+        for now in snapshots(run.snapshots(), period=_period(run)):
             squares.append(np.mean((now.eta - exact.elevation(now.x, now.t)) ** 2))
             carrier = exact.carrier(now.x, now.eta, now.psi)
             ahead.append(-np.angle(carrier / exact.exact_carrier(now.t)))
@@ -108,7 +109,7 @@ class RunReference:
 
     def __init__(self, path: Path):
         self._run = RunDirectory(path)
-        surface = self._run.surface()
+        surface = self._run.snapshots()
         if surface.t.size < 2:
             raise InputError(f"{path}: {surface.t.size} snapshots of the surface; a reference needs at least 2.")
         self._end = float(surface.t[-1])
@@ -122,7 +123,7 @@ class RunReference:
     def errors(self, run: RunDirectory) -> Errors:
         """Return the surface error and, where gauges are in common, the gauge error, over the times both have."""
         period, pairs = _period(run), []
-        for now in snapshots(run.surface(), period=period):
+        for now in snapshots(run.snapshots(), period=period):
             if now.t <= self._end * (1 + 1e-9):
                 x, eta = self._in_time(min(now.t, self._end)).T
                 pairs.append((now.eta, _interpolant(x, eta, period=period)(now.x)))
@@ -134,7 +135,7 @@ class RunReference:
     def _gauges(self, run: RunDirectory) -> list[tuple[Array, Array]]:
         """Return (eta, eta_ref) of each gauge in common."""
         pairs = []
-        for one, other in matched(run.gauges(), self._run.gauges()):
+        for one, other in matched(run.gauge_series(), self._run.gauge_series()):
             there = one.t <= other.t[-1]
             pairs.append((one.eta[there], _interpolant(other.t, other.eta)(one.t[there])))
         return pairs

@@ -13,7 +13,7 @@ Responses = dict[str, float]
 
 def responses(run: RunDirectory) -> Responses:
     """Return the highest elevation, where and when it stood, and the lowest, by the names above."""
-    surface = run.surface()
+    surface = run.snapshots()
     snapshot, point = np.unravel_index(np.argmax(surface.eta), surface.eta.shape)
     return {
         CREST: float(surface.eta.max()),

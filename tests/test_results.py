@@ -1,0 +1,137 @@
+"""A run's results as xarray, its surface as CF-NetCDF, and that as a line that ParaView and pyvista open."""
+
+import numpy as np
+import pytest
+from conftest import recorded
+
+from wavetank.case.reading import read_case
+from wavetank.errors import InputError
+from wavetank.observers.paddle import columns
+from wavetank.records.directory import RunDirectory
+from wavetank.records.writer import RunWriter
+
+CHANGES = (
+    "tank.length=4",
+    "wall.reach=2",
+    "wall.motion={type='sinusoid', paddle_amplitude=0.02, period=1, ramp=0.5}",
+    "gauges=[1.0, 2.5]",
+    "numerics={cells=8, order=2, vertical_order=3, dt=0.05, integrator='stormer-verlet'}",
+    "run.duration=0.5",
+    "output={surface_every=0.1, gauges_every=2}",
+)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A short run of a slice whose piston moves."""
+    path = tmp_path_factory.mktemp("results") / "run"
+    recorded("cases/wavemaker.toml", CHANGES, path)
+    return RunDirectory(path)
+
+
+def test_gauges_are_found_by_name_with_their_places_and_units(run):
+    one, two = run.gauge_series()
+    found = run.gauges.sel(gauge=two.name)
+    assert float(found.x) == 2.5 and float(found.y) == 0.0 and found.attrs["units"] == "m"
+    np.testing.assert_array_equal(found, two.eta)
+    np.testing.assert_array_equal(run.gauges.time, one.t)
+    assert run.gauges.sizes == {"gauge": 2, "time": 6}
+
+
+def test_energy_has_its_columns_by_name(run):
+    energy = run.energy
+    np.testing.assert_array_equal(energy.total, run.budget()["total [m^4/s^2]"])
+    assert energy.kinetic.attrs["units"] == "m^4/s^2" and energy.time.attrs["units"] == "s"
+    assert float(energy.sel(time=0.2, method="nearest").time) == pytest.approx(0.2)
+
+
+def test_the_paddle_is_as_its_motion_says(run):
+    """Its record has the motion's own values at the gauges' times; the surface begins where it is."""
+    motion, paddle = read_case("cases/wavemaker.toml", list(CHANGES)).motion(), run.paddle
+    np.testing.assert_array_equal(paddle.time, run.gauges.time)
+    for name in ("position", "velocity", "acceleration"):
+        np.testing.assert_allclose(paddle[name], getattr(motion, name)(paddle.time.values), rtol=1e-14, atol=1e-17)
+    assert [paddle[name].attrs["units"] for name in paddle] == ["m", "m/s", "m/s^2"]
+    beside = run.surface.x.isel(point=0).values
+    np.testing.assert_allclose(beside, paddle.position.interp(time=run.surface.time), atol=1e-15)
+
+
+def test_a_paddle_in_segments_is_a_function_of_place(tmp_path):
+    names = columns(np.array([0.0, 2.5]))
+    with RunWriter(tmp_path / "run", {}) as writer:
+        writer.table("paddle.csv", names).append([0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    paddle = RunDirectory(tmp_path / "run").paddle
+    assert paddle.position.dims == ("time", "y") and paddle.velocity.attrs["units"] == "m/s"
+    assert float(paddle.velocity.sel(y=2.5, time=0.5)) == 4.0 and float(paddle.position.sel(y=2.5, time=0.5)) == 2.0
+
+
+def test_the_surface_where_a_paddle_moves_has_places_for_each_time(run):
+    surface, record = run.surface, run.snapshots()
+    assert surface.elevation.dims == surface.x.dims == ("time", "point")
+    for name, values in (("x", record.x), ("elevation", record.eta), ("surface_potential", record.psi)):
+        np.testing.assert_array_equal(surface[name], values)
+    assert np.ptp(record.x[:, 0]) > 1e-3 and record.t.size == 6
+
+
+def test_the_surface_between_walls_at_rest_is_found_by_place(tmp_path):
+    x = np.linspace(0.0, 3.0, 7)
+    with RunWriter(tmp_path / "run", {}) as writer:
+        record = writer.surface()
+        for t in (0.0, 0.5):
+            record.append(t, x, x + t, x - t)
+    surface = RunDirectory(tmp_path / "run").surface
+    assert float(surface.elevation.sel(x=1.5, time=0.5)) == 2.0
+    assert float(surface.surface_potential.interp(x=1.75, time=0.25)) == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize("engine", ["netcdf4", "scipy"])
+def test_the_surface_file_follows_the_conventions(engine, run):
+    """CF 1.8: units, standard names, coordinates; the netCDF library, which did not write it, agrees."""
+    import xarray
+
+    with xarray.open_dataset(run.path / "surface.nc", engine=engine) as data:
+        assert data.attrs["Conventions"] == "CF-1.8" and data.attrs["title"] == run.title
+        assert set(data.elevation.coords) == {"time", "x", "y"}
+        assert data.elevation.attrs["standard_name"] == "sea_surface_height_above_mean_sea_level"
+        assert {name: data[name].attrs["units"] for name in data.variables} == {
+            "time": "s",
+            "x": "m",
+            "y": "m",
+            "elevation": "m",
+            "surface_potential": "m2 s-1",
+        }
+        np.testing.assert_array_equal(data.elevation, run.snapshots().eta)
+
+
+def test_paraview_opens_the_surface_of_a_slice(run):
+    """By VTK's own reader: each snapshot is the line of its points, with its fields."""
+    pyvista = pytest.importorskip("pyvista")
+    reader, record = pyvista.get_reader(run.path / "surface.xdmf"), run.snapshots()
+    assert reader.time_values == list(record.t)
+    for n, t in enumerate(record.t):
+        reader.set_active_time_value(t)
+        line = reader.read()
+        np.testing.assert_array_equal(line.points, np.column_stack([record.x[n], 0 * record.x[n], record.eta[n]]))
+        np.testing.assert_array_equal(line.point_data["elevation"], record.eta[n])
+        np.testing.assert_array_equal(line.point_data["surface potential"], record.psi[n])
+        assert line.n_cells == 1
+
+
+def test_a_surface_that_still_grows_is_read(tmp_path):
+    x = np.linspace(0.0, 1.0, 5)
+    with RunWriter(tmp_path / "run", {}) as writer:
+        record = writer.surface()
+        with pytest.raises(InputError, match="no snapshot"):
+            _ = RunDirectory(tmp_path / "run").surface
+        for n in range(3):
+            record.append(0.1 * n, x, n * x, -n * x)
+            assert RunDirectory(tmp_path / "run").surface.sizes == {"time": n + 1, "x": 5}
+            assert (tmp_path / "run" / "surface.xdmf").read_text().endswith("</Xdmf>\n")
+
+
+def test_what_a_run_has_not_recorded_is_said(tmp_path):
+    with RunWriter(tmp_path / "run", {}) as writer:
+        writer.finish("finished", {})
+    for name, file in (("paddle", "paddle.csv"), ("surface", "surface.nc"), ("gauges", "gauges.csv")):
+        with pytest.raises(InputError, match=f"has no readable {file}"):
+            getattr(RunDirectory(tmp_path / "run"), name)

@@ -1,0 +1,84 @@
+"""Files that grow while a run goes on: each row is handed to the operating system at once, so a kill loses none."""
+
+import csv
+import errno
+import os
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.errors import RecordError, RunError
+
+
+def _csv_line(cells: Iterable[str]) -> bytes:
+    line = StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue().encode()
+
+
+class GrowingFile:
+    """A file that grows by rows of finite numbers, the first of which is the time [s]."""
+
+    def __init__(self, path: Path):
+        self._path = path
+
+    def open(self) -> None:
+        """Make the file; raises ``OSError``."""
+        self._file = self._path.open("wb")
+
+    def _check(self, row: NDArray[np.float64]) -> None:
+        if not np.all(np.isfinite(row)):
+            raise RunError(
+                f"t = {row[0]:.6g} s: a value for {self._path.name} is not a finite number; the run has broken down."
+            )
+
+    def write(self, content: bytes, *, at: int | None = None, over: int = 0) -> None:
+        """Hand bytes to the operating system at once: that costs microseconds, and a kill loses nothing.
+
+        They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place.
+        """
+        try:
+            if not os.path.samestat(os.fstat(self._file.fileno()), self._path.stat()):
+                raise FileNotFoundError(errno.ENOENT, "replaced by another file")
+            self._file.seek(*(-over, os.SEEK_END) if at is None else (at, os.SEEK_SET))
+            self._file.write(content)
+            self._file.flush()
+        except FileNotFoundError:
+            raise RecordError(f"{self._path}: is no longer there; moved or deleted during the run.") from None
+        except OSError as error:
+            raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
+
+    def close(self) -> None:
+        """End the record; nothing is held back."""
+        with suppress(OSError, AttributeError):  # a full disk has been reported by the write that met it
+            self._file.close()
+
+
+class TableWriter(GrowingFile):
+    """A CSV table that grows by rows of finite numbers, with as many digits as reading them back exactly needs."""
+
+    def __init__(self, path: Path, columns: Sequence[str]):
+        super().__init__(path)
+        self._columns = columns
+
+    def open(self) -> None:
+        """Make the file, with the names of its columns; raises ``OSError``, ``RunError``."""
+        super().open()
+        self.write(_csv_line(self._columns))
+
+    def append(self, row: Sequence[float]) -> None:
+        """Append one row, time [s] first, a value for each column.
+
+        Raises ``RunError`` for a number that is not finite, before anything of the row is written, and for a file that
+        cannot be written; ``ValueError`` for a row of another length.
+        """
+        values = np.array(row, dtype=float)
+        width = len(self._columns)
+        if values.shape != (width,):
+            raise ValueError(f"{self._path.name}: row of shape {values.shape} received; it has {width} columns.")
+        self._check(values)
+        self.write(_csv_line(repr(float(value)) for value in values))

@@ -1,0 +1,203 @@
+"""Writes the run directory: tables and snapshots as the run goes on, the manifest at its start and end."""
+
+import json
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+from wavetank.errors import InputError, RecordError, RunError, WavetankError
+from wavetank.records.directory import (
+    GAUGES,
+    GAUGES_NETCDF,
+    MANIFEST,
+    ROOM,
+    SURFACE,
+    RunDirectory,
+    column,
+    recorded,
+    replace,
+    unfinished,
+)
+from wavetank.records.environment import now
+from wavetank.records.growing import GrowingFile, TableWriter
+from wavetank.records.lock import LOCK, RunLock, is_held
+from wavetank.records.netcdf import conventions
+from wavetank.records.place import Place
+from wavetank.records.surface import SurfaceWriter
+
+R = TypeVar("R", bound=GrowingFile)
+
+
+class RunWriter:
+    """Writes a run directory; on rank 0 alone.
+
+    Made, it holds the directory, alone, and has changed nothing in it; ``begin`` does. As a context manager it begins,
+    closes the files at the end, and an error that leaves the block makes it a failed run.
+
+    Parameters
+    ----------
+    place
+        The directory; made if missing. Raises ``InputError`` if it holds anything but a run that may be overwritten,
+        if another process writes it, or if it cannot be written.
+    manifest
+        What is known at the start; ``status`` is added.
+    """
+
+    def __init__(self, place: Place | Path, manifest: dict[str, Any]):
+        self._manifest = {"status": "running", **manifest}
+        self._records: list[GrowingFile] = []
+        self._has_gauges = self._begun = False
+        place = place if isinstance(place, Place) else Place(place)
+        try:
+            self.path, self._lock, self._made = _claimed(place)
+        except OSError as error:
+            raise InputError(f"{place.path}: cannot be written ({error.strerror}).") from None
+
+    def begin(self, more: dict[str, Any] | None = None) -> Self:
+        """Replace what an earlier run has left, and write the manifest, with what has come to be known.
+
+        Raises ``InputError`` if it cannot be written, ``RunError`` for a number in it that is not finite, and where the
+        directory is another's by now.
+        """
+        self._check_held()
+        self._manifest |= more or {}
+        room = ROOM + len(self._text(self._manifest))
+        try:
+            for old in list(recorded(self.path)):
+                old.unlink()
+            self._lock.reserve(room)
+            self._write_manifest(self._manifest)
+            self._begun = True
+            for record in self._records:
+                record.open()
+        except OSError as error:
+            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from None
+        return self
+
+    @property
+    def holds(self) -> bool:
+        """Whether the directory is still this run's: it may have been removed, and be another's by now."""
+        return self._lock.holds
+
+    def release(self) -> None:
+        """Let go of the directory; one that was made and never begun is removed."""
+        self._close()
+        self._lock.release()
+        if self._made and not self._begun:
+            with suppress(OSError):
+                self.path.rmdir()
+
+    def __enter__(self) -> Self:
+        if not self._begun:
+            self.begin()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if error is not None:
+            self.fail(error)
+        self.release()
+
+    def fail(self, error: BaseException) -> None:
+        """Close all files and write the manifest's last word, that this is why the run has failed."""
+        with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
+            self.finish("failed", {"cause": str(error) or type(error).__name__})
+
+    def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
+        """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
+        self._has_gauges = bool(gauges)
+        return self.table(GAUGES, ["t", *(column(*gauge) for gauge in gauges)])
+
+    def table(self, file: str, columns: Sequence[str]) -> TableWriter:
+        """Return a new table with these columns, time first, units in their names."""
+        return self._kept(TableWriter(self.path / file, columns))
+
+    def surface(self) -> SurfaceWriter:
+        """Return the record of snapshots."""
+        return self._kept(SurfaceWriter(self.path / SURFACE, conventions(self._manifest)))
+
+    def _kept(self, record: R) -> R:
+        """Return a record that is opened when the run begins, and closed when it ends."""
+        self._records.append(record)
+        if self._begun:
+            record.open()
+        return record
+
+    def note(self, figures: dict[str, Any]) -> None:
+        """Take figures into the manifest, with its last word, whichever that will be."""
+        self._manifest |= figures
+
+    def finish(self, status: str, figures: dict[str, Any]) -> None:
+        """Close all files and write the manifest's last word, ``"finished"``, or ``"failed"`` with its cause.
+
+        The gauges are written as CF-NetCDF, too; where that is not possible the manifest's ``warnings`` say so, for
+        their table has them. Raises ``RunError`` if the manifest cannot be written, for a figure that is not finite,
+        and where the directory is another's by now: then it stays.
+        """
+        self._close()
+        self._check_held()
+        if self._has_gauges:
+            self._write_netcdf()
+        try:
+            self._lock.reserve(0)
+            self._write_manifest(self._manifest | {"status": status, "finished": now(), **figures})
+        except OSError as error:
+            raise RunError(f"{self.path}: cannot be written ({error.strerror}).") from None
+
+    def _write_netcdf(self) -> None:
+        try:
+            replace(self.path / GAUGES_NETCDF, RunDirectory(self.path).gauges_netcdf())
+        except (OSError, InputError) as error:
+            why = getattr(error, "strerror", None) or str(error)
+            said = f"{GAUGES_NETCDF} could not be written ({why}); {GAUGES} has the same"
+            self._manifest.setdefault("warnings", []).append(said)
+
+    def _check_held(self) -> None:
+        """Raise ``RecordError`` where the directory has been removed, and may be another run's."""
+        if not self.holds:
+            raise RecordError(f"{self.path}: is no longer this run's; moved or deleted during the run.")
+
+    def _close(self) -> None:
+        for record in self._records:
+            record.close()
+
+    def _text(self, manifest: dict[str, Any]) -> bytes:
+        try:
+            return json.dumps(manifest, indent=2, allow_nan=False).encode() + b"\n"
+        except ValueError:  # JSON has no word for it
+            raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
+
+    def _write_manifest(self, manifest: dict[str, Any]) -> None:
+        """Replace the manifest."""
+        replace(self.path / MANIFEST, self._text(manifest))
+        self._manifest = manifest
+
+
+def _claimed(place: Place) -> tuple[Path, RunLock, bool]:
+    """Return the first directory of a place that may be written, with its lock, and whether it has been made."""
+    for path in place.candidates:
+        made = not path.exists()
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            written = is_held(path) and not place.numbered  # as the lock will say
+            _check_free(path, overwrite=place.overwrite or written)
+            lock = RunLock(path)
+            _check_free(path, overwrite=place.overwrite)  # another run may have come and gone before the lock
+            return path, lock, made
+        except (InputError, FileExistsError):
+            if not place.numbered:
+                raise
+    raise AssertionError("there are more numbers")
+
+
+def _check_free(path: Path, *, overwrite: bool) -> None:
+    """Raise ``InputError`` if a directory holds what a run must not be written over."""
+    there = set(os.listdir(path)) - {LOCK, unfinished(path / MANIFEST).name}
+    if there and MANIFEST not in there:
+        raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
+    if there and not overwrite:
+        raise InputError(f"{path}: holds a run already; give another directory (--out), or --overwrite.")
