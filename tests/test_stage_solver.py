@@ -55,7 +55,7 @@ def test_an_error_within_the_residual_reaches_the_caller():
 
 
 def test_extrapolation_is_exact_for_polynomials_and_starts_anew_after_a_gap():
-    earlier = Extrapolation(lambda v: float(np.abs(v).max()))
+    earlier = Extrapolation(lambda v: float(np.abs(v).max()), (2,))
     for step in range(8):
         predicted = earlier.predict(0.1 * step, 0.1)
         earlier.record(0.1 * step, np.array([1.0, step**3]))

@@ -8,6 +8,7 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
+from wavetank.stateful import Held
 
 
 class Recall:
@@ -16,14 +17,16 @@ class Recall:
     Parameters
     ----------
     inputs, answers
-        Sizes of an input and of an answer on this rank.
+        Numbers of an input and of an answer for each of the degrees of freedom.
+    owned
+        How many of these this rank owns. Inputs have theirs number by number, answers degree by degree of freedom.
     most
         How many pairs are kept.
     """
 
-    def __init__(self, inputs: int, answers: int, *, comm: MPI.Comm, most: int = 8):
-        self._comm = comm
-        self._inputs, self._answers = np.zeros((most, inputs)), np.zeros((most, answers))
+    def __init__(self, inputs: int, answers: int, *, owned: int, comm: MPI.Comm, most: int = 8):
+        self._comm, self._shapes = comm, ((most, inputs, owned), (most, owned, answers))
+        self._inputs, self._answers = np.zeros((most, inputs * owned)), np.zeros((most, owned * answers))
         self._recorded = 0
 
     def guess(self, x: Vector) -> Vector | None:
@@ -54,3 +57,16 @@ class Recall:
         place = self._recorded % len(self._inputs)
         self._inputs[place], self._answers[place] = x, y
         self._recorded += 1
+
+    def held(self) -> Held:
+        """Return all pairs, where they stand in the arrays."""
+        inputs, answers = (
+            values.reshape(shape) for values, shape in zip((self._inputs, self._answers), self._shapes, strict=True)
+        )
+        return {"recorded": self._recorded, "inputs": inputs.copy(), "answers": answers.transpose(0, 2, 1).copy()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._recorded = held["recorded"]
+        self._inputs[:] = held["inputs"].reshape(self._inputs.shape)
+        self._answers[:] = held["answers"].transpose(0, 2, 1).reshape(self._answers.shape)

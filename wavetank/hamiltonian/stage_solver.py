@@ -9,7 +9,7 @@ solve on the tank.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from mpi4py import MPI
@@ -19,6 +19,7 @@ from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.start_values import Extrapolation
+from wavetank.stateful import Held, give_back, held_by
 
 Preconditioner = Callable[[Stage, Vector], Vector]
 Size = Callable[[], float]
@@ -41,6 +42,14 @@ class StageCounters:
     evaluations: int = 0
     newton_solves: int = 0
 
+    def __add__(self, other: "StageCounters") -> "StageCounters":
+        """Return the sums."""
+        return StageCounters(
+            self.solves + other.solves,
+            self.evaluations + other.evaluations,
+            self.newton_solves + other.newton_solves,
+        )
+
 
 class SnesStageSolver:
     """Solves stages with one kind of unknowns (coordinates, momenta, or both).
@@ -50,7 +59,8 @@ class SnesStageSolver:
     comm
         Communicator over which the unknowns are distributed.
     scale
-        What one unit of the scaled unknowns is, per owned unknown, shape (n,).
+        What one unit of the scaled unknowns is, per owned unknown, shape (n,), or (parts, n) of several parts that
+        follow one another in the vectors solved for.
     tolerance
         Largest root mean square of the preconditioned, scaled residual, relative to the size of the last solutions.
     size
@@ -74,14 +84,15 @@ class SnesStageSolver:
         floor: float = 1e-6,
         precondition: Preconditioner = identity,
     ):
-        self.counters = StageCounters()
+        self._counters = StageCounters()
         self._error: WavetankError | None = None
-        self._comm, self._scale = comm, scale
+        self._comm, self._scale, self._shape = comm, scale.ravel(), scale.shape
         self._tolerance, self._asked = tolerance, size
         self._size = size or (lambda: self._rms(self._x.array_r * self._scale))
         self._floor, self._precondition = floor, precondition
         self._extrapolations: dict[str, Extrapolation] = {}
         self._sizes: dict[str, float] = {}
+        self._coupled: dict[int, SnesStageSolver] = {}
         self._x = PETSc.Vec().createMPI((scale.size, None), comm=comm)
         self._root_of_length = float(np.sqrt(self._x.getSize()))
         self._anderson = self._snes("anderson")
@@ -97,14 +108,19 @@ class SnesStageSolver:
         krylov.getPC().setType("none")
 
     def coupled(self, copies: int) -> "SnesStageSolver":
-        """Return a solver of this kind for that many stages which depend on each other, each preconditioned alone."""
+        """Return the solver for that many such stages which depend on each other, each preconditioned alone."""
+        if copies not in self._coupled:
+            self._coupled[copies] = self._copied(copies)
+        return self._coupled[copies]
+
+    def _copied(self, copies: int) -> "SnesStageSolver":
 
         def precondition(stage: Stage, residual: Vector) -> Vector:
             return np.concatenate([self._precondition(stage, part) for part in np.split(residual, copies)])
 
         return SnesStageSolver(
             self._comm,
-            np.tile(self._scale, copies),
+            np.concatenate(copies * [np.atleast_2d(self._scale.reshape(self._shape))]),
             tolerance=self._tolerance,
             size=self._asked,
             floor=self._floor,
@@ -118,7 +134,7 @@ class SnesStageSolver:
         return snes
 
     def _evaluate(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
-        self.counters.evaluations += 1
+        self._counters.evaluations += 1
         try:
             residual = self._precondition(self._stage, self._residual(x.array_r * self._scale))
         except WavetankError as error:  # PETSc forgets what was raised below it
@@ -135,20 +151,25 @@ class SnesStageSolver:
 
         Raises ``ConvergenceError`` naming time, stage and residual.
         """
-        earlier = self._extrapolations.setdefault(stage.name, Extrapolation(self._rms))
+        earlier = self._earlier(stage.name)
         predicted = earlier.predict(stage.t, stage.dt)
         guess = start if predicted is None else predicted
         self._stage, self._residual = stage, residual
         target = self._target(guess)
-        self.counters.solves += 1
+        self._counters.solves += 1
         if not self._run(self._anderson, guess, target):
-            self.counters.newton_solves += 1
+            self._counters.newton_solves += 1
             if not self._run(self._newton, guess, target):
                 self._fail(stage, target)
         solution: Vector = self._x.array_r * self._scale
         earlier.record(stage.t, solution)
         self._sizes[stage.name] = max(self._size(), MEMORY * self._sizes[stage.name])
         return solution
+
+    def _earlier(self, stage: str) -> Extrapolation:
+        if stage not in self._extrapolations:
+            self._extrapolations[stage] = Extrapolation(self._rms, self._shape)
+        return self._extrapolations[stage]
 
     def _target(self, guess: Vector) -> float:
         """Return the norm to which a residual is to fall [scaled units]; collective."""
@@ -177,6 +198,29 @@ class SnesStageSolver:
             f"{self._newton.getFunctionNorm() / unit:.3g}, wanted {target / unit:.3g}"
         )
 
+    @property
+    def counters(self) -> StageCounters:
+        """What it has cost so far, and those that it is coupled to."""
+        return sum((one.counters for one in self._coupled.values()), self._counters)
+
+    def held(self) -> Held:
+        """Return what it remembers of each stage: earlier solutions, their size, and what they cost."""
+        return {
+            "counters": asdict(self._counters),
+            "sizes": dict(self._sizes),
+            "earlier": held_by(self._extrapolations),
+            "coupled": {str(copies): one.held() for copies, one in self._coupled.items()},
+        }
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._counters, self._sizes = StageCounters(**held["counters"]), dict(held["sizes"])
+        self._extrapolations.clear()
+        give_back({stage: self._earlier(stage) for stage in held["earlier"]}, held["earlier"])
+        self._coupled.clear()
+        for copies, one in held["coupled"].items():
+            self.coupled(int(copies)).take(one)
+
 
 @dataclass(frozen=True)
 class SnesStages:
@@ -185,18 +229,15 @@ class SnesStages:
     coordinate: SnesStageSolver
     momentum: SnesStageSolver
     pair: SnesStageSolver
-    _coupled: dict[int, SnesStageSolver] = field(default_factory=dict)
 
     def coupled(self, pairs: int) -> SnesStageSolver:
         """Return the solver for that many pairs at once, made when first asked for."""
-        if pairs not in self._coupled:
-            self._coupled[pairs] = self.pair.coupled(pairs)
-        return self._coupled[pairs]
+        return self.pair.coupled(pairs)
 
     @classmethod
     def serial(cls, size: int, *, tolerance: float = 1e-14) -> "SnesStages":
         """Return solvers for a system of ``size`` coordinates on this process alone, e.g. an oscillator."""
-        one, two = np.ones(size), np.ones(2 * size)
+        one, two = np.ones(size), np.ones((2, size))
         coordinate, momentum, pair = (
             SnesStageSolver(MPI.COMM_SELF, scale, tolerance=tolerance) for scale in (one, one, two)
         )
@@ -205,10 +246,12 @@ class SnesStages:
     @property
     def counters(self) -> StageCounters:
         """What all of them have cost so far."""
-        solvers = (self.coordinate, self.momentum, self.pair, *self._coupled.values())
-        kinds = [stage.counters for stage in solvers]
-        return StageCounters(
-            sum(kind.solves for kind in kinds),
-            sum(kind.evaluations for kind in kinds),
-            sum(kind.newton_solves for kind in kinds),
-        )
+        return self.coordinate.counters + self.momentum.counters + self.pair.counters
+
+    def held(self) -> Held:
+        """Return what all of them remember."""
+        return held_by(vars(self))
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        give_back(vars(self), held)

@@ -12,6 +12,7 @@ from math import comb
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.stateful import Held
 
 
 @cache
@@ -27,12 +28,14 @@ class Extrapolation:
     ----------
     norm
         The norm in which predictions are judged; collective.
+    shape
+        In which a value, of shape (n,), is held.
     most
         How many earlier values are kept; the degree is below that.
     """
 
-    def __init__(self, norm: Callable[[Vector], float], most: int = 6):
-        self._norm = norm
+    def __init__(self, norm: Callable[[Vector], float], shape: tuple[int, ...], *, most: int = 6):
+        self._norm, self._shape = norm, shape
         self._values: deque[Vector] = deque(maxlen=most)
         self._t = self._dt = np.nan  # of the newest value, and between them
         self._count = 0  # values that take part in the next prediction
@@ -57,3 +60,14 @@ class Extrapolation:
         self._t = t
         self._values.append(value.copy())
         self._count = min(self._count, len(self._values))
+
+    def held(self) -> Held:
+        """Return the earlier values, the oldest first, and what has been found of them."""
+        values = np.array(self._values).reshape(len(self._values), *self._shape)
+        return {"t": self._t, "dt": self._dt, "count": self._count, "values": values}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._t, self._dt, self._count = held["t"], held["dt"], held["count"]
+        self._values.clear()
+        self._values.extend(value.ravel() for value in held["values"])

@@ -8,18 +8,17 @@ are never touched. What the factors take of H is counted from H before and after
 it, so that the energy budget shows that error alone.
 """
 
-from typing import Generic
-
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.damped import same, times
-from wavetank.integrators.reported_energy import reported_energy
+from wavetank.integrators.wrapper import Wrapper, mapped
+from wavetank.stateful import Held
 
 
-class Absorbing(Generic[S]):
+class Absorbing(Wrapper[S]):
     """A scheme with damping of the momenta, which counts the energy taken; stable where the scheme is.
 
     A system that remembers its last point evaluates two points a step more than the bare scheme, those between which
@@ -40,37 +39,13 @@ class Absorbing(Generic[S]):
     """
 
     def __init__(self, scheme: Integrator[S], gamma: Vector):
-        self.scheme, self.gamma = scheme, gamma
-        self.energy_taken = 0.0
-
-    @property
-    def name(self) -> str:
-        """The scheme's name in a case file."""
-        return self.scheme.name
+        super().__init__(scheme)
+        self.gamma, self.energy_taken = gamma, 0.0
 
     @property
     def order(self) -> int:
         """Order of accuracy: that of the scheme, but two at most."""
         return min(self.scheme.order, 2)
-
-    @property
-    def stability_limit(self) -> float:
-        """Largest omega dt for which the scheme is stable."""
-        return self.scheme.stability_limit
-
-    @property
-    def frequency_error(self) -> tuple[float, int]:
-        """The scheme's (c, m), which holds where nothing is damped."""
-        return self.scheme.frequency_error
-
-    @property
-    def nodes(self) -> tuple[float, ...]:
-        """The times (t - t_n) / dt at which the scheme evaluates H."""
-        return self.scheme.nodes
-
-    def start(self, q: Vector, p: Vector) -> S:
-        """Return the scheme's state of a smooth start."""
-        return self.scheme.start(q, p)
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
@@ -79,7 +54,16 @@ class Absorbing(Generic[S]):
         return self._damp(system, state, t + dt, dt / 2)
 
     def _damp(self, system: HamiltonianSystem, state: S, t: float, duration: float) -> S:
-        before = reported_energy(system, state, t)
-        state = state.mapped(same, times(np.exp(-self.gamma * duration)))
-        self.energy_taken += before - reported_energy(system, state, t)
+        factor = times(np.exp(-self.gamma * duration))
+        state, (before, after) = mapped(system, state, t, coordinate=same, momentum=factor)
+        self.energy_taken += before - after
         return state
+
+    def held(self) -> Held:
+        """Return what has been taken."""
+        return super().held() | {"energy_taken": self.energy_taken}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        super().take(held)
+        self.energy_taken = held["energy_taken"]

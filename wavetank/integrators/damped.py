@@ -10,13 +10,13 @@ and with a uniform gamma every area in phase space shrinks by e^(-gamma dt) a st
 """
 
 from dataclasses import dataclass
-from typing import Generic
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stages
 from wavetank.integrators.contract import Integrator, Map, S
+from wavetank.integrators.wrapper import Wrapper
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,10 @@ class _Growing:
         return self.system.inner(a, b)
 
 
-@dataclass(frozen=True)
-class Damped(Generic[S]):
+class Damped(Wrapper[S]):
     """A scheme with damping, of the scheme's own order and stability limit.
 
-    Attributes
+    Parameters
     ----------
     scheme
         Any integrator.
@@ -60,12 +59,9 @@ class Damped(Generic[S]):
         Damping rate of the momenta [1/s], shape (1,) or one per unknown, (n,).
     """
 
-    scheme: Integrator[S]
-    gamma: Vector
-
-    def start(self, q: Vector, p: Vector) -> S:
-        """Return the state of a smooth start."""
-        return self.scheme.start(q, p)
+    def __init__(self, scheme: Integrator[S], gamma: Vector):
+        super().__init__(scheme)
+        self.gamma = gamma
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""

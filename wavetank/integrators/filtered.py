@@ -1,13 +1,13 @@
 """A scheme with something that acts on the state between its steps, where it is needed: a penalty, or breaking."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Generic, Protocol
+from typing import Protocol
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator, S
-from wavetank.integrators.reported_energy import reported_energy
+from wavetank.integrators.wrapper import Wrapper, mapped
+from wavetank.stateful import Held, give_back, held_by, named
 
 
 class Filter(Protocol):
@@ -26,27 +26,31 @@ class Filter(Protocol):
         """Take note of the energy before and after."""
 
 
-@dataclass(frozen=True)
-class Filtered(Generic[S]):
+class Filtered(Wrapper[S]):
     """A scheme, and after each step those filters that are needed then.
 
     A filter costs one evaluation where it acts (of the energy before it; that after it is where the next step begins),
     and none where it does not.
     """
 
-    scheme: Integrator[S]
-    filters: Sequence[Filter]
-
-    def start(self, q: Vector, p: Vector) -> S:
-        """Return the scheme's state of a smooth start."""
-        return self.scheme.start(q, p)
+    def __init__(self, scheme: Integrator[S], filters: Sequence[Filter]):
+        super().__init__(scheme)
+        self.filters = filters
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
         state = self.scheme.step(system, state, t, dt)
         for one in self.filters:
             if one.needed(state.q, state.p, t + dt):
-                before = reported_energy(system, state, t + dt)
-                state = state.mapped(one.coordinate, one.momentum)
-                one.account(before, reported_energy(system, state, t + dt))
+                state, energies = mapped(system, state, t + dt, coordinate=one.coordinate, momentum=one.momentum)
+                one.account(*energies)
         return state
+
+    def held(self) -> Held:
+        """Return what scheme and filters remember."""
+        return super().held() | held_by(named(self.filters))
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        super().take(held)
+        give_back(named(self.filters), {name: one for name, one in held.items() if name != "scheme"})

@@ -1,10 +1,44 @@
-"""What a run says of waves that break and that it goes on with."""
+"""What looks at waves that break, and stops the run there, or says so and goes on."""
 
 from collections.abc import Callable
 
+from wavetank.errors import RunError
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
-from wavetank.water.breaking import BreakingDissipation
+from wavetank.stateful import Held
+from wavetank.water.breaking import ONSET, BreakingDissipation, BreakingWatch, breaks
+
+
+class StopAtBreaking:
+    """Stops a run at the first breaking crest.
+
+    Parameters
+    ----------
+    watch
+        What looks for it.
+    """
+
+    def __init__(self, watch: BreakingWatch):
+        self.schedule, self._watch = EverySteps(), watch
+
+    def observe(self, moment: Moment) -> None:
+        """Raise ``RunError`` if a wave breaks; collective."""
+        for crest in filter(breaks, self._watch.look(moment.q, moment.p, moment.t)):
+            moves = abs(crest.current) > 0.02 * abs(crest.speed)
+            seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
+            raise RunError(
+                f"t = {moment.t:.6g} s, x = {crest.x:.4g} m: a wave breaks: the water in its crest, "
+                f"{crest.height:.3g} m above its trough, moves at {crest.velocity:.3g} m/s, "
+                f"{100 * crest.overtaking:.0f} % of the crest's speed{seen} (limit {100 * ONSET:.0f} %)"
+            )
+
+    def held(self) -> Held:
+        """Return what was seen last."""
+        return self._watch.held()
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._watch.take(held)
 
 
 class BreakingNews:
@@ -28,3 +62,11 @@ class BreakingNews:
             self._said = True
             t, x = self._breaking.began[0]
             self._say(f"t = {t:.6g} s, x = {x:.4g} m: a wave breaks; an eddy viscosity acts on it until it is gentle")
+
+    def held(self) -> Held:
+        """Return whether it has been said."""
+        return {"said": self._said}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._said = held["said"]

@@ -19,6 +19,7 @@ from wavetank.hamiltonian.change import change
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
+from wavetank.stateful import Held
 from wavetank.water.waves import Energies
 
 
@@ -37,6 +38,8 @@ COLUMNS = columns(1)
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy: a balance that is farther off is told
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
+
+SUMS = "t", "supplied", "total", "wall", "energy", "off", "nothing", "taken", "given"  # what a budget remembers
 
 ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
     2: (1 / 2, 1 / 2),
@@ -70,6 +73,7 @@ class EnergyBudget:
         self._waves, self._record, self._sinks = waves, record, sinks
         self._rates: list[float] = []
         self._supplied = self._t = 0.0
+        self._total = self._wall = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._taken = self._given = 0.0  # the most ever dissipated, and the most that came back of it
 
@@ -79,12 +83,12 @@ class EnergyBudget:
         self._integrate(moment.t, sum(rates) / len(rates))
         now = self._energies(moment)
         if moment.step == 0:
-            self._start = now
+            self._total, self._wall = now.total, now.wall
             still = self._waves.gravity * self._waves.depth * self._waves.total_mass(moment.q)
             self._nothing = ROUNDING * still
-        work = self._supplied - (now.wall - self._start.wall)
+        work = self._supplied - (now.wall - self._wall)
         dissipated = sum(sink.energy_taken for sink in self._sinks)
-        balance = now.total - self._start.total - work + dissipated
+        balance = now.total - self._total - work + dissipated
         self._taken = max(self._taken, dissipated)
         self._given = max(self._given, self._taken - dissipated)
         self._energy, self._off = max(self._energy, now.total + dissipated), max(self._off, abs(balance))
@@ -125,3 +129,13 @@ class EnergyBudget:
             weights = ADAMS_MOULTON[len(self._rates)]
             self._supplied += (t - self._t) * sum(w * f for w, f in zip(weights, self._rates, strict=True))
         self._t = t
+
+    def held(self) -> Held:
+        """Return the sums so far, and what the balance is judged by."""
+        return {name: getattr(self, f"_{name}") for name in SUMS} | {"rates": list(self._rates)}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        for name in SUMS:
+            setattr(self, f"_{name}", held[name])
+        self._rates = list(held["rates"])

@@ -27,6 +27,7 @@ from mpi4py import MPI
 from wavetank.arrays import Vector
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
+from wavetank.stateful import Held
 from wavetank.water.short_waves import ShortWaves
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
@@ -34,6 +35,7 @@ from wavetank.water.waves import NonlinearWaves
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
 CALM = 1e-6  # of the depth: lower waves are not looked at
+SEEN = "noise", "_driven", "_highest", "_steps", "_frequency"  # what a watch remembers beside the last steps
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,7 @@ class StabilityWatch:
         self._flow.update(moment.q, moment.p, moment.t)
         eta, jump, look = self._flow.elevation, moment.jump, IN_ELEVATION if moment.jump is None else IN_JUMP
         self._last.append(eta.copy() if jump is None else self._waves.mass.solve(jump))
-        self._wall.append(self._dt * self._waves.wall.velocities)
+        self._wall.append(np.zeros_like(eta) + self._dt * self._waves.wall.velocities)
         self._highest = max(self._highest, self._largest(eta))
         if len(self._last) < look.length:
             return
@@ -135,6 +137,18 @@ class StabilityWatch:
             self._warn(self._sentence(moment.t, noise, self._place(look)))
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
+
+    def held(self) -> Held:
+        """Return the last steps' values, and the largest of what has been seen."""
+        shape = (len(self._last), self._waves.plane.owned)
+        fields = {"last": np.array(self._last).reshape(shape), "wall": np.array(self._wall).reshape(shape)}
+        return fields | {name: getattr(self, name) for name in SEEN}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._last, self._wall = (deque(held[name], maxlen=IN_ELEVATION.length) for name in ("last", "wall"))
+        for name in SEEN:
+            setattr(self, name, held[name])
 
     def _largest(self, values: Vector) -> float:
         found = float(np.abs(values).max(initial=0.0))

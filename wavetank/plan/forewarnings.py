@@ -9,7 +9,7 @@ from wavetank.case import Scene
 from wavetank.case.initial import StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.errors import InputError
-from wavetank.fe.held import misfit, rms
+from wavetank.fe.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.defaults import DEFAULT
 from wavetank.plan.dispersion import relative_frequency_error

@@ -20,6 +20,7 @@ from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
 from wavetank.values.noun import Problem, SceneError, about
+from wavetank.observers.breaking import StopAtBreaking
 from wavetank.observers.contract import Observer
 from wavetank.observers.energy import EnergyBudget, Sink
 from wavetank.observers.fields import SurfaceFields, VelocityFields
@@ -31,7 +32,7 @@ from wavetank.observers.stability import StabilityWatch
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
 from wavetank.runs.run import Run
 from wavetank.case import RingTank, Scene
-from wavetank.water.breaking import BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.short_waves import ShortWaves
@@ -101,9 +102,9 @@ def build_clock(
 
 
 def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, AnyWaves]:
-    """Return the run of a scene, nothing observed yet, and the waves in it; collective.
+    """Return the run of a scene, nothing recorded yet, and the waves in it; collective.
 
-    Raises ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.plan.planned``).
+    It is observed only by what stops it where a wave breaks, if the scene is to stop there. Raises ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.plan.planned``).
     """
     if scene.numerics.accuracy is not None:
         raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
@@ -118,7 +119,7 @@ def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, AnyWaves]:
     moving = _moving(waves, start)
     clock = agreed(comm, lambda: build_clock(scene, waves.largest_frequency, integrator, moving=moving))
     filters = build_filters(scene, waves, clock.dt)
-    return Run(waves, integrator, [], start=start, clock=clock, filters=filters), waves
+    return Run(waves, integrator, _stopping(scene, waves), start=start, clock=clock, filters=filters), waves
 
 
 def _moving(waves: AnyWaves, start: tuple[Vector, Vector]) -> float:
@@ -150,16 +151,19 @@ def build_filters(scene: Scene, waves: AnyWaves, dt: float) -> list[Filter]:
     if isinstance(waves, LinearWaves):
         return []  # neither breaks nor has a current
     flow, filters = waves.surface, list[Filter]()
-    if isinstance(flow, SurfaceFlow):
-        watch = breaking_watch(scene, waves, flow)
-        if scene.run.on_breaking == "stop":
-            filters.append(StopAtBreaking(watch))
-        elif scene.run.on_breaking == "dissipate":
-            filters.append(BreakingDissipation(waves, watch, dt=dt))
+    if isinstance(flow, SurfaceFlow) and scene.run.on_breaking == "dissipate":
+        filters.append(BreakingDissipation(waves, breaking_watch(scene, waves, flow), dt=dt))
     if scene.numerics.edge_penalty > 0:
         size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
         filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
     return filters
+
+
+def _stopping(scene: Scene, waves: AnyWaves) -> list[Observer]:
+    """Return what stops a run where a wave breaks, if anything does; collective."""
+    if isinstance(waves, LinearWaves) or not isinstance(waves.surface, SurfaceFlow) or scene.run.on_breaking != "stop":
+        return []
+    return [StopAtBreaking(breaking_watch(scene, waves, waves.surface))]
 
 
 def breaking_watch(scene: Scene, waves: NonlinearWaves, flow: SurfaceFlow) -> BreakingWatch:

@@ -10,6 +10,7 @@ from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.observers.contract import Moment, Observer
 from wavetank.observers.energy import Sink
+from wavetank.stateful import Held, Stateful, give_back, held_by, named
 
 
 class Run:
@@ -40,6 +41,7 @@ class Run:
         self._stepper = Filtered(integrator, filters)
         self.step = 0
         self.state = integrator.start(*start)
+        self._begun = False  # whether the present step has been observed
 
     @property
     def t(self) -> float:
@@ -53,11 +55,31 @@ class Run:
 
     def execute(self) -> None:
         """Step to the end; collective. Raises ``RunError`` where it breaks down, with everything before recorded."""
-        self._observe()
+        if not self._begun:
+            self._begun = True
+            self._observe()
         while self.step < self.clock.steps:
             self.state = self._stepper.step(self.system, self.state, self.t, self.clock.dt)
             self.step += 1
             self._observe()
+
+    @property
+    def _parts(self) -> dict[str, Stateful]:
+        """What remembers something, by name."""
+        own = {"system": self.system, "stages": self.system.stages, "scheme": self._stepper}
+        parts = {name: part for name, part in own.items() if isinstance(part, Stateful)}
+        return parts | named(self.observers)
+
+    def held(self) -> Held:
+        """Return where the run stands, and all that its system, scheme, filters and observers remember; collective."""
+        own = {"step": self.step, "begun": self._begun, "state": self.state._asdict()}
+        return own | {"parts": held_by(self._parts)}
+
+    def take(self, held: Held) -> None:
+        """Go on, at the next ``execute``, where another run of the same scene was; collective."""
+        self.step, self._begun = held["step"], held["begun"]
+        self.state = type(self.state)(**held["state"])
+        give_back(self._parts, held["parts"])
 
     def _observe(self) -> None:
         state = self.state

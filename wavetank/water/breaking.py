@@ -19,7 +19,7 @@ import numpy as np
 import ufl
 
 from wavetank.arrays import Vector
-from wavetank.errors import RunError
+from wavetank.stateful import Held
 from wavetank.water.crests import Profile, SteepCrest, steep_crests
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow
@@ -66,46 +66,20 @@ class BreakingWatch:
         swift = (crest for crest in crests if crest.swiftness(self._waves.gravity) > SWIFT)
         return [crest for crest in swift if first <= crest.x < end]
 
+    def held(self) -> Held:
+        """Return the surface of the last look."""
+        last = self._last and {"t": self._last[0], "profile": [values.tolist() for values in self._last[1]]}
+        return {"last": last}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        last = held["last"]
+        self._last = last and (last["t"], Profile(*map(np.array, last["profile"])))
+
 
 def breaks(crest: SteepCrest) -> bool:
     """Return whether a crest begins to break."""
     return crest.front > STEEP and crest.overtaking > ONSET
-
-
-class StopAtBreaking:
-    """Stops a run at the first breaking crest.
-
-    Parameters
-    ----------
-    watch
-        What looks for it.
-    """
-
-    def __init__(self, watch: BreakingWatch):
-        self._watch = watch
-
-    def needed(self, q: Vector, p: Vector, t: float) -> bool:
-        """Raise ``RunError`` if a wave breaks; there is never anything to do; collective."""
-        for crest in filter(breaks, self._watch.look(q, p, t)):
-            moves = abs(crest.current) > 0.02 * abs(crest.speed)
-            seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
-            raise RunError(
-                f"t = {t:.6g} s, x = {crest.x:.4g} m: a wave breaks: the water in its crest, {crest.height:.3g} m "
-                f"above its trough, moves at {crest.velocity:.3g} m/s, {100 * crest.overtaking:.0f} % of the crest's "
-                f"speed{seen} (limit {100 * ONSET:.0f} %)"
-            )
-        return False
-
-    def coordinate(self, q: Vector) -> Vector:
-        """Return q."""
-        return q
-
-    def momentum(self, p: Vector) -> Vector:
-        """Return p."""
-        return p
-
-    def account(self, before: float, after: float) -> None:
-        """Do nothing: nothing has been taken."""
 
 
 class BreakingDissipation(Smoothing):
@@ -159,6 +133,24 @@ class BreakingDissipation(Smoothing):
         """Add what has been taken."""
         self._had = max(self._had, before)
         super().account(before, after)
+
+    def held(self) -> Held:
+        """Return what has been taken and of how much, which crests break and where they began, and the last look."""
+        more = {
+            "had": self._had,
+            "began": [list(place) for place in self.began],
+            "breaking": [list(crest) for crest in self._breaking],
+            "watch": self._watch.held(),
+        }
+        return super().held() | more
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        super().take(held)
+        self._had = held["had"]
+        self.began = [(t, x) for t, x in held["began"]]
+        self._breaking = [SteepCrest(*crest) for crest in held["breaking"]]
+        self._watch.take(held["watch"])
 
     @property
     def story(self) -> str:

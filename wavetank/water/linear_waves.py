@@ -17,7 +17,7 @@ the paddle takes of the tank beyond. Apart from that flux mass is conserved to r
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Protocol
 
@@ -33,9 +33,10 @@ from wavetank.fe.mass import MassMatrix
 from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Stage, StageSolver
+from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.stage_solver import Preconditioner, SnesStageSolver, StageCounters, identity
 from wavetank.motions import AtRest, Motion
+from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.potential import InteriorPotential, SolveCounters
@@ -111,6 +112,7 @@ class LinearWaves:
         self._inflow, self._recoil = self.potential.response(self._flux(still))
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
+        self._G_psi: Vector = self._q
 
     def _solvers(self, tolerance: float) -> tuple["StillPotential", "LinearStages"]:
         plane, vertical = self.plane, self.vertical
@@ -206,8 +208,18 @@ class LinearWaves:
         """The largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
         return largest_frequency(self)
 
+    def held(self) -> Held:
+        """Return what was evaluated last, and what solves remember."""
+        return {"q": self._q, "p": self._p, "G psi": self._G_psi, "potential": self.potential.held()}
 
-class StillPotential(Protocol):
+    def take(self, held: Held) -> None:
+        """Take back what has been held; collective."""
+        self._set_column(held["q"])
+        self._p, self._G_psi = held["p"], held["G psi"]
+        self.potential.take(held["potential"])
+
+
+class StillPotential(Stateful, Protocol):
     """The interior potential on still water, of least K + X_p' F.
 
     Attributes
@@ -232,26 +244,34 @@ class IterativePotential:
         self._operator, self._plane = operator, plane
         self._phi = plane.layered_function(vertical.n + 1, "potential")
         self._potential = InteriorPotential(
-            operator, self._phi, inputs=plane.owned + 1, plane=plane, vertical=vertical, tolerance=tolerance
+            operator, self._phi, inputs=1, plane=plane, vertical=vertical, tolerance=tolerance
         )
         self.counters = self._potential.counters
         self._no_flux = np.zeros((1, vertical.n + 1))
 
-    def _solve(self, psi: Vector, flux: Vector, driven: float) -> Vector:
+    def _solve(self, psi: Vector, flux: Vector, inputs: Vector | None) -> Vector:
         """Return (A phi)_n at the interior potential, shape (owned,); collective."""
         self._phi.owned[:, -1] = psi
         self._phi.function.x.scatter_forward()
-        self._potential.solve(flux, np.append(psi, driven))
+        self._potential.solve(flux, inputs)
         return self._operator.apply_surface(self._phi.rows)
 
     def dirichlet_neumann(self, psi: Vector) -> Vector:
         """Return G psi, shape (owned,); collective."""
-        return self._solve(psi, self._no_flux, 0.0)
+        return self._solve(psi, self._no_flux, psi)
 
     def response(self, flux: Vector) -> tuple[Vector, float]:
         """Return w, shape (owned,), and c of the module's formulae for dF/dphi, shape (owned, n+1); collective."""
-        through = self._solve(np.zeros(self._plane.owned), flux, 1.0)
+        through = self._solve(np.zeros(self._plane.owned), flux, None)
         return flux[:, -1] + through, -self._plane.sum(flux[:, :-1] * self._phi.owned[:, :-1])
+
+    def held(self) -> Held:
+        """Return what the solver remembers."""
+        return self._potential.held()
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held; collective."""
+        self._potential.take(held)
 
 
 class DirectPotential:
@@ -293,6 +313,14 @@ class DirectPotential:
         interior = self._interior(np.ascontiguousarray(flux[:, :-1]))
         return flux[:, -1] - self._stiffness(interior @ self._b), self._plane.sum(flux[:, :-1] * interior)
 
+    def held(self) -> Held:
+        """Return what solves have cost."""
+        return asdict(self.counters)
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        vars(self.counters).update(held)
+
 
 class LinearStage:
     """Solves a stage whose derivative is known exactly, and constant, by one evaluation.
@@ -303,26 +331,38 @@ class LinearStage:
         The inverse of the stage's derivative: the identity where the stage is explicit.
     """
 
-    def __init__(self, inverse: Preconditioner, counters: StageCounters):
-        self._inverse, self._counters = inverse, counters
+    def __init__(self, inverse: Preconditioner):
+        self._inverse, self.counters = inverse, StageCounters()
 
     def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
         """Return z with residual(z) = 0, shape (n,); collective."""
-        self._counters.solves += 1
-        self._counters.evaluations += 1
+        self.counters.solves += 1
+        self.counters.evaluations += 1
         return start - self._inverse(stage, residual(start))
+
+    def held(self) -> Held:
+        """Return what it has cost."""
+        return asdict(self.counters)
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        vars(self.counters).update(held)
 
 
 @dataclass(frozen=True)
 class LinearStages:
-    """The stage solvers of linear waves; see ``wavetank.hamiltonian.contract.Stages``."""
+    """The stage solvers of linear waves; see ``wavetank.hamiltonian.contract.Stages``.
+
+    Attributes
+    ----------
+    iterative
+        That of pairs, one or several that depend on each other; of one in ``pair`` where that is not direct.
+    """
 
     coordinate: LinearStage
     momentum: LinearStage
-    pair: StageSolver
-    counters: StageCounters
-    _iterative: SnesStageSolver
-    _coupled: dict[int, SnesStageSolver] = field(default_factory=dict)
+    pair: LinearStage | SnesStageSolver
+    iterative: SnesStageSolver
 
     @classmethod
     def of(cls, waves: LinearWaves, *, tolerance: float, direct: bool) -> "LinearStages":
@@ -330,15 +370,32 @@ class LinearStages:
 
         ``tolerance`` is that of the latter.
         """
-        counters, inverse, sizes = StageCounters(), StillWaterWaves(waves), np.concatenate(scales(waves))
-        explicit = LinearStage(identity, counters)
+        inverse, sizes = StillWaterWaves(waves), np.stack(scales(waves))
         iterative = SnesStageSolver(
             waves.plane.comm, sizes, tolerance=tolerance, size=waves.size, floor=waves.depth, precondition=inverse
         )
-        return cls(explicit, explicit, LinearStage(inverse, counters) if direct else iterative, counters, iterative)
+        return cls(
+            LinearStage(identity), LinearStage(identity), LinearStage(inverse) if direct else iterative, iterative
+        )
 
     def coupled(self, pairs: int) -> SnesStageSolver:
         """Return the solver for that many pairs at once, as Gauss-Legendre's scheme has them; made when first asked."""
-        if pairs not in self._coupled:
-            self._coupled[pairs] = self._iterative.coupled(pairs)
-        return self._coupled[pairs]
+        return self.iterative.coupled(pairs)
+
+    @property
+    def counters(self) -> StageCounters:
+        """What all of them have cost so far."""
+        return sum((solver.counters for solver in self._solvers.values()), StageCounters())
+
+    @property
+    def _solvers(self) -> dict[str, LinearStage | SnesStageSolver]:
+        """All of them, by their names, once each."""
+        return {name: one for name, one in vars(self).items() if name != "pair" or one is not self.iterative}
+
+    def held(self) -> Held:
+        """Return what all of them remember."""
+        return held_by(self._solvers)
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        give_back(self._solvers, held)

@@ -6,7 +6,7 @@ by conjugate gradients on the Kronecker operator, preconditioned by the vertical
 surface are left out of the preconditioner, so a few iterations suffice (docs/method.md, section 4).
 """
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from petsc4py import PETSc
 
@@ -17,6 +17,7 @@ from wavetank.fe.modes import DecoupledModes, choose_factorisation
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.recall import Recall
 from wavetank.fe.vertical import VerticalBasis
+from wavetank.stateful import Held
 
 
 @dataclass
@@ -38,7 +39,7 @@ class InteriorPotential:
     phi
         The layered field that holds the solution, the surface potential in its last column.
     inputs
-        How many numbers of this rank a solution depends on.
+        How many numbers at each degree of freedom a solution depends on.
     tolerance
         Relative tolerance of the residual in the preconditioner's energy norm.
     """
@@ -58,7 +59,7 @@ class InteriorPotential:
         self.counters = SolveCounters()
         self._operator, self._phi, self._n = operator, phi, vertical.n
         self._modes = DecoupledModes(operator, vertical.eigenvalues, plane)
-        self._recall = Recall(inputs, plane.owned * vertical.n, comm=plane.comm)
+        self._recall = Recall(inputs, vertical.n, owned=plane.owned, comm=plane.comm)
         self._fresh_iterations: int | None = None
         self._ksp = self._solver(plane, tolerance)
         self._right, self._solution = self._modes.matrix.createVecs()
@@ -80,21 +81,23 @@ class InteriorPotential:
         """Apply A_II: what PETSc calls for the shell matrix."""
         y.array = self._operator.apply_interior(x.array_r.reshape(-1, self._n)).ravel()
 
-    def solve(self, wall: Vector, inputs: Vector) -> None:
+    def solve(self, wall: Vector, inputs: Vector | None) -> None:
         """Set phi_I for the surface potential in phi, the operator as assembled and the wall's vector; collective.
 
         ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is all that the solution depends on, scaled
-        alike, by which a start value is found among earlier solves. Raises ``ConvergenceError``.
+        alike, by which a start value is found among earlier solves; None of a solution like no other. Raises
+        ``ConvergenceError``.
         """
         phi, n = self._phi, self._n
-        start = self._recall.guess(inputs)
+        start = None if inputs is None else self._recall.guess(inputs)
         right = -self._operator.apply_coupling(phi.rows[:, n]) - wall[:, :n]
         self._right.array = right.ravel()
         self._solution.array = 0.0 if start is None else start
         self._iterate()
         phi.owned[:, :n] = self._solution.array_r.reshape(-1, n)
         phi.function.x.scatter_forward()
-        self._recall.record(inputs, self._solution.array_r)
+        if inputs is not None:
+            self._recall.record(inputs, self._solution.array_r)
 
     @property
     def condition_number(self) -> float:
@@ -102,9 +105,17 @@ class InteriorPotential:
         largest, smallest = self._ksp.computeExtremeSingularValues()
         return float(largest / smallest) if smallest > 0 else 1.0
 
+    @property
+    def renews(self) -> bool:
+        """Whether the next solve makes the preconditioner anew, of the operator as it will be then."""
+        return self._fresh_iterations is None
+
+    def _factor(self) -> None:
+        self._modes.assemble(self._operator.still("u"), self._operator.still("w"))
+
     def _iterate(self) -> None:
-        if self._fresh_iterations is None:
-            self._modes.assemble(self._operator.still("u"), self._operator.still("w"))
+        if self.renews:
+            self._factor()
             self.counters.factorisations += 1
         self._ksp.solve(self._right, self._solution)
         iterations = self._ksp.getIterationNumber()
@@ -119,3 +130,15 @@ class InteriorPotential:
             self._fresh_iterations = iterations
         elif iterations > self._fresh_iterations + self.patience:
             self._fresh_iterations = None
+
+    def held(self) -> Held:
+        """Return what start values are found among, how good the preconditioner was, and what solves have cost."""
+        return {"recall": self._recall.held(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held; the operator must be as it was when the preconditioner was made; collective."""
+        self._recall.take(held["recall"])
+        vars(self.counters).update(held["counters"])
+        self._fresh_iterations = held["fresh"]
+        if not self.renews:
+            self._factor()

@@ -8,6 +8,7 @@ import ufl
 
 from wavetank.arrays import Vector
 from wavetank.fe.mass import HorizontalMatrix
+from wavetank.stateful import Held
 from wavetank.water.waves import NonlinearWaves
 
 
@@ -55,3 +56,11 @@ class Smoothing:
     def account(self, before: float, after: float) -> None:
         """Add what has been taken."""
         self.energy_taken += before - after
+
+    def held(self) -> Held:
+        """Return what has been taken."""
+        return {"energy_taken": self.energy_taken}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self.energy_taken = held["energy_taken"]

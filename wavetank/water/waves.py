@@ -25,6 +25,7 @@ from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
+from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.potential import InteriorPotential
@@ -136,7 +137,7 @@ class NonlinearWaves:
         self.potential = InteriorPotential(
             self.operator,
             self.phi,
-            inputs=2 * plane.owned + wall.velocities.size,
+            inputs=3 if wall.moves else 2,
             plane=plane,
             vertical=self.vertical,
             tolerance=tolerances.interior,
@@ -145,6 +146,8 @@ class NonlinearWaves:
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._t = np.nan
+        self._stands = 0.0  # when the wall stands as it does
+        self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
         self.level = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
@@ -167,6 +170,17 @@ class NonlinearWaves:
         """Find water column and potential of a state, unless it is the one last evaluated; collective."""
         if self._knows(q, p, t):
             return
+        wall = self._begin(q, p, t)
+        if self.potential.renews:
+            self._made = self._stands, self.h.owned.copy()
+        try:
+            self.potential.solve(wall, self._inputs())
+        except ConvergenceError as error:
+            raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
+        self._know(q, p, t, wall)
+
+    def _begin(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Set all but the interior potential of a state; return the wall's vector, shape (owned, n+1); collective."""
         self.set_time(t)
         self.h.set(self.mass.solve(q))
         self._check_column(t)
@@ -174,11 +188,10 @@ class NonlinearWaves:
         self.phi.owned[:, -1] = p - self.level
         self.phi.function.x.scatter_forward()
         self.operator.assemble()
-        wall = self._wall_forms.vector()
-        try:
-            self.potential.solve(wall, self._inputs())
-        except ConvergenceError as error:
-            raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
+        return self._wall_forms.vector()
+
+    def _know(self, q: Vector, p: Vector, t: float, wall: Vector) -> None:
+        """Keep that the potential is that of a state; collective."""
         self._H_p = self.operator.apply_surface(self.phi.rows) + wall[:, -1]
         self._H_q = None
         self._q, self._p, self._t = q.copy(), p.copy(), t
@@ -193,17 +206,21 @@ class NonlinearWaves:
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s], and with it the mass matrix and the bed; collective."""
-        if one_time(t, self._t):
-            return
-        self._t = np.nan  # what was evaluated last belongs to another time
+        if not one_time(t, self._t):
+            self._stand(t)
+
+    def _stand(self, t: float) -> None:
+        """Move the wall; collective."""
+        self._t, self._stands = np.nan, t  # what was evaluated last belongs to another time
         if self.wall.set_time(t):
             self.mass.update()
             self.bed.set_places(self.wall.to_physical(self.plane.places))
 
     def _inputs(self) -> Vector:
-        speed, velocities = np.sqrt(self.gravity * self.depth), self.wall.velocities
-        weight = np.sqrt(self.plane.owned / max(1, velocities.size)) * self.depth / speed
-        return np.concatenate([self._deviation(), weight * velocities])
+        if not self.wall.moves:
+            return self._deviation()
+        velocities = self.depth / np.sqrt(self.gravity * self.depth) * self.wall.velocities
+        return np.concatenate([self._deviation(), np.broadcast_to(velocities, self.plane.owned)])
 
     def _deviation(self) -> Vector:
         """Return how far from rest the point last evaluated is: eta, and psi in metres, shape (2 owned,)."""
@@ -280,6 +297,34 @@ class NonlinearWaves:
         """Return the water's volume, of a slice per width [m³, m²]; collective."""
         return self.plane.sum(q)
 
+    # ------------------------------------------------------------------------------------------ what is remembered
+    def held(self) -> Held:
+        """Return the point last evaluated, its potential, where the wall stands, and what solves remember."""
+        return {
+            "q": self._q,
+            "p": self._p,
+            "t": self._t,
+            "stands": self._stands,
+            "interior": self.phi.owned[:, :-1].T.copy(),
+            "preconditioner": {"stands": self._made[0], "column": self._made[1]},
+            "potential": self.potential.held(),
+        }
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held; collective."""
+        self._made = held["preconditioner"]["stands"], held["preconditioner"]["column"]
+        self._stand(self._made[0])
+        self.h.set(self._made[1])
+        self.operator.assemble()
+        self.potential.take(held["potential"])
+        self._stand(held["stands"])
+        if not np.isnan(held["t"]):  # else the wall has moved since
+            self._t = self._stands
+            wall = self._begin(held["q"], held["p"], held["t"])
+            self.phi.owned[:, :-1] = held["interior"].T
+            self.phi.function.x.scatter_forward()
+            self._know(held["q"], held["p"], held["t"], wall)
+
     # ------------------------------------------------------------------------------------------ stages and frequencies
     def _set_up_stages(self, tolerances: Tolerances) -> None:
         column, speed = scales(self)
@@ -291,7 +336,7 @@ class NonlinearWaves:
             floor=self.depth,
         )
         coordinate, momentum = solver(column), solver(speed)
-        pair = solver(np.concatenate([column, speed]), precondition=StillWaterWaves(self))
+        pair = solver(np.stack([column, speed]), precondition=StillWaterWaves(self))
         self.stages = SnesStages(coordinate, momentum, pair)
 
     @cached_property

@@ -1,0 +1,264 @@
+"""What a run holds, taken back by another: it goes on bit for bit as the run that was not interrupted (the oracle).
+
+Gauges, energies, counters, the state and all that is remembered are compared, the last so that nothing is left out by
+which a later step could differ. What is held goes through JSON, its arrays apart, as through a file.
+"""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from ranks import Crew
+
+from wavetank.case import Scene
+from wavetank.hamiltonian.oscillators import NonSeparable
+from wavetank.integrators import INTEGRATORS, Damped, GaussLegendre4
+from wavetank.integrators.filtered import Filtered
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.runs.build import Records, build_observers, build_run, build_watch
+from wavetank.runs.clock import Clock
+from wavetank.runs.run import Run
+from wavetank.stateful import give_back, named
+from wavetank.verify.breaking import over_steep
+from wavetank.water.breaking import BreakingDissipation
+from wavetank.water.edge_penalty import EdgePenalty
+
+SLICE = {
+    "tank": {"length": 6.0, "depth": 0.6},
+    "wall": {
+        "type": "piston",
+        "reach": 2.0,
+        "motion": {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 1.6, "ramp": 0.4},
+    },
+    "sponge": {"type": "end", "length": 2.0},
+    "gauges": [1.0, 2.5],
+    "run": {"duration": 0.5, "on_breaking": "dissipate"},
+    "numerics": {"cells": 12, "vertical_order": 3, "dt": 0.05, "tolerance": 1e-6},
+}
+RING = {
+    "tank": {"type": "ring", "length": 6.0, "depth": 1.0},
+    "initial": {"type": "stream-function", "steepness": 0.6},
+    "gauges": [0.0, 2.0],
+    "run": {"duration": 0.4},
+    "numerics": {"cells": 16, "vertical_order": 3, "dt": 0.025},
+}
+BASIN = {
+    "tank": {"type": "basin", "depth": 0.5, "layout": {"type": "rectangle", "length": 4.0, "width": 3.0}},
+    "wall": {
+        "type": "segmented-piston",
+        "segment": 0.5,
+        "reach": 1.5,
+        "motion": {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.2, "angle": 20.0},
+    },
+    "sponge": {"type": "end", "length": 1.5},
+    "gauges": [{"x": 2.0, "y": 1.2}],
+    "run": {"duration": 0.6},
+    "numerics": {"cell_size": 0.5, "order": 2, "vertical_order": 2, "dt": 0.06, "tolerance": 1e-6},
+}
+
+
+def changed(scene: dict, **numerics: object) -> Scene:
+    return Scene.model_validate(scene | {"numerics": scene["numerics"] | numerics})
+
+
+class Observed:
+    """A scene's run, with all that observes one but what only shows it."""
+
+    def __init__(self, scene: Scene, comm: MPI.Comm):
+        self.run, self.waves = build_run(scene, comm)
+        for one in self.run.filters:
+            if isinstance(one, EdgePenalty):
+                one._threshold = 0.0  # acts in each step
+        self.gauges, self.energy, said = Memory(), Memory(), []
+        records = Records(self.gauges, self.energy, None)
+        self.run.observers += build_observers(scene, self.waves, records, sinks=self.run.sinks)
+        self.run.observers += build_watch(scene, self.run, self.waves, said.append)
+
+    def counters(self) -> dict[str, int]:
+        return asdict(self.waves.potential.counters) | asdict(self.waves.stages.counters)
+
+
+class Keeping:
+    """Keeps what a run holds at one of its steps, which goes on."""
+
+    def __init__(self, run: Run, step: int):
+        self.schedule, self._run, self._step = EverySteps(), run, step
+
+    def observe(self, moment):
+        if moment.step == self._step:
+            self.held = through_a_file(self._run.held())
+
+
+def through_a_file(held: dict) -> dict:
+    """Return what would be read of a file: JSON, and copies of arrays."""
+    arrays = []
+
+    def kept(value):
+        assert isinstance(value, np.ndarray) and value.dtype == np.float64, value
+        arrays.append(value.copy())
+        return {"array": len(arrays) - 1}
+
+    return json.loads(json.dumps(held, default=kept), object_hook=lambda d: arrays[d["array"]] if "array" in d else d)
+
+
+def leaves(held: object, name: str = "") -> dict[str, object]:
+    """Return all that is held, by its path."""
+    if isinstance(held, dict):
+        return {path: leaf for key, value in held.items() for path, leaf in leaves(value, f"{name}/{key}").items()}
+    return {name: held}
+
+
+def differing(one: dict, other: dict) -> list[str]:
+    """Return the names of what is not held by both, bit for bit."""
+    first, second = leaves(one), leaves(other)
+    return [
+        name
+        for name in first.keys() | second.keys()
+        if name not in first or name not in second or not np.array_equal(first[name], second[name], equal_nan=True)
+    ]
+
+
+def resumed(scene: Scene, comm: MPI.Comm, *, after: int) -> tuple[Observed, dict]:
+    """Return a run that takes back what an uninterrupted one has held after some steps, equal to it at the end.
+
+    With it what was held on the way.
+    """
+    whole, rest = Observed(scene, comm), Observed(scene, comm)
+    keeping = Keeping(whole.run, after)
+    whole.run.observers.append(keeping)
+    whole.run.execute()
+    rest.run.take(keeping.held)
+    rest.run.execute()
+    for one, other in ((whole.gauges, rest.gauges), (whole.energy, rest.energy)):
+        np.testing.assert_array_equal(one.array()[after + 1 :], other.array())
+    assert whole.counters() == rest.counters()
+    assert not differing(whole.run.held(), rest.run.held())
+    return rest, keeping.held
+
+
+@pytest.mark.parametrize("scheme", ["simpson-4", "third-order", "stormer-verlet", "gauss-legendre-4"])
+def test_a_slice_with_all_that_remembers_goes_on_bit_for_bit(scheme):
+    """A piston, a sponge, the penalty, what looks for breaking: all have acted before and act after."""
+    rest, held = resumed(changed(SLICE, integrator=scheme, edge_penalty=0.25), MPI.COMM_SELF, after=4)
+    before = {name.split("/")[-2]: value for name, value in leaves(held).items() if name.endswith("energy_taken")}
+    breaking, penalty, sponge = (one.energy_taken for one in rest.run.sinks)
+    assert penalty != before["EdgePenalty"] != 0.0 and sponge != before["scheme"] != 0.0 and breaking == 0.0
+
+
+def test_what_is_held_are_fields_of_this_rank_and_numbers():
+    """The last axis of each array runs over the degrees of freedom: their places say whose the values are."""
+    one = Observed(changed(SLICE), MPI.COMM_SELF)
+    one.run.clock = replace(one.run.clock, steps=4)
+    one.run.execute()
+    fields = {name: value for name, value in leaves(one.run.held()).items() if isinstance(value, np.ndarray)}
+    assert {value.shape[-1] for value in fields.values()} == {one.waves.plane.owned}
+    assert {value.ndim for value in fields.values()} == {1, 2, 3}
+    assert fields["/parts/system/interior"].shape == (one.waves.vertical.n, one.waves.plane.owned)
+
+
+def test_a_run_that_takes_back_what_it_held_earlier_goes_there_again():
+    """In the same objects, too, whatever they have remembered since."""
+    one = Observed(changed(SLICE), MPI.COMM_SELF)
+    keeping = Keeping(one.run, 5)
+    one.run.observers.append(keeping)
+    one.run.execute()
+    before, rows = one.run.held(), one.gauges.array()[6:]
+    one.run.take(keeping.held)
+    one.run.execute()
+    assert not differing(before, one.run.held())
+    np.testing.assert_array_equal(one.gauges.array()[-len(rows) :], rows)
+
+
+@pytest.mark.parametrize("scheme", [*(kind() for kind in INTEGRATORS.values()), Damped(GaussLegendre4(), np.ones(1))])
+def test_an_oscillator_goes_on_bit_for_bit(scheme):
+    """Its stages are solved from what is extrapolated of earlier ones."""
+
+    def run(steps):
+        start = np.array([0.7]), np.array([0.2])
+        return Run(NonSeparable(), Filtered(scheme, []), [], start=start, clock=Clock(0.1, steps))
+
+    whole, first, rest = run(20), run(9), run(20)
+    whole.execute()
+    first.execute()
+    rest.take(through_a_file(first.held()))
+    rest.execute()
+    assert not differing(whole.held(), rest.held())
+
+
+def test_what_another_run_has_held_is_not_taken_back():
+    class Counting:
+        def held(self):
+            return {}
+
+        def take(self, held):
+            raise AssertionError
+
+    parts = named([Counting(), object(), Counting()])
+    assert list(parts) == ["Counting", "Counting 2"]
+    with pytest.raises(ValueError, match="held by Counting; to be taken back by Counting, Counting 2"):
+        give_back(parts, {"Counting": {}})
+
+
+# ---------------------------------------------------------------- broad
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [0, 1, 6])
+@pytest.mark.parametrize("scheme", INTEGRATORS)
+@pytest.mark.parametrize("scene", [RING, SLICE | {"water": {"type": "linear"}}], ids=["ring", "linear"])
+def test_other_tanks_go_on_bit_for_bit(scene, scheme, after):
+    resumed(changed(scene, integrator=scheme), MPI.COMM_SELF, after=after)
+
+
+@pytest.mark.slow
+def test_a_wave_that_breaks_goes_on_breaking():
+    scene = over_steep(0.6)
+    scene = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.4})})
+    rest, held = resumed(scene, MPI.COMM_SELF, after=65)
+    dissipation = held["parts"]["scheme"]["BreakingDissipation"]
+    (sink,) = (one for one in rest.run.filters if isinstance(one, BreakingDissipation))
+    assert dissipation["breaking"] and sink.energy_taken > dissipation["energy_taken"] > 0.0
+
+
+def first_half(scene: dict, after: int, numerics: dict) -> tuple:
+    """Return, on each rank, what is held on the way, what there is at the end, and the gauges; collective."""
+    one = Observed(changed(scene, **numerics), MPI.COMM_WORLD)
+    keeping = Keeping(one.run, after)
+    one.run.observers.append(keeping)
+    one.run.execute()
+    return keeping.held, one.run.held(), one.gauges.array(), one.counters()
+
+
+def second_half(scene: dict, held: list, numerics: dict) -> tuple:
+    """Return what there is at the end of a run that goes on from what was held by each rank; collective."""
+    one = Observed(changed(scene, **numerics), MPI.COMM_WORLD)
+    one.run.take(held[MPI.COMM_WORLD.rank])
+    one.run.execute()
+    return one.run.held(), one.gauges.array(), one.counters()
+
+
+def in_new_processes(function, *arguments) -> list:
+    """Return what a function returns on each of two ranks that have done nothing before."""
+    crew = Crew(2)
+    try:
+        return crew.call(function, *arguments)
+    finally:
+        crew.end()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["simpson-4", "third-order", "stormer-verlet", "gauss-legendre-4"])
+@pytest.mark.parametrize(
+    "scene",
+    [BASIN, BASIN | {"water": {"type": "linear"}, "wall": {"type": "fixed"}}, SLICE],
+    ids=["basin", "linear", "slice"],
+)
+def test_two_ranks_go_on_bit_for_bit_in_other_processes(scene, scheme):
+    numerics = {"integrator": scheme}
+    whole = in_new_processes(first_half, scene, 4, numerics)
+    ended = in_new_processes(second_half, scene, [held for held, *_ in whole], numerics)
+    for (_, end, gauges, counters), (its_end, its_gauges, its_counters) in zip(whole, ended, strict=True):
+        assert not differing(end, its_end)
+        np.testing.assert_array_equal(gauges[5:], its_gauges)
+        assert counters == its_counters

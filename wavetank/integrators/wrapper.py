@@ -1,0 +1,80 @@
+"""A scheme around a scheme: an integrator itself. What those have in common that act between an inner one's steps."""
+
+from typing import Generic
+
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.change import change
+from wavetank.hamiltonian.contract import HamiltonianSystem
+from wavetank.integrators.contract import Integrator, Map, S, State
+from wavetank.stateful import Held, Stateful
+
+
+class Wrapper(Generic[S]):
+    """What is known of it is known of the inner scheme, unless it says otherwise; ``step`` is its own.
+
+    Parameters
+    ----------
+    scheme
+        Any integrator.
+    """
+
+    def __init__(self, scheme: Integrator[S]):
+        self.scheme = scheme
+
+    @property
+    def name(self) -> str:
+        """The name in a case file."""
+        return self.scheme.name
+
+    @property
+    def order(self) -> int:
+        """Order of accuracy."""
+        return self.scheme.order
+
+    @property
+    def stability_limit(self) -> float:
+        """Largest omega dt for which it is stable."""
+        return self.scheme.stability_limit
+
+    @property
+    def frequency_error(self) -> tuple[float, int]:
+        """The (c, m) of where nothing is added to the inner scheme."""
+        return self.scheme.frequency_error
+
+    @property
+    def nodes(self) -> tuple[float, ...]:
+        """The times (t - t_n) / dt at which the inner scheme evaluates H."""
+        return self.scheme.nodes
+
+    def start(self, q: Vector, p: Vector) -> S:
+        """Return the state of a smooth start."""
+        return self.scheme.start(q, p)
+
+    def held(self) -> Held:
+        """Return what the inner scheme remembers."""
+        return {"scheme": self.scheme.held()} if isinstance(self.scheme, Stateful) else {}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        if isinstance(self.scheme, Stateful):
+            self.scheme.take(held["scheme"])
+
+
+def mapped(
+    system: HamiltonianSystem, state: S, t: float, *, coordinate: Map, momentum: Map
+) -> tuple[S, tuple[float, float]]:
+    """Return a state mapped, and the energy that it reports before and after; collective."""
+    after = state.mapped(coordinate, momentum)
+    return after, (_energy(system, state, t), _energy(system, after, t))
+
+
+def _energy(system: HamiltonianSystem, state: State, t: float) -> float:
+    """Return H at a state's (q, p), to the square of what lies between them and the last point known; collective.
+
+    That point, at which the next step begins, is evaluated, and no other.
+    """
+    q, p = state.known[-1]
+    energy = system.energy(q, p, t)
+    if q is state.q and p is state.p:
+        return energy
+    return energy + change(system, (q, p), (state.q, state.p), t)

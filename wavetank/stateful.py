@@ -1,0 +1,48 @@
+"""What a part of a run holds, said by itself and taken back: where a run stands, and what is remembered of how it came.
+
+A run that takes back what an equal one has held goes on as that one does, bit for bit on as many ranks: numbers of
+later steps depend on start values, sums and preconditioners of earlier ones, and all of these are held.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol, runtime_checkable
+
+Held = dict[str, Any]
+"""By name: arrays, whose last axis runs over the degrees of freedom that this rank owns, so that their places order
+them (of several numbers at each, as layers of the potential, the axes before); and numbers, words, lists and further
+such dictionaries, the same on all ranks, as JSON has them."""
+
+
+@runtime_checkable
+class Stateful(Protocol):
+    """What remembers something that later steps depend on."""
+
+    def held(self) -> Held:
+        """Return what is remembered, none of which changes later; collective."""
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held, in place of what is remembered; collective."""
+
+
+def named(parts: Iterable[object]) -> dict[str, Stateful]:
+    """Return those parts that remember something by the names of their kinds, the second of a kind as "kind 2"."""
+    found: dict[str, Stateful] = {}
+    for part in parts:
+        if isinstance(part, Stateful):
+            kind = type(part).__name__
+            before = sum(type(other) is type(part) for other in found.values())
+            found[f"{kind} {before + 1}" if before else kind] = part
+    return found
+
+
+def held_by(parts: Mapping[str, Stateful]) -> Held:
+    """Return what the parts hold, by their names; collective."""
+    return {name: part.held() for name, part in parts.items()}
+
+
+def give_back(parts: Mapping[str, Stateful], held: Held) -> None:
+    """Let the parts take back what is theirs; collective. Raises ``ValueError`` unless it was held by the same."""
+    if parts.keys() != held.keys():
+        raise ValueError(f"held by {', '.join(held) or 'nothing'}; to be taken back by {', '.join(parts) or 'nothing'}")
+    for name, part in parts.items():
+        part.take(held[name])
