@@ -4,7 +4,7 @@ RUN ?=
 TESTS ?= # all
 BENCH ?= # everything
 
-.PHONY: run test test-slow lint format bench
+.PHONY: run test test-slow lint format bench reference
 
 run:
 	./env wavetank run cases/focusing.toml $(if $(RUN),--out $(RUN))
@@ -26,3 +26,7 @@ format:
 
 bench:
 	./env python -m benchmarks $(BENCH)
+
+reference: # of the keys of a case
+	./env wavetank schema >wavetank/case/schema.json
+	./env wavetank schema --reference >docs/reference.md

@@ -19,7 +19,7 @@ class Bend(Recipe):
     second: Length = Field(description="length of the leg behind the bend [m]")
     angle: float = Field(ge=0.1, le=150, description="by which the channel turns, towards +y [deg]")
     radius: Length = Field(description="of the bend's centre line [m]")
-    geometry: Literal[1, 2] = Field(default=2, description="order of the cells' geometry: 1 straight, 2 curved")
+    geometry: int = Field(default=2, ge=1, le=2, description="order of the cells' geometry: 1 straight, 2 curved")
 
     @model_validator(mode="after")
     def _fits(self) -> Self:

@@ -27,7 +27,7 @@ class Cylinder(Rectangular):
     factor: float = Field(
         default=0.5, ge=1e-3, le=0.6, description="width of the cells at the cylinder, over that elsewhere [-]"
     )
-    geometry: Literal[1, 2] = Field(default=2, description="order of the cells' geometry: 1 straight, 2 curved")
+    geometry: int = Field(default=2, ge=1, le=2, description="order of the cells' geometry: 1 straight, 2 curved")
 
     @model_validator(mode="after")
     def _cylinder_inside(self) -> Self:

@@ -19,7 +19,7 @@ class Recipe(Noun):
     """A layout that gmsh draws."""
 
     cells: Literal["quadrilaterals", "triangles"] = Field(default="quadrilaterals", description="shape of the cells")
-    geometry: Literal[1, 2] = Field(default=1, description="order of the cells' geometry: 1 straight, 2 curved")
+    geometry: int = Field(default=1, ge=1, le=2, description="order of the cells' geometry: 1 straight, 2 curved")
     sponge_length: float = Field(default=0.0, ge=0, le=1e6, description="length of the group sponge at the far end [m]")
 
     @property

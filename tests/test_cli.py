@@ -96,7 +96,7 @@ def test_every_command_has_an_example_that_it_takes():
     """Its options are those of the command, its arguments as many as needed, its files those of the checkout."""
     known = dict(commands())
     for path, command in known.items():
-        words = command.epilog.removeprefix("Example: wavetank ").split()
+        words = command.epilog.removeprefix("Example: wavetank ").partition(" > ")[0].split()
         called = max((one for one in known if tuple(words[: len(one)]) == one), key=len)
         assert called[: len(path)] == path and len(command.epilog) < 78
         known[called].make_context("wavetank", words[len(called) :])

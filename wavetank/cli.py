@@ -1,5 +1,6 @@
 """The command line. Exit codes: 0 done; 1 the run failed; 2 the input is wrong."""
 
+import json
 import os
 import sys
 import time
@@ -27,7 +28,7 @@ from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
 from wavetank.study.command import study
 
-ORDER = ("plan", "run", "view", "compare", "study", "data", "verify")  # of use
+ORDER = ("plan", "run", "view", "compare", "study", "data", "verify", "schema")  # of use
 
 
 class InOrderOfUse(TyperGroup):
@@ -125,6 +126,20 @@ def _draw(directory: RunDirectory) -> list[Path]:
     from wavetank.postprocess.run_figures import draw_run
 
     return draw_run(directory)
+
+
+@app.command(epilog=example("schema > case.schema.json"))
+def schema(
+    reference: Annotated[
+        bool, typer.Option("--reference", help="as a page to read instead: docs/reference.md")
+    ] = False,
+) -> None:
+    """Print the JSON schema of cases, by which editors complete them."""
+    from wavetank.case import reference as page
+    from wavetank.case import schema as rules
+
+    text = page.reference() if reference else json.dumps(rules.schema(), indent=1) + "\n"
+    console().out(text, highlight=False, end="")
 
 
 @data_app.command("list", epilog=example("data list"))

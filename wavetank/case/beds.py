@@ -21,7 +21,7 @@ class BedNoun(Noun):
     """What all beds that vary have."""
 
     minimum_depth: Length | None = Field(
-        default=None, description="where the bed is shallower, or dry, it is sunk to this depth [m]"
+        default=None, description="where the bed is shallower, or dry, it is sunk to this depth [m]; default: nowhere"
     )
 
     def build(self) -> Depth:
@@ -62,7 +62,9 @@ class GriddedBed(BedNoun):
 
     type: Literal["gridded"] = "gridded"
     file: FilePath = Field(description="NetCDF (.nc), CSV (.csv) or XYZ (.xyz) of x, or x and y, and depths [m]")
-    variable: str | None = Field(default=None, min_length=1, description="the depths' name, where there are several")
+    variable: str | None = Field(
+        default=None, min_length=1, description="the depths' name; default: the only one there is"
+    )
     interpolation: beds.Interpolation = Field(default="cubic", description="cubic has continuous slopes")
     positive: beds.Positive | None = Field(
         default=None, description="down for depths, up for elevations of the bed; default: as the file says, or down"

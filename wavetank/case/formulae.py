@@ -35,7 +35,7 @@ class FormulaNoun(Noun):
     """A noun whose ``FormulaText`` fields share named parts: these stand first, for a field is checked with them."""
 
     where: Annotated[dict[str, Helper], AfterValidator(_parse_alone)] = Field(
-        default={}, description="parts of the formula by name, numbers or formulae"
+        default={}, description="parts of the formula by name, numbers or formulae; default: none"
     )
 
     def formula(self, text: str) -> Formula:

@@ -70,8 +70,10 @@ class StreamFunctionWave(Noun):
     """Waves of permanent form in a ring, travelling to +x, a crest at x = 0: exact, without mean Eulerian current."""
 
     type: Literal["stream-function"] = "stream-function"
-    height: Height | None = Field(default=None, description="height, crest above trough [m]")
-    steepness: Share | None = Field(default=None, description="height over that of the highest wave [-]")
+    height: Height | None = Field(default=None, description="height, crest above trough [m]; default: by steepness")
+    steepness: Share | None = Field(
+        default=None, description="height over that of the highest wave [-]; default: by height"
+    )
     waves: Count = Field(default=1, description="number of waves around the ring")
 
     _one_height = one_of("height", "steepness")

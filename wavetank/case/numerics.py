@@ -49,9 +49,15 @@ CHOSEN = frozenset({"cells", "cell_size", "order", "vertical_order", "dt", "inte
 class Numerics(Noun):
     """How it is computed. Where an accuracy is asked for, or nothing is set, what is not set is planned."""
 
-    accuracy: Share | None = Field(default=None, description="relative error of the elevation to plan the numerics for")
-    cells: Count | None = Field(default=None, description="number of cells along the tank")
-    cell_size: Length | None = Field(default=None, description="size of a cell [m], rounded to divide the length")
+    accuracy: Share | None = Field(
+        default=None,
+        description="relative error of the elevation to plan the numerics for; default: 0.01 where none is set",
+    )
+    cells: Count | None = Field(default=None, description="number of cells along the tank; default: by cell_size")
+    cell_size: Length | None = Field(
+        default=None,
+        description="size of a cell [m], rounded to divide the length; default: from accuracy, or the shortest wave",
+    )
     order: int = Field(default=3, ge=1, le=8, description="horizontal polynomial order p")
     vertical_order: int = Field(default=8, ge=1, le=HIGHEST_VERTICAL_ORDER, description="vertical polynomial order n")
     dt: Duration | None = Field(default=None, description="time step [s]; default: from accuracy and stability")

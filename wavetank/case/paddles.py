@@ -53,8 +53,8 @@ class RecordedMotion(Noun):
     """A measured motion from a file of two columns: one spline through its positions or its velocities."""
 
     type: Literal["recorded"] = "recorded"
-    position: FilePath | None = Field(default=None, description="file of t [s] and X [m]")
-    velocity: FilePath | None = Field(default=None, description="file of t [s] and dX/dt [m/s]")
+    position: FilePath | None = Field(default=None, description="file of t [s] and X [m]; default: by velocity")
+    velocity: FilePath | None = Field(default=None, description="file of t [s] and dX/dt [m/s]; default: by position")
     ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
 
     _one_file = one_of("position", "velocity")

@@ -32,7 +32,7 @@ def read_case(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
     path = Path(path)
     text = _read(path)
     content = _parse(path, text)
-    overridden = [_override(content, override) for override in overrides]
+    overridden = [set_key(content, override) for override in overrides]
     try:
         scene = Scene.model_validate(content, context={"folder": path.resolve().parent})
         scene.motion()
@@ -83,7 +83,7 @@ def _parse(path: Path, text: str) -> dict[str, Any]:
 
 
 # ---------------------------------------------------------------- overrides
-def _override(content: dict[str, Any], override: str) -> Key:
+def set_key(content: dict[str, Any], override: str) -> Key:
     """Set one ``KEY=VALUE`` in the content and return its key; tables on the way are made where missing."""
     dotted, equals, value = override.partition("=")
     if not (dotted.strip() and equals):

@@ -54,8 +54,8 @@ class Scene(Noun):
     gauges: Annotated[tuple[Gauge, ...], BeforeValidator(named)] = Field(default=(), description="the gauges")
     gauge_lines: Annotated[tuple[GaugeLine, ...], Strict(False)] = Field(default=(), description="rows of gauges")
     run: RunNoun = Field(description="how long is computed")
-    numerics: Numerics = Numerics()
-    output: Output = Output()
+    numerics: Numerics = Field(default=Numerics(), description="how it is computed")
+    output: Output = Field(default=Output(), description="what is recorded, and how often")
 
     @property
     def physics(self) -> Physics:

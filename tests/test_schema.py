@@ -1,0 +1,111 @@
+"""The schema of cases and the reference made of it: what they say is what the reader of cases does."""
+
+import json
+import re
+import tomllib
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+from ranks import CHECKOUT
+from test_bad_input import EVERY, EXTREME, NONSENSE, entries
+
+from wavetank.case import Scene
+from wavetank.case.keys import tables, tag
+from wavetank.case.reading import set_key
+from wavetank.case.schema import FILE, schema
+from wavetank.cli import main
+
+CASES = sorted((CHECKOUT / "cases").glob("*.toml"))
+PAGE = CHECKOUT / "docs" / "reference.md"
+WHOLE = schema()
+KINDS = {"object": dict, "array": list, "string": str, "boolean": bool, "number": (int, float), "integer": int}
+
+
+def conforms(value: Any, rule: dict[str, Any]) -> bool:
+    """Return whether a value is what a schema allows: of JSON schema, draft 7, what ours has."""
+    if "$ref" in rule:
+        return conforms(value, WHOLE["$defs"][rule["$ref"].rpartition("/")[2]])
+    kind = rule.get("type", "")
+    if kind == "null" or (kind and not isinstance(value, KINDS[kind])):
+        return False
+    if kind in ("number", "integer") and isinstance(value, bool):
+        return False
+    if kind == "object" and not _table_conforms(value, rule):
+        return False
+    ends = {"minimum": "__ge__", "maximum": "__le__", "exclusiveMinimum": "__gt__", "exclusiveMaximum": "__lt__"}
+    if not all(getattr(float(value), compare)(float(rule[end])) for end, compare in ends.items() if end in rule):
+        return False
+    if kind == "string" and len(value) < rule.get("minLength", 0):
+        return False
+    if kind == "array" and not _list_conforms(value, rule):
+        return False
+    if "const" in rule and value != rule["const"] or "enum" in rule and value not in rule["enum"]:
+        return False
+    if "anyOf" in rule and not any(conforms(value, one) for one in rule["anyOf"]):
+        return False
+    return "oneOf" not in rule or sum(conforms(value, one) for one in rule["oneOf"]) == 1
+
+
+def _list_conforms(values: list[Any], rule: dict[str, Any]) -> bool:
+    if not rule.get("minItems", 0) <= len(values) <= rule.get("maxItems", 10**9):
+        return False
+    rules = rule.get("prefixItems") or [rule["items"]] * len(values)
+    return all(conforms(value, one) for value, one in zip(values, rules, strict=True))
+
+
+def _table_conforms(table: dict[str, Any], rule: dict[str, Any]) -> bool:
+    known, others = rule.get("properties", {}), rule["additionalProperties"]
+    if not {*rule.get("required", ())} <= {*table} or (others is False and not {*table} <= {*known}):
+        return False
+    return all(conforms(value, known.get(key, others)) for key, value in table.items())
+
+
+def test_the_files_are_those_of_this_version(capsys):
+    """``make reference`` writes them anew."""
+    for arguments, path in ((["schema"], FILE), (["schema", "--reference"], PAGE)):
+        assert main(arguments) == 0
+        assert path.read_text() == capsys.readouterr().out
+
+
+@pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
+def test_a_case_names_the_schema_and_conforms_to_it(case):
+    found = re.match(r"#:schema (\S+)\n", case.read_text())
+    assert (case.parent / found[1]).resolve() == FILE
+    assert conforms(tomllib.loads(case.read_text()), json.loads(FILE.read_text()))
+
+
+def test_the_schema_refuses_what_the_reader_refuses_of_a_value_by_itself():
+    """All that pydantic refuses for its kind or range, of each key with nonsense; what only fits ill it cannot know."""
+    tried = set[tuple[type, str]]()
+    for text in EVERY.values():
+        assert conforms(tomllib.loads(text), WHOLE)
+        for key, noun, field in entries(Scene.model_validate(tomllib.loads(text))):
+            for value in () if (noun, field) in tried else (*NONSENSE, *EXTREME):
+                content = tomllib.loads(text)
+                set_key(content, f"{key}={value}")
+                assert conforms(content, WHOLE) == (not refused_by_itself(content)), f"{key} = {value}"
+            tried.add((noun, field))
+
+
+def refused_by_itself(content: dict[str, Any]) -> bool:
+    try:
+        Scene.model_validate(content)
+    except ValidationError as error:
+        return any(one["type"] not in ("scene", "value_error") for one in error.errors())
+    return False
+
+
+def test_the_reference_tells_of_every_key_what_it_means_and_what_it_is_by_default():
+    sections = re.split(r"^## ", PAGE.read_text(), flags=re.MULTILINE)[1:]
+    assert len(sections) == len(tables())
+    for section, table in zip(sections, tables(), strict=True):
+        assert section.startswith(f"`{table.header}`" if table.path else "Before all tables")
+        rows = [row.strip("| ").split(" | ") for row in section.splitlines() if row.startswith("| `")]
+        keys = [key for noun in table.nouns for key, field in noun.model_fields.items() if key != "type"]
+        assert {row[0].strip("`") for row in rows} == {*keys}
+        assert all(len(row) == 5 and row[1].strip() and row[4].strip() for row in rows)
+        assert re.findall(r'^### `type = "(.*)"`', section, flags=re.MULTILINE) == [
+            *filter(None, map(tag, table.nouns))
+        ]
+    assert "| `dt` | time step | s | 1e-6 to 1e9 | from accuracy and stability |" in PAGE.read_text()

@@ -1,0 +1,108 @@
+"""The reference of case files: every table, key, unit, range and default, as a page."""
+
+import json
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from pydantic import BaseModel
+
+from wavetank.case.keys import Table, tables, tag
+from wavetank.case.scene import Scene
+from wavetank.case.schema import schema
+
+INTRODUCTION = """# Every key of a case
+
+Made by `make reference` from the classes that read a case; `wavetank schema` prints the same for editors. A case is a
+TOML file: what stands in the laboratory, and what is to be computed of it. Needed are `[tank]` and `[run]`; all else
+has a default. A key that is not here is refused. Lengths are in metres, times in seconds, angles in degrees; z is up
+from still water, x from the paddle at rest into the water.
+"""
+HEAD = "| key | means | unit | allowed | default |\n|---|---|---|---|---|\n"
+
+
+def reference() -> str:
+    """Return the page, in Markdown."""
+    whole = schema()
+    return "\n".join([INTRODUCTION, *(part for table in tables() for part in _sections(table, whole))])
+
+
+def _sections(table: Table, whole: dict[str, Any]) -> Iterator[str]:
+    """Yield the sections of a table: one for each type that may stand there."""
+    yield f"## {'Before all tables' if not table.path else f'`{table.header}`'}\n"
+    for noun in table.nouns:
+        own = whole if noun is Scene else whole["$defs"][noun.__name__]
+        if table.path:
+            yield f"{_title(noun)}{own['description'].replace('``', '`')}\n"
+        if rows := list(_rows(table, noun, own)):
+            yield HEAD + "\n".join(rows) + "\n"
+
+
+def _title(noun: type[BaseModel]) -> str:
+    """Return the heading of a type, where there are several."""
+    return f'### `type = "{tag(noun)}"`\n\n' if tag(noun) else ""
+
+
+def _rows(table: Table, noun: type[BaseModel], own: dict[str, Any]) -> Iterator[str]:
+    for key, what in own["properties"].items():
+        if key != "type" and what.get("type") != "null":
+            inside = next((one for one in tables() if one.path == (*table.path, key)), None)
+            allowed = f"[`{inside.header}`](#{_anchor(inside)})" if inside else _allowed(what)
+            meaning, unit, default = _told(what["description"], measured="text" not in allowed)
+            if key in own.get("required", ()):
+                default = "**needed**"
+            elif "default" in what:
+                default = f"`{_toml(what['default'])}`" if inside is None else "none"
+            elif isinstance(usual := noun.model_fields[key].default, BaseModel):
+                default = f"`{tag(type(usual))}`" if tag(type(usual)) else "as there"
+            yield f"| `{key}` | {meaning} | {unit} | {allowed} | {default} |"
+
+
+def _told(description: str, *, measured: bool) -> tuple[str, str, str]:
+    """Return meaning, unit and default of a key from its description; what is not measured has units in its words."""
+    meaning, _, default = re.sub(r"; default:? ", "\0", description).partition("\0")
+    if not measured or not (unit := re.search(r" ?\[([^\]]+)\]", meaning)):
+        return meaning, "", default
+    return meaning.replace(unit[0], ""), unit[1], default
+
+
+def _anchor(table: Table) -> str:
+    return "".join(table.path)
+
+
+def _toml(value: Any) -> str:
+    return _short(json.dumps(value))
+
+
+def _allowed(what: dict[str, Any]) -> str:
+    """Return in words what a value may be."""
+    if "anyOf" in what:
+        return " or ".join(_allowed(one) for one in what["anyOf"])
+    if "enum" in what:
+        return ", ".join(f"`{_toml(one)}`" for one in what["enum"])
+    match what.get("type"):
+        case "number" | "integer":
+            kind = "whole, " if what["type"] == "integer" else ""
+            return f"{kind}{_range(what)}"
+        case "array":
+            return f"list of {len(what['prefixItems'])}, each {_allowed(what['prefixItems'][0])}"
+        case "object":
+            return f"table of {_allowed(what['additionalProperties'])}"
+        case kind:
+            return {"string": "text", "boolean": "`true`, `false`"}[str(kind)]
+
+
+def _range(what: dict[str, Any]) -> str:
+    ends = {key: _number(value) for key, value in what.items() if "imum" in key}
+    if not ends:
+        return "any number"
+    least = ends.get("minimum") or f"above {ends['exclusiveMinimum']}"
+    return f"{least} to {ends.get('maximum') or 'below ' + ends['exclusiveMaximum']}"
+
+
+def _number(value: float) -> str:
+    return _short(f"{value:g}")
+
+
+def _short(text: str) -> str:
+    return re.sub(r"e([+-])0*", lambda found: "e" + found[1].replace("+", ""), text)
