@@ -137,7 +137,7 @@ class Travel:
     Attributes
     ----------
     velocities
-        X_p' at all y along the paddle that degrees of freedom have [m/s], shape (m,).
+        X_p' at the y of the owned degrees of freedom [m/s], shape (owned,).
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
@@ -145,7 +145,7 @@ class Travel:
         self._y, self._place = np.unique(np.round(side.along(plane.places), 9), return_inverse=True)
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''")]
         self.position, self.speed, self.acceleration = (field.function for field in self._fields)
-        self.velocities: Vector = np.zeros(self._y.size)
+        self.velocities: Vector = np.zeros(self._place.size)
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether its position has changed; collective."""
@@ -156,7 +156,7 @@ class Travel:
         values = [derivative(self._y) for derivative in derivatives]
         for field, value in zip(self._fields, values, strict=True):
             field.set(self._s * value[self._place])
-        self.velocities = values[1]
+        self.velocities = values[1][self._place]
         moved = not np.array_equal(before, self._fields[0].owned)
         return bool(self._comm.allreduce(int(moved), op=MPI.MAX))
 
