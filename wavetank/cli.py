@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import sys
 import time
 import traceback
@@ -17,6 +18,7 @@ from typer.core import TyperGroup
 
 import wavetank
 from wavetank import data
+from wavetank.case.new import KINDS, write_case
 from wavetank.case.reading import located, read_case
 from wavetank.console import console, drain
 from wavetank.errors import WavetankError, printable
@@ -28,7 +30,7 @@ from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
 from wavetank.study.command import study
 
-ORDER = ("plan", "run", "view", "compare", "study", "data", "verify", "schema")  # of use
+ORDER = ("new", "plan", "run", "view", "compare", "study", "data", "verify", "schema")  # of use
 
 
 class InOrderOfUse(TyperGroup):
@@ -85,6 +87,16 @@ def options(
 
 LAST_RANK = 60.0  # s in which all ranks must have come to the same end
 OVERWRITE = "replace what an earlier command has written there"
+
+
+@app.command(epilog=example("new waves --kind focus"))
+def new(
+    name: Annotated[str, typer.Argument(help="name of the case: NAME.toml is written, never over another")],
+    kind: Annotated[str, typer.Option(metavar="|".join(KINDS), help="what it is to begin with")] = KINDS[0],
+) -> None:
+    """Write a new case to begin with, commented, that runs in seconds."""
+    path = on_first(MPI.COMM_WORLD, lambda: write_case(name, kind))
+    console().print(f"wrote {path}; now: wavetank run {shlex.quote(str(path))}", highlight=False)
 
 
 @app.command(epilog=example("run cases/focusing.toml --set numerics.cell_size=0.1"))

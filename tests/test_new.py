@@ -1,0 +1,45 @@
+"""`wavetank new`: each kind of case is a case as it is written, runs, and is never written over another."""
+
+import pytest
+from conftest import commanded, recorded
+
+from wavetank.case.new import KINDS, write_case
+from wavetank.case.reading import read_case
+from wavetank.case.schema import FILE
+from wavetank.errors import InputError
+from wavetank.records.directory import RunDirectory
+
+TWICE = ("run.duration=0.02", "numerics={dt=0.01, cell_size=1.0, vertical_order=2}")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_case_names_the_schema_and_its_title_and_runs(kind, tmp_path):
+    name = tmp_path / f'my "{kind}"'
+    said = commanded("new", str(name), "--kind", kind)
+    path = tmp_path / f'my "{kind}".toml'
+    assert (said.returncode, said.stderr) == (0, "") and said.stdout.startswith(f"wrote {path}; now: wavetank run ")
+    assert path.read_text().startswith(f"#:schema {FILE}\n#")
+    assert read_case(path).title == f'my "{kind}"'
+    recorded(path, TWICE, tmp_path / "run")
+    assert RunDirectory(tmp_path / "run").manifest["status"] == "finished"
+
+
+def test_a_case_that_is_there_is_left(tmp_path):
+    path = write_case(f"{tmp_path}/waves.toml", "ring")
+    path.write_text("mine")
+    with pytest.raises(InputError, match=r"waves\.toml: is there already; give another name\."):
+        write_case(f"{tmp_path}/waves", "slice")
+    assert path.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["x", "--kind", "rnig"], "--kind rnig received; did you mean 'ring'? allowed are: slice, basin, ring, focus."),
+        (["/"], "'/' received; a name for the case is needed, such as waves."),
+        (["/proc/nothing/x"], "/proc/nothing/x.toml: cannot be written (No such file or directory)."),
+    ],
+)
+def test_what_cannot_be_written_is_refused_in_a_sentence(arguments, sentence):
+    said = commanded("new", *arguments)
+    assert (said.returncode, said.stderr) == (2, f"wavetank: {sentence}\n")
