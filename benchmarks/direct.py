@@ -17,6 +17,8 @@ from wavetank.water.waves import NonlinearWaves
 class DirectPotential:
     """Takes the place of ``InteriorPotential`` in a tank on one rank."""
 
+    renews = False  # there is no preconditioner to be made anew
+
     def __init__(self, waves: NonlinearWaves):
         self.counters = SolveCounters()
         self._phi, self._n = waves.phi, waves.vertical.n

@@ -76,6 +76,33 @@ def test_imports_go_one_way(path):
     assert imported_layers(path) <= ALLOWED[own] | {own}
 
 
+STEPPERS = {
+    "wavetank.runs.run": "the time loop",
+    "wavetank.integrators.composition": "a scheme of steps of another",
+    "wavetank.integrators.damped": "around a scheme",
+    "wavetank.integrators.absorbing": "around a scheme",
+    "wavetank.integrators.filtered": "around a scheme",
+    "wavetank.verify.forcing": "around a scheme",
+    "wavetank.plan.dispersion": "one step of unit states: its matrix",
+    "wavetank.verify.schemes": "one step as a map of vectors",
+    "wavetank.verify.symbolic": "one step in symbols: its matrix",
+    "wavetank.verify.symplecticity": "one step: its derivative, and there and back",
+    "wavetank.verify.traced": "one step, written down as C, for 10^5 periods",
+}
+
+
+def test_time_is_stepped_by_the_run_alone():
+    """Whoever calls a scheme's ``step(system, state, t, dt)`` is the loop, is a scheme itself, or takes one step."""
+    callers = {
+        FILES.get(path, path.name)
+        for path in [*FILES, *(CHECKOUT / "benchmarks").glob("*.py")]
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+        if node.func.attr == "step" and len(node.args) == 4
+    }
+    assert callers == set(STEPPERS)
+
+
 def test_rooms_at_top_level_have_one_name_and_are_of_the_package():
     """Their links are found by setuptools, so pip adds no package but wavetank; by no other name are they imported."""
     options = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]["find"]

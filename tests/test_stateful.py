@@ -131,6 +131,7 @@ def resumed(scene: Scene, comm: MPI.Comm, *, after: int) -> tuple[Observed, dict
     whole.run.observers.append(keeping)
     whole.run.execute()
     rest.run.take(keeping.held)
+    assert not differing(keeping.held, rest.run.held())
     rest.run.execute()
     for one, other in ((whole.gauges, rest.gauges), (whole.energy, rest.energy)):
         np.testing.assert_array_equal(one.array()[after + 1 :], other.array())

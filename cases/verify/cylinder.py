@@ -23,12 +23,13 @@ from wavetank.fe.layout_mesh import draw_layout
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
 from wavetank.integrators import StormerVerlet, ThirdOrder
-from wavetank.integrators.contract import Integrator
+from wavetank.integrators.contract import Integrator, State
 from wavetank.meshes import Cylinder
 from wavetank.postprocess.style import BLUE, GREEN, PALE_GREY, VERMILION, entry
 from wavetank.theory.airy import Array, angular_frequency
 from wavetank.theory.mccamy_fuchs import Complex, CylinderDiffraction, travelling
 from wavetank.verify.report import Report, write_parts
+from wavetank.verify.watched import watched
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
@@ -116,13 +117,14 @@ class HalfBasin:
     ) -> Complex:
         """Return the harmonic at ``ANGLES`` over the amplitude."""
         eta, surface = amplitude * np.cos(self.plane.x), self.plane.function("elevation")
-        state = scheme.start(*waves.state(eta, 0 * eta))
         harmonic: Complex = np.zeros(ANGLES.size, dtype=np.complex128)
-        for step in range(1, 3 * steps + 1):
-            state = scheme.step(waves, state, (step - 1) * dt, dt)
+
+        def add(state: State, step: int) -> None:
             if step > 2 * steps:
                 surface.set(waves.elevation(state.q, state.p, step * dt))
-                harmonic += self._around.evaluate(surface) * np.exp(2j * np.pi * step / steps)
+                harmonic[:] += self._around.evaluate(surface) * np.exp(2j * np.pi * step / steps)
+
+        watched(waves, scheme, add, start=waves.state(eta, 0 * eta), dt=dt, steps=3 * steps)
         return 2 / steps / amplitude * harmonic
 
     def error(self, run_up: Array) -> float:

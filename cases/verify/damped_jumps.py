@@ -18,8 +18,9 @@ from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.oscillators import NonSeparable, OnOneRank, OscillatorStages
 from wavetank.integrators import GaussLegendre4, Simpson4, ThirdOrder
-from wavetank.integrators.contract import Integrator
+from wavetank.integrators.contract import Integrator, State
 from wavetank.verify.report import Report
+from wavetank.verify.watched import watched
 
 ORBITS = ((0.5, 0.25), (1.0, 0.5), (1.2, 0.5), (1.5, 0.5))
 STEPS = (24, 48)  # a period
@@ -226,12 +227,13 @@ class Orbits(OnOneRank):
 
     def errors(self, integrator: Integrator[Any], *, steps: int) -> Vector:
         """Return the relative error of each energy after each step, shape (steps, orbits); inf once it is lost."""
-        start, state = self.energies(self.q, self.p), integrator.start(self.q, self.p)
-        rows = np.full((steps, self.q.size), np.inf)
+        start = self.energies(self.q, self.p)
+
+        def error(state: State, step: int) -> Vector:
+            return np.asarray(self.energies(state.q, state.p) / start - 1)
+
         with np.errstate(all="ignore"):
-            for n in range(steps):
-                state = integrator.step(self, state, float(n), 1.0)
-                rows[n] = self.energies(state.q, state.p) / start - 1
+            rows = np.array(watched(self, integrator, error, start=(self.q, self.p), dt=1.0, steps=steps))[1:]
         return np.nan_to_num(rows, nan=np.inf, posinf=np.inf)
 
 

@@ -17,8 +17,11 @@ from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stages
 from wavetank.hamiltonian.oscillators import Forced, OnOneRank
 from wavetank.integrators import Simpson4, StormerVerlet, StormerVerletAdjoint, ThirdOrder
-from wavetank.integrators.contract import Integrator
+from wavetank.integrators.contract import Integrator, State
+from wavetank.integrators.wrapper import Wrapper
 from wavetank.verify.report import Report
+from wavetank.verify.schemes import point
+from wavetank.verify.watched import watched
 
 STEPS = (0.2, 0.1, 0.05, 0.025)
 DURATION, START, SLOPE = 20.0, (0.3, 0.1), 0.7
@@ -83,15 +86,25 @@ def choices() -> list[Choice]:
     return [Choice(label, scheme, times, name) for label, scheme, table in schemes for name, times in table.items()]
 
 
+class _ByAnotherClock(Wrapper[Any]):
+    """A scheme that takes H at other times than its nodes."""
+
+    def __init__(self, choice: Choice):
+        super().__init__(choice.integrator)
+        self._times = choice.times
+
+    def step(self, system: HamiltonianSystem, state: Any, t: float, dt: float) -> Any:
+        return self.scheme.step(_Moved(system, self._times, t, dt), state, t, dt)
+
+
 def path(choice: Choice, dt: float) -> NDArray[Any]:
     """Return t, q and p after each step, the start included, shape (3, steps + 1)."""
-    system = Forced(SLOPE)
-    state = choice.integrator.start(*(np.array([value]) for value in START))
-    rows = [(0.0, *START)]
-    for step in range(round(DURATION / dt)):
-        state = choice.integrator.step(_Moved(system, choice.times, step * dt, dt), state, step * dt, dt)
-        rows.append(((step + 1) * dt, float(state.q[0]), float(state.p[0])))
-    return np.array(rows).T
+
+    def row(state: State, step: int) -> tuple[float, float, float]:
+        return step * dt, state.q[0], state.p[0]
+
+    scheme, steps = _ByAnotherClock(choice), round(DURATION / dt)
+    return np.array(watched(Forced(SLOPE), scheme, row, start=point(*START), dt=dt, steps=steps)).T
 
 
 def errors(choice: Choice, dt: float) -> tuple[float, float, float]:

@@ -1,5 +1,6 @@
 """Part 1: every scheme with its order and cost, and the discontinuous Störmer-Verlet beside the classical one."""
 
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from wavetank.verify.schemes import (
     discontinuous,
     discontinuous_adjoint,
     largest_error,
+    path,
     simpson,
     third_order,
     trajectory,
@@ -84,14 +86,11 @@ def slabs(scheme: Scheme, *, omega_dt: float, steps: int) -> NDArray[Any]:
     The middle of a quadratic is found from (20c)-(20d), that of a straight line as the mean.
     """
     system, (q_minus, q_plus, p_minus, p_plus) = Harmonic(), scheme.traces
-    z = scheme.vector(scheme.start(1.0, 0.0))
     rows = []
-    for _ in range(steps):
-        after = scheme.step(system, z, 0.0, omega_dt)
+    for z, after in pairwise(path(scheme, system, q=1.0, p=0.0, dt=omega_dt, steps=steps)):
         q, p = (z[q_plus], after[q_minus]), (z[p_plus], after[p_minus])
         middle = (np.mean(q), np.mean(p)) if scheme.width < 4 else (-np.diff(p)[0] / omega_dt, np.diff(q)[0] / omega_dt)
         rows.append(((q[0], middle[0], q[1]), (p[0], middle[1], p[1])))
-        z = after
     return np.array(rows).transpose(1, 0, 2)
 
 

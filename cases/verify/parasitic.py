@@ -19,8 +19,10 @@ from scipy.integrate import solve_ivp
 
 from wavetank.hamiltonian.oscillators import NonSeparable
 from wavetank.integrators import Simpson4
+from wavetank.integrators.simpson import MeanAndJumps
 from wavetank.verify.damped_jumps import Orbits
 from wavetank.verify.report import Report
+from wavetank.verify.watched import watched
 
 Array = NDArray[Any]
 ORBITS = ((0.3, 0.1), (0.5, 0.25), (0.8, 0.4), (0.9, 0.45), (1.0, 0.5), (1.2, 0.5), (1.5, 0.5))
@@ -57,12 +59,12 @@ def floquet_multiplier(q: float, p: float) -> float:
 
 def alternating_jump(q: float, p: float, *, steps: int, periods: int, scheme: Simpson4 = UNDAMPED) -> Array:
     """Return the size of the alternating part of the jumps after each step, from their second differences."""
-    orbit, jumps = Orbits([(q, p)], steps), []
-    state = scheme.start(orbit.q, orbit.p)
-    for n in range(periods * steps):
-        state = scheme.step(orbit, state, float(n), 1.0)
-        jumps.append((state.q_jump[0], state.p_jump[0]))
-    jump = np.array(jumps)
+    orbit = Orbits([(q, p)], steps)
+
+    def both(state: MeanAndJumps, step: int) -> tuple[float, float]:
+        return state.q_jump[0], state.p_jump[0]
+
+    jump = np.array(watched(orbit, scheme, both, start=(orbit.q, orbit.p), dt=1.0, steps=periods * steps))[1:]
     return np.asarray(np.hypot(*(jump[2:] - 2 * jump[1:-1] + jump[:-2]).T) / 4)
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from wavetank.hamiltonian.oscillators import Harmonic
 from wavetank.verify.report import Report
-from wavetank.verify.schemes import third_order
+from wavetank.verify.schemes import third_order, trajectory
 
 OMEGA, DT = 0.3162, 0.2484  # as printed; four of (p, q) of the size of the paper's figure
 CORNERS = np.array([[-0.2, -1.2], [0.2, -1.2], [0.2, -0.8], [-0.2, -0.8]]) * 1e-3
@@ -15,12 +15,9 @@ CORNERS = np.array([[-0.2, -1.2], [0.2, -1.2], [0.2, -0.8], [-0.2, -0.8]]) * 1e-
 
 def paths(periods: float) -> NDArray[Any]:
     """Return (q⁺, p⁺) of the four corners, shape (steps + 1, 4, 2)."""
-    scheme, system = third_order(), Harmonic(OMEGA)
-    states = [scheme.vector(scheme.start(q, p)) for p, q in CORNERS]
-    rows = [states]
-    for step in range(round(periods * 2 * np.pi / OMEGA / DT)):
-        rows.append([scheme.step(system, z, step * DT, DT) for z in rows[-1]])
-    return np.array(rows)[:, :, [1, 3]]
+    steps = round(periods * 2 * np.pi / OMEGA / DT)
+    found = [trajectory(third_order(), Harmonic(OMEGA), q=q, p=p, dt=DT, steps=steps)[1:].T for p, q in CORNERS]
+    return np.stack(found, axis=1)
 
 
 def areas(corners: NDArray[Any]) -> NDArray[Any]:

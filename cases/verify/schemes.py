@@ -28,6 +28,7 @@ from wavetank.integrators import (
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.discontinuous_verlet import JumpInP, JumpInQ
 from wavetank.integrators.simpson import MeanAndJumps
+from wavetank.verify.watched import watched
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,9 @@ class Scheme:
     reverse: NDArray[Any]
     traces: tuple[int, int, int, int]
 
-    def start(self, q: float, p: float) -> Any:
-        """Return the state of a smooth start."""
-        return self.integrator.start(np.array([q]), np.array([p]))
+    def start(self, q: float, p: float) -> Vector:
+        """Return the vector of a smooth start, shape (width,)."""
+        return self.vector(self.integrator.start(*point(q, p)))
 
     def vector(self, state: Any) -> Vector:
         """Return a state as a vector, shape (width,)."""
@@ -73,14 +74,27 @@ class Scheme:
         return self.vector(self.integrator.step(system, self.state(*z[:, None]), t, dt))
 
 
+def point(q: float, p: float) -> tuple[Vector, Vector]:
+    """Return coordinates and momenta of one degree of freedom, shape (1,) each."""
+    return np.array([q]), np.array([p])
+
+
+def path(scheme: Scheme, system: HamiltonianSystem, *, q: float, p: float, dt: float, steps: int) -> Vector:
+    """Return the vectors at a smooth start and after each step, shape (steps + 1, width)."""
+
+    def vector(state: Any, step: int) -> Vector:
+        return scheme.vector(state)
+
+    return np.array(watched(system, scheme.integrator, vector, start=point(q, p), dt=dt, steps=steps))
+
+
 def trajectory(scheme: Scheme, system: HamiltonianSystem, *, q: float, p: float, dt: float, steps: int) -> Vector:
     """Return t, q and p at the start and after each step, shape (3, steps + 1)."""
-    state = scheme.start(q, p)
-    rows = [(0.0, q, p)]
-    for step in range(steps):
-        state = scheme.integrator.step(system, state, step * dt, dt)
-        rows.append(((step + 1) * dt, state.q[0], state.p[0]))
-    return np.array(rows).T
+
+    def row(state: Any, step: int) -> tuple[float, float, float]:
+        return step * dt, state.q[0], state.p[0]
+
+    return np.array(watched(system, scheme.integrator, row, start=point(q, p), dt=dt, steps=steps)).T
 
 
 def largest_error(scheme: Scheme, system: Any, *, q: float, p: float, dt: float, duration: float) -> float:

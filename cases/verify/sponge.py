@@ -26,11 +26,13 @@ from wavetank.case.tanks import SliceTank
 from wavetank.fe.plane import Plane
 from wavetank.integrators import Simpson4
 from wavetank.integrators.absorbing import Absorbing
+from wavetank.integrators.contract import State
 from wavetank.motions import Motion, Ramped, Sinusoid
 from wavetank.postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
 from wavetank.theory.wavemaker import piston_transfer
 from wavetank.verify.report import Report, write_parts
+from wavetank.verify.watched import watched
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearPiston, LinearWaves
 from wavetank.water.sponge import profile
@@ -129,11 +131,12 @@ def in_time(beach: Beach, waves: LinearWaves | NonlinearWaves, *, steps: int = S
     count, dt = steps * int(np.ceil(2.5 * crossing / period + 6)), period / steps
     scheme = Absorbing(Simpson4(), beach.gamma)
     harmonic: Complex = np.zeros(beach.plane.owned, dtype=np.complex128)
-    state = scheme.start(*waves.state(0 * beach.plane.x, 0 * beach.plane.x))
-    for step in range(1, count + 1):
-        state = scheme.step(waves, state, (step - 1) * dt, dt)
+
+    def add(state: State, step: int) -> None:
         if step > count - 2 * steps:
-            harmonic += waves.elevation(state.q, state.p, step * dt) * np.exp(1j * beach.omega * step * dt)
+            harmonic[:] += waves.elevation(state.q, state.p, step * dt) * np.exp(1j * beach.omega * step * dt)
+
+    watched(waves, scheme, add, start=waves.state(0 * beach.plane.x, 0 * beach.plane.x), dt=dt, steps=count)
     return beach.reflection(harmonic, beach.omega)
 
 

@@ -13,6 +13,8 @@ from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.oscillators import Counted, Harmonic, NonSeparable
 from wavetank.hamiltonian.stage_solver import SnesStages
 from wavetank.integrators import GaussLegendre4
+from wavetank.runs.clock import Clock
+from wavetank.runs.run import Run
 from wavetank.theory.airy import angular_frequency
 from wavetank.verify.report import Report
 from wavetank.verify.schemes import Scheme, all_schemes, amplification, simpson, trajectory
@@ -52,7 +54,7 @@ def run_linear(system: Any, scheme: Scheme, steps: int) -> Row:
     counted = Counted(system)
     trajectory(scheme, counted, q=q, p=p, dt=dt, steps=steps)
     matrix = amplification(scheme, Harmonic(), dt)
-    z = np.linalg.matrix_power(matrix, (PERIODS - 1) * steps) @ scheme.vector(scheme.start(q, p))
+    z = np.linalg.matrix_power(matrix, (PERIODS - 1) * steps) @ scheme.start(q, p)
     error = 0.0
     for step in range(1, steps + 1):
         z = matrix @ z
@@ -89,11 +91,10 @@ class Tank:
 
     def run(self, integrator: Any, steps: int) -> tuple[Vector, int]:
         """Return the elevation after all linear periods, and the evaluations it took."""
-        counted, dt = Counted(self.waves), self.period / steps
-        state = integrator.start(*self.start)
-        for step in range(TANK_PERIODS * steps):
-            state = integrator.step(counted, state, step * dt, dt)
-        return self.waves.elevation(state.q, state.p, TANK_PERIODS * self.period), counted.evaluations
+        counted, clock = Counted(self.waves), Clock(self.period / steps, TANK_PERIODS * steps)
+        run = Run(counted, integrator, [], start=self.start, clock=clock)
+        run.execute()
+        return self.waves.elevation(run.state.q, run.state.p, TANK_PERIODS * self.period), counted.evaluations
 
 
 def tank_rows() -> list[Row]:

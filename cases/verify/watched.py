@@ -1,0 +1,50 @@
+"""A run of any system by any scheme, looked at after each of its steps."""
+
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
+
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem
+from wavetank.integrators.contract import Integrator
+from wavetank.observers.contract import Moment
+from wavetank.observers.schedule import EverySteps
+from wavetank.runs.clock import Clock
+from wavetank.runs.run import Run
+
+T = TypeVar("T")
+Look = Callable[[Any, int], T]  # at the scheme's state after so many steps
+
+
+class Watch(Generic[T]):
+    """An observer that keeps what a look finds of a run's state, at the start and after each step.
+
+    Attributes
+    ----------
+    found
+        What has been found, in the order of the steps.
+    """
+
+    def __init__(self, run: Run, look: Look[T]):
+        self.schedule, self._run, self._look = EverySteps(), run, look
+        self.found: list[T] = []
+
+    def observe(self, moment: Moment) -> None:
+        """Look at the state."""
+        self.found.append(self._look(self._run.state, moment.step))
+
+
+def watched(
+    system: HamiltonianSystem,
+    integrator: Integrator[Any],
+    look: Look[T],
+    *,
+    start: tuple[Vector, Vector],
+    dt: float,
+    steps: int,
+) -> list[T]:
+    """Return what a look finds at the start and after each of the steps of dt [s]; collective if the system is."""
+    run = Run(system, integrator, [], start=start, clock=Clock(dt, steps))
+    watch = Watch(run, look)
+    run.observers.append(watch)
+    run.execute()
+    return watch.found
