@@ -6,11 +6,14 @@ Per gauge, over the times both have, with the reference's times as the base and 
     nrms_fitted the same for gain * computed(t - shift), the gain and the shift fitted by least squares
     correlation of computed and reference, without shift
     crests      the largest elevation of either: of the spline, and among the reference's samples
+
+Where the reference's clock is another's, one offset for all gauges is found first (``synchronised``).
 """
 
 import csv
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
+from math import isnan
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +24,7 @@ from rich.table import Table
 from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 
+from wavetank.data import GaugeRecords
 from wavetank.errors import InputError
 from wavetank.records.series import GaugeSeries
 
@@ -39,6 +43,7 @@ COLUMNS = (
     "t_crest_computed [s]",
     "crest_reference [m]",
     "t_crest_reference [s]",
+    "clock_offset [s]",
 )
 
 
@@ -57,22 +62,35 @@ class GaugeComparison:
     t_crest_computed: float
     crest_reference: float
     t_crest_reference: float
+    clock_offset: float = 0.0
 
 
 def matched(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[tuple[GaugeSeries, GaugeSeries]]:
     """Return (computed, reference) for each gauge that both have, in the reference's order.
 
     Partners stand within 1 mm of each other; of several there, it is the one of the same name, else the nearest: names
-    alone do not say that two gauges are one. Raises ``InputError`` if there is none.
+    alone do not say that two gauges are one, but where the reference does not know its places. Raises ``InputError`` if
+    there is none.
     """
-    pairs = [(one, other) for other in reference if (one := _partner(other, computed)) is not None]
+    pairs = [(one, _at(one, other)) for other in reference if (one := _partner(other, computed)) is not None]
     if not pairs:
-        have, want = (", ".join(f"{series.x:g}" for series in group) or "none" for group in (computed, reference))
-        raise InputError(f"no gauge in common: the run has x = {have} m, the reference x = {want} m.")
+        have, want = (", ".join(map(_told, group)) or "none" for group in (computed, reference))
+        raise InputError(f"no gauge in common: the run has {have}; the reference {want}.")
     return pairs
 
 
+def _told(gauge: GaugeSeries) -> str:
+    return repr(gauge.name) + ("" if isnan(gauge.x) else f" at x = {gauge.x:g} m")
+
+
+def _at(one: GaugeSeries, other: GaugeSeries) -> GaugeSeries:
+    """Return the other gauge, where the one is if its own place is not known."""
+    return replace(other, x=one.x, y=one.y) if isnan(other.x) else other
+
+
 def _partner(gauge: GaugeSeries, candidates: Sequence[GaugeSeries]) -> GaugeSeries | None:
+    if isnan(gauge.x):
+        return next((one for one in candidates if one.name == gauge.name), None)
     near = [one for one in candidates if _distance(one, gauge) < MATCH]
     return min(near, key=lambda one: (one.name != gauge.name, _distance(one, gauge)), default=None)
 
@@ -81,12 +99,63 @@ def _distance(one: GaugeSeries, other: GaugeSeries) -> float:
     return float(np.hypot(one.x - other.x, one.y - other.y))
 
 
-def compare(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[GaugeComparison]:
+def synchronised(computed: Sequence[GaugeSeries], reference: GaugeRecords) -> tuple[list[GaugeSeries], float]:
+    """Return a reference on the clock of computed records, and what has been added to its times [s].
+
+    That is one offset for all gauges, within the bounds that the reference allows, at which the mean square of their
+    ``nrms`` is least; at least half of the shorter records must remain. Raises ``InputError`` where there is none.
+    """
+    pairs = matched(computed, reference.series)
+    first, last = reference.clock
+    if first < last:
+        first = last = _offset(pairs, *_bounds(pairs, first, last))
+    return [replace(other, t=other.t + first) for other in reference.series], first
+
+
+def _bounds(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last: float) -> tuple[float, float]:
+    """Return the offsets [s] between two bounds at which at least half of all shorter records remains."""
+    for one, other in pairs:
+        half = 0.5 * min(np.ptp(one.t), np.ptp(other.t))
+        first, last = max(first, one.t[0] - other.t[-1] + half), min(last, one.t[-1] - other.t[0] - half)
+    if first > last:
+        raise InputError("clock_offset: no offset in its bounds leaves half of the records in common.")
+    return float(first), float(last)
+
+
+def _offset(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last: float) -> float:
+    """Return the offset [s] of least misfit: a scan of a mean period in twelve finds the right one of many minima."""
+    splines = [(CubicSpline(one.t, one.eta), other.t, other.eta) for one, other in pairs]
+
+    def misfit(offset: float, every: int = 1) -> float:
+        squares = []
+        for spline, t, eta in splines:
+            there = (t + offset >= spline.x[0]) & (t + offset <= spline.x[-1])
+            kept = eta[there][::every]
+            missed = spline(t[there][::every] + offset) - kept
+            squares.append(np.mean(missed**2) / max(np.mean(kept**2), np.finfo(float).tiny))
+        return float(np.mean(squares))
+
+    spline = splines[0][0]
+    pace = rms(spline(spline.x, 1)) / max(rms(spline(spline.x)), np.finfo(float).tiny)  # rad/s
+    number = int(np.clip((last - first) * pace * 12 / (2 * np.pi), 24, 4000))
+    scan, step = np.linspace(first, last, number + 1, retstep=True)
+    sparse = max(1, max(t.size for _, t, _ in splines) // 1000)
+    start = float(min(scan, key=lambda offset: misfit(offset, sparse)))
+    bounds = (max(first, start - step), min(last, start + step))
+    refined = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
+    return float(min((start, refined.x), key=misfit))
+
+
+def compare(
+    computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries], *, clock_offset: float = 0.0
+) -> list[GaugeComparison]:
     """Return a comparison for each gauge that both have, in the reference's order.
 
-    Raises ``InputError`` if they have no gauge in common, or as ``compare_gauge`` does.
+    ``clock_offset`` is what has been added to the reference's times [s], to be told. Raises ``InputError`` if they have
+    no gauge in common, or as ``compare_gauge`` does.
     """
-    return [compare_gauge(one, other) for one, other in matched(computed, reference)]
+    pairs = matched(computed, reference)
+    return [replace(compare_gauge(one, other), clock_offset=clock_offset) for one, other in pairs]
 
 
 def compare_gauge(computed: GaugeSeries, reference: GaugeSeries) -> GaugeComparison:

@@ -9,58 +9,49 @@ from rich.console import Console
 from rich.table import Table
 
 from wavetank import data
-from wavetank.errors import InputError
-from wavetank.records.directory import RunDirectory
+from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.place import check_new
-from wavetank.records.series import GaugeSeries
 
 
 def compare(
     run: Annotated[Path, typer.Argument(help="run directory", metavar="RUN")],
-    reference: Annotated[str, typer.Option("--with", metavar="DATA|RUN", help="data set or other run directory")],
+    reference: Annotated[
+        str, typer.Option("--with", metavar="DATA|RUN", help="data set, its folder, a CSV file, or another run")
+    ],
     out: Annotated[Path | None, typer.Option(help="where to write; default: the run directory")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace a comparison that is there (--out)")] = False,
 ) -> None:
     """Compare a run with measurements, or another run, at the gauges."""
     directory, folder = RunDirectory(run), run if out is None else out
     check_new(folder / "compare.csv", folder / "compare.png", overwrite=overwrite or out is None)
-    known = _known_heights(reference)
-    if known is None:
-        table = _compare_gauges(directory, *_gauges(reference), folder=folder)
+    if (Path(reference) / MANIFEST).is_file():
+        table = _compare_gauges(directory, [_of_run(Path(reference))], folder=folder)
+    elif (given := data.opened(reference)).heights is not None:
+        table = _compare_heights(directory, given.heights, data.height_series(given), folder=folder)
     else:
-        table = _compare_heights(directory, known, data.height_series(reference), folder=folder)
+        table = _compare_gauges(directory, data.gauge_records(given), folder=folder)
     console = Console(soft_wrap=True, markup=False)
     console.print(table)
     console.print(f"wrote {folder / 'compare.csv'} and {folder / 'compare.png'}", highlight=False)
 
 
-def _known_heights(reference: str) -> data.WaveHeights | None:
-    """Return what is known of wave heights along sections, where that is what a data set of this name holds."""
-    return data.DATASETS[reference].heights if reference in data.DATASETS else None
+def _of_run(path: Path) -> data.GaugeRecords:
+    """Return the records of another run, named after its directory."""
+    gauges = RunDirectory(path).gauge_series()
+    return data.GaugeRecords(tuple(replace(gauge, source=path.name) for gauge in gauges))
 
 
-def _gauges(name: str) -> tuple[list[GaugeSeries], list[GaugeSeries]]:
-    """Return the series to compare with, and a published computation's if there is one."""
-    if name not in data.DATASETS:
-        if not Path(name).is_dir():
-            known = ", ".join(sorted(data.DATASETS))
-            raise InputError(f"--with {name}: is no run directory, and no data set; known data sets are: {known}.")
-        return [replace(gauge, source=Path(name).name) for gauge in RunDirectory(name).gauge_series()], []
-    series = data.gauge_series(name)
-    published = [one for kind, records in series.items() if kind != data.MEASURED for one in records]
-    return list(series[data.MEASURED]), published
-
-
-def _compare_gauges(
-    run: RunDirectory, measured: list[GaugeSeries], published: list[GaugeSeries], *, folder: Path
-) -> Table:
+def _compare_gauges(run: RunDirectory, references: list[data.GaugeRecords], *, folder: Path) -> Table:
+    """Compare with the first of the references, and draw them all."""
     from wavetank.postprocess import compare as comparison
     from wavetank.postprocess.figures import gauges_figure
 
     computed = run.gauge_series()
-    compared = comparison.compare(computed, measured)
+    (measured, offset), *others = (comparison.synchronised(computed, one) for one in references)
+    compared = comparison.compare(computed, measured, clock_offset=offset)
     folder.mkdir(parents=True, exist_ok=True)
     comparison.write_comparison(folder / "compare.csv", compared)
+    published = [gauge for series, _ in others for gauge in series]
     gauges_figure(measured, computed, published, folder / "compare.png")
     return comparison.comparison_table(compared)
 

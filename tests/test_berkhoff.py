@@ -9,7 +9,6 @@ import functools
 import hashlib
 import http.server
 import threading
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from typer.testing import CliRunner
 
 from wavetank import data
 from wavetank.case.gauge_lines import GaugeLine
-from wavetank.data import DATASETS, DataFile, Dataset, HeightSeries, Section
+from wavetank.data import DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
 from wavetank.postprocess.compare import matched
 from wavetank.postprocess.compare_command import compare
@@ -29,7 +28,7 @@ from wavetank.records.series import GaugeSeries
 from wavetank.records.writer import RunWriter
 
 NAME = "berkhoff_1982_shoal"
-KNOWN = DATASETS[NAME].heights
+KNOWN = data.dataset(NAME).heights
 H0 = KNOWN.incident_height
 T = np.arange(0.0, 40.0001, 0.04)  # s; 25 samples a period of 1 s, as the case has them
 LINES = (KNOWN.incident, *KNOWN.sections)
@@ -76,7 +75,7 @@ def test_too_few_waves_are_said():
 @pytest.fixture
 def measured() -> list[HeightSeries]:
     try:
-        return data.height_series(NAME)
+        return data.height_series(data.dataset(NAME))
     except InputError:
         pytest.skip("the data are not on this machine")
 
@@ -93,7 +92,7 @@ def test_all_sections_are_read_as_the_readme_describes_them(measured):
     assert all(np.all(np.diff(series.places) > 0) for series in measured)
     assert nhwave[2].ratios.max() == pytest.approx(50.81 / 23.2)
     assert basilisk[1].ratios.max() == pytest.approx(2.20744)
-    for file in DATASETS[NAME].files:
+    for file in data.dataset(NAME).files:
         assert hashlib.sha256(data.find(NAME, file.name).read_bytes()).hexdigest() == file.sha256
 
 
@@ -128,9 +127,9 @@ def test_a_file_of_another_name_at_its_source_is_downloaded(tmp_path, monkeypatc
     handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        file = DataFile("a_section1.dat", hashlib.sha256(b"0 1\n").hexdigest(), source="there/section1.dat")
+        file = DataFile(name="a_section1.dat", sha256=hashlib.sha256(b"0 1\n").hexdigest(), source="there/section1.dat")
         address = f"http://127.0.0.1:{server.server_port}/"
-        data.download(Dataset("d", "", (address,), "", "", files=(file,)), tmp_path / "here")
+        data.download(Dataset(urls=(address,), files=(file,)), tmp_path / "here")
         server.shutdown()
     assert [path.name for path in (tmp_path / "here").iterdir()] == ["a_section1.dat"]
 
@@ -139,8 +138,8 @@ def test_a_damaged_file_is_said(tmp_path, monkeypatch):
     monkeypatch.setenv("WAVETANK_DATA", str(tmp_path))
     (tmp_path / NAME).mkdir()
     (tmp_path / NAME / "nhwave_section1.dat").write_text("0 1\n1 two\n")
-    with pytest.raises(InputError, match="nhwave_section1.dat: a place and a wave height must stand in each row"):
-        data.height_series(NAME)
+    with pytest.raises(InputError, match="nhwave_section1.dat, line 2: '1 two' received"):
+        data.height_series(data.dataset(NAME))
 
 
 # ---------------------------------------------------------------- lines of gauges
@@ -212,7 +211,7 @@ def test_known_misfits_are_found():
 def test_the_own_incident_height_takes_a_gain_away():
     """All waves 20 % too high, the incident ones among them."""
     flat = [record(gauge.eta * 0 + wave(1.2 * H0, 0), x=gauge.x, y=gauge.y) for gauge in gauges_of()]
-    known = [replace(one, ratios=np.ones(23)) for one in synthetic()]
+    known = [one._replace(ratios=np.ones(23)) for one in synthetic()]
     for one in compare_heights(computed_heights(flat, KNOWN), known, incident=H0):
         assert one.nrms == pytest.approx(0.2, rel=1e-3) and one.nrms_incident < 1e-4
 

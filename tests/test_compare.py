@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import needs_marin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
@@ -51,22 +52,15 @@ def test_a_record_against_itself_has_no_misfit():
 
 def test_gauges_without_a_partner_are_said():
     t = np.arange(0, 1, 0.02)
-    with pytest.raises(InputError, match=r"x = 1 m, the reference x = 2 m"):
+    with pytest.raises(InputError, match=r"the run has 'a' at x = 1 m; the reference 'b' at x = 2 m"):
         compare([series("a", 1.0, t, t)], [series("b", 2.0, t, t)])
-
-
-def marin():
-    try:
-        return data.gauge_series("marin-202002")
-    except InputError:
-        pytest.skip("the MARIN data are not on this machine")
 
 
 def test_misfit_of_the_published_computation_is_the_stated_one():
     """The data's README states these for Gagarina et al. over 0-120 s."""
-    records = marin()
-    published = [one for kind, group_ in records.items() if kind != "measured" for one in group_]
-    nrms = [one.nrms for one in compare(published, list(records["measured"]))]
+    needs_marin()
+    measured, published = data.gauge_records(data.dataset("marin-202002"))
+    nrms = [one.nrms for one in compare(published.series, measured.series)]
     assert nrms == pytest.approx([0.444, 0.210, 0.381, 0.353, 0.290, 0.274], abs=1e-3)
 
 
@@ -193,7 +187,7 @@ def test_of_gauges_at_one_place_the_namesake_is_the_partner_else_the_nearest():
 
 def test_records_that_cannot_be_compared_are_bad_input():
     one = series("5", 50.0, T, waves(T))
-    with pytest.raises(InputError, match="x = none m"):
+    with pytest.raises(InputError, match="the run has none; the reference '5' at x = 50 m"):
         compare([], [one])
     with pytest.raises(InputError, match="do not overlap"):
         compare([one], [replace(one, t=T + 100.0)])
@@ -208,7 +202,7 @@ def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
         writer.gauges([("1", 1.0)]).append([0.0, 0.0])
         writer.finish("finished", {})
     assert main(["compare", str(tmp_path / "run"), "--with", "runs/w-1"]) == 2
-    said = "wavetank: --with runs/w-1: is no run directory, and no data set; known data sets are: berkhoff_1982_shoal,"
+    said = "wavetank: runs/w-1: is no run directory, no folder with a dataset.toml, no CSV file, and no data set; "
     assert capsys.readouterr().err.startswith(said)
 
 

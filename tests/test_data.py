@@ -3,20 +3,26 @@
 import functools
 import hashlib
 import http.server
+import re
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from conftest import commanded, needs_marin
 
 from wavetank import data
-from wavetank.data import DATASETS, DataFile, Dataset, GaugeRecords
+from wavetank.data import DATASET
+from wavetank.data.dataset import read_dataset
+from wavetank.data.places import KNOWN
 from wavetank.errors import InputError, WavetankError
 
 ROWS = [(0.001 * n, 0.01 * np.sin(0.003 * n)) for n in range(101)]
 PLAIN = "".join(f"{t:.2f} {eta:.4f}\n" for t, eta in ROWS[::20])
 SOURCE = "".join(f"{t:.6g}\t{eta:.6g}\n" for t, eta in ROWS)
 THINNED = "".join(f"{float(f'{t:.6g}'):.3f} {float(f'{eta:.6g}'):.6e}\n" for t, eta in ROWS[::20])
+
+
+NAMES = [path.name for path in KNOWN.iterdir()]
 
 
 def sha256(content):
@@ -28,7 +34,7 @@ def places(tmp_path, monkeypatch):
     """An empty world: a folder for $WAVETANK_DATA and a cache; nothing beside the checkout."""
     monkeypatch.setenv("WAVETANK_DATA", str(tmp_path / "chosen"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(data, "__file__", str(tmp_path / "beside" / "checkout" / "wavetank" / "data.py"))
+    monkeypatch.setattr("wavetank.data.places.HERE", tmp_path / "beside" / "checkout" / "wavetank" / "data")
     return tmp_path
 
 
@@ -46,21 +52,21 @@ def server(tmp_path):
         httpd.shutdown()
 
 
-def small(*urls):
-    return Dataset(
-        name="small",
-        title="a small data set",
-        urls=urls,
-        citation="",
-        licence="",
-        gauges=(("1", 2.5),),
-        measured=GaugeRecords("measured", ("WAVE_1.dat",), ""),
-        published=(GaugeRecords("someone", ("published1.dat",), ""),),
-        files=(
-            DataFile("WAVE_1.dat", sha256(PLAIN.encode())),
-            DataFile("published1.dat", sha256(THINNED.encode()), source="a published 0.dat", every=20),
-        ),
-    )
+def small(places, *urls, wrong=""):
+    """Describe a small data set in the chosen folder, with a wrong checksum for one of its files."""
+    files = {"WAVE_1.dat": (PLAIN, ""), "published1.dat": (THINNED, ', source = "a published 0.dat", every = 20')}
+    sums = {name: "0" * 64 if name == wrong else sha256(text.encode()) for name, (text, _) in files.items()}
+    described = ", ".join(f'{{ name = "{name}", sha256 = "{sums[name]}"{more} }}' for name, (_, more) in files.items())
+    folder = places / "chosen" / "small"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / DATASET).write_text(f"""
+title = "a small data set"
+urls = {list(urls)}
+gauges = [{{ name = "1", x = 2.5 }}]
+files = [{described}]
+records = [{{ files = ["WAVE_1.dat"] }}, {{ source = "someone", files = ["published1.dat"] }}]
+""")
+    return data.dataset("small")
 
 
 def put(folder, text="0 0\n1 1\n2 2\n3 3\n"):
@@ -101,66 +107,71 @@ def test_resolve_reads_data_references_and_paths_relative_to_the_case(places):
         data.resolve("data:set", places)
 
 
-def test_a_download_checks_thins_and_is_read_as_gauge_series(places, server, monkeypatch):
-    monkeypatch.setitem(DATASETS, "small", small(server))
+def test_a_download_checks_thins_and_is_read_as_gauge_series(places, server):
+    small(places, server)
     folder = data.fetch("small")
     assert (folder / "WAVE_1.dat").read_text() == PLAIN
     assert (folder / "published1.dat").read_text() == THINNED
     assert {path.name for path in folder.iterdir()} == {"WAVE_1.dat", "published1.dat"}
-    series = data.gauge_series("small")
-    assert list(series) == ["measured", "someone"]
-    assert (series["measured"][0].name, series["measured"][0].x, series["measured"][0].source) == ("1", 2.5, "measured")
-    np.testing.assert_allclose(series["someone"][0].t, 0.02 * np.arange(6))
-    monkeypatch.setitem(DATASETS, "small", small("http://127.0.0.1:9/"))
+    (measured,), (published,) = (one.series for one in data.gauge_records(data.dataset("small")))
+    assert (measured.name, measured.x, measured.source, published.source) == ("1", 2.5, "measured", "someone")
+    np.testing.assert_allclose(published.t, 0.02 * np.arange(6))
+    small(places, "http://127.0.0.1:9/")
     data.fetch("small")  # all there: nothing is asked of an address where nobody answers
 
 
 def test_the_next_address_is_tried_when_one_fails(places, server):
-    data.download(small(server + "nowhere/", server), places / "into")
+    data.download(small(places, server + "nowhere/", server), places / "into")
     assert (places / "into" / "WAVE_1.dat").read_text() == PLAIN
 
 
-def test_a_wrong_checksum_is_refused_and_leaves_nothing(places, server):
-    good = small(server)
-    for n, file in enumerate(good.files):
-        wrong = replace(good, files=(replace(file, sha256="0" * 64),))
-        with pytest.raises(WavetankError, match=rf"{file.name} could not be downloaded from any of: http://127.0.0.1"):
-            data.download(wrong, places / f"into{n}")
-        assert not any((places / f"into{n}").glob("*.dat"))
+@pytest.mark.parametrize("file", ["WAVE_1.dat", "published1.dat"])
+def test_a_wrong_checksum_is_refused_and_leaves_nothing(places, server, file):
+    with pytest.raises(WavetankError, match=rf"{file} could not be downloaded from any of: http://127.0.0.1"):
+        data.download(small(places, server, wrong=file), places / "into")
+    assert not (places / "into" / file).exists()
 
 
-def test_a_published_computation_that_is_missing_is_left_out(places, monkeypatch):
-    monkeypatch.setitem(DATASETS, "small", small())
-    folder = places / "chosen" / "small"
-    folder.mkdir(parents=True)
+def test_a_published_computation_that_is_missing_is_left_out(places):
+    known = small(places)
     with pytest.raises(InputError, match="data:small/WAVE_1.dat is not in any of"):
-        data.gauge_series("small")
-    (folder / "WAVE_1.dat").write_text(PLAIN)
-    assert list(data.gauge_series("small")) == ["measured"]
+        data.gauge_records(known)
+    (places / "chosen" / "small" / "WAVE_1.dat").write_text(PLAIN)
+    assert [one.series[0].source for one in data.gauge_records(known)] == ["measured"]
 
 
-@pytest.mark.parametrize("name", DATASETS)
+def test_what_is_here_is_listed_with_its_origin_and_terms(places):
+    """Where its files are, or how they come here; whose; which licence; what cannot be read of it."""
+    small(places)
+    (places / "chosen" / "small" / "WAVE_1.dat").write_text(PLAIN)
+    put(places / "chosen" / "broken").rename(places / "chosen" / "broken" / DATASET)
+    said = commanded("data", "list").stdout
+    assert f"small: a small data set\n    data: {places / 'chosen' / 'small'}, without published1.dat\n" in said
+    assert "data: not here; 'wavetank data fetch marin-202002' brings it\n    cite: T. Bunnik, Benchmark" in said
+    assert "licence: digitised points of a published figure" in said
+    assert re.search(r"^broken: .*dataset\.toml: not valid TOML", said, flags=re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_a_registered_data_set_is_consistent(name):
-    dataset = DATASETS[name]
+    dataset = read_dataset(KNOWN / name)
     files = [file.name for file in dataset.files]
     assert dataset.name == name
     assert len(set(files)) == len(files)
-    assert all(len(file.sha256) == 64 for file in dataset.files)
-    for records in (dataset.measured, *dataset.published):
-        assert len(records.files) == len(dataset.gauges)
-        assert set(records.files) <= set(files)
+    assert dataset.citation and dataset.licence and dataset.urls and set(dataset.parts()) <= set(files)
+    assert {path.name for path in (KNOWN / name).iterdir()} == {DATASET}  # no data
 
 
 def test_marin_as_its_readme_describes_it():
     """Largest crest 0.0552 m at x = 50 m, t = 109.34 s; Gagarina et al. 0.0499 m there; 120 s at 0.02 s."""
-    try:
-        series = data.gauge_series("marin-202002")
-    except InputError as missing:
-        pytest.skip(str(missing))
-    gauge = series["measured"][4]
+    needs_marin()
+    known = data.dataset("marin-202002")
+    records = data.gauge_records(known)
+    gauge = records[0].series[4]
     assert (gauge.name, gauge.x) == ("5", 50.0)
     assert gauge.eta.max() == pytest.approx(0.0552, abs=5e-5)
     assert gauge.t[gauge.eta.argmax()] == pytest.approx(109.34)
-    assert all(len(gauge.t) == 6001 and gauge.t[-1] == 120.0 for records in series.values() for gauge in records)
-    for file in DATASETS["marin-202002"].files:
+    assert records[1].series[4].eta.max() == pytest.approx(0.0499, abs=2e-4)
+    assert all(len(gauge.t) == 6001 and gauge.t[-1] == 120.0 for one in records for gauge in one.series)
+    for file in known.files:
         assert sha256(data.find("marin-202002", file.name).read_bytes()) == file.sha256

@@ -156,10 +156,10 @@ def schema(
 
 @data_app.command("list", epilog=example("data list"))
 def list_data() -> None:
-    """List the benchmark data this project knows."""
+    """List the data that are known: where they are, whose, on what terms."""
     terminal = console()
-    for name, dataset in data.DATASETS.items():
-        terminal.print(f"{name}: {dataset.title}", highlight=False)
+    for name in data.names():
+        terminal.print(data.told(name), highlight=False)
 
 
 @data_app.command(epilog=example("data fetch marin-202002"))

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from wavetank.errors import InputError
 from wavetank.records.lock import is_held
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable, conventions, netcdf
-from wavetank.records.series import GaugeSeries
+from wavetank.records.series import GaugeSeries, place
 from wavetank.records.surface import Surface, snapshots, whole
 
 if TYPE_CHECKING:
@@ -76,19 +76,6 @@ def recorded(run: Path) -> Iterator[Path]:
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *pieces):
         yield from run.glob(pattern)
-
-
-def column(name: str, x: float, y: float = 0.0) -> str:
-    """Return how the header of the gauges' table names one."""
-    place = {"x": x, "y": y} if y else {"x": x}
-    return f"{name}@" + ",".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
-
-
-def _place(column: str) -> tuple[str, float, float]:
-    """Return name, x and y [m] of a gauge from its column; raises ``ValueError`` if it tells none."""
-    name, _, place = column.rpartition("@x=")
-    x, _, y = place.partition(",y=")
-    return name, float(x), float(y or 0.0)
 
 
 class _Gauges(NamedTuple):
@@ -221,7 +208,7 @@ class RunDirectory:
         """Return what the gauges' table holds."""
         header, rows = self._table(GAUGES)
         try:
-            places = [_place(column) for column in header[1:]]
+            places = [place(column) for column in header[1:]]
         except ValueError:
             allowed = "NAME@x=METRES, NAME@x=METRES,y=METRES"
             raise InputError(f"{self.path / GAUGES}: column names {header[1:]}; allowed are {allowed}.") from None

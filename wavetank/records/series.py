@@ -1,4 +1,4 @@
-"""A gauge's record: surface elevation against time at one place, measured or computed."""
+"""A gauge's record: surface elevation against time at one place, measured or computed; how tables name its place."""
 
 from dataclasses import dataclass
 
@@ -32,3 +32,18 @@ class GaugeSeries:
     eta: NDArray[np.float64]
     source: str
     y: float = 0.0
+
+
+def column(name: str, x: float, y: float = 0.0) -> str:
+    """Return how the header of the gauges' table names one."""
+    place = {"x": x, "y": y} if y else {"x": x}
+    return f"{name}@" + ",".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
+
+
+def place(column: str) -> tuple[str, float, float]:
+    """Return name, x and y [m] of a gauge from its column; raises ``ValueError`` if it tells none."""
+    name, told, place = column.rpartition("@x=")
+    if not told:
+        raise ValueError(f"{column!r} tells no place")
+    x, _, y = place.partition(",y=")
+    return name, float(x), float(y or 0.0)

@@ -16,7 +16,6 @@ from wavetank.records.directory import (
     ROOM,
     SURFACE,
     RunDirectory,
-    column,
     recorded,
     replace,
     unfinished,
@@ -26,6 +25,7 @@ from wavetank.records.growing import GrowingFile, TableWriter
 from wavetank.records.lock import LOCK, RunLock, is_held
 from wavetank.records.netcdf import conventions
 from wavetank.records.place import Place
+from wavetank.records.series import column
 from wavetank.records.surface import SurfaceWriter
 
 R = TypeVar("R", bound=GrowingFile)

@@ -1,0 +1,209 @@
+"""Data of one's own: a CSV, or a folder with a dataset.toml: units, gains, columns, clocks, and what does not fit."""
+
+import csv
+import gzip
+import re
+
+import numpy as np
+import pytest
+from conftest import commanded
+from ranks import CHECKOUT
+
+from wavetank import data
+from wavetank.errors import InputError
+from wavetank.postprocess.compare import synchronised
+from wavetank.records.series import GaugeSeries
+from wavetank.records.writer import RunWriter
+
+T = np.arange(0.0, 30.0, 0.05)
+PLACES = {"1": 2.0, "5": 7.5}
+
+
+def eta(t, x):
+    """A group that moves at 1.5 m/s [m]."""
+    s = t - 8.0 - x / 1.5
+    return 0.02 * np.exp(-((s / 4.0) ** 2)) * np.cos(4.0 * s)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run directory with two gauges."""
+    path = tmp_path_factory.mktemp("own") / "run"
+    with RunWriter(path, {}) as writer:
+        table = writer.gauges(list(PLACES.items()))
+        for t in T:
+            table.append([t, *(eta(t, x) for x in PLACES.values())])
+        writer.finish("finished", {})
+    return path
+
+
+def rows(*columns):
+    return "".join(",".join(f"{value:.9g}" for value in row) + "\n" for row in zip(*columns, strict=True))
+
+
+def compared(run, reference, tmp_path):
+    """Return the rows of the comparison by the gauges' names."""
+    out = tmp_path / "out"
+    said = commanded("compare", str(run), "--with", str(reference), "--out", str(out))
+    assert said.returncode == 0, said.stderr
+    assert (out / "compare.png").stat().st_size > 10_000
+    with (out / "compare.csv").open() as file:
+        return {row.pop("gauge"): {key: float(value) for key, value in row.items()} for row in csv.DictReader(file)}
+
+
+@pytest.mark.parametrize(
+    "header", ["t,1,5", "time [s], 1 [m], 5 [m]", "t [s];1@x=2;5@x=7.5"], ids=["names", "units", "places"]
+)
+def test_a_plain_csv_names_its_gauges(run, tmp_path, header):
+    table = rows(T, 1.1 * eta(T, 2.0), eta(T, 7.5))
+    (tmp_path / "mine.csv").write_text(f"{header}\n{table if ',' in header else table.replace(',', ';')}")
+    found = compared(run, tmp_path / "mine.csv", tmp_path)
+    assert {name: row["x [m]"] for name, row in found.items()} == PLACES
+    assert found["1"]["nrms"] == pytest.approx(0.1 / 1.1, rel=1e-6)  # (1 - 1.1) eta against 1.1 eta
+    assert found["5"]["nrms"] < 1e-6
+
+
+FOLDER = """
+gauges = [{ name = "upstream", x = 2.0 }, { name = "focus", x = 7.5 }]
+
+[[records]]
+files = ["wave.csv.gz"]
+time = "time"
+columns = ["a", 4]
+units = { time = "ms", elevation = "mm" }
+gains = [2.0, 1.0]
+clock_offset = OFFSET
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Return a function that describes a measurement in ms and mm, half a gain lost, whose clock is 3.21 s late."""
+
+    def described(offset):
+        (tmp_path / "tests 2024").mkdir(exist_ok=True)
+        table = rows(1e3 * (T + 3.21), 0 * T, 500 * eta(T, 2.0), 1e3 * eta(T, 7.5))
+        (tmp_path / "tests 2024" / "wave.csv.gz").write_bytes(gzip.compress(b"time,none,a,b\n" + table.encode()))
+        (tmp_path / "tests 2024" / data.DATASET).write_text(FOLDER.replace("OFFSET", offset))
+        return tmp_path / "tests 2024"
+
+    return described
+
+
+@pytest.mark.parametrize("offset", ['"free"', "[-5.0, 0]", "-3.21"])
+def test_columns_units_gains_and_clock_are_as_described(run, folder, tmp_path, offset):
+    found = compared(run, folder(offset), tmp_path)
+    assert list(found) == ["upstream", "focus"]
+    for row in found.values():
+        assert row["clock_offset [s]"] == pytest.approx(-3.21, abs=1e-5)  # the spline of 31 samples a period: 1e-6
+        assert row["nrms"] < 1e-4
+
+
+def test_a_bound_that_keeps_the_true_clock_out_is_kept(run, folder, tmp_path):
+    found = compared(run, folder("[-3.0, -2.5]"), tmp_path)
+    assert found["focus"]["clock_offset [s]"] == pytest.approx(-3.0, abs=1e-5)
+    assert found["focus"]["shift [s]"] == pytest.approx(0.21, abs=1e-4)  # what its own fit finds on top of it
+    alone = compared(run, folder("0"), tmp_path / "alone")
+    assert alone["focus"]["clock_offset [s]"] == 0.0 and alone["focus"]["nrms"] > 0.5
+
+
+def test_one_clock_serves_all_gauges():
+    """The least mean square over all: two gauges whose own best offsets differ by 0.1 s meet in the middle."""
+    computed = [GaugeSeries(name, x, T, eta(T, x), "computed") for name, x in PLACES.items()]
+    lag = {"1": 1.0, "5": 1.1}
+    measured = [GaugeSeries(name, x, T + lag[name], eta(T, x), "measured") for name, x in PLACES.items()]
+    _, offset = synchronised(computed, data.GaugeRecords(tuple(measured), (-np.inf, np.inf)))
+    assert offset == pytest.approx(-1.05, abs=1e-3)
+
+
+def test_a_file_for_each_gauge(tmp_path):
+    """As benchmarks come: no header, blanks; the second column is the elevation."""
+    for n in (1, 2):
+        (tmp_path / f"g{n}.dat").write_text("# t eta\n" + "".join(f" {t} {n * t}\n" for t in range(5)))
+    (tmp_path / data.DATASET).write_text(
+        'gauges = [{ name = "1" }, { name = "2" }]\n[[records]]\nfiles = ["g1.dat", "g2.dat"]\n'
+    )
+    (records,) = data.gauge_records(data.opened(str(tmp_path)))
+    np.testing.assert_array_equal([one.eta for one in records.series], [range(5), range(0, 10, 2)])
+
+
+def test_the_worked_example_is_as_its_page_says(tmp_path):
+    """The page's own dataset.toml, of a file as it describes it: gains, units and clock are taken off again."""
+    page = (CHECKOUT / "docs" / "compare.md").read_text()
+    (described,) = re.findall(r"^```toml\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
+    late = rows(1e3 * (T + 4.2), 0 * T, 1e3 / 1.02 * eta(T, 4.0), 1e3 * eta(T, 10.0))
+    (tmp_path / data.DATASET).write_text(described)
+    (tmp_path / "test12.csv").write_text(f"time,paddle,WG1,WG2\n{late}")
+    with RunWriter(tmp_path / "run", {}) as writer:
+        table = writer.gauges([("1", 4.0), ("focus", 10.0)])
+        for t in T:
+            table.append([t, eta(t, 4.0), eta(t, 10.0)])
+    found = compared(tmp_path / "run", tmp_path, tmp_path)
+    assert [row["clock_offset [s]"] for row in found.values()] == pytest.approx(2 * [-4.2], abs=1e-5)
+    assert max(row["nrms"] for row in found.values()) < 1e-4
+    (table,) = re.findall(r"^```text\n(.*?)^```", page, flags=re.DOTALL | re.MULTILINE)
+    (tmp_path / "mine.csv").write_text(table)
+    (records,) = data.gauge_records(data.opened(str(tmp_path / "mine.csv")))
+    assert [one.name for one in records.series] == ["1", "5"] and records.series[0].t[-1] == 0.06
+
+
+WRONG = {
+    "a unit": (
+        'units = { time = "ms",',
+        'units = { time = "h",',
+        "records.0.units.time = \"h\": must be 's', 'ms' or 'min'",
+    ),
+    "a key": ("gains =", "gain =", "records.0.gain = [2.0, 1.0]: is no key of a data set"),
+    "gains": ("[2.0, 1.0]", "[2.0]", "records.0.gains: 1 received; there are 2 gauges"),
+    "a column": (
+        '["a", 4]',
+        '["eta", 4]',
+        "wave.csv.gz: column 'eta' asked for; the names in its first line are: time, none",
+    ),
+    "a number": ('["a", 4]', '["a", 5]', "wave.csv.gz: column 5 asked for; it has 4"),
+    "a clock": (
+        "[-5.0, 0]",
+        "[0, -5.0]",
+        "records.0.clock_offset = [0, -5.0]: must be 'free', a number of seconds, or",
+    ),
+    "another clock": ("[-5.0, 0]", "[500, 600]", "clock_offset: no offset in its bounds leaves half of the records"),
+    "a file": ("wave.csv.gz", "../wave.csv.gz", "must be a file in the folder of the data, or below"),
+    "no file": ("wave.csv.gz", "none.csv", "none.csv: cannot be read (No such file or directory)"),
+    "a place": ("x = 7.5", "x = 7.6", ""),
+    "all places": ("x = ", "y = 9.0, x = ", "no gauge in common: the run has '1' at x = 2 m, '5' at x = 7.5 m; the"),
+    "a name twice": ("focus", "upstream", "gauges: 'upstream' is the name of several; each must have its own"),
+    "TOML": ("gauges = [", "gauges = [[", "not valid TOML"),
+}
+
+
+@pytest.mark.parametrize(("old", "new", "said"), WRONG.values(), ids=WRONG.keys())
+def test_what_does_not_fit_is_a_sentence(run, folder, tmp_path, old, new, said):
+    path = folder("[-5.0, 0]")
+    text = (path / data.DATASET).read_text()
+    assert old in text
+    (path / data.DATASET).write_text(text.replace(old, new))
+    result = commanded("compare", str(run), "--with", str(path), "--out", str(tmp_path / "out"))
+    assert said in result.stderr and "Traceback" not in result.stderr
+    assert result.returncode == (2 if said else 0)  # one gauge in common is enough
+    assert (tmp_path / "out").exists() == (not said)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.0,1.0\n0.1,2.0\n", "its first line must name the columns"),
+        ("t,1 [mm]\n0.0,1.0\n", r"column '1 \[mm\]' received; a table is in s and m, or has a dataset.toml"),
+        ("t,1\n0.0,1.0\n0.1,\n", "line 3: '0.1,' received; allowed are finite numbers, as many in each row"),
+        ("t,1\n0.0,1.0\n0.0,2.0\n", "line 3: time 0 received after 0; times must ascend"),
+    ],
+)
+def test_a_table_that_is_none_is_said(tmp_path, text, said):
+    (tmp_path / "mine.csv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        data.gauge_records(data.opened(str(tmp_path / "mine.csv")))
+
+
+def test_a_name_that_the_run_does_not_have_is_said(run, tmp_path):
+    (tmp_path / "mine.csv").write_text("t,left\n" + rows(T, T))
+    said = commanded("compare", str(run), "--with", str(tmp_path / "mine.csv"))
+    assert said.returncode == 2 and "the run has '1' at x = 2 m, '5' at x = 7.5 m; the reference 'left'" in said.stderr

@@ -1,0 +1,33 @@
+"""Measured and published data: what is known of them, where they are, and the records they hold.
+
+A set of data is a folder with a ``dataset.toml`` (``dataset.py``) that says what its files hold. Those of a few
+benchmarks come with this package (``known/``): facts, addresses and checksums, for the data are not part of it.
+"""
+
+from wavetank.data.dataset import DATASET, DataFile, Dataset, Gauge, Records, Section, WaveHeights
+from wavetank.data.download import download, fetch
+from wavetank.data.places import dataset, find, folders, names, opened, resolve, told
+from wavetank.data.series import GaugeRecords, HeightSeries, gauge_records, height_series
+
+__all__ = [
+    "DATASET",
+    "DataFile",
+    "Dataset",
+    "Gauge",
+    "GaugeRecords",
+    "HeightSeries",
+    "Records",
+    "Section",
+    "WaveHeights",
+    "dataset",
+    "download",
+    "fetch",
+    "find",
+    "folders",
+    "gauge_records",
+    "height_series",
+    "names",
+    "opened",
+    "resolve",
+    "told",
+]

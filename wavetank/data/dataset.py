@@ -1,0 +1,228 @@
+"""What a ``dataset.toml`` can say of the files beside it."""
+
+import tomllib
+from collections import Counter
+from math import inf, isfinite
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+from urllib.parse import quote
+
+from pydantic import BeforeValidator, Field, Strict, ValidationError, model_validator
+from pydantic_core import ErrorDetails
+
+from wavetank.errors import InputError
+from wavetank.values.files import regular
+from wavetank.values.noun import Noun, Problem
+from wavetank.values.quantities import Coordinate, Height, Label, Pair
+
+DATASET = "dataset.toml"
+MEASURED = "measured"
+FREE = (-inf, inf)
+AXES = {"x": 0, "y": 1}  # of a place (x, y)
+SECONDS = {"s": 1.0, "ms": 1e-3, "min": 60.0}
+METRES = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+
+
+def _column(received: Any) -> Any:
+    if isinstance(received, str) or (type(received) is int and received >= 1):
+        return received
+    raise ValueError("must be a column's number, from 1, or its name in the file's first line")
+
+
+def _clock(received: Any) -> Any:
+    """Return the smallest and the largest offset [s] that is meant."""
+    if received == "free":
+        return FREE
+    bounds = received if isinstance(received, list | tuple) else [received, received]
+    numbers = [float(one) for one in bounds if type(one) in (int, float) and isfinite(one)]
+    if len(numbers) == len(bounds) == 2 and numbers[0] <= numbers[1]:
+        return tuple(numbers)
+    raise ValueError("must be 'free', a number of seconds, or [smallest, largest]")
+
+
+def _file(name: str) -> str:
+    if name.startswith("/") or any(part in ("", ".", "..") or "\0" in part for part in name.split("/")):
+        raise ValueError("must be a file in the folder of the data, or below")
+    return name
+
+
+Column = Annotated[int | str, BeforeValidator(_column)]
+Bound = Annotated[float, Field(allow_inf_nan=True)]
+Clock = Annotated[tuple[Bound, Bound], Strict(False), BeforeValidator(_clock)]
+FileName = Annotated[str, BeforeValidator(_file)]
+
+
+class DataFile(Noun):
+    """A file that can be downloaded."""
+
+    name: FileName = Field(description="its name here")
+    sha256: str = Field(pattern="^[0-9a-f]{64}$", description="its checksum")
+    source: str = Field(default="", description="its name at the source, if that differs")
+    every: int = Field(default=1, ge=1, description="which rows of the source it keeps: 20 for each twentieth")
+
+    @property
+    def address(self) -> str:
+        """Its path below the source's address, quoted for a URL."""
+        return quote(self.source or self.name)
+
+    @property
+    def derived(self) -> bool:
+        """Whether the file is made from the source's instead of being it."""
+        return self.every > 1
+
+
+class Gauge(Noun):
+    """A place where the elevation is known."""
+
+    name: Label = Field(description="what it is called")
+    x: Coordinate | None = Field(default=None, description="distance from the paddle's rest position [m]")
+    y: Coordinate = Field(default=0.0, description="distance across the tank [m]")
+
+
+class Units(Noun):
+    """What the numbers in a file are."""
+
+    time: Literal["s", "ms", "min"] = "s"
+    elevation: Literal["m", "cm", "mm"] = "m"
+
+
+class Records(Noun):
+    """Elevations at all gauges of a data set from one origin."""
+
+    source: Label = Field(default=MEASURED, description="where they come from, for legends")
+    citation: str = Field(default="", description="what to cite")
+    files: Annotated[tuple[FileName, ...], Strict(False)] = Field(
+        min_length=1, description="one file for all gauges, or one for each, in their order"
+    )
+    time: Column = Field(default=1, description="column of the times")
+    columns: Annotated[tuple[Column, ...], Strict(False)] = Field(
+        default=(), description="column of each gauge; default: that of its name, else the next"
+    )
+    units: Units = Units()
+    gains: Annotated[tuple[float, ...], Strict(False)] = Field(
+        default=(), description="what each gauge's elevations are to be multiplied by; default 1"
+    )
+    clock_offset: Clock = Field(
+        default=(0.0, 0.0), description="what is to be added to the times [s]: a number, [smallest, largest], or 'free'"
+    )
+
+
+class Section(Noun):
+    """A straight line through a tank, parallel to an axis, along which wave heights are known."""
+
+    name: Label = Field(description="what it is called")
+    along: Literal["x", "y"] = Field(description="the axis it runs along")
+    at: Coordinate = Field(description="the other coordinate [m]")
+    reach: Pair = Field(description="where it begins and ends on its axis [m]")
+
+    @property
+    def across(self) -> str:
+        """The axis of the coordinate that is the same all along it."""
+        return next(axis for axis in AXES if axis != self.along)
+
+    def coordinates(self, x: float, y: float) -> tuple[float, float]:
+        """Return how far along its axis a place (x, y) is, and how far beside the line [m]."""
+        place = (x, y)
+        return place[AXES[self.along]], place[AXES[self.across]] - self.at
+
+
+class HeightColumn(Noun):
+    """Where wave heights along a section stand: beside their places in a file."""
+
+    section: Label = Field(description="the section's name")
+    file: FileName = Field(description="the file; its first column is the place along the section's axis [m]")
+    column: Column = Field(default=2, description="column of the heights")
+    sign: Literal[-1, 1] = Field(default=1, description="-1 where the file counts its places against the axis")
+
+
+class HeightRecords(Noun):
+    """Wave heights along sections from one origin."""
+
+    source: Label = Field(default=MEASURED, description="where they come from, for legends")
+    citation: str = Field(default="", description="what to cite")
+    incident: float = Field(gt=0, description="what stands in the columns for the incident wave's height")
+    columns: Annotated[tuple[HeightColumn, ...], Strict(False)] = Field(description="where each section's heights are")
+
+
+class WaveHeights(Noun):
+    """Wave heights along sections."""
+
+    incident_height: Height = Field(description="H0 [m], which the heights are given in parts of")
+    incident: Section = Field(description="where that wave still is as the paddle made it")
+    start: float = Field(ge=0, description="when the waves are established [s]")
+    sections: Annotated[tuple[Section, ...], Strict(False)]
+    records: Annotated[tuple[HeightRecords, ...], Strict(False)]
+
+    def lost_sections(self) -> list[str]:
+        """Return the names of sections that have heights and are not described."""
+        known = {section.name for section in self.sections}
+        return [one.section for records in self.records for one in records.columns if one.section not in known]
+
+
+class Dataset(Noun):
+    """A set of data, the first of whose records is what others are compared with."""
+
+    name: Label = Field(default="", description="what it is called; default: as its folder")
+    title: Label = Field(default="", description="one line on what it is")
+    citation: str = Field(default="", description="what to cite")
+    licence: str = Field(default="", description="on what terms it is given")
+    urls: Annotated[tuple[str, ...], Strict(False)] = Field(
+        default=(), description="public addresses of the folder, tried in this order"
+    )
+    gauges: Annotated[tuple[Gauge, ...], Strict(False)] = ()
+    records: Annotated[tuple[Records, ...], Strict(False)] = ()
+    heights: WaveHeights | None = None
+    files: Annotated[tuple[DataFile, ...], Strict(False)] = Field(default=(), description="what can be downloaded")
+    folder: Path = Field(default=Path(), description="where its description was read")
+
+    @model_validator(mode="after")
+    def _fits_together(self) -> Self:
+        names, number = Counter(gauge.name for gauge in self.gauges), len(self.gauges)
+        if twice := [name for name, count in names.items() if count > 1]:
+            raise ValueError(f"gauges: {twice[0]!r} is the name of several; each must have its own")
+        for n, one in enumerate(self.records):
+            for key, received, allowed in (
+                ("files", len(one.files), {1, number}),
+                ("columns", len(one.columns), {0, number}),
+                ("gains", len(one.gains), {0, number}),
+            ):
+                if received not in allowed:
+                    raise ValueError(f"records.{n}.{key}: {received} received; there are {number} gauges")
+        if self.heights and (lost := self.heights.lost_sections()):
+            raise ValueError(f"heights: section {lost[0]!r} has heights, and is not one of the sections")
+        return self
+
+    def parts(self) -> list[str]:
+        """Return the names of all files that are read of it, in the order of their mention."""
+        heights = self.heights.records if self.heights else ()
+        read = [file for one in self.records for file in one.files]
+        return list(dict.fromkeys([*read, *(column.file for one in heights for column in one.columns)]))
+
+
+def read_dataset(folder: Path) -> Dataset:
+    """Return what a folder's ``dataset.toml`` says.
+
+    Raises ``InputError``, a line for each mistake: the file, the key, what was received, what is allowed.
+    """
+    path = folder / DATASET
+    try:
+        content = tomllib.loads(regular(path).read_text(encoding="utf-8-sig"))
+        return Dataset.model_validate({"name": folder.resolve().name, **content, "folder": folder})
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}).") from None
+    except ValidationError as error:
+        raise InputError("\n".join(f"{path}: {_said(one)}." for one in error.errors(include_url=False))) from None
+    except ValueError as error:
+        raise InputError(f"{path}: not valid TOML: {error}.") from None
+
+
+def _said(details: ErrorDetails) -> str:
+    """Return what one of pydantic's errors means."""
+    if not details["loc"]:
+        return str(details["ctx"]["error"])
+    if details["type"] == "missing":
+        return str(Problem(details["loc"], None, "is missing"))
+    allowed = details["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    if details["type"] == "extra_forbidden":
+        allowed = "is no key of a data set"
+    return str(Problem(details["loc"], details["input"], allowed))

@@ -1,0 +1,163 @@
+"""Where data are found: in ``$WAVETANK_DATA/NAME``, in ``../shared/data/NAME`` by the checkout, in the cache."""
+
+import os
+from pathlib import Path
+
+from wavetank.cache import places
+from wavetank.data.dataset import DATASET, Dataset, Gauge, Records, read_dataset
+from wavetank.errors import InputError
+from wavetank.records.series import place
+from wavetank.values.columns import read_columns
+
+PART = "data"  # of the cache
+HERE = Path(__file__).resolve().parent
+KNOWN = HERE / "known"
+UNITS = ("", "s", "m")  # of a table without a description
+
+
+def folders() -> list[Path]:
+    """Return the folders in which data sets are looked for, in that order."""
+    chosen = os.environ.get("WAVETANK_DATA")
+    beside = HERE.parents[2] / "shared" / "data"
+    return [*([Path(chosen)] if chosen else []), beside, *places(PART)]
+
+
+def names() -> list[str]:
+    """Return the names of the data sets that are described, here or in this package."""
+    return sorted({path.parent.name for folder in _described() for path in folder.glob(f"*/{DATASET}")})
+
+
+def _described() -> list[Path]:
+    """Return where descriptions are looked for, in that order."""
+    return [*folders(), KNOWN]
+
+
+def dataset(name: str) -> Dataset:
+    """Return the data set of a name; raise ``InputError`` for an unknown one."""
+    for folder in _described():
+        if name and "/" not in name and os.path.isfile(folder / name / DATASET):
+            return read_dataset(folder / name)
+    raise InputError(f"data set {name!r} received; known data sets are: {', '.join(names())}.")
+
+
+def opened(reference: str) -> Dataset:
+    """Return the data set that is meant: a known one by name, a folder with a ``dataset.toml``, or a plain CSV file.
+
+    Raises ``InputError`` for what is none of them.
+    """
+    path = Path(reference)
+    if reference in names():
+        return dataset(reference)
+    if path.name == DATASET:
+        return read_dataset(path.parent)
+    if path.is_dir() and (path / DATASET).exists():
+        return read_dataset(path)
+    if path.is_file():
+        return plain(path)
+    known = ", ".join(names())
+    raise InputError(
+        f"{reference}: is no run directory, no folder with a {DATASET}, no CSV file, and no data set; "
+        f"known data sets are: {known}."
+    )
+
+
+def plain(path: Path) -> Dataset:
+    """Return a table as a data set: the first column is the time [s], the header names the gauges [m] of the others.
+
+    A name may tell its place, ``5@x=50`` or ``5@x=50,y=2``, as in a run's own ``gauges.csv``. Raises ``InputError`` for
+    a file without a header, and for other units.
+    """
+    columns = read_columns(path).names
+    if len(columns) < 2:
+        raise InputError(f"{path}: its first line must name the columns: the time [s], then the gauges [m].")
+    plain_names = [_unit_taken_off(path, name) for name in columns[1:]]
+    gauges = [_gauge(name) for name in plain_names]
+    numbers = tuple(range(2, len(columns) + 1))
+    _unit_taken_off(path, columns[0])
+    records = Records(files=(path.name,), columns=numbers, source=path.stem)
+    return Dataset(name=path.stem, folder=path.parent, gauges=tuple(gauges), records=(records,))
+
+
+def _unit_taken_off(path: Path, column: str) -> str:
+    name, _, unit = column.removesuffix("]").partition("[")
+    if unit not in UNITS:
+        raise InputError(f"{path}: column {column!r} received; a table is in s and m, or has a {DATASET} beside it.")
+    return name.strip()
+
+
+def _gauge(column: str) -> Gauge:
+    try:
+        name, x, y = place(column)
+        return Gauge(name=name, x=x, y=y)
+    except ValueError:
+        return Gauge(name=column)
+
+
+def find(name: str, file: str) -> Path:
+    """Return the path of a data set's file; raise ``InputError`` that says where it was looked for."""
+    looked = [folder / name / file for folder in folders()]
+    for path in looked:
+        if os.path.isfile(path):  # Path.is_file fails where a folder cannot be entered
+            return path
+    raise InputError(f"data:{name}/{file} is not in any of: {', '.join(map(str, looked))}; {_remedy(name, file)}.")
+
+
+def located(data: Dataset, file: str) -> Path:
+    """Return the path of a file of a data set: beside its description, or where data are found."""
+    beside = data.folder / file
+    if os.path.isfile(beside) or data.folder.parent not in _described():
+        return beside
+    return find(data.name, file)
+
+
+def told(name: str) -> str:
+    """Return what a known data set is, where it is, whose, and on what terms: a line each."""
+    try:
+        data = dataset(name)
+        places, missing = _here(data)
+    except InputError as error:
+        return f"{name}: {error}"
+    where = ", ".join(map(str, places)) or "not here"
+    if missing:
+        lost = ", ".join(missing) if places else ""
+        where += (f", without {lost}" if lost else "") + f"; 'wavetank data fetch {name}' brings it" * bool(data.urls)
+    facts = {"data": where, "cite": data.citation or "?", "licence": data.licence or "?"}
+    return "\n".join([f"{name}: {data.title}", *(f"    {key}: {fact}" for key, fact in facts.items())])
+
+
+def _here(data: Dataset) -> tuple[list[Path], list[str]]:
+    """Return the folders that a data set's files are in, and the names of those that are nowhere."""
+    found, missing = dict[Path, None](), list[str]()
+    for file in dict.fromkeys([*(known.name for known in data.files), *data.parts()]):
+        try:
+            path = located(data, file)
+        except InputError:
+            path = data.folder / file
+        if os.path.isfile(path):
+            found[path.parent] = None
+        else:
+            missing.append(file)
+    return list(found), missing
+
+
+def _remedy(name: str, file: str) -> str:
+    if name not in names():
+        return f"set WAVETANK_DATA to the folder that holds {name!r} (known data sets: {', '.join(names())})"
+    files = [known.name for known in dataset(name).files]
+    if file not in files:
+        return f"the files of {name} are: {', '.join(files)}"
+    return f"'wavetank data fetch {name}' downloads it"
+
+
+def resolve(reference: str, folder: Path) -> Path:
+    """Return the path that a case file in ``folder`` means: ``data:NAME/FILE``, or an ordinary path relative to it.
+
+    Raises ``InputError`` if the reference is not of that form or the data are not there.
+    """
+    scheme, colon, where = reference.partition(":")
+    if not (colon and scheme == "data"):
+        return (folder / reference).resolve()
+    name, *parts = where.split("/")
+    if not parts or any(part in ("", ".", "..") or "\0" in part for part in (name, *parts)):
+        raise InputError(f"path {reference!r} received; allowed is data:NAME/FILE, a file in the data set's folder.")
+    return find(name, "/".join(parts))

@@ -1,0 +1,116 @@
+"""What data sets hold: elevations at gauges, wave heights along sections."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.data.dataset import METRES, SECONDS, Column, Dataset, HeightColumn, HeightRecords, Records, Section
+from wavetank.data.places import located
+from wavetank.errors import InputError
+from wavetank.records.series import GaugeSeries
+from wavetank.values.columns import Columns, check_ascending, read_columns
+
+SECOND = 2  # column, from 1
+
+
+class GaugeRecords(NamedTuple):
+    """Elevations at gauges from one origin.
+
+    Attributes
+    ----------
+    series
+        One a gauge; x is not a number where it is not known.
+    clock
+        Between what times [s] lies what is to be added to theirs.
+    """
+
+    series: tuple[GaugeSeries, ...]
+    clock: tuple[float, float] = (0.0, 0.0)
+
+
+class HeightSeries(NamedTuple):
+    """Wave heights along a section, read: places along its axis [m], ascending, and H / H0, both of shape (N,)."""
+
+    section: Section
+    places: NDArray[np.float64]
+    ratios: NDArray[np.float64]
+    source: str
+
+
+def gauge_records(data: Dataset) -> list[GaugeRecords]:
+    """Return a data set's records at its gauges: first those that others are compared with, then published ones.
+
+    A published computation whose files are not there is left out. Raises ``InputError`` where there are none, for
+    files of the first that are not there, and for files that cannot be read.
+    """
+    if not data.records:
+        raise InputError(f"{data.name}: has no records of gauges.")
+    first, *others = data.records
+    return [_records(data, one) for one in (first, *(one for one in others if _present(data, one)))]
+
+
+def _present(data: Dataset, records: Records) -> bool:
+    try:
+        return all(located(data, file).exists() for file in records.files)
+    except InputError:
+        return False
+
+
+def _records(data: Dataset, records: Records) -> GaugeRecords:
+    number = len(data.gauges)
+    each = len(records.files) == number
+    paths = [located(data, file) for file in records.files] * (1 if each else number)
+    tables = {path: read_columns(path) for path in dict.fromkeys(paths)}
+    seconds, metres = SECONDS[records.units.time], METRES[records.units.elevation]
+    series = []
+    for n, (gauge, path) in enumerate(zip(data.gauges, paths, strict=True)):
+        table, x = tables[path], np.nan if gauge.x is None else gauge.x
+        column = records.columns[n] if records.columns else _usual(gauge.name, table, SECOND if each else SECOND + n)
+        t, eta = (_column(path, table, one) for one in (records.time, column))
+        check_ascending(path, table.lines, t)
+        scale = metres * (records.gains[n] if records.gains else 1.0)
+        series.append(GaugeSeries(gauge.name, x, seconds * t, scale * eta, records.source, gauge.y))
+    return GaugeRecords(tuple(series), records.clock_offset)
+
+
+def _usual(gauge: str, table: Columns, number: int) -> Column:
+    """Return the column that is a gauge's where none is told: that of its name, else of its number."""
+    alone = number == SECOND and len(table.names) == SECOND
+    return gauge if table.names and (gauge in table.names or not alone) else number
+
+
+def _column(path: Path, table: Columns, column: Column) -> NDArray[np.float64]:
+    """Return a column of a table; raise ``InputError`` if there is none."""
+    if isinstance(column, str):
+        if column not in table.names:
+            have = ", ".join(table.names) or "none: it begins with numbers"
+            raise InputError(f"{path}: column {column!r} asked for; the names in its first line are: {have}.")
+        column = table.names.index(column) + 1
+    if column > table.values.shape[1]:
+        raise InputError(f"{path}: column {column} asked for; it has {table.values.shape[1]}.")
+    return table.values[:, column - 1]
+
+
+def height_series(data: Dataset) -> list[HeightSeries]:
+    """Return a data set's wave heights along sections, one origin after the other; none where it has none.
+
+    Raises ``InputError`` for files that are not there or cannot be read, and for sections that are not described.
+    """
+    if data.heights is None:
+        return []
+    sections = {section.name: section for section in data.heights.sections}
+    return [
+        _heights(located(data, column.file), column, records, sections[column.section])
+        for records in data.heights.records
+        for column in records.columns
+    ]
+
+
+def _heights(path: Path, column: HeightColumn, records: HeightRecords, section: Section) -> HeightSeries:
+    table = read_columns(path)
+    places, heights = column.sign * _column(path, table, 1), _column(path, table, column.column)
+    ascending = np.argsort(places)
+    ratios = np.divide(heights[ascending], records.incident, dtype=np.float64)
+    return HeightSeries(section, places[ascending], ratios, records.source)

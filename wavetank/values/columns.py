@@ -1,0 +1,93 @@
+"""Text files of numbers in columns, separated by blanks, commas or semicolons, with ``#`` for comments."""
+
+import csv
+import gzip
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.values.files import TEXT, regular
+
+Array = NDArray[np.float64]
+
+
+class Columns(NamedTuple):
+    """What a file holds.
+
+    Attributes
+    ----------
+    names
+        Of the columns, from a first line that is no numbers; empty without one.
+    values
+        Shape (rows, columns).
+    lines
+        Where each row stands.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    lines: tuple[int, ...]
+
+
+def read_columns(
+    path: Path, *, columns: int = 0, allowed: str = "allowed are finite numbers, as many in each row"
+) -> Columns:
+    """Return the numbers in a file, which may be packed (``.gz``).
+
+    Raises ``InputError`` naming the file and the line if it cannot be read, or if a row is not finite numbers, as many
+    as there are ``columns``; where no number is given, the first line tells it, which then may be names.
+    ``allowed`` ends the sentence.
+    """
+    names, rows, numbers = tuple[str, ...](), list[list[float]](), list[int]()
+    for number, line in _lines(path):
+        try:
+            row = [float(cell) for cell in re.sub("[,;]", " ", line).split()]
+        except ValueError:
+            row = []
+        if not (row or columns):
+            names = _names(line)
+        elif not (len(row) == (columns or len(row)) and np.isfinite(row).all()):
+            raise InputError(f"{path}, line {number}: {line!r} received; {allowed}.")
+        else:
+            rows.append(row)
+            numbers.append(number)
+        columns = columns or len(row or names)
+    return Columns(names, np.array(rows).reshape(len(rows), columns), tuple(numbers))
+
+
+def check_ascending(path: Path, lines: Sequence[int], times: Array) -> None:
+    """Raise ``InputError``, which names the line, for times that do not ascend."""
+    for before, time, number in zip(times, times[1:], lines[1:], strict=False):
+        if not time > before:
+            raise InputError(f"{path}, line {number}: time {time:g} received after {before:g}; times must ascend.")
+
+
+def _names(line: str) -> tuple[str, ...]:
+    """Return the columns' names in a header."""
+    if mark := next((mark for mark in ",;" if mark in line), None):
+        return tuple(name.strip() for name in next(csv.reader([line], delimiter=mark, skipinitialspace=True)))
+    return tuple(re.sub(r"\s+\[", "[", line).split())
+
+
+def _lines(path: Path) -> list[tuple[int, str]]:
+    """Return the lines that are no comment, with their numbers."""
+    try:
+        text = _content(path).decode("utf-8-sig")
+    except (OSError, EOFError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise InputError(f"{path}: cannot be read ({reason}); a text file of columns is needed.") from None
+    lines = ((number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1))
+    return [(number, line) for number, line in lines if line]
+
+
+def _content(path: Path) -> bytes:
+    """Return what is in a file, of a packed one at most ``TEXT`` bytes; raises ``OSError``."""
+    if path.suffix != ".gz":
+        return regular(path).read_bytes()
+    with gzip.open(regular(path)) as file:
+        return file.read(TEXT)
