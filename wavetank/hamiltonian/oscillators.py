@@ -3,14 +3,14 @@
 All are Hamiltonian systems of ``contract.py`` with vectors of shape (1,); [G16] is Gagarina et al. 2016.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import ellipj, ellipk, ellipkinc
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage, Stages, StageSolver
+from wavetank.hamiltonian.affine_stages import AffineStage, DirectStage
+from wavetank.hamiltonian.contract import HamiltonianSystem, Stages, StageSolver
 from wavetank.hamiltonian.stage_solver import SnesStages
 
 
@@ -18,30 +18,12 @@ def _stages() -> SnesStages:
     return SnesStages.serial(1)
 
 
-class ExplicitStage:
-    """Solves a stage z = c + a f in which f does not depend on z: one evaluation."""
-
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
-        """Return z with residual(z) = z - c - a f = 0, shape (n,)."""
-        return start - residual(start)
-
-
-class AffineStage:
-    """Solves a stage of a linear system, z = c + A z, directly: its residual at the origin and on unit vectors."""
-
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
-        """Return z with residual(z) = 0, shape (n,)."""
-        constant = residual(np.zeros_like(start))
-        columns = [residual(unit) - constant for unit in np.eye(start.size)]
-        return np.asarray(np.linalg.solve(np.array(columns).T, -constant))
-
-
 @dataclass(frozen=True)
 class OscillatorStages:
     """The stage solvers of a quadratic H = T(p) + V(q): exact, and explicit for q alone and for p alone."""
 
-    coordinate: StageSolver = field(default_factory=ExplicitStage)
-    momentum: StageSolver = field(default_factory=ExplicitStage)
+    coordinate: StageSolver = field(default_factory=DirectStage)
+    momentum: StageSolver = field(default_factory=DirectStage)
     pair: StageSolver = field(default_factory=AffineStage)
 
     def coupled(self, pairs: int) -> StageSolver:

@@ -16,7 +16,6 @@ of its principal eigenvalue, (25)-(31) of Gagarina et al. 2016, is omega_num dt;
 2 asin(omega dt / 2).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import Any, NamedTuple
@@ -28,8 +27,8 @@ from scipy.special import spherical_jn
 
 from wavetank.arrays import Vector
 from wavetank.fe.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_legendre
-from wavetank.hamiltonian.contract import Stage
-from wavetank.hamiltonian.oscillators import OnOneRank
+from wavetank.hamiltonian.affine_stages import AffineStage
+from wavetank.hamiltonian.oscillators import OnOneRank, OscillatorStages
 from wavetank.integrators.contract import Integrator
 from wavetank.theory import airy
 
@@ -183,22 +182,6 @@ def _vertical(n: int) -> VerticalBasis:
 
 
 # ---------------------------------------------------------------------------------------------------- time
-class _EachAlone:
-    """Solves affine stages of N oscillators that know nothing of each other, stacked as blocks of shape (N,)."""
-
-    def __init__(self, count: int):
-        self._count = count
-
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
-        blocks = start.size // self._count
-        units = np.repeat(np.eye(blocks), self._count, axis=1)
-        constant = residual(np.zeros_like(start))
-        slopes = np.array([residual(unit) - constant for unit in units]).reshape(blocks, blocks, self._count)
-        right = -constant.reshape(blocks, self._count).T
-        solution: Vector = np.linalg.solve(slopes.transpose(2, 1, 0), right[..., None])[..., 0]
-        return solution.T.ravel()
-
-
 @dataclass(frozen=True)
 class _Oscillators(OnOneRank):
     """H = sum x (p² + q²) / 2: oscillators of the frequencies x, all stepped together."""
@@ -207,7 +190,7 @@ class _Oscillators(OnOneRank):
     stages: Any = field(init=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "stages", _Stages(*3 * [_EachAlone(self.x.size)]))
+        object.__setattr__(self, "stages", OscillatorStages(*3 * [AffineStage(self.x.size)]))
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         return self.x * q
@@ -217,15 +200,6 @@ class _Oscillators(OnOneRank):
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         return float(0.5 * np.sum(self.x * (q**2 + p**2)))
-
-
-class _Stages(NamedTuple):
-    coordinate: _EachAlone
-    momentum: _EachAlone
-    pair: _EachAlone
-
-    def coupled(self, pairs: int) -> _EachAlone:
-        return self.pair
 
 
 def amplification(scheme: Integrator[Any], x: Vector) -> Vector:

@@ -16,7 +16,6 @@ The wall stays at x = 0 and lets water through: in linear theory the volume of w
 the paddle takes of the tank beyond. Apart from that flux mass is conserved to round-off.
 """
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Protocol
@@ -33,8 +32,8 @@ from wavetank.fe.mass import MassMatrix
 from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.contract import Stage
-from wavetank.hamiltonian.stage_solver import Preconditioner, SnesStageSolver, StageCounters, identity
+from wavetank.hamiltonian.affine_stages import DirectStage
+from wavetank.hamiltonian.stage_solver import SnesStageSolver, StageCounters
 from wavetank.motions import AtRest, Motion
 from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
@@ -322,33 +321,6 @@ class DirectPotential:
         vars(self.counters).update(held)
 
 
-class LinearStage:
-    """Solves a stage whose derivative is known exactly, and constant, by one evaluation.
-
-    Parameters
-    ----------
-    inverse
-        The inverse of the stage's derivative: the identity where the stage is explicit.
-    """
-
-    def __init__(self, inverse: Preconditioner):
-        self._inverse, self.counters = inverse, StageCounters()
-
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
-        """Return z with residual(z) = 0, shape (n,); collective."""
-        self.counters.solves += 1
-        self.counters.evaluations += 1
-        return start - self._inverse(stage, residual(start))
-
-    def held(self) -> Held:
-        """Return what it has cost."""
-        return asdict(self.counters)
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        vars(self.counters).update(held)
-
-
 @dataclass(frozen=True)
 class LinearStages:
     """The stage solvers of linear waves; see ``wavetank.hamiltonian.contract.Stages``.
@@ -359,9 +331,9 @@ class LinearStages:
         That of pairs, one or several that depend on each other; of one in ``pair`` where that is not direct.
     """
 
-    coordinate: LinearStage
-    momentum: LinearStage
-    pair: LinearStage | SnesStageSolver
+    coordinate: DirectStage
+    momentum: DirectStage
+    pair: DirectStage | SnesStageSolver
     iterative: SnesStageSolver
 
     @classmethod
@@ -374,9 +346,7 @@ class LinearStages:
         iterative = SnesStageSolver(
             waves.plane.comm, sizes, tolerance=tolerance, size=waves.size, floor=waves.depth, precondition=inverse
         )
-        return cls(
-            LinearStage(identity), LinearStage(identity), LinearStage(inverse) if direct else iterative, iterative
-        )
+        return cls(DirectStage(), DirectStage(), DirectStage(inverse) if direct else iterative, iterative)
 
     def coupled(self, pairs: int) -> SnesStageSolver:
         """Return the solver for that many pairs at once, as Gauss-Legendre's scheme has them; made when first asked."""
@@ -388,7 +358,7 @@ class LinearStages:
         return sum((solver.counters for solver in self._solvers.values()), StageCounters())
 
     @property
-    def _solvers(self) -> dict[str, LinearStage | SnesStageSolver]:
+    def _solvers(self) -> dict[str, DirectStage | SnesStageSolver]:
         """All of them, by their names, once each."""
         return {name: one for name, one in vars(self).items() if name != "pair" or one is not self.iterative}
 
