@@ -25,8 +25,8 @@ from wavetank.runs.waters import build_waves
 from wavetank.theory.airy import angular_frequency
 from wavetank.theory.standing_wave import ThirdOrderStandingWave
 from wavetank.water.footprint import Slice
-from wavetank.water.linear_waves import LinearPiston, LinearWaves
-from wavetank.water.walls import Piston, Side, StillWall
+from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.walls import LinearPiston, Piston, Side, StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 GRAVITY = 9.81

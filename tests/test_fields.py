@@ -68,7 +68,7 @@ def water(plane, *, n=6, wall=None):
     wall = wall or StillWall()
     places = wall.to_physical(plane.places)
     (x, y), bed, vertical = places.T, VaryingBed(still_depth, plane=plane), VerticalBasis(n)
-    bed.set_places(places)
+    bed.follow(wall)
     h, phi = plane.function("water column"), plane.layered_function(n + 1, "potential")
     h.set(elevation(x, y) + bed.still)
     heights = vertical.nodes * h.owned[:, None] - bed.still[:, None]
@@ -81,7 +81,7 @@ def water(plane, *, n=6, wall=None):
         vertical=vertical,
         h=h,
         phi=phi,
-        densities=WaterEnergy(h=h.function, d=bed.d, gravity=9.81, wall=wall),
+        densities=WaterEnergy(h=h.function, d=bed.d, gravity=9.81, mapping=wall.mapping),
         evaluate=lambda q, p, t: None,
         level=level,
         elevation=lambda q, p, t: elevation(x, y),

@@ -19,8 +19,8 @@ from wavetank.runs.build import Records, build_observers, build_run
 from wavetank.theory.airy import angular_frequency, group_velocity
 from wavetank.theory.wavemaker import piston_transfer
 from wavetank.water.footprint import Ring, Slice
-from wavetank.water.linear_waves import LinearPiston, LinearWaves
-from wavetank.water.walls import StillWall
+from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.walls import LinearPiston, StillWall
 
 GRAVITY = 9.81
 BALANCE = COLUMNS.index("balance [m^4/s^2]")

@@ -497,6 +497,8 @@ def test_the_command_proposes_and_judges(wavetank):
     assert result.returncode == 0, result.stderr
     assert re.search(r"water: linear; at k a = 0\.00\d+ linear theory misses", result.stdout)
     assert "as the case stands" in result.stdout
+    energy = ("wall = Ẋ_p d ∫ φ dζ at the paddle", "linear waves leave the wall where it is", "∇d = 0: the bed is flat")
+    assert all(line in result.stdout for line in energy)
     for name in ("cell size dx [m]", "step dt [s]", "integrator", "dt omega_max", "predicted error", "memory"):
         assert name in result.stdout
     refused = wavetank("plan", "cases/wavemaker.toml", "--accuracy", "2")
@@ -560,6 +562,36 @@ def test_a_trial_over_a_bed_has_the_waves_in_the_tank():
 def test_of_a_basin_no_plan_is_made(wavetank):
     refused = wavetank("plan", "cases/bend.toml", "--accuracy", "0.1")
     assert refused.returncode == 2 and "plans are made for slices and rings with a flat bed" in refused.stderr
+
+
+def test_the_energy_that_is_told_is_the_one_that_is_computed():
+    """Its parts as forms, assembled one by one, against what is computed of them."""
+    case = {
+        "tank": {"length": 2.0, "depth": 0.6, "bed": {"type": "formula", "depth": "0.6 - 0.04 * x"}},
+        "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 1.4}},
+        "run": {"duration": 1.0},
+        "numerics": {"cells": 4, "vertical_order": 2},
+    }
+    scene = Scene.model_validate(case)
+    waves = build_waves(scene, MPI.COMM_SELF)
+    told = told_energy(scene)
+    assert told[:3] == list(map(str, waves.hamiltonian)) and [part.name for part in waves.hamiltonian] == [
+        "kinetic",
+        "potential",
+        "wall",
+    ]
+    assert "a vertical wall moves" in told[3] and "the bed varies" in told[4]
+    x = waves.plane.x
+    energies = waves.energies(*waves.state(0.05 * np.cos(2 * x), 0.1 * np.sin(3 * x), 0.4), 0.4)
+    for part, form in waves.hamiltonian.items():
+        value = ScalarForm(form, MPI.COMM_SELF).assemble()
+        assert abs(value) > 1e-5 and getattr(energies, part.name) == pytest.approx(value, rel=1e-12)
+    still = Scene.model_validate(case | {"tank": {"length": 2.0, "depth": 0.6}, "wall": {"type": "fixed"}})
+    assert told_energy(still)[2:] == [
+        "wall: none, nothing moves there",
+        "x = X, F = J = 1: no wall moves",
+        "∇d = 0: the bed is flat",
+    ]
 
 
 def test_a_start_by_formula_is_timed_where_no_plan_is_made(tmp_path, capsys):

@@ -34,9 +34,9 @@ from wavetank.theory.wavemaker import piston_transfer
 from wavetank.verify.report import Report, write_parts
 from wavetank.verify.watched import watched
 from wavetank.water.footprint import Slice
-from wavetank.water.linear_waves import LinearPiston, LinearWaves
+from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.sponge import profile
-from wavetank.water.walls import Piston
+from wavetank.water.walls import LinearPiston, Piston
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 DEPTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  # kd

@@ -50,6 +50,5 @@ class Ramped(Motion):
 
     def _term(self, t: Any, order: int, n: int, y: Any) -> Any:
         s = np.clip(np.subtract(t, self.start) / self.ramp, 0.0, 1.0)
-        factor = comb(order, n) * (_STEP[n](s) / self.ramp**n)
-        values = self.motion.derivative(t, order - n, y)
-        return np.reshape(factor, np.shape(t) + (1,) * (np.ndim(values) - np.ndim(t))) * values
+        factor, values = comb(order, n) * (_STEP[n](s) / self.ramp**n), self.motion.derivative(t, order - n, y)
+        return (factor if np.ndim(values) == np.ndim(t) else np.asarray(factor)[..., None]) * values

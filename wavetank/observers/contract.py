@@ -5,7 +5,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
-from wavetank.water.waves import Energies
+from wavetank.water.energy import Energies
 
 
 class Moment(NamedTuple):

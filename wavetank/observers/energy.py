@@ -20,7 +20,7 @@ from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
-from wavetank.water.waves import Energies
+from wavetank.water.energy import Energies
 
 
 def columns(dimensions: int) -> tuple[str, ...]:

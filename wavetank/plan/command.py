@@ -63,8 +63,16 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
         f"  a step: {seen.step:.2g} CPU s on {ranks}, {seen.solves:.1f} interior solves",
         f"  the run: {spelt(seen.duration)}, on as many free cores",
         f"  memory: {seen.memory / 1e6:.0f} MB",
+        *(f"  {line}" for line in _energy(scene)),
     ):
         terminal.print(line, highlight=False)
+
+
+def _energy(scene: "Scene") -> list[str]:
+    """Return the energy that is computed with, in words, a line each."""
+    from wavetank.runs.waters import told_energy
+
+    return ["energy: the sum of its parts, of which all else is a derivative", *(f"  {line}" for line in told_energy(scene))]
 
 
 def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console", *, calibrate: bool) -> None:
@@ -83,7 +91,7 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
     proposed = (default_plan(scene) if accuracy is None else None) or make_plan(scene, wanted)
     costs = measured_costs() if calibrate else known_costs()
     terminal.print(f"{name}, to a relative error of the elevation of {proposed.accuracy:g}:", highlight=False)
-    for reason in proposed.reasons:
+    for reason in (*proposed.reasons, *_energy(proposed.applied_to(scene))):
         terminal.print(f"  {reason}", highlight=False)
     terminal.print(_table(proposed, _own(scene, wanted), costs))
     for line in (_use(scene, accuracy, wanted), f"CPU seconds are those of {costs.machine}{_elsewhere(costs)}."):

@@ -1,13 +1,15 @@
-"""From a scene's tank to its footprint, a mesh."""
+"""From a scene's tank to its footprint, a mesh: a row in a table for each noun."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
-from wavetank import case as nouns
+from wavetank.case import BasinTank, RingTank, Scene, SliceTank
 from wavetank.fe.layout_mesh import draw_layout, read_layout
 from wavetank.meshes import MeshFile
-from wavetank.case import Scene
+from wavetank.values.noun import Noun
 from wavetank.water.footprint import Basin, Ring, Slice
 
 Footprint = Slice | Ring | Basin
@@ -15,14 +17,26 @@ Footprint = Slice | Ring | Basin
 
 def build_footprint(scene: Scene, comm: MPI.Comm) -> Footprint:
     """Return the tank seen from above; collective. Raises ``InputError`` for a mesh that cannot be used."""
-    tank = scene.tank
-    if isinstance(tank, nouns.BasinTank):
-        return _basin(tank, scene.cell_size, comm)
-    return (Ring if isinstance(tank, nouns.RingTank) else Slice)(tank.length, scene.cells, comm=comm)
+    return FOOTPRINTS[type(scene.tank)](scene, scene.tank, comm)
 
 
-def _basin(tank: nouns.BasinTank, cell_size: float, comm: MPI.Comm) -> Basin:
-    layout = tank.layout
+def _slice(scene: Scene, tank: SliceTank, comm: MPI.Comm) -> Slice:
+    return Slice(tank.length, scene.cells, comm=comm)
+
+
+def _ring(scene: Scene, tank: RingTank, comm: MPI.Comm) -> Ring:
+    return Ring(tank.length, scene.cells, comm=comm)
+
+
+def _basin(scene: Scene, tank: BasinTank, comm: MPI.Comm) -> Basin:
+    layout, size = tank.layout, scene.cell_size
     if isinstance(layout, MeshFile):
         return Basin(read_layout(Path(layout.file), comm))
-    return Basin(draw_layout(lambda: layout.draw(cell_size), comm))
+    return Basin(draw_layout(lambda: layout.draw(size), comm))
+
+
+FOOTPRINTS: dict[type[Noun], Callable[[Scene, Any, MPI.Comm], Footprint]] = {
+    SliceTank: _slice,
+    RingTank: _ring,
+    BasinTank: _basin,
+}

@@ -1,20 +1,18 @@
 """From a scene to the tank with its water."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 
-from wavetank import case as nouns
-from wavetank.runs.footprints import Footprint, build_footprint
-from wavetank.fe.plane import Plane
-from wavetank.values.noun import Problem, SceneError, about
 from wavetank.case import Physics, Scene
-from wavetank.case.moving_wall import MovingWall
-from wavetank.water.bed import Depth
-from wavetank.water.linear_waves import LinearPiston, LinearWaves
-from wavetank.water.footprint import Basin, Ring, Slice
-from wavetank.water.walls import StillWall, Side, Piston, Wall
+from wavetank.fe.plane import Plane
+from wavetank.runs.footprints import Footprint, build_footprint
+from wavetank.runs.walls import build_wall, kind_of
+from wavetank.values.noun import about
+from wavetank.water.bed import Depth, FlatBed, VaryingBed
+from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 AnyWaves = NonlinearWaves | LinearWaves
@@ -28,7 +26,7 @@ def build_waves(scene: Scene, comm: MPI.Comm) -> AnyWaves:
 def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
     """Return a footprint with the scene's water in it; collective."""
     with about("tank", "bed"):
-        return WATERS[scene.physics](scene, footprint, Plane(footprint.mesh, scene.numerics.order, footprint.chart))
+        return WATERS[scene.physics].build(scene, footprint, Plane(footprint.mesh, scene.numerics.order, footprint.chart))
 
 
 def _depth(scene: Scene) -> float | Depth:
@@ -45,61 +43,44 @@ def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
     return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / whole:.3g} % of the tank"
 
 
-def _driven(scene: Scene, footprint: Footprint) -> Slice | Basin | None:
-    """Return the footprint if one of its walls moves."""
-    return None if isinstance(footprint, Ring) or isinstance(scene.wall, nouns.FixedWall) else footprint
-
-
-def _reach(scene: Scene, footprint: Slice | Basin, side: Side) -> float:
-    """Return where the wall's mapping has died out [m], before any wall that must not move; collective."""
-    free, asked = footprint.free_reach(side), scene.reach
-    if isinstance(scene.wall, MovingWall) and scene.wall.reach is not None and asked > free * (1 + 1e-9):
-        what = "where a wall stands that does not run along the paddle's motion"
-        raise SceneError([Problem(("wall", "reach"), asked, f"must be at most {free:.4g} m, {what}")])
-    return min(free, asked)
-
-
-def _piston(scene: Scene, footprint: Slice | Basin, plane: Plane) -> Piston:
-    """Return the wall that moves; collective. Raises ``InputError`` where it goes too far for its mapping's reach."""
-    motion, side = scene.motion(), footprint.side()
-    wall = Piston(motion, plane=plane, reach=_reach(scene, footprint, side), side=side)
-    stroke, allowed = scene.stroke(motion), wall.largest_stroke
-    if stroke >= allowed:
-        limit = (
-            f"goes {stroke:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
-            f"dies out, which is {wall.reach:.4g} m on this mesh and before any wall that stands still"
-        )
-        raise SceneError([Problem(("wall", "motion"), None, limit)])
-    return wall
+def told_energy(scene: Scene) -> list[str]:
+    """Return the Hamiltonian of a scene in words, a line each: its parts, the mapping, the bed; what vanishes and why."""
+    waves, wall = WATERS[scene.physics].waves, kind_of(scene).wall
+    bed = FlatBed if scene.tank.bed is None else VaryingBed
+    return [*map(str, (*waves.parts, wall.part)), wall.told, bed.told]
 
 
 def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWaves:
     numerics = scene.numerics
-    wall: Wall = StillWall()
-    if driven := _driven(scene, footprint):
-        wall = _piston(scene, driven, plane)
     return NonlinearWaves(
         plane,
         depth=_depth(scene),
         gravity=scene.tank.gravity,
-        wall=wall,
+        wall=build_wall(scene, footprint, plane),
         vertical_order=numerics.vertical_order,
         tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
     )
 
 
 def _linear(scene: Scene, footprint: Footprint, plane: Plane) -> LinearWaves:
-    wall, motion = StillWall(), scene.motion()
-    if driven := _driven(scene, footprint):
-        wall = LinearPiston(motion, plane=plane, side=driven.side())
     return LinearWaves(
         plane,
         depth=_depth(scene),
         gravity=scene.tank.gravity,
-        wall=wall,
+        wall=build_wall(scene, footprint, plane),
         vertical_order=scene.numerics.vertical_order,
         tolerance=scene.numerics.tolerance,
     )
 
 
-WATERS: dict[Physics, Callable[[Scene, Footprint, Plane], AnyWaves]] = {"nonlinear": _nonlinear, "linear": _linear}
+class Water(NamedTuple):
+    """A kind of water: the class of its waves, and what builds them."""
+
+    waves: type[NonlinearWaves] | type[LinearWaves]
+    build: Callable[[Scene, Footprint, Plane], AnyWaves]
+
+
+WATERS: dict[Physics, Water] = {
+    "nonlinear": Water(NonlinearWaves, _nonlinear),
+    "linear": Water(LinearWaves, _linear),
+}

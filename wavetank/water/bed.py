@@ -35,18 +35,31 @@ class Bed(Protocol):
         The mean depth [m].
     still
         d at the owned degrees of freedom [m], shape (owned,) or a number.
+    told
+        What it makes of the energy, in words.
     """
 
+    told: str
     d: Any
     rate: Any
     depth: float
     still: Any
 
-    def set_places(self, places: Vector) -> None:
-        """Take where the degrees of freedom now are, (x, y) [m], shape (owned, 2); collective."""
+    def follow(self, wall: "Carrying") -> None:
+        """Find the depth where a wall has carried the degrees of freedom; collective."""
 
-    def set_velocities(self, places: Vector, velocities: Vector) -> None:
-        """Find the rate where they are moving, places [m] and velocities [m/s] of shape (owned, 2); collective."""
+    def follow_on(self, wall: "Carrying") -> None:
+        """Find the rate of the depth where it carries them on; collective."""
+
+
+class Carrying(Protocol):
+    """A wall, as beds know it: it carries the reference tank about."""
+
+    def to_physical(self, places: Vector) -> Vector:
+        """Return the physical places of reference ones, (x, y) [m], shape (N, 2)."""
+
+    def mesh_velocities(self, places: Vector) -> Vector:
+        """Return how fast it carries reference places [m/s], shape (N, 2)."""
 
 
 class FlatBed:
@@ -58,14 +71,16 @@ class FlatBed:
         [m].
     """
 
+    told = "∇d = 0: the bed is flat"
+
     def __init__(self, depth: float, *, plane: Plane):
         self.d, self.rate = fem.Constant(plane.mesh, float(depth)), ufl.as_ufl(0)
         self.depth = self.still = float(depth)
 
-    def set_places(self, places: Vector) -> None:
+    def follow(self, wall: Carrying) -> None:
         """Do nothing."""
 
-    def set_velocities(self, places: Vector, velocities: Vector) -> None:
+    def follow_on(self, wall: Carrying) -> None:
         """Do nothing."""
 
 
@@ -80,11 +95,13 @@ class VaryingBed:
     Raises ``InputError`` where the depth is not positive.
     """
 
+    told = "d = d(x, y), of the places where the water stands: the bed varies"
+
     def __init__(self, depth: Depth, *, plane: Plane):
         self._plane, self._depth = plane, depth
         self._field, self._rate = plane.function("still-water depth"), plane.function("rate of the depth")
         self.d, self.rate = self._field.function, self._rate.function
-        self.set_places(plane.places)
+        self._set(plane.places)
         measure = {"quadrature_degree": plane.order}
         volume, area = (
             ScalarForm(part * ufl.dx(domain=plane.mesh, metadata=measure), plane.comm).assemble()
@@ -96,8 +113,11 @@ class VaryingBed:
         depth = agreed(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
         return np.asarray(depth, dtype=np.float64)
 
-    def set_places(self, places: Vector) -> None:
-        """Take where the degrees of freedom now are, (x, y) [m], shape (owned, 2); collective."""
+    def follow(self, wall: Carrying) -> None:
+        """Find the depth where a wall has carried the degrees of freedom; collective."""
+        self._set(wall.to_physical(self._plane.places))
+
+    def _set(self, places: Vector) -> None:
         self.still = self._at(places)
         shallow = int(np.argmin(self.still)) if len(places) else 0
         mine = (
@@ -112,9 +132,10 @@ class VaryingBed:
             raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; {allowed}.")
         self._field.set(self.still)
 
-    def set_velocities(self, places: Vector, velocities: Vector) -> None:
-        """Find the rate where they are moving, places [m] and velocities [m/s] of shape (owned, 2); collective."""
-        step = INSTANT * velocities
+    def follow_on(self, wall: Carrying) -> None:
+        """Find the rate of the depth where it carries them on; collective."""
+        places = wall.to_physical(self._plane.places)
+        step = INSTANT * wall.mesh_velocities(self._plane.places)
         self._rate.set(
             np.asarray((self._at(places + step) - self._at(places - step)) / (2 * INSTANT), dtype=np.float64)
         )

@@ -14,6 +14,7 @@ front is no longer steep. It conserves mass to round-off, and the energy it take
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import ufl
@@ -107,8 +108,12 @@ class BreakingDissipation(Smoothing):
         self._breaking: list[SteepCrest] = []  # at the last look
         self.began: list[tuple[float, float]] = []
         self._had = 0.0  # the largest energy so far, of those it was taken from [m^4/s²]
-        gradient, J, nu = waves.wall.gradient, waves.wall.J, self._nu.function
-        super().__init__(waves, lambda u, v: nu * ufl.inner(gradient(u), gradient(v)) * J * plane.dx)
+        mapping, eta, nu = waves.wall.mapping, waves.densities.eta, self._nu.function
+
+        def viscous(u: Any, v: Any) -> ufl.Form:
+            return nu * ufl.inner(mapping.gradient(u, eta), mapping.gradient(v, eta)) * mapping.J(eta) * plane.dx
+
+        super().__init__(waves, viscous)
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""

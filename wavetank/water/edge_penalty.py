@@ -2,7 +2,7 @@
 
     (M_J + kappa S) v' = M_J v,     S = sum over facets of [[dv/dn]] [[du/dn]],     kappa = epsilon dt omega_g l³ / p⁴
 
-for v = eta and psi, the derivatives those in physical space (water/walls.py): where the mapping of a moving wall has a
+for v = eta and psi, the derivatives those in physical space (water/walls/): where the mapping of a moving wall has a
 kink, a smooth surface has one in the reference tank, and must keep it. l is the cell size and omega_g the frequency of
 the shortest wave on it, k_g = pi p / l. Where the current u under a steep crest overtakes short waves, k > g / u²,
 those have negative energy, and the kinks of elements that are only continuous couple them to the others: both grow,
@@ -61,7 +61,7 @@ class EdgePenalty(Smoothing):
         facets = ufl.dS(domain=plane.mesh, metadata={"quadrature_degree": 2 * plane.order})
 
         def penalty(u: Any, v: Any) -> ufl.Form:
-            one, other = (ufl.jump(waves.wall.gradient(f), n) for f in (u, v))
+            one, other = (ufl.jump(waves.wall.mapping.gradient(f, waves.densities.eta), n) for f in (u, v))
             return kappa * one * other * facets
 
         super().__init__(waves, penalty)

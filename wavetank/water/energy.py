@@ -3,19 +3,81 @@
 In the reference tank z = zeta h - d with zeta in [0, 1], so a horizontal layer with potential u = phi and vertical
 derivative w = d phi / d zeta has, per unit of zeta (docs/method.md, section 2)
 
-    e(u, w; zeta) = 1/2 { J h |grad u - (zeta grad h - grad d) w / h|^2 + J w^2 / h }
+    e(u, w; zeta) = 1/2 J { h |v|^2 + w^2 / h },     v of grad u - (zeta grad h - grad d) w / h
 
-with the physical horizontal gradient. The kinetic energy is its integral over zeta and the mesh, the potential energy
-is 1/2 g int J eta^2 dX.
+v being the velocity in physical space that the mapping makes of the gradient in the reference tank. The kinetic energy
+is its integral over zeta and the mesh, the potential energy of vertical walls 1/2 g int J eta^2 dX. What the wall adds
+is its own (``water/walls/``).
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import ufl
 
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.water.walls import Mapping
+
+
+class Part(NamedTuple):
+    """A part of the Hamiltonian, in words.
+
+    Attributes
+    ----------
+    name
+        As among ``Energies``.
+    formula
+        In a line; empty where it vanishes.
+    vanishes
+        Why it does.
+    """
+
+    name: str
+    formula: str
+    vanishes: str = ""
+
+    def __str__(self) -> str:
+        """Return the part in a line."""
+        return f"{self.name} = {self.formula}" if self.formula else f"{self.name}: none, {self.vanishes}"
+
+
+KINETIC = Part("kinetic", "½ ∫∫ J h |v|² dζ dX,  v = (F⁻ᵀ(∇φ - (ζ∇h - ∇d) φ_ζ/h), φ_ζ/h)")
+POTENTIAL = Part("potential", "½ g ∫ J η² dX,  η = h - d")
+
+
+@dataclass(frozen=True)
+class Energies:
+    """The parts of the Hamiltonian at one state, per unit of density [m^5/s²], of a slice per width [m^4/s²].
+
+    That of the wall is not energy.
+    """
+
+    kinetic: float
+    potential: float
+    wall: float = 0.0
+
+    @property
+    def total(self) -> float:
+        """Kinetic and potential energy together."""
+        return self.kinetic + self.potential
+
+
+class Mapping(Protocol):
+    """What the energy must know of the mapping to the reference tank, in UFL.
+
+    Heights z [m] count from still water; a mapping that is the same at all of them takes no notice.
+    """
+
+    def J(self, z: Any) -> Any:
+        """Return how much wider an element of volume is than in the reference tank."""
+
+    def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
+        """Return the velocity at z of a potential with that slope in the reference tank; the vertical one times h."""
+
+    def gradient(self, f: Any, z: Any) -> Any:
+        """Return the horizontal gradient in physical space of a field on the surface, which is at z."""
+
+    def moment(self, eta: Any, d: Any) -> Any:
+        """Return int J z dz over the column from the bed to the surface, less what still water has."""
 
 
 @dataclass(frozen=True)
@@ -30,24 +92,35 @@ class WaterEnergy:
         Still-water depth [m]: a constant for a flat bed, whose gradient vanishes symbolically.
     gravity
         [m/s²].
-    wall
-        The mapping to the reference tank.
+    mapping
+        To the reference tank.
     """
 
     h: Any
     d: Any
     gravity: Any
-    wall: Mapping
+    mapping: Mapping
+
+    @property
+    def eta(self) -> Any:
+        """The elevation h - d [m]."""
+        return self.h - self.d
 
     def velocity(self, u: Any, w: Any, zeta: Any) -> tuple[Any, Any]:
         """Return the water's velocity at height zeta, the horizontal vector and the vertical component [m/s]."""
-        grad, h = self.wall.gradient, self.h
-        return grad(u) - (zeta * grad(h) - grad(self.d)) * w / h, w / h
+        along, rise = self._flow(u, w, zeta)
+        return along, rise / self.h
+
+    def _flow(self, u: Any, w: Any, zeta: Any) -> tuple[Any, Any]:
+        """Return the velocity with its vertical component times h."""
+        h, d = self.h, self.d
+        slope = ufl.grad(u) - (zeta * ufl.grad(h) - ufl.grad(d)) * w / h
+        return self.mapping.flow(slope, w, h=h, z=zeta * h - d)
 
     def layer(self, u: Any, w: Any, zeta: Any) -> Any:
         """Return e(u, w; zeta)."""
-        along, _ = self.velocity(u, w, zeta)
-        return 0.5 * self.wall.J * (self.h * ufl.inner(along, along) + w**2 / self.h)
+        along, rise = self._flow(u, w, zeta)
+        return 0.5 * self.mapping.J(zeta * self.h - self.d) * (self.h * ufl.inner(along, along) + rise**2 / self.h)
 
     def kinetic(self, phi: Any, vertical: VerticalBasis) -> Any:
         """Return int e dzeta by Gauss quadrature, exact for polynomials of the basis."""
@@ -58,8 +131,8 @@ class WaterEnergy:
         )
 
     def potential(self) -> Any:
-        """Return 1/2 g J eta^2."""
-        return 0.5 * self.gravity * self.wall.J * (self.h - self.d) ** 2
+        """Return g int J z dz."""
+        return self.gravity * self.mapping.moment(self.eta, self.d)
 
     def wall_flux(self, phi: Any, vertical: VerticalBasis) -> Any:
         """Return int h phi dzeta."""

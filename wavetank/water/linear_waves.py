@@ -34,33 +34,14 @@ from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.affine_stages import DirectStage
 from wavetank.hamiltonian.stage_solver import SnesStageSolver, StageCounters
-from wavetank.motions import AtRest, Motion
 from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
-from wavetank.water.energy import WaterEnergy
+from wavetank.water.energy import POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.water.potential import InteriorPotential, SolveCounters
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
-from wavetank.water.walls import Side, StillWall
-from wavetank.water.waves import Energies
+from wavetank.water.walls import LinearWall
 
 COUPLED_TOLERANCE = 1e-12  # of stages that are solved together; all others are solved exactly
-
-
-class LinearPiston(StillWall):
-    """A piston of small stroke: the wall stays where it is, and what the paddle displaces flows through it.
-
-    Parameters
-    ----------
-    motion
-        X_p(t) with its exact derivatives.
-    side
-        Where the wall is.
-    """
-
-    def __init__(self, motion: Motion, *, plane: Plane, side: Side):
-        super().__init__()
-        self.motion = motion
-        self.side = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
 
 
 class LinearWaves:
@@ -82,12 +63,17 @@ class LinearWaves:
         Relative tolerance of what is solved iteratively.
     """
 
+    parts = (  # and the wall's
+        Part("kinetic", "½ ∫∫ d |v|² dζ dX,  v = (∇φ + (1 - ζ)∇d φ_ζ/d, φ_ζ/d)"),
+        POTENTIAL,
+    )
+
     def __init__(
         self,
         plane: Plane,
         *,
         depth: float | Depth,
-        wall: StillWall | LinearPiston,
+        wall: LinearWall,
         vertical_order: int,
         gravity: float = 9.81,
         tolerance: float = 1e-12,
@@ -95,15 +81,15 @@ class LinearWaves:
         self.plane, self.wall, self.gravity = plane, wall, gravity
         self.bed = bed_of(depth, plane)
         self.depth = self.bed.depth
-        self.motion = wall.motion if isinstance(wall, LinearPiston) else AtRest()
+        self.motion = wall.motion
         self.vertical = VerticalBasis(vertical_order)
         self.h = plane.function("water column")
         d, g = self.bed.d, fem.Constant(plane.mesh, gravity)
         self._gravity_energy = ScalarForm(
-            WaterEnergy(h=self.h.function, d=d, gravity=g, wall=wall).potential() * plane.dx, plane.comm
+            WaterEnergy(h=self.h.function, d=d, gravity=g, mapping=wall.mapping).potential() * plane.dx, plane.comm
         )
-        still = WaterEnergy(h=d, d=d, gravity=g, wall=wall)
-        self.mass = MassMatrix(plane, wall.J)
+        still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
+        self.mass = MassMatrix(plane, wall.mapping.J(0.0))
         self.operator = KroneckerOperator(still.layer, plane, self.vertical)
         self.operator.assemble()
         self.still_matrices = self.operator.still("u"), self.operator.still("w")
@@ -125,11 +111,12 @@ class LinearWaves:
     def _flux(self, still: WaterEnergy) -> Vector:
         """Return dF/dphi, shape (owned, n+1)."""
         components = self.vertical.n + 1
-        if not isinstance(self.wall, LinearPiston):
-            return np.zeros((self.plane.owned, components))
         phi = self.plane.layered_function(components, "potential").function
-        form = ufl.derivative(still.wall_flux(phi, self.vertical) * self.wall.side, phi)
-        return VectorForm(form).assemble().reshape(-1, components)
+        total = np.zeros((self.plane.owned, components))
+        for opening in self.wall.openings:
+            form = ufl.derivative(still.wall_flux(phi, self.vertical) * opening, phi)
+            total += VectorForm(form).assemble().reshape(-1, components)
+        return total
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:

@@ -31,7 +31,7 @@ class Smoothing:
     """
 
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form]):
-        plane, J = waves.plane, waves.wall.J
+        plane, J = waves.plane, waves.wall.mapping.J(waves.densities.eta)
         self._waves, self._form = waves, HorizontalMatrix(plane, form)
         self._implicit = HorizontalMatrix(plane, lambda u, v: J * u * v * plane.dx + form(u, v))
         self.energy_taken = 0.0

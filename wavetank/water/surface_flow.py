@@ -71,7 +71,8 @@ class SurfaceVelocity:
         self._speeds = self._slopes = np.zeros(self._cells.size)
 
     def _set_up(self) -> None:
-        slope, velocity = (self._waves.wall.gradient(field.function) for field in (self._eta, self._psi))
+        eta, psi = self._eta.function, self._psi.function
+        slope, velocity = (self._waves.wall.mapping.gradient(field, eta) for field in (eta, psi))
         square = ufl.inner(slope, slope)
         speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + square)
         self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
@@ -124,12 +125,12 @@ class SurfaceFlow(SurfaceVelocity):
     """
 
     def _set_up(self) -> None:
-        plane, wall = self._waves.plane, self._waves.wall
+        plane, eta, psi = self._waves.plane, self._eta.function, self._psi.function
         points = np.sort(self._points, axis=0)
         ahead = plane.chart.direction(plane.mesh)
-        slopes = [ufl.inner(wall.gradient(field.function), ahead) for field in (self._eta, self._psi)]
+        slopes = [ufl.inner(self._waves.wall.mapping.gradient(field, eta), ahead) for field in (eta, psi)]
         place = ufl.SpatialCoordinate(plane.mesh)
-        self._expression = compile_expression(ufl.as_vector([self._eta.function, *slopes]), points, self._comm)
+        self._expression = compile_expression(ufl.as_vector([eta, *slopes]), points, self._comm)
         places = compile_expression(place, points, self._comm).eval(plane.mesh, self._cells)
         places = places.reshape(self._cells.size * len(points), plane.mesh.geometry.dim)
         coordinates = np.zeros((len(places), 3))

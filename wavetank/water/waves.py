@@ -27,11 +27,10 @@ from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
-from wavetank.water.energy import WaterEnergy
+from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
 from wavetank.water.potential import InteriorPotential
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
-from wavetank.water.wall_forms import wall_forms
 from wavetank.water.walls import Wall, one_time
 
 SHALLOW = 0.1  # of the mean depth: where a surface meets the bed there, the bed is the cause
@@ -51,23 +50,6 @@ class Tolerances:
 
     stage: float = 1e-9
     interior: float = 1e-10
-
-
-@dataclass(frozen=True)
-class Energies:
-    """The parts of the Hamiltonian at one state, per unit of density [m^5/s²], of a slice per width [m^4/s²].
-
-    That of the wall is not energy.
-    """
-
-    kinetic: float
-    potential: float
-    wall: float
-
-    @property
-    def total(self) -> float:
-        """Kinetic and potential energy together."""
-        return self.kinetic + self.potential
 
 
 class _Elevation(NamedTuple):
@@ -104,10 +86,14 @@ class NonlinearWaves:
         The bed, with the depth at the degrees of freedom.
     densities
         Of energy and velocity, in UFL.
+    hamiltonian
+        H as the sum of its parts, in UFL.
     phi, level
         The potential of the point last evaluated and the mean of psi there, which it leaves out [m²/s]: what a
         potential is counted from drifts without end (Bernoulli), and would take the solves' accuracy with it.
     """
+
+    parts = (KINETIC, POTENTIAL)  # and the wall's
 
     def __init__(
         self,
@@ -122,15 +108,16 @@ class NonlinearWaves:
         tolerances = tolerances or Tolerances()
         self.plane, self.wall, self.gravity = plane, wall, gravity
         self.bed = bed_of(depth, plane)
-        self.bed.set_places(wall.to_physical(plane.places))
+        self.bed.follow(wall)
         self.depth = self.bed.depth
         self.vertical = VerticalBasis(vertical_order)
         self.h = plane.function("water column")
         self.phi = plane.layered_function(vertical_order + 1, "potential")
         self.h.function.x.array[:] = self.depth
         g = fem.Constant(plane.mesh, gravity)
-        self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, wall=wall)
-        self.mass = MassMatrix(plane, wall.J)
+        self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
+        self.mass = MassMatrix(plane, wall.mapping.J(energy.eta))
+        self._columns = wall.columns(energy, self.mass)
         self.operator = KroneckerOperator(energy.layer, plane, self.vertical)
         self.operator.assemble()
         self.still_matrices = self.operator.still("u"), self.operator.still("w")
@@ -156,14 +143,14 @@ class NonlinearWaves:
     # ------------------------------------------------------------------------------------------ forms
     def _compile(self, energy: WaterEnergy) -> None:
         dx, phi, h = self.plane.dx, self.phi.function, self.h.function
-        self._gravity_energy = ScalarForm(energy.potential() * dx, self.plane.comm)
-        total = (energy.kinetic(phi, self.vertical) + energy.potential()) * dx
-        self._wall_forms = wall_forms(
-            self.wall, energy, self.phi, bed=self.bed, plane=self.plane, vertical=self.vertical
-        )
-        for form in self._wall_forms.hamiltonian:
-            total += form
-        self._h_derivative = VectorForm(ufl.derivative(total, h))
+        self._wall_terms = self.wall.terms(energy, self.phi, bed=self.bed, vertical=self.vertical)
+        self.hamiltonian = {
+            KINETIC: energy.kinetic(phi, self.vertical) * dx,
+            POTENTIAL: energy.potential() * dx,
+            **self._wall_terms.hamiltonian,
+        }
+        self._potential_energy = ScalarForm(self.hamiltonian[POTENTIAL], self.plane.comm)
+        self._h_derivative = VectorForm(ufl.derivative(sum(self.hamiltonian.values()), h))
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
@@ -182,13 +169,13 @@ class NonlinearWaves:
     def _begin(self, q: Vector, p: Vector, t: float) -> Vector:
         """Set all but the interior potential of a state; return the wall's vector, shape (owned, n+1); collective."""
         self.set_time(t)
-        self.h.set(self.mass.solve(q))
+        self.h.set(self._columns.solve(q))
         self._check_column(t)
         self.level = self.plane.sum(p) / self.plane.size
         self.phi.owned[:, -1] = p - self.level
         self.phi.function.x.scatter_forward()
         self.operator.assemble()
-        return self._wall_forms.vector()
+        return self._wall_terms.vector()
 
     def _know(self, q: Vector, p: Vector, t: float, wall: Vector) -> None:
         """Keep that the potential is that of a state; collective."""
@@ -214,7 +201,7 @@ class NonlinearWaves:
         self._t, self._stands = np.nan, t  # what was evaluated last belongs to another time
         if self.wall.set_time(t):
             self.mass.update()
-            self.bed.set_places(self.wall.to_physical(self.plane.places))
+            self.bed.follow(self.wall)
 
     def _inputs(self) -> Vector:
         if not self.wall.moves:
@@ -262,7 +249,7 @@ class NonlinearWaves:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
         self.evaluate(q, p, t)
         kinetic = 0.5 * self.plane.sum(self.phi.owned * self.operator.apply(self.phi.rows))
-        return Energies(kinetic, self._gravity_energy.assemble(), self._wall_forms.energy())
+        return Energies(kinetic, self._potential_energy.assemble(), self._wall_terms.energy())
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""
@@ -275,13 +262,13 @@ class NonlinearWaves:
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
-        return self._wall_forms.explicit_rate(lambda: self.H_q(q, p, t))
+        return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
         """Return (Q, psi) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
         self.set_time(t)
-        return self.mass.apply(self.bed.still + eta), np.array(psi, dtype=float)
+        return self._columns.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
@@ -290,7 +277,7 @@ class NonlinearWaves:
         self.set_time(t)
         last = self._elevation
         if not self._all(one_time(t, last.t) and np.array_equal(q, last.q)):
-            self._elevation = last = _Elevation(q.copy(), t, self.mass.solve(q) - self.bed.still)
+            self._elevation = last = _Elevation(q.copy(), t, self._columns.solve(q) - self.bed.still)
         return last.eta.copy()
 
     def total_mass(self, q: Vector) -> float:

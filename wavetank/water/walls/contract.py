@@ -1,0 +1,125 @@
+"""What the water asks of the wall at x = 0.
+
+The reference tank stands still; the wall says where its places are in the laboratory, what that makes of gradients and
+volumes (``mapping``), how columns of water go with their mass (``columns``), and what the motion adds to the
+Hamiltonian (``terms``). Where nothing moves all of that vanishes before compilation. A new kind of wall is a file here
+that fulfils ``Wall``, a noun (``case/walls.py``) and a row in the table of ``runs/walls.py``.
+"""
+
+from collections.abc import Callable
+from math import isclose
+from typing import Protocol
+
+import ufl
+
+from wavetank.arrays import Vector
+from wavetank.fe.mass import MassMatrix
+from wavetank.fe.plane import LayeredField, Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.motions import Motion
+from wavetank.water.bed import Bed
+from wavetank.water.energy import Mapping, Part, WaterEnergy
+
+
+def one_time(t: float, other: float) -> bool:
+    """Return whether two times are one but for their last bits, as t_n + dt and t_n+1 are."""
+    return isclose(t, other, rel_tol=1e-12)
+
+
+class Columns(Protocol):
+    """Water columns h and their masses Q, at the owned degrees of freedom, shape (owned,)."""
+
+    def solve(self, q: Vector) -> Vector:
+        """Return the columns [m] of masses; collective."""
+
+    def apply(self, h: Vector) -> Vector:
+        """Return the masses of columns [m]; collective."""
+
+
+class WallTerms(Protocol):
+    """What a wall adds to the Hamiltonian, W, and the power it puts in.
+
+    Attributes
+    ----------
+    hamiltonian
+        W in UFL under its name; empty where there is none.
+    """
+
+    hamiltonian: dict[Part, ufl.Form]
+
+    def vector(self) -> Vector:
+        """Return dW/dphi, broadcastable to shape (owned, n+1); collective."""
+
+    def energy(self) -> float:
+        """Return W; collective."""
+
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
+        """Return dH/dt at fixed (Q, psi); ``mu`` evaluates that point and gives M_J^-1 H_h there; collective."""
+
+
+class Placed(Protocol):
+    """A wall that has a place.
+
+    Attributes
+    ----------
+    part
+        Its part of the Hamiltonian, in words.
+    told
+        Its mapping, in words.
+    moves
+        Whether the mapping can change.
+    mapping
+        From the reference tank to the laboratory.
+    """
+
+    part: Part
+    told: str
+    moves: bool
+
+    @property
+    def mapping(self) -> Mapping:
+        """See above."""
+
+    def distances(self, plane: Plane) -> Vector:
+        """Return how far the degrees of freedom are from the wall at rest [m], shape (owned,)."""
+
+    def to_reference(self, places: Vector) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), for the wall as it stands."""
+
+    def to_physical(self, places: Vector) -> Vector:
+        """Return the physical places of reference ones, (x, y) [m], shape (N, 2), for the wall as it stands."""
+
+    def mesh_velocities(self, places: Vector) -> Vector:
+        """Return how fast the wall carries reference places [m/s], shape (N, 2)."""
+
+
+class Wall(Placed, Protocol):
+    """The wall of nonlinear waves."""
+
+    @property
+    def velocities(self) -> Vector:
+        """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
+
+    def set_time(self, t: float) -> bool:
+        """Move to where the wall stands at t [s]; return whether the mapping has changed; collective."""
+
+    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+        """Return what finds columns from masses; of a mapping that is the same at all heights, the mass matrix M_J."""
+
+    def terms(self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis) -> WallTerms:
+        """Return what the wall adds to the Hamiltonian, for the energy of the water with potential phi."""
+
+
+class LinearWall(Placed, Protocol):
+    """The wall of linear waves, which stays where it is.
+
+    Attributes
+    ----------
+    motion
+        X_p(t): of what flows in instead.
+    openings
+        Where it does: measures of the wall, none where it stands still.
+    """
+
+    motion: Motion
+    openings: tuple[ufl.Measure, ...]

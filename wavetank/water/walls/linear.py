@@ -1,0 +1,33 @@
+"""The walls of linear waves: they stay at x = 0, and what a paddle displaces flows through them."""
+
+import ufl
+
+from wavetank.arrays import Vector
+from wavetank.fe.plane import Plane
+from wavetank.motions import Motion
+from wavetank.water.energy import Part
+from wavetank.water.walls.side import Side
+from wavetank.water.walls.still import StillWall
+
+
+class LinearPiston(StillWall):
+    """A piston of small stroke.
+
+    Parameters
+    ----------
+    motion
+        X_p(t) with its exact derivatives.
+    side
+        Where the wall is.
+    """
+
+    part = Part("wall", "Ẋ_p d ∫ φ dζ at the paddle")
+    told = "x = X, F = J = 1: linear waves leave the wall where it is"
+
+    def __init__(self, motion: Motion, *, plane: Plane, side: Side):
+        self.motion, self._side = motion, side
+        self.openings = (ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1),)
+
+    def distances(self, plane: Plane) -> Vector:
+        """Return how far the degrees of freedom are from the paddle at rest [m], shape (owned,)."""
+        return self._side.distances(plane.places)

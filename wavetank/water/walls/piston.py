@@ -1,0 +1,174 @@
+"""A vertical wall that moves as a piston, or as many side by side, and what it adds to the Hamiltonian.
+
+    W = F(X_p'),     F(v) = int psi a . grad(s v h) dX + int v h phi dzeta at the paddle
+
+H(Q, psi, t) depends on time through X_p, X_p' and the depth under points that the wall moves, so at fixed (Q, psi)
+
+    dH/dt = d/dt (K + V)  -  int dJ/dt h mu dX  +  F(X_p''),     mu = M_J^-1 H_h,
+
+the first with X_p and d going on as they move now, the second because h = M_J^-1 Q moves with J.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.fe.forms import ScalarForm, VectorForm, taylor_coefficient
+from wavetank.fe.mass import MassMatrix
+from wavetank.fe.plane import LayeredField, Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.motions import Motion
+from wavetank.motions.mapping import largest_stroke, share, unmapped
+from wavetank.water.bed import Bed
+from wavetank.water.energy import Part, WaterEnergy
+from wavetank.water.walls.contract import Columns
+from wavetank.water.walls.mapping import Shift
+from wavetank.water.walls.side import Side
+from wavetank.water.walls.travel import Travel
+
+
+class Piston:
+    """A vertical wall that moves into the water and back.
+
+    Parameters
+    ----------
+    motion
+        X_p(t), or X_p(y, t), with its exact derivatives.
+    reach
+        Where the mapping has died out [m]; of the vertices up to there the farthest is taken, so that s is
+        smooth within cells on meshes with a row of vertices there.
+    side
+        Where the wall is.
+    """
+
+    part = Part("wall", "∫ ψ ∇·(ẋ h) dX + Ẋ_p ∫ h φ dζ at the paddle,  ẋ = s Ẋ_p")
+    told = "x = X + s(X) X_p, F = ∂x/∂X, J = det F: a vertical wall moves"
+    moves = True
+
+    def __init__(self, motion: Motion, *, plane: Plane, reach: float, side: Side):
+        self.side, self._plane = side, plane
+        vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
+        self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
+        s = plane.function("s")
+        s.set(self._share(side.distances(plane.places)))
+        self.travel = Travel(motion, plane=plane, side=side, s=s)
+        self.axis = ufl.as_vector([float(part) for part in side.normal[: plane.mesh.geometry.dim]])
+        self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
+        self.mapping = self.after(0.0)
+        self.set_time(0.0)
+
+    def _last(self, distances: Vector, reach: float) -> float:
+        """Return the largest of the distances up to a reach, or the smallest there is beyond it; collective."""
+        tolerance = 1e-6 * self._plane.cell_size
+        within = float(distances[distances < reach + tolerance].max(initial=0.0))
+        beyond = float(distances[distances >= reach + tolerance].min(initial=np.inf))
+        within = self._plane.comm.allreduce(within, op=MPI.MAX)
+        return within if within > tolerance else float(self._plane.comm.allreduce(beyond, op=MPI.MIN))
+
+    def _share(self, distances: Vector) -> Vector:
+        return share(np.asarray(distances / self.reach))
+
+    @property
+    def largest_stroke(self) -> float:
+        """How far it can go into the water before the mapping folds [m]."""
+        return largest_stroke(self.reach)
+
+    @property
+    def velocities(self) -> Vector:
+        """See ``Wall``."""
+        return self.travel.velocities
+
+    def set_time(self, t: float) -> bool:
+        """Move to where the paddle stands at t [s]; return whether the mapping has changed."""
+        return self.travel.set_time(t)
+
+    def after(self, dt: Any) -> Shift:
+        """Return the mapping when the paddle has gone on for dt [s], as it moves now; dt in UFL."""
+        return Shift(self.axis, self.travel.position + dt * self.travel.speed)
+
+    def distances(self, plane: Plane) -> Vector:
+        """Return how far the degrees of freedom are from the paddle at rest [m], shape (owned,)."""
+        return self.side.distances(plane.places)
+
+    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+        """Return the mass matrix."""
+        return mass
+
+    def terms(self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis) -> "PistonTerms":
+        """Return what the paddle adds to the Hamiltonian."""
+        return PistonTerms(self, energy, phi, bed=bed, plane=self._plane, vertical=vertical)
+
+    @property
+    def stretching(self) -> Any:
+        """The rate at which J changes [1/s], in UFL."""
+        return ufl.inner(self.axis, ufl.grad(self.travel.speed))
+
+    def flux(self, speed: Any, *, psi: Any, h: Any, wall_flux: Any) -> Any:
+        """Return int psi a . grad(s v h) dX + int v h phi dzeta at the paddle, for s v [m/s] in UFL; there s = 1."""
+        carried = ufl.inner(self.axis, ufl.grad(speed * h))
+        return psi * carried * self._plane.dx + speed * wall_flux * self._on_paddle
+
+    def to_reference(self, places: Vector) -> Vector:
+        """Return X with X + a s(X) X_p = x, places of shape (N, 2) [m]."""
+        positions = self.travel.positions(self.side.along(places))
+        distances = self.side.distances(places)
+        back = self.reach * unmapped(np.asarray(distances / self.reach), np.asarray(positions / self.reach))
+        return np.asarray(places + np.outer(back - distances, self.side.normal))
+
+    def to_physical(self, places: Vector) -> Vector:
+        """Return X + a s(X) X_p, places of shape (N, 2) [m]."""
+        shift = self._share(self.side.distances(places)) * self.travel.positions(self.side.along(places))
+        return np.asarray(places + np.outer(shift, self.side.normal))
+
+    def mesh_velocities(self, places: Vector) -> Vector:
+        """Return a s X_p' at reference places [m/s], shape (N, 2)."""
+        speeds = self._share(self.side.distances(places)) * self.travel.speeds(self.side.along(places))
+        return np.asarray(np.outer(speeds, self.side.normal))
+
+
+class PistonTerms:
+    """What a moving piston adds to the Hamiltonian; see the module's formulae."""
+
+    def __init__(
+        self, wall: Piston, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, plane: Plane, vertical: VerticalBasis
+    ):
+        self._wall, self._bed, self._plane, self._components = wall, bed, plane, vertical.n + 1
+        parts = {
+            "psi": phi.function[vertical.n],
+            "h": energy.h,
+            "wall_flux": energy.wall_flux(phi.function, vertical),
+        }
+        work = wall.flux(wall.travel.speed, **parts)
+        self.hamiltonian = {wall.part: work}
+        self._vector = VectorForm(ufl.derivative(work, phi.function))
+        self._energy = ScalarForm(work, plane.comm)
+        self._flux = ScalarForm(wall.flux(wall.travel.acceleration, **parts), plane.comm)
+
+        def density(dt: Any) -> Any:
+            later = replace(energy, mapping=wall.after(dt), d=bed.d + dt * bed.rate)
+            return later.kinetic(phi.function, vertical) + later.potential()
+
+        self._mu = plane.function("mu")
+        moved = taylor_coefficient(density, 1, plane.mesh) - wall.stretching * energy.h * self._mu.function
+        self._power = ScalarForm(moved * plane.dx, plane.comm)
+
+    def vector(self) -> Vector:
+        """Return dW/dphi, shape (owned, n+1); collective."""
+        return self._vector.assemble().reshape(-1, self._components)
+
+    def energy(self) -> float:
+        """Return W; collective."""
+        return self._energy.assemble()
+
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
+        """Return dH/dt at fixed (Q, psi); collective."""
+        self._mu.set(mu())
+        self._wall.travel.set_acceleration()
+        self._bed.follow_on(self._wall)
+        return self._power.assemble() + self._flux.assemble()

@@ -1,0 +1,34 @@
+"""Where a wall stands that can move."""
+
+from typing import NamedTuple
+
+import numpy as np
+from dolfinx import mesh
+
+from wavetank.arrays import Vector
+
+
+class Side(NamedTuple):
+    """A straight wall that can move.
+
+    Attributes
+    ----------
+    facets
+        Facet tags with 1 at the paddle.
+    point
+        A point of its rest position, from which y is counted along it [m], shape (2,).
+    normal
+        Its unit normal into the water, shape (2,).
+    """
+
+    facets: mesh.MeshTags
+    point: Vector
+    normal: Vector
+
+    def distances(self, places: Vector) -> Vector:
+        """Return the distances of places (x, y) from the rest position [m], shape (N,)."""
+        return np.asarray((places - self.point) @ self.normal)
+
+    def along(self, places: Vector) -> Vector:
+        """Return the coordinates y of places (x, y) along the paddle [m], shape (N,)."""
+        return np.asarray((places - self.point) @ np.array([-self.normal[1], self.normal[0]]))

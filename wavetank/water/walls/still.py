@@ -1,0 +1,76 @@
+"""A wall that stands still: nothing is mapped, and nothing added to the Hamiltonian."""
+
+from collections.abc import Callable
+
+import numpy as np
+import ufl
+
+from wavetank.arrays import Vector
+from wavetank.fe.mass import MassMatrix
+from wavetank.fe.plane import LayeredField, Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.motions import AtRest, Motion
+from wavetank.water.bed import Bed
+from wavetank.water.energy import Part, WaterEnergy
+from wavetank.water.walls.contract import Columns
+from wavetank.water.walls.mapping import Identity
+
+
+class StillWall:
+    """A wall that stands still, of linear and nonlinear waves."""
+
+    part = Part("wall", "", "nothing moves there")
+    told = "x = X, F = J = 1: no wall moves"
+    moves = False
+    velocities = np.zeros(1)
+    motion: Motion = AtRest()
+    openings: tuple[ufl.Measure, ...] = ()
+    mapping = Identity()
+
+    def set_time(self, t: float) -> bool:
+        """Do nothing."""
+        return False
+
+    def distances(self, plane: Plane) -> Vector:
+        """Return x [m], shape (owned,)."""
+        return plane.x
+
+    def to_reference(self, places: Vector) -> Vector:
+        """Return the places."""
+        return places
+
+    def to_physical(self, places: Vector) -> Vector:
+        """Return the places."""
+        return places
+
+    def mesh_velocities(self, places: Vector) -> Vector:
+        """Return zeros."""
+        return np.zeros_like(places)
+
+    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+        """Return the mass matrix."""
+        return mass
+
+    def terms(self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis) -> "NoTerms":
+        """Return nothing."""
+        return NoTerms(vertical)
+
+
+class NoTerms:
+    """The terms of a wall that adds nothing."""
+
+    def __init__(self, vertical: VerticalBasis):
+        self.hamiltonian: dict[Part, ufl.Form] = {}
+        self._zero = np.zeros((1, vertical.n + 1))
+
+    def vector(self) -> Vector:
+        """Return zero."""
+        return self._zero
+
+    def energy(self) -> float:
+        """Return zero."""
+        return 0.0
+
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
+        """Return zero."""
+        return 0.0
