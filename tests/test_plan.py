@@ -12,6 +12,7 @@ from mpi4py import MPI
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError
+from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.observers.contract import Moment
@@ -26,6 +27,7 @@ from wavetank.plan.trial import Stopwatch, trial
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import Records, build_observers, build_run
 from wavetank.runs.clock import Clock
+from wavetank.runs.waters import build_waves, told_energy
 from wavetank.theory import airy
 from wavetank.theory.wavemaker import piston_transfer
 from wavetank.water.footprint import Slice

@@ -72,7 +72,8 @@ def _energy(scene: "Scene") -> list[str]:
     """Return the energy that is computed with, in words, a line each."""
     from wavetank.runs.waters import told_energy
 
-    return ["energy: the sum of its parts, of which all else is a derivative", *(f"  {line}" for line in told_energy(scene))]
+    parts = (f"  {line}" for line in told_energy(scene))
+    return ["energy: the sum of its parts, of which all else is a derivative", *parts]
 
 
 def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console", *, calibrate: bool) -> None:

@@ -7,19 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.runs.footprints import build_footprint
-from wavetank.runs.sponges import build_sponge
-from wavetank.runs.waters import AnyWaves, fill
-from wavetank.runs.clock import Clock
+from wavetank.arrays import Vector
+from wavetank.case import RingTank, Scene
 from wavetank.errors import InputError, OutsideError
 from wavetank.fe.agreed import agreed
-from wavetank.arrays import Vector
 from wavetank.hamiltonian.stage_solver import ITERATES
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
-from wavetank.values.noun import Problem, SceneError, about
 from wavetank.observers.breaking import StopAtBreaking
 from wavetank.observers.contract import Observer
 from wavetank.observers.energy import EnergyBudget, Sink
@@ -30,8 +26,12 @@ from wavetank.observers.record import FieldRecord, Record
 from wavetank.observers.schedule import EverySteps, EveryTime
 from wavetank.observers.stability import StabilityWatch
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
+from wavetank.runs.clock import Clock
+from wavetank.runs.footprints import build_footprint
 from wavetank.runs.run import Run
-from wavetank.case import RingTank, Scene
+from wavetank.runs.sponges import build_sponge
+from wavetank.runs.waters import AnyWaves, fill
+from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
@@ -104,7 +104,8 @@ def build_clock(
 def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, AnyWaves]:
     """Return the run of a scene, nothing recorded yet, and the waves in it; collective.
 
-    It is observed only by what stops it where a wave breaks, if the scene is to stop there. Raises ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.plan.planned``).
+    It is observed only by what stops it where a wave breaks, if the scene is to stop there. Raises ``InputError`` for
+    numerics that cannot work, or that are still to be planned (``wavetank.plan.planned``).
     """
     if scene.numerics.accuracy is not None:
         raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")

@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from typing import Any
 
-from wavetank.runs.clock import Clock
-from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.observers.contract import Moment, Observer
 from wavetank.observers.energy import Sink
+from wavetank.runs.clock import Clock
 from wavetank.stateful import Held, Stateful, give_back, held_by, named
 
 

@@ -26,7 +26,8 @@ def build_waves(scene: Scene, comm: MPI.Comm) -> AnyWaves:
 def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
     """Return a footprint with the scene's water in it; collective."""
     with about("tank", "bed"):
-        return WATERS[scene.physics].build(scene, footprint, Plane(footprint.mesh, scene.numerics.order, footprint.chart))
+        plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart)
+        return WATERS[scene.physics].build(scene, footprint, plane)
 
 
 def _depth(scene: Scene) -> float | Depth:
@@ -44,7 +45,7 @@ def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
 
 
 def told_energy(scene: Scene) -> list[str]:
-    """Return the Hamiltonian of a scene in words, a line each: its parts, the mapping, the bed; what vanishes and why."""
+    """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
     waves, wall = WATERS[scene.physics].waves, kind_of(scene).wall
     bed = FlatBed if scene.tank.bed is None else VaryingBed
     return [*map(str, (*waves.parts, wall.part)), wall.told, bed.told]
