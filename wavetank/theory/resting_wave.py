@@ -31,6 +31,7 @@ MODES, MORE = 14, 80  # cosines of a low wave; so many more at HIGHEST
 ENOUGH, ACCEPTED, ROUNDS = 3e-9, 1e-7, 8  # what is left a quarter of a period later; of Newton's method
 DEEP = 300.0  # beyond this m D the hyperbolic functions overflow
 DIFFERENCE = 1e-7
+CUTS = (1e-8, 1e-6, 1e-5, 1e-4)  # of the directions of corrections, of the one that moves most
 
 
 @dataclass(frozen=True)
@@ -93,12 +94,27 @@ def _shot(wave: Array, height: float, depth: float) -> tuple[Array, float]:
         varied = wave + DIFFERENCE * np.vstack([np.zeros(wave.size), np.eye(wave.size)])
         left = _left(varied, height, depth)
         residual = float(np.abs(left[0]).max())
+        nearer = residual < least / 2
         if residual < least:
             best, least = wave, residual
-        if least < ENOUGH or not np.isfinite(residual):
+        if least < ENOUGH or not nearer or not np.isfinite(left).all():
             break
-        wave = wave - np.linalg.lstsq((left[1:] - left[0]).T / DIFFERENCE, left[0], rcond=1e-8)[0]
+        wave = _nearest(wave - _corrections((left[1:] - left[0]).T / DIFFERENCE, left[0]), height, depth)
     return best, least
+
+
+def _corrections(jacobian: Array, left: Array) -> Array:
+    """Return Newton's corrections in the directions that move what is left most, shape (CUTS, modes + 1)."""
+    u, moved, directions = np.linalg.svd(jacobian, full_matrices=False)
+    parts = u.T @ left / moved
+    return np.array([np.where(moved > cut * moved[0], parts, 0.0) @ directions for cut in CUTS])
+
+
+def _nearest(waves: Array, height: float, depth: float) -> Array:
+    """Return that of some waves of which least is left."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        left = np.abs(_left(waves, height, depth)).max(axis=1)
+    return np.asarray(waves[np.argmin(np.where(np.isfinite(left), left, np.inf))])
 
 
 def _left(waves: Array, height: float, depth: float) -> Array:
