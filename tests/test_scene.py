@@ -1,6 +1,7 @@
 """The scene: what a case file may say, its defaults, and the sentence for everything it may not say."""
 
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -9,11 +10,30 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from wavetank import motions
-from wavetank.case import Gauge, Numerics, PistonWall, RunNoun, Scene, SceneError, SinusoidMotion, SliceTank, paddles
+from wavetank.case import (
+    Gauge,
+    Numerics,
+    Physics,
+    PistonWall,
+    RunNoun,
+    Scene,
+    SceneError,
+    SegmentedPistonWall,
+    SinusoidMotion,
+    SliceTank,
+    Sponge,
+    Tank,
+    Wall,
+    paddles,
+)
 from wavetank.case.keys import tables
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.motions.record_file import read_record
+from wavetank.runs.footprints import FOOTPRINTS
+from wavetank.runs.sponges import SPONGES
+from wavetank.runs.walls import WALLS
+from wavetank.runs.waters import WATERS
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 
@@ -161,6 +181,14 @@ def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(
     longer = scene.model_copy(update={"run": RunNoun(duration=31.0)})
     with pytest.raises(SceneError, match=r"must be at most 30 s, where the recorded motion ends"):
         longer.motion()
+
+
+def test_what_needs_dolfinx_has_a_row_for_every_noun_in_its_table():
+    def nouns(union):
+        return set(get_args(get_args(union)[0]))
+
+    assert set(FOOTPRINTS) == nouns(Tank) and set(SPONGES) == nouns(Sponge) and set(WATERS) == set(get_args(Physics))
+    assert set(WALLS["nonlinear"]) == nouns(Wall) == {*WALLS["linear"], SegmentedPistonWall}  # refused by linear water
 
 
 def test_data_references_are_kept_in_the_dump(case, tmp_path, monkeypatch):

@@ -267,9 +267,10 @@ def _wall_reason(scene: Scene) -> str:
         return "wall at x = 0: none in a ring."
     if not scene.wall.moves:
         return "wall at x = 0: fixed, nothing moves there."
+    paddle = f"wall at x = 0: a {scene.wall.type}"
     if scene.motion().interval is not None:
-        return f"wall at x = 0: a piston with a measured motion; short waves below {NOISE:.1%} count as its noise."
-    return "wall at x = 0: a piston, the waves come from its motion."
+        return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise."
+    return f"{paddle}, the waves come from its motion."
 
 
 def _end_reason(scene: Scene, waves: Components) -> str:
