@@ -29,6 +29,7 @@ from wavetank.records.place import Place
 from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
 from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary
+from wavetank.runs.closing import Outcome, closing
 from wavetank.runs.memory import peak_memory
 from wavetank.runs.run import Run
 from wavetank.runs.waters import AnyWaves, told_of_bed
@@ -50,7 +51,7 @@ class Warnings:
 
     def __init__(self, log: RunLog):
         self.sentences: list[str] = []
-        self._printed = set[str]()
+        self._printed, self._urgent = set[str](), list[str]()
         self._log = log
 
     def add(self, sentence: str) -> None:
@@ -61,7 +62,13 @@ class Warnings:
     def at_once(self, sentence: str) -> None:
         """Keep a sentence and print it now: what a run may soon break down of."""
         self.add(sentence)
+        self._urgent.append(sentence)
         self._print(sentence)
+
+    @property
+    def worst_first(self) -> list[str]:
+        """The sentences, those that were printed at once first."""
+        return list(dict.fromkeys((*self._urgent, *self.sentences)))
 
     def show(self) -> None:
         """Print those that have not been."""
@@ -129,8 +136,14 @@ def record_run(
             for breaking in (one for one in _breaking(run) if one.began):
                 log.say(f"{breaking.story}; {100 * breaking.part_taken:.2g} % of the energy was taken")
             figures = _figures(run, waves) | _usage(comm, began=began, built=built, busy=busy)
+            outcome = Outcome.of(run)
             if writer is not None:
-                writer.note(figures)
+                writer.note(figures | outcome.figures)
+                if outcome.figures:
+                    warnings.show()
+                    flat, spent = waves.plane.mesh.topology.dim == 1, known | figures
+                    for line in closing(outcome, spent, warnings=warnings.worst_first, path=writer.path, flat=flat):
+                        log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
             on_first(comm, lambda: _begin(writer, log, asked=asked, planned=scene))

@@ -39,7 +39,8 @@ ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy: a balance that is farther off is told
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 
-SUMS = "t", "supplied", "total", "wall", "energy", "off", "nothing", "taken", "given"  # what a budget remembers
+# what a budget remembers:
+SUMS = "t", "supplied", "total", "wall", "mass", "energy", "off", "lost", "nothing", "taken", "given"
 
 ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
     2: (1 / 2, 1 / 2),
@@ -73,8 +74,9 @@ class EnergyBudget:
         self._waves, self._record, self._sinks = waves, record, sinks
         self._rates: list[float] = []
         self._supplied = self._t = 0.0
-        self._total = self._wall = 0.0  # at the start
+        self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
+        self._lost = 0.0  # of the mass, or won, at the most
         self._taken = self._given = 0.0  # the most ever dissipated, and the most that came back of it
 
     def observe(self, moment: Moment) -> None:
@@ -83,9 +85,8 @@ class EnergyBudget:
         self._integrate(moment.t, sum(rates) / len(rates))
         now = self._energies(moment)
         if moment.step == 0:
-            self._total, self._wall = now.total, now.wall
-            still = self._waves.gravity * self._waves.depth * self._waves.total_mass(moment.q)
-            self._nothing = ROUNDING * still
+            self._total, self._wall, self._mass = now.total, now.wall, self._waves.total_mass(moment.q)
+            self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
         work = self._supplied - (now.wall - self._wall)
         dissipated = sum(sink.energy_taken for sink in self._sinks)
         balance = now.total - self._total - work + dissipated
@@ -95,6 +96,7 @@ class EnergyBudget:
         if not self._recorded.due(moment.step):
             return
         mass = self._waves.total_mass(moment.q)
+        self._lost = max(self._lost, abs(mass - self._mass))
         self._record.append([moment.t, now.kinetic, now.potential, now.total, work, dissipated, balance, mass])
 
     def _energies(self, moment: Moment) -> Energies:
@@ -107,6 +109,16 @@ class EnergyBudget:
         potential = waves.gravity * waves.inner(waves.elevation(q, p, moment.t), moment.q - q)
         kinetic = total - potential
         return replace(there, kinetic=there.kinetic + kinetic, potential=there.potential + potential)
+
+    @property
+    def mass_error(self) -> float:
+        """The largest change of the mass in what is recorded, over the mass."""
+        return self._lost / self._mass if self._mass else 0.0
+
+    @property
+    def energy_error(self) -> float:
+        """The largest that the balance was off, over the largest energy; of still water 0."""
+        return self._off / self._energy if self._energy > self._nothing else 0.0
 
     def verdict(self) -> list[str]:
         """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, dissipated or not.

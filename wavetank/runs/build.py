@@ -18,6 +18,7 @@ from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
 from wavetank.observers.breaking import StopAtBreaking
 from wavetank.observers.contract import Observer
+from wavetank.observers.crest import HighestCrest
 from wavetank.observers.energy import EnergyBudget, Sink
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.gauges import Gauges
@@ -181,10 +182,11 @@ def build_watch(scene: Scene, run: Run, waves: AnyWaves, warn: Callable[[str], N
 
 
 def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:
-    """Return a scene's gauges, energy budget (of what its sinks take, too) and snapshots; collective."""
+    """Return a scene's gauges, energy budget (of what its sinks take, too), highest crest and snapshots; collective."""
     output = scene.output
     observers: list[Observer] = [
         EnergyBudget(waves, record=records.energy, every=output.energy_every, sinks=sinks),
+        HighestCrest(waves),
     ]
     if waves.plane.mesh.topology.dim == 1:
         snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))

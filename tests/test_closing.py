@@ -1,0 +1,63 @@
+"""The last lines of a run, against its records."""
+
+import numpy as np
+import pytest
+
+from wavetank.observers.crest import Crest
+from wavetank.runs.closing import Outcome, closing
+
+SHORT = ("run.duration=0.4", "numerics.cells=8", "numerics.vertical_order=4", "numerics.dt=0.02")
+SPENT = {
+    "ranks": 3,
+    "timings": {"stepping_s": 5.0, "stepping_cpu_s": 12.0},
+    "numerics": {"steps_taken": 100, "dt": 0.1},
+    "counters": {"interior_solves": 456},
+}
+
+
+def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on_ranks):
+    """The wave begins to run up at the tank's ends, where gauges are."""
+    start = 'initial={type="formula", eta="0.1*cos(pi*x)", psi="0.4*cos(pi*x)"}'
+    alone, together = recorded_on_ranks("cases/standing-wave.toml", *SHORT, start)
+    crest, errors = alone.manifest["highest_crest"], alone.manifest["errors"]
+    at = {gauge.x: gauge for gauge in alone.gauge_series()}[crest["x"]]
+    assert crest["height"] == pytest.approx(at.eta.max(), rel=1e-9) and crest["height"] > 0.11
+    assert crest["t"] == at.t[at.eta.argmax()] > 0.0
+    energy = {name.split()[0]: column for name, column in alone.budget().items()}
+    assert errors["mass"] == pytest.approx(np.abs(energy["mass"] / energy["mass"][0] - 1).max(), abs=1e-17)
+    assert errors["energy_balance"] == pytest.approx(np.abs(energy["balance"]).max() / energy["total"].max(), rel=1e-9)
+    assert together.manifest["highest_crest"] == pytest.approx(crest, rel=1e-6)
+    for run, ranks in ((alone, "1 rank"), (together, "3 ranks")):
+        *lines, last = (run.path / "run.log").read_text().splitlines()[-6:]
+        assert lines[0] == f"highest crest: {crest['height']:.4g} m, at x = {crest['x']:.4g} m, t = {crest['t']:.4g} s"
+        assert lines[1].startswith("errors: ") and lines[1].endswith(" of the energy; no warnings")
+        assert lines[2].startswith("cost: ") and f" CPU s on {ranks}, 20 steps, " in lines[2]
+        assert lines[3:] == [
+            f"records: {run.path}",
+            f"next: wavetank view {run.path}; wavetank compare {run.path} --with DATA",
+        ]
+        assert last == "finished"
+
+
+@pytest.mark.parametrize(
+    ("warnings", "said"),
+    [
+        ([], "no warnings"),
+        (["waves grow at x = 3 m: half the step may do"], "a warning: waves grow at x = 3 m"),
+        (["it is off", "the bed is missed"], "2 warnings, the worst: it is off"),
+    ],
+)
+def test_the_closing_lines_say_what_is_to_be_known(tmp_path, warnings, said):
+    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    path = tmp_path / "a run"
+    assert closing(outcome, SPENT, warnings=warnings, path=path, flat=False) == [
+        "highest crest: 0.1131 m, at x = 10.46 m, y = -2 m, t = 20.18 s",
+        f"errors: 2e-15 of the mass, 3e-05 of the energy; {said}",
+        "cost: 12 CPU s on 3 ranks, 100 steps, 4.6 interior solves a step, 0.5 s for a second of waves",
+        f"records: {path}",
+        f"next: wavetank view '{path}'; wavetank compare '{path}' --with DATA",
+    ]
+
+
+def test_nothing_is_said_of_a_run_that_nobody_has_looked_at():
+    assert Outcome(Crest(), 0.0, 0.0).figures == {}
