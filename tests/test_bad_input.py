@@ -17,7 +17,6 @@ from pydantic import BaseModel, TypeAdapter
 
 from wavetank import data
 from wavetank.beds.bed_file import read_bed
-from wavetank.beds.python_file import load
 from wavetank.case import Scene
 from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
@@ -25,6 +24,7 @@ from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.motions.record_file import read_record
 from wavetank.plan.plan import UnreachableError
 from wavetank.values.noun import Problem, SceneError
+from wavetank.values.python_file import load
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 TANK = "[tank]\nlength = 8.0\ndepth = 1.0\n[run]\nduration = 1.0\n"
@@ -226,6 +226,7 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "wave_amplitude = 0.1\n[wall]\ntype = 'piston'\nmotion = {type = 'at-rest'}\n" + RUN,
     "python": SLICE + "bed = {type = 'python', file = 'bed.py'}\n[wall]\ntype = 'fixed'\n"
     "[initial]\ntype = 'still-water'\n" + RUN,
+    "written": SLICE + "[wall]\ntype = 'piston'\nmotion = {type = 'python', file = 'paddle.py'}\n" + RUN,
     "rectangle": RECTANGLE + "[tank.layout.refine]\nx = [2.0, 4.0]\nfactor = 0.5\n[sponge]\ntype = 'group'\n"
     + SEGMENTS + "type = 'oblique-wave'\nwave_amplitude = 0.01\nperiod = 1.6\nangle = 20.0\n" + UNCUT,
     "directional": RECTANGLE + SEGMENTS + "type = 'directional-focus'\nfocus_y = 5.0\nlargest_angle = 20.0\n"
@@ -273,6 +274,7 @@ def every(tmp_path_factory):
     (folder / "paddle.txt").write_text("".join(f"{t} {0.01 * t / 30}\n" for t in range(31)))
     (folder / "bed.csv").write_text("x,depth\n" + "".join(f"{x},1.0\n" for x in range(31)))
     (folder / "bed.py").write_text("def depth(x, y):\n    return 1 + 0 * x\n")
+    (folder / "paddle.py").write_text("def motion(t, order):\n    return 0 * t\n")
     for name, text in EVERY.items():
         (folder / f"{name}.toml").write_text(text)
     return {name: folder / f"{name}.toml" for name in EVERY}

@@ -9,11 +9,12 @@ from conftest import fitted_slope
 from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 
-from wavetank.beds import Gridded, Survey, load, read_bed
+from wavetank.beds import Gridded, Survey, read_bed
 from wavetank.case import Scene, SceneError
 from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
+from wavetank.values.python_file import load
 
 RANDOM = np.random.default_rng(5)
 X, Y = RANDOM.uniform(0.0, 4.0, 400), RANDOM.uniform(-1.0, 2.0, 400)
@@ -315,7 +316,7 @@ def python(tmp_path):
 def test_a_function_of_a_file_is_a_bed(python):
     path = python("import numpy as np\nTOP = 1.0\n\ndef depth(x, y):\n    x += TOP\n    return np.hypot(x, y)\n")
     x = X.copy()
-    np.testing.assert_array_equal(load(path, "depth")(x, Y), np.hypot(X + 1.0, Y))
+    np.testing.assert_array_equal(load(path, "depth").at({"x": x, "y": Y}), np.hypot(X + 1.0, Y))
     np.testing.assert_array_equal(x, X)  # the function has arrays of its own
 
 
@@ -345,7 +346,7 @@ def test_a_file_without_its_function_is_refused(python, tmp_path):
 def test_what_a_function_returns_is_checked(python, body, sentence):
     path = python(f"def depth(x, y):\n    {body}\n")
     with np.errstate(divide="ignore"):
-        assert refused(load(path, "depth"), X, Y).startswith(f"{path}, function 'depth'{sentence}")
+        assert refused(load(path, "depth").at, {"x": X, "y": Y}).startswith(f"{path}, function 'depth'{sentence}")
 
 
 # ---------------------------------------------------------------- nouns

@@ -16,7 +16,9 @@ from ranks import CHECKOUT, launch
 from wavetank.case.reading import read_case
 
 PAGES = [CHECKOUT / "README.md", CHECKOUT / "CONTRIBUTING.md", CHECKOUT / "cases" / "README.md"]
-PAGES += sorted((CHECKOUT / "docs").glob("**/*.md"))
+PAGES += sorted(
+    {*(CHECKOUT / "docs").glob("**/*.md")} - {CHECKOUT / "docs" / "extend.md"}
+)  # its own: tests/test_public.py
 
 
 class Block(NamedTuple):

@@ -1,3 +1,33 @@
-"""A numerical wave tank: fully nonlinear potential-flow water waves from Miles' variational principle on FEniCSx."""
+"""A numerical wave tank: fully nonlinear potential-flow water waves from Miles' variational principle on FEniCSx.
+
+    import wavetank as wt
+
+    scene = wt.read_case("cases/focusing.toml", ["run.duration=30"])
+    run = wt.run(scene, "runs/focusing")
+    run.gauges, run.energy, run.paddle, run.surface      # xarray; wt.open_run("runs/focusing") has them later
+
+What is not in ``__all__`` may change; what loads long, dolfinx first, is loaded when it is needed.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wavetank.case.reading import read_case
+    from wavetank.public import run
+    from wavetank.records.directory import open_run
 
 __version__ = "0.1.0"
+__all__ = ["open_run", "read_case", "run"]
+
+HOMES = {"open_run": "wavetank.records.directory", "read_case": "wavetank.case.reading", "run": "wavetank.public"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in HOMES:
+        return getattr(import_module(HOMES[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

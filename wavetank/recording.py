@@ -1,7 +1,7 @@
 """A run recorded in a run directory, from the case to the manifest's last word; the same on any number of ranks."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from rich.console import Console
 from wavetank.case import Scene
 from wavetank.errors import BreakdownError, RunError
 from wavetank.fe.agreed import on_first
+from wavetank.integrators.contract import Integrator
 from wavetank.observers.breaking import BreakingNews
 from wavetank.observers.contract import Judge, Observer
 from wavetank.observers.energy import columns as energy_columns
@@ -89,6 +90,8 @@ def record_run(
     console: Console,
     draw: Draw | None = None,
     unasked: bool = True,
+    observers: Sequence[Callable[[AnyWaves], Observer]] = (),
+    integrator: Integrator[Any] | None = None,
 ) -> None:
     """Run a scene into a directory; collective.
 
@@ -110,6 +113,10 @@ def record_run(
         raises is said, and nothing more: the records are there.
     unasked
         Whether a run that takes days, or more memory than there is, begins; otherwise it is refused.
+    observers
+        What else looks at the water: functions of the waves that return an observer.
+    integrator
+        In place of the scene's.
     """
     began, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
@@ -122,12 +129,13 @@ def record_run(
         if not unasked:
             check_affordable(scene, comm)
         with mesh_told(asked, scene):
-            run, waves = build_run(scene, comm)
+            run, waves = build_run(scene, comm, integrator)
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
             warnings.add(doubt)
         built, busy = time.monotonic(), time.process_time()
         _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]
+        run.observers += [observer(waves) for observer in observers]
 
         def note() -> None:
             for judge in (one for one in run.observers if isinstance(one, Judge)):
@@ -279,6 +287,7 @@ def _figures(run: Run, waves: AnyWaves) -> dict[str, Any]:
     stages, solves = waves.stages.counters, waves.potential.counters
     return {
         "numerics": {
+            "integrator": run.integrator.name,
             "dt": run.clock.dt,
             "steps": run.clock.steps,
             "steps_taken": run.step,

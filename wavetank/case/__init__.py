@@ -16,7 +16,14 @@ from wavetank.case.groups import GaussianSpectrum, JonswapSpectrum
 from wavetank.case.initial import Initial, SolitaryWave, StandingWave, StillWater, StreamFunctionWave
 from wavetank.case.initial_formula import FormulaSurface
 from wavetank.case.numerics import Gauge, IntegratorName, Numerics, Output, RunNoun
-from wavetank.case.paddles import AtRestMotion, PaddleMotion, RecordedMotion, SinusoidMotion, WaveGroupMotion
+from wavetank.case.paddles import (
+    AtRestMotion,
+    PaddleMotion,
+    PythonMotion,
+    RecordedMotion,
+    SinusoidMotion,
+    WaveGroupMotion,
+)
 from wavetank.case.scene import LinearWater, NonlinearWater, Physics, Scene, Water
 from wavetank.case.sponges import AnySponge, EndSponge, FormulaSponge, GroupSponge, Sponge
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank, Tank
@@ -54,6 +61,7 @@ __all__ = [
     "PistonWall",
     "Problem",
     "PythonBed",
+    "PythonMotion",
     "RecordedMotion",
     "ReflectedFocusMotion",
     "RingTank",

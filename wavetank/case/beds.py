@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -12,8 +12,10 @@ from wavetank.case.formulae import FormulaNoun, FormulaText
 from wavetank.errors import InputError
 from wavetank.values.formula import Array
 from wavetank.values.noun import FilePath, Noun, Problem, SceneError
+from wavetank.values.python_file import load
 from wavetank.values.quantities import Length
 
+T = TypeVar("T")
 Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), to d [m], shape (N,)
 
 
@@ -54,7 +56,8 @@ class PythonBed(BedNoun):
 
     def as_given(self) -> Depth:
         """Return d(x, y); raises ``SceneError`` if the file cannot be had or run, or has no such function."""
-        return _of_file(self.file, lambda path: beds.load(path, self.function))
+        function = _of_file(self.file, lambda path: load(path, self.function))
+        return lambda x, y: function.at({"x": x, "y": y})
 
 
 class GriddedBed(BedNoun):
@@ -79,7 +82,7 @@ class GriddedBed(BedNoun):
         return _of_file(self.file, read)
 
 
-def _of_file(reference: str, read: Callable[[Path], Depth]) -> Depth:
+def _of_file(reference: str, read: Callable[[Path], T]) -> T:
     try:
         return read(data.resolve(reference, Path()))
     except InputError as error:

@@ -10,7 +10,8 @@ from wavetank.case.groups import FocusingWaves
 from wavetank.case.tanks import AnyTank
 from wavetank.errors import InputError
 from wavetank.motions.record_file import read_record
-from wavetank.values.noun import FilePath, Noun, Problem, SceneError, one_of
+from wavetank.values.noun import FilePath, Noun, Problem, SceneError, about, one_of
+from wavetank.values.python_file import load
 from wavetank.values.quantities import Duration, Height, Ramp
 
 
@@ -68,6 +69,23 @@ class RecordedMotion(Noun):
         return _ramped(record, self.ramp, start=max(0.0, record.start))
 
 
+class PythonMotion(Noun):
+    """X(t) and its derivatives by a function in a Python file, which is run: it must be one that is trusted."""
+
+    type: Literal["python"] = "python"
+    file: FilePath = Field(description="Python file")
+    function: str = Field(
+        default="motion", min_length=1, description="name of a function of t [s] and the derivative's order, 0 to 2"
+    )
+    ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
+
+    def build(self, tank: AnyTank) -> motions.Motion:
+        """Return the ramped motion; raises ``SceneError`` if the file cannot be had or run, or has no such function."""
+        with about("wall", "motion", "file"):
+            function = load(data.resolve(self.file, Path()), self.function)
+        return _ramped(motions.Programmed(function), self.ramp)
+
+
 def _record(key: str, reference: str) -> tuple[motions.Array, motions.Array]:
     try:
         return read_record(data.resolve(reference, Path()))
@@ -80,6 +98,6 @@ def _ramped(motion: motions.Motion, ramp: float, *, start: float = 0.0) -> motio
 
 
 PaddleMotion = Annotated[
-    AtRestMotion | SinusoidMotion | WaveGroupMotion | RecordedMotion,
+    AtRestMotion | SinusoidMotion | WaveGroupMotion | RecordedMotion | PythonMotion,
     Field(discriminator="type", description="motion of the paddle"),
 ]

@@ -17,9 +17,10 @@ from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.walls import FixedWall, Wall
 from wavetank.motions.mapping import STEEPEST, largest_stroke
-from wavetank.values.noun import Noun, Problem, SceneError
+from wavetank.values.noun import Noun, Problem, SceneError, about
 from wavetank.values.quantities import Label, metres
 
+LOOKED_AT = 50  # times, at which derivatives are compared that a user has written
 DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
 
 
@@ -99,6 +100,8 @@ class Scene(Noun):
     @cached_property
     def _motion(self) -> motions.Motion:
         motion = self.wall.paddle(self.tank)
+        with about("wall", "motion"):
+            motion.check(self.run.duration * (np.arange(LOOKED_AT, dtype=np.float64) + 0.5) / LOOKED_AT)
         if problems := list(self._motion_problems(motion)):
             raise SceneError(problems)
         return motion

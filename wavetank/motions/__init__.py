@@ -5,6 +5,7 @@ from wavetank.motions.directional_focus import DirectionalFocus
 from wavetank.motions.fan import Fan
 from wavetank.motions.motion import Array, Motion, SegmentedMotion
 from wavetank.motions.oblique_wave import ObliqueWave
+from wavetank.motions.programmed import Programmed
 from wavetank.motions.ramped import Ramped
 from wavetank.motions.recorded import Recorded
 from wavetank.motions.reflected_focus import ReflectedFocus
@@ -23,6 +24,7 @@ __all__ = [
     "Motion",
     "ObliqueWave",
     "PiecewiseLinear",
+    "Programmed",
     "Ramped",
     "Recorded",
     "ReflectedFocus",

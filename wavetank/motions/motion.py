@@ -43,6 +43,10 @@ class Motion(ABC):
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of X in time of order 0 to 2, in m/s^order, at times t [s] and places y [m]."""
 
+    def check(self, times: Array) -> None:
+        """Raise ``InputError`` where a derivative is not that of X at times [s]; known motions' are exact."""
+        return
+
     def position(self, t: Any, y: Any = None) -> Any:
         """Return X [m] at times t [s] and places y [m]."""
         return self.derivative(t, 0, y)

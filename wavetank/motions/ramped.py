@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from wavetank.motions.motion import Motion
+from wavetank.motions.motion import Array, Motion
 
 _STEP = tuple(Polynomial([0, 0, 0, 0, 35, -84, 70, -20]).deriv(order) for order in range(3))
 
@@ -43,6 +43,10 @@ class Ramped(Motion):
     def interval(self) -> float | None:
         """The mean time between two rows of the record of S [s], if it was measured."""
         return self.motion.interval
+
+    def check(self, times: Array) -> None:
+        """Raise ``InputError`` where a derivative of S is not that of S."""
+        self.motion.check(times)
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of the product by Leibniz' rule."""

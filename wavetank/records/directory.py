@@ -264,3 +264,8 @@ class RunDirectory:
             return (self.path / file).read_bytes()
         except OSError as error:
             raise InputError(f"{self.path}: has no readable {file} ({error.strerror}).") from None
+
+
+def open_run(path: Path | str) -> RunDirectory:
+    """Return what reads a run directory; raises ``InputError`` if there is none."""
+    return RunDirectory(path)

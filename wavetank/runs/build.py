@@ -102,18 +102,20 @@ def build_clock(
         return Clock.covering(scene.run.duration, scene.numerics.dt, until=scene.motion().duration)
 
 
-def build_run(scene: Scene, comm: MPI.Comm) -> tuple[Run, AnyWaves]:
+def build_run(scene: Scene, comm: MPI.Comm, integrator: Integrator[Any] | None = None) -> tuple[Run, AnyWaves]:
     """Return the run of a scene, nothing recorded yet, and the waves in it; collective.
 
-    It is observed only by what stops it where a wave breaks, if the scene is to stop there. Raises ``InputError`` for
-    numerics that cannot work, or that are still to be planned (``wavetank.plan.planned``).
+    It is observed only by what stops it where a wave breaks, if the scene is to stop there; its integrator is the
+    scene's, or the one given. Raises ``InputError`` for numerics that cannot work, or that are still to be planned
+    (``wavetank.plan.planned``).
     """
     if scene.numerics.accuracy is not None:
         raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
     with about("tank", "layout"):
         footprint = build_footprint(scene, comm)
     waves = fill(scene, footprint)
-    integrator: Integrator[Any] = INTEGRATORS[scene.numerics.integrator]()
+    if integrator is None:
+        integrator = INTEGRATORS[scene.numerics.integrator]()
     if scene.sponge is not None:
         with about("sponge"):
             integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, footprint, waves))

@@ -1,6 +1,6 @@
-"""A bed from a function in a Python file; the file is run, so it must be one that is trusted."""
+"""A function in a Python file; the file is run, so it must be one that is trusted."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from traceback import extract_tb
 from typing import Any
@@ -12,40 +12,42 @@ from wavetank.values.files import regular
 from wavetank.values.formula import Array, finite
 
 
-class PythonDepth:
-    """Still-water depth by a function of Python, checked wherever it is asked.
+class PythonFunction:
+    """A function of a user's, checked wherever it is asked; sent to another rank, it is read there anew.
 
     Parameters
     ----------
     function
-        Places x, y [m], each of shape (N,), to d [m], shape (N,).
-    source
-        The function's file, for errors.
+        Arrays of one shape, and whatever else it takes, to values of that shape.
+    file, name
+        Where it is from.
     """
 
-    def __init__(self, function: Callable[[Array, Array], Any], *, source: Path):
-        self._function, self._file = function, source
-        self._source = f"{source}, function {getattr(function, '__name__', 'depth')!r}"
+    def __init__(self, function: Callable[..., Any], *, file: Path, name: str):
+        self._function, self._file, self._name = function, file, name
+        self._source = f"{file}, function {name!r}"
 
-    def __call__(self, x: Array, y: Array) -> Array:
-        """Return d [m], shape (N,).
+    def __reduce__(self) -> tuple[Any, ...]:
+        return load, (self._file, self._name)
+
+    def at(self, places: Mapping[str, Array], *more: Any) -> Array:
+        """Return the values at places or times, arrays of one shape by their names; shape of these.
 
         Raises ``InputError`` if the function raises anything, or returns another shape or what is not finite.
         """
+        (shape,) = {place.shape for place in places.values()}
         try:
-            d = np.asarray(self._function(x.copy(), y.copy()), dtype=np.float64)
+            values = np.asarray(self._function(*(place.copy() for place in places.values()), *more), dtype=np.float64)
         except (Exception, SystemExit) as error:  # whatever a user's function may do
             raise InputError(f"{self._source}{_line(error, self._file)}: {_shown(error)}.") from error
-        if d.shape != x.shape:
-            raise InputError(f"{self._source}: shape {d.shape} returned; must be that of x and y, {x.shape}.")
-        return finite(d, {"x": x, "y": y}, source=self._source)
+        if values.shape != shape:
+            names = " and ".join(places)
+            raise InputError(f"{self._source}: shape {values.shape} returned; must be that of {names}, {shape}.")
+        return finite(values, places, source=self._source)
 
 
-def load(path: Path, name: str) -> PythonDepth:
-    """Return the bed that a function of a Python file is.
-
-    Raises ``InputError`` if the file cannot be read or run, or has no such function.
-    """
+def load(path: Path, name: str) -> PythonFunction:
+    """Return a function of a Python file; raises ``InputError`` if it cannot be had, read or run."""
     members: dict[str, Any] = {"__name__": path.stem, "__file__": str(path)}
     try:
         exec(compile(regular(path).read_bytes(), str(path), "exec"), members)
@@ -57,7 +59,7 @@ def load(path: Path, name: str) -> PythonDepth:
     if not callable(function):
         functions = sorted(key for key, value in members.items() if callable(value) and not key.startswith("_"))
         raise InputError(f"{path}: has no function {name!r}; it has: {', '.join(functions) or 'none'}.")
-    return PythonDepth(function, source=path)
+    return PythonFunction(function, file=path, name=name)
 
 
 def _shown(error: BaseException) -> str:

@@ -1,0 +1,48 @@
+"""A case run from Python, also with an observer or an integrator of one's own."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from wavetank.case import Scene
+from wavetank.console import console
+from wavetank.integrators.contract import Integrator
+from wavetank.observers.contract import Observer
+from wavetank.recording import record_run
+from wavetank.records.directory import RunDirectory
+from wavetank.records.place import Place
+from wavetank.runs.waters import AnyWaves
+
+
+def run(
+    scene: Scene,
+    out: Path | str,
+    *,
+    observers: Sequence[Callable[[AnyWaves], Observer]] = (),
+    integrator: Integrator[Any] | None = None,
+    overwrite: bool = False,
+) -> RunDirectory:
+    """Run a scene and return its run directory; also under mpirun, where all ranks call it.
+
+    Raises ``InputError`` for what cannot be run, before anything is changed, and ``RunError`` where the run breaks
+    down: everything up to then is in the directory.
+
+    Parameters
+    ----------
+    scene
+        As ``read_case`` returns it.
+    out
+        The run directory.
+    observers
+        What else looks at the water: functions, classes for instance, of the waves that return an observer.
+    integrator
+        A scheme of one's own, in place of the scene's.
+    overwrite
+        Whether a run that is there may be replaced.
+    """
+    place = Place(Path(out), overwrite=overwrite)
+    record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), observers=observers, integrator=integrator)
+    MPI.COMM_WORLD.Barrier()
+    return RunDirectory(out)

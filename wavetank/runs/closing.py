@@ -1,0 +1,83 @@
+"""The last lines of a run: what has come out, how true it is, what it has cost, where it is, and what to do next."""
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from wavetank.observers.crest import Crest, HighestCrest
+from wavetank.observers.energy import EnergyBudget
+from wavetank.runs.run import Run
+
+
+class Outcome(NamedTuple):
+    """What the observers of a run know when it ends.
+
+    Attributes
+    ----------
+    crest
+        The highest.
+    mass, energy
+        By how much the water's mass changed, and the energy balance was off, of what there was [-].
+    """
+
+    crest: Crest
+    mass: float
+    energy: float
+
+    @classmethod
+    def of(cls, run: Run) -> "Outcome":
+        """Return what a run's observers know; collective."""
+        budget = next(one for one in run.observers if isinstance(one, EnergyBudget))
+        crest = next(one for one in run.observers if isinstance(one, HighestCrest))
+        return cls(crest.highest(), budget.mass_error, budget.energy_error)
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The same for a manifest; nothing of a run that ended before it was looked at."""
+        if not self.crest.height > -float("inf"):
+            return {}
+        return {"highest_crest": self.crest._asdict(), "errors": {"mass": self.mass, "energy_balance": self.energy}}
+
+
+def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str], path: Path, flat: bool) -> list[str]:
+    """Return the lines.
+
+    Parameters
+    ----------
+    outcome
+        What has come out.
+    spent
+        What the manifest says of ranks, steps, solves and times.
+    warnings
+        The worst first.
+    path
+        The run directory.
+    flat
+        Whether the tank has no width.
+    """
+    crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
+    place = f"x = {crest.x:.4g} m" if flat else f"x = {crest.x:.4g} m, y = {crest.y:.4g} m"
+    simulated = steps * spent["numerics"]["dt"]
+    costs = [
+        f"{timings['stepping_cpu_s']:.3g} CPU s on {spent['ranks']} {'rank' if spent['ranks'] == 1 else 'ranks'}",
+        f"{steps} steps",
+        f"{spent['counters']['interior_solves'] / max(steps, 1):.1f} interior solves a step",
+        f"{timings['stepping_s'] / simulated if simulated else 0.0:.2g} s for a second of waves",
+    ]
+    directory = shlex.quote(str(path))
+    return [
+        f"highest crest: {crest.height:.4g} m, at {place}, t = {crest.t:.4g} s",
+        f"errors: {outcome.mass:.1g} of the mass, {outcome.energy:.1g} of the energy; {_told(warnings)}",
+        f"cost: {', '.join(costs)}",
+        f"records: {path}",
+        f"next: wavetank view {directory}; wavetank compare {directory} --with DATA",
+    ]
+
+
+def _told(warnings: Sequence[str]) -> str:
+    """Return how many warnings there were, and the worst without its advice."""
+    if not warnings:
+        return "no warnings"
+    worst = warnings[0].rpartition(": ")[0] or warnings[0]
+    return f"a warning: {worst}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {worst}"
