@@ -43,6 +43,7 @@ class Elements(NamedTuple):
     stiffness: Vector
 
 
+@cache
 def elements(order: int) -> Elements:
     """Return the element matrices of Lagrange elements on Gauss-Lobatto-Legendre nodes."""
     nodes, (points, weights) = gauss_lobatto_legendre(order), gauss_legendre(order + 1)
@@ -108,8 +109,9 @@ class Cells:
         share = sum((2 * degree + 1) * spherical_jn(degree, kappa) ** 2 for degree in degrees)
         return np.asarray(np.sqrt(np.minimum(share, 1.0)))
 
+    @cached_property
     def largest(self) -> float:
-        """Return the largest mu of all branches and k [1/m²], which lies at an end of one."""
+        """The largest mu of all branches and k [1/m²], which lies at an end of one."""
         return float(self._bloch(np.array([0.0, np.pi / self.size]))[0].max())
 
 
@@ -154,10 +156,9 @@ class Mesh:
 
     def surface_frequency(self, mu: ArrayLike) -> Vector:
         """Return omega [rad/s] of horizontal eigenvalues mu [1/m²], any shape."""
-        basis = _vertical(self.vertical_order)
-        b = basis.moment(0, basis.values, basis.values)[:-1, -1]
+        shares, eigenvalues = _vertical(self.vertical_order)
         scaled = np.asarray(mu)[..., None] * self.depth**2
-        tanh = np.asarray(mu) * self.depth * (1.0 - np.sum(b**2 * scaled / (scaled + basis.eigenvalues), axis=-1))
+        tanh = np.asarray(mu) * self.depth * (1.0 - (scaled / (scaled + eigenvalues)) @ shares)
         return np.asarray(np.sqrt(self.gravity * tanh))
 
     def frequency(self, k: ArrayLike) -> Vector:
@@ -167,7 +168,7 @@ class Mesh:
     @cached_property
     def largest_frequency(self) -> float:
         """omega_max [rad/s] over all branches; that of a tank of finite length is at most as large."""
-        return float(self.surface_frequency(self.cells.largest()))
+        return float(self.surface_frequency(self.cells.largest))
 
 
 def relative_frequency_error(kd: float, vertical_order: int) -> float:
@@ -177,8 +178,10 @@ def relative_frequency_error(kd: float, vertical_order: int) -> float:
 
 
 @cache
-def _vertical(n: int) -> VerticalBasis:
-    return VerticalBasis(n)
+def _vertical(n: int) -> tuple[Vector, Vector]:
+    """Return b_i² and Lambda_i of the vertical modes, shape (n,) each."""
+    basis = VerticalBasis(n)
+    return basis.moment(0, basis.values, basis.values)[:-1, -1] ** 2, basis.eigenvalues
 
 
 # ---------------------------------------------------------------------------------------------------- time

@@ -79,6 +79,7 @@ class ErrorModel:
         self._k = np.multiply.outer(waves.k, self._m)
         self._exact = airy.angular_frequency(self._k, required.depth, required.gravity)
         self._known: dict[tuple[int, int], Cells] = {}
+        self._meshes: dict[tuple[int, int, int], Mesh] = {}
         self._waves: dict[Cells, BlochWaves] = {}
         self._products: dict[Cells, Vector] = {}
 
@@ -88,14 +89,14 @@ class ErrorModel:
         return ErrorPart(self._radians * (frequency @ self._weights), np.sqrt(bounded**2 @ self._ratios**2))
 
     def mesh(self, order: int, cells: int, vertical_order: int) -> Mesh:
-        """Return the mesh of the tank."""
-        required = self._required
-        return Mesh(
-            cells=self._cells(order, cells),
-            vertical_order=vertical_order,
-            depth=required.depth,
-            gravity=required.gravity,
-        )
+        """Return the mesh of the tank, one object however often."""
+        key, required = (order, cells, vertical_order), self._required
+        if key not in self._meshes:
+            along = self._cells(order, cells)
+            self._meshes[key] = Mesh(
+                cells=along, vertical_order=vertical_order, depth=required.depth, gravity=required.gravity
+            )
+        return self._meshes[key]
 
     def _cells(self, order: int, cells: int) -> Cells:
         if (order, cells) not in self._known:
@@ -123,8 +124,8 @@ class ErrorModel:
 
     def total(self, *parts: ErrorPart) -> float:
         """Return the predicted relative error of the elevation."""
-        phase = np.minimum(self._slope * np.sum([part.phase for part in parts], axis=0), np.pi)
-        bounded = np.minimum(np.sum([part.bounded for part in parts], axis=0), 1.0)
+        phase = np.minimum(self._slope * sum(part.phase for part in parts), np.pi)
+        bounded = np.minimum(sum(part.bounded for part in parts), 1.0)
         return float(np.sqrt(self._energy @ ((2 * np.sin(phase / 2)) ** 2 + bounded**2)))
 
     def predict(self, settings: Settings) -> float:
