@@ -18,7 +18,8 @@ from ffcx.naming import compute_signature
 from mpi4py import MPI
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
-from ufl.algorithms.transformer import strip_variables
+from ufl.algorithms.map_integrands import map_integrand_dags
+from ufl.corealg.multifunction import MultiFunction
 
 from wavetank.arrays import Vector
 from wavetank.fe.compiled import COMPILER_FLAGS, compiled
@@ -60,14 +61,31 @@ def _kept(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
     return {**JIT_OPTIONS, "cache_dir": compiled(comm, signature, build=build)}
 
 
-def taylor_coefficient(f: Callable[[Any], Any], power: int, domain: mesh.Mesh) -> Any:
-    """Return the coefficient of x^power in a density f(x), x a number, in UFL; what vanishes is left out."""
-    x = ufl.variable(ufl.Constant(domain.ufl_domain()))
-    density = f(x)
-    for _ in range(power):
-        density = ufl.diff(density, x)
-    lowered = strip_variables(apply_derivatives(apply_algebra_lowering(density)))
-    return ufl.algorithms.replace(lowered, {x.ufl_operands[0]: ufl.as_ufl(0)}) / factorial(power)
+def taylor_coefficients(f: Callable[[Any], Any], highest: int, plan_mesh: mesh.Mesh) -> list[Any]:
+    """Return the coefficients of 1, x, ..., x^highest in a density f(x), x a number, in UFL; what vanishes is left out.
+
+    Each is a derivative of the one before it, so that all take little more than the last one alone.
+    """
+    x = ufl.variable(ufl.Constant(plan_mesh.ufl_domain()))
+    derivatives, at_zero = [apply_algebra_lowering(f(x))], _AtZero(x)
+    for _ in range(highest):
+        derivatives.append(apply_derivatives(apply_algebra_lowering(ufl.diff(derivatives[-1], x))))
+    densities = (map_integrand_dags(at_zero, one) for one in derivatives)
+    return [density / factorial(power) for power, density in enumerate(densities)]
+
+
+class _AtZero(MultiFunction):
+    """Puts zero for a variable, and for others what they stand for."""
+
+    def __init__(self, x: Any):
+        super().__init__()
+        self._x = x
+
+    expr = MultiFunction.reuse_if_untouched
+
+    def variable(self, variable: Any, operand: Any, label: Any) -> Any:
+        """Return what a variable stands for."""
+        return ufl.as_ufl(0) if variable == self._x else operand
 
 
 class ScalarForm:

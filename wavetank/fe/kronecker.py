@@ -23,7 +23,7 @@ import ufl
 from dolfinx import fem
 
 from wavetank.arrays import Vector
-from wavetank.fe.forms import compile_form, owned_rows, taylor_coefficient
+from wavetank.fe.forms import compile_form, owned_rows, taylor_coefficients
 from wavetank.fe.halo import Halo
 from wavetank.fe.plane import Plane
 from wavetank.fe.products import Products
@@ -42,8 +42,8 @@ class Term:
     density: Any  # of the energy, before the two derivatives
 
 
-def _vanishes(form: ufl.Form) -> bool:
-    return bool(ufl.algorithms.expand_derivatives(form).empty())
+def _derivative(form: ufl.Form, unknown: Any, direction: Any) -> ufl.Form:
+    return ufl.algorithms.expand_derivatives(ufl.derivative(form, unknown, direction))
 
 
 class KroneckerOperator:
@@ -69,11 +69,12 @@ class KroneckerOperator:
         unknowns = {"u": u, "w": w}
         tables = {"u": vertical.values, "w": vertical.slopes}
         v, x = ufl.TestFunction(plane.V), ufl.TrialFunction(plane.V)
-        densities = [taylor_coefficient(partial(energy, u, w), power, plane.mesh) for power in range(3)]
+        densities = taylor_coefficients(partial(energy, u, w), 2, plane.mesh)
+        slopes = [{left: _derivative(one * plane.dx, unknowns[left], v) for left in "uw"} for one in densities]
         self.terms = [
             Term(power, left, right, densities[power])
             for power, left, right in product(range(3), "uw", "uw")
-            if not _vanishes(self._hessian(densities[power] * plane.dx, unknowns[left], v, unknowns[right], x))
+            if not _derivative(slopes[power][left], unknowns[right], x).empty()
         ]
         self._compile(plane, unknowns)
         self.vertical = [vertical.moment(term.power, tables[term.left], tables[term.right]) for term in self.terms]

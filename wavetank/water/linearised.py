@@ -39,9 +39,9 @@ class LinearisedFlow:
         step = size * self._scale * z
         return np.asarray((self._flow(self._state + step) - self._flow(self._state - step)) / (2 * size) / self._scale)
 
-    def inner(self, a: Vector, b: Vector) -> float:
-        """Return the sum of products."""
-        return float(self._waves.plane.comm.allreduce(float(a @ b)))
+    def inner(self, rows: Vector, image: Vector) -> Vector:
+        """Return the sums of products of some vectors with one."""
+        return np.asarray(self._waves.plane.comm.allreduce(rows @ image))
 
     def spectral_radius(self, steps: int = 12) -> float:
         """Return the largest modulus of an eigenvalue [rad/s] by Arnoldi iteration, to a percent."""

@@ -89,8 +89,8 @@ def largest_frequency(waves: WavesOverStillWater) -> float:
     def surface_operator(psi: Vector) -> Vector:
         return waves.mass.solve(waves.H_p(still, psi, 0.0) - rest)
 
-    def inner(a: Vector, b: Vector) -> float:
-        return waves.plane.sum(a * waves.mass.apply(b))
+    def inner(rows: Vector, image: Vector) -> Vector:
+        return np.asarray(waves.plane.comm.allreduce(rows @ waves.mass.apply(image)))
 
     start = np.sin(1e5 * waves.plane.coordinates().sum(axis=1))
     projected = krylov_projection(surface_operator, start, inner=inner, steps=min(40, waves.plane.size))
@@ -98,24 +98,24 @@ def largest_frequency(waves: WavesOverStillWater) -> float:
 
 
 def krylov_projection(
-    operator: Callable[[Vector], Vector], start: Vector, *, inner: Callable[[Vector, Vector], float], steps: int
+    operator: Callable[[Vector], Vector], start: Vector, *, inner: Callable[[Vector, Vector], Vector], steps: int
 ) -> Vector:
     """Return an operator projected on the Krylov space of ``start``, orthonormal in ``inner``; collective.
 
-    Its eigenvalues are those of Arnoldi's iteration, of Lanczos' where the operator is self-adjoint in ``inner``.
+    ``inner`` gives the products of some vectors, shape (k, owned), with one. The eigenvalues are those of Arnoldi's
+    iteration, of Lanczos' where the operator is self-adjoint in ``inner``.
     """
-    basis = [start / np.sqrt(inner(start, start))]
-    projected = np.zeros((steps, steps))
+    basis, projected = np.zeros((steps, start.size)), np.zeros((steps, steps))
+    image = start
     for k in range(steps):
+        basis[k] = image / np.sqrt(inner(image[None], image)[0])
         image = operator(basis[k])
         for _ in range(2):  # the second pass takes what round-off left of the first
-            for j, vector in enumerate(basis):
-                part = inner(vector, image)
-                projected[j, k] += part
-                image = image - part * vector
-        length = np.sqrt(inner(image, image))
+            parts = inner(basis[: k + 1], image)
+            projected[: k + 1, k] += parts
+            image = image - parts @ basis[: k + 1]
+        length = np.sqrt(inner(image[None], image)[0])
         if k + 1 == steps or length < 1e-10 * np.abs(projected).max():  # the latter: the space is exhausted
             break
         projected[k + 1, k] = length
-        basis.append(image / length)
-    return projected[: len(basis), : len(basis)]
+    return projected[: k + 1, : k + 1]

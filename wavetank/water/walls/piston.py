@@ -19,7 +19,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.fe.forms import ScalarForm, VectorForm, taylor_coefficient
+from wavetank.fe.forms import ScalarForm, VectorForm, taylor_coefficients
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -155,7 +155,8 @@ class PistonTerms:
             return later.kinetic(phi.function, vertical) + later.potential()
 
         self._mu = plane.function("mu")
-        moved = taylor_coefficient(density, 1, plane.mesh) - wall.stretching * energy.h * self._mu.function
+        _, rate = taylor_coefficients(density, 1, plane.mesh)
+        moved = rate - wall.stretching * energy.h * self._mu.function
         self._power = ScalarForm(moved * plane.dx, plane.comm)
 
     def vector(self) -> Vector:
