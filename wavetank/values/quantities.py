@@ -17,18 +17,27 @@ def _one_line(text: str) -> str:
     return text
 
 
+def _none_or_some(time: float) -> float:
+    """Return a time [s]; raise ``ValueError`` for one that is so short that its square is none."""
+    if 0.0 < time < SHORTEST:
+        raise ValueError(f"must be 0, which is none, or at least {SHORTEST:g} s")
+    return time
+
+
 def metres(length: float) -> str:
     """Return a length [m] with as many digits as it has: one that is just beyond it is seen to be."""
     return f"{float(length)!r}".removesuffix(".0")
 
+
+SHORTEST = 1e-6  # s
 
 Label = Annotated[str, AfterValidator(_one_line)]  # a title or name, which stands in tables, pictures and messages
 
 Length = Annotated[float, Field(ge=1e-6, le=1e6)]  # m, of tanks, walls, cells
 Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]  # m
 Height = Annotated[float, Field(ge=1e-12, le=1e6)]  # m, of waves and strokes: as small as linear theory is asked for
-Duration = Annotated[float, Field(ge=1e-6, le=1e9)]  # s, of runs, periods and steps
-Ramp = Annotated[float, Field(ge=0, le=1e9)]  # s; 0 is none
+Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # s, of runs, periods and steps
+Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_none_or_some)]  # s
 Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # Hz
 Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # 1/s
 Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
