@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import CHECKOUT, commanded, fitted_slope
+from conftest import CHECKOUT, commanded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console

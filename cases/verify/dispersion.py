@@ -11,6 +11,7 @@ sine is Y, so the jump that belongs to a smooth solution is dt³ / 24 times its 
 costs a parasitic mode of that size: the whole of the scheme's third-order error on the linear oscillator.
 """
 
+import operator
 from functools import cache
 from typing import Any, NamedTuple
 
@@ -82,9 +83,11 @@ def leading_error(scheme: Scheme) -> tuple[Any, int]:
     """Return (c, m), exactly, with omega^ / omega = 1 + c theta^m + ..., from lambda = exp(i theta (...)) in series."""
     theta, c = symbolic.THETA, sympy.Symbol("c")
     polynomial = sympy.numer(symbolic.characteristic(symbolic.amplification(scheme)))
+    factors = sympy.Poly(polynomial, symbolic.LAMBDA).all_coeffs()[::-1]
     for m in (2, 4, 6):
-        expansion = polynomial.subs(symbolic.LAMBDA, sympy.exp(sympy.I * theta * (1 + c * theta**m)))
-        lowest = lowest_coefficient(sympy.expand(sympy.series(expansion, theta, 0, m + 4).removeO()), theta)
+        phase = sympy.I * theta * (1 + c * theta**m)
+        powers = [sum((k * phase) ** n / sympy.factorial(n) for n in range(m + 4)) for k in range(len(factors))]
+        lowest = lowest_coefficient(sympy.expand(sum(map(operator.mul, factors, powers))), theta)
         solutions = sympy.solve(lowest, c)
         if solutions and solutions[0] != 0:
             return solutions[0], m

@@ -10,6 +10,7 @@ but then grow by that factor every period until they spoil the solution. On the 
 is one. Damped, as in ``wavetank/integrators/simpson.py``, they lose kappa a step, which is more.
 """
 
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -27,7 +28,7 @@ from wavetank.verify.watched import watched
 Array = NDArray[Any]
 ORBITS = ((0.3, 0.1), (0.5, 0.25), (0.8, 0.4), (0.9, 0.45), (1.0, 0.5), (1.2, 0.5), (1.5, 0.5))
 DRAWN = {(0.5, 0.25): "#0072b2", (1.0, 0.5): "#e69f00", (1.5, 0.5): "#d55e00"}
-STEPS = (48, 96)
+STEPS, PERIODS = (48, 96), 8
 UNDAMPED = Simpson4(0.0)  # which is (23)
 SCHEMES = {"(23)": UNDAMPED, "Simpson 4": Simpson4()}
 
@@ -57,49 +58,51 @@ def floquet_multiplier(q: float, p: float) -> float:
     return float(np.abs(np.linalg.eigvals(end.reshape(2, 2))).max())
 
 
-def alternating_jump(q: float, p: float, *, steps: int, periods: int, scheme: Simpson4 = UNDAMPED) -> Array:
-    """Return the size of the alternating part of the jumps after each step, from their second differences."""
-    orbit = Orbits([(q, p)], steps)
+def alternating_jumps(orbits: Orbits, *, steps: int, scheme: Simpson4 = UNDAMPED) -> Array:
+    """Return the size of what alternates of the jumps, from their second differences, shape (steps - 2, orbits)."""
 
-    def both(state: MeanAndJumps, step: int) -> tuple[float, float]:
-        return state.q_jump[0], state.p_jump[0]
+    def both(state: MeanAndJumps, step: int) -> tuple[Array, Array]:
+        return state.q_jump, state.p_jump
 
-    jump = np.array(watched(orbit, scheme, both, start=(orbit.q, orbit.p), dt=1.0, steps=periods * steps))[1:]
-    return np.asarray(np.hypot(*(jump[2:] - 2 * jump[1:-1] + jump[:-2]).T) / 4)
-
-
-def measured_growth(q: float, p: float, *, steps: int, scheme: Simpson4 = UNDAMPED) -> float:
-    """Return the growth of the largest alternating jump from the second to the third period."""
-    jump = alternating_jump(q, p, steps=steps, periods=3, scheme=scheme)
-    return float(jump[2 * steps - 2 :].max() / jump[steps - 2 : 2 * steps - 2].max())
+    jump = np.array(watched(orbits, scheme, both, start=(orbits.q, orbits.p), dt=1.0, steps=steps))[1:]
+    return np.asarray(np.hypot(*(jump[2:] - 2 * jump[1:-1] + jump[:-2]).swapaxes(0, 1)) / 4)
 
 
-def rows() -> list[Row]:
-    """Return all orbits."""
-    table = []
-    for q, p in ORBITS:
-        growths = [measured_growth(q, p, steps=steps, scheme=scheme) for scheme in SCHEMES.values() for steps in STEPS]
-        table.append(Row(q, p, floquet_multiplier(q, p), *growths))
-    return table
+def growth(jumps: Array, *, steps: int) -> Array:
+    """Return by what the largest alternating jump grows from the second to the third period of ``steps``, per orbit."""
+    second, third = jumps[steps - 2 : 2 * steps - 2], jumps[2 * steps - 2 : 3 * steps - 2]
+    return np.asarray(third.max(axis=0) / second.max(axis=0))
+
+
+def measured_growth(starts: Sequence[tuple[float, float]], *, steps: int, scheme: Simpson4 = UNDAMPED) -> Array:
+    """Return the growth of the alternating jumps on orbits in so many steps a period, shape (orbits,)."""
+    return growth(alternating_jumps(Orbits(starts, steps), steps=3 * steps, scheme=scheme), steps=steps)
 
 
 def write(report: Report) -> None:
     """Write parasitic.csv and parasitic.png."""
-    report.table("parasitic", Row._fields, rows())
+    factors = [floquet_multiplier(q, p) for q, p in ORBITS]
+    jumps = {
+        (label, steps): alternating_jumps(Orbits(ORBITS, steps), steps=PERIODS * steps, scheme=scheme)
+        for label, scheme in SCHEMES.items()
+        for steps in STEPS
+    }
+    growths = np.transpose([growth(found, steps=steps) for (_, steps), found in jumps.items()])
+    rows = [Row(*start, factor, *found) for start, factor, found in zip(ORBITS, factors, growths.tolist(), strict=True)]
+    report.table("parasitic", Row._fields, rows)
     with report.figure("parasitic", 11, 5) as figure:
         panels = figure.subplots(1, 2, sharey=True)
-        for axes, (label, scheme) in zip(panels, SCHEMES.items(), strict=True):
-            _draw(axes, scheme)
+        for axes, label in zip(panels, SCHEMES, strict=True):
+            _draw(axes, {steps: jumps[label, steps] for steps in STEPS}, factors)
             axes.set(xlabel="time [periods]", ylim=(1e-8, 1e1), title=f"{label}: 48 steps a period (full), 96 (dashed)")
         panels[0].set_ylabel("alternating jump [-]")
         figure.legend(*panels[0].get_legend_handles_labels(), ncols=3, loc="outside lower center", fontsize=9)
 
 
-def _draw(axes: Axes, scheme: Simpson4) -> None:
-    for (q, p), colour in DRAWN.items():
-        factor = floquet_multiplier(q, p)
-        for steps, style in zip(STEPS, ("-", "--"), strict=True):
-            jump = alternating_jump(q, p, steps=steps, periods=8, scheme=scheme)
-            label = f"q = {q:g}, p = {p:g}; by theory × {factor:.3g} a period"
-            time = np.arange(jump.size) / steps
-            axes.semilogy(time, jump, style, color=colour, lw=0.9, label=label if steps == STEPS[0] else None)
+def _draw(axes: Axes, jumps: Mapping[int, Array], factors: Sequence[float]) -> None:
+    for start, colour in DRAWN.items():
+        i, (q, p) = ORBITS.index(start), start
+        for (steps, found), style in zip(jumps.items(), ("-", "--"), strict=True):
+            label = f"q = {q:g}, p = {p:g}; by theory × {factors[i]:.3g} a period"
+            time = np.arange(len(found)) / steps
+            axes.semilogy(time, found[:, i], style, color=colour, lw=0.9, label=label if steps == STEPS[0] else None)

@@ -64,9 +64,9 @@ def two_form_defect(scheme: Scheme, *, dt: float = 0.3) -> float:
 
 
 def symbolic_defect(scheme: Scheme) -> Any:
-    """Return M' J M - J on the linear oscillator, simplified."""
+    """Return M' J M - J on the linear oscillator, in lowest terms."""
     M, J = symbolic.amplification(scheme), sympy.nsimplify(sympy.Matrix(scheme.form), rational=True)
-    return (M.T * J * M - J).applyfunc(sympy.simplify)
+    return (M.T * J * M - J).applyfunc(sympy.cancel)
 
 
 def symbolic_zero(scheme: Scheme) -> bool:
