@@ -110,7 +110,7 @@ class Segments(SegmentedMotion):
 
 def test_a_segmented_paddle_without_a_bow_is_a_piston():
     one, many = (basin(2.0, 0.6, (6, 2), motion=motion) for motion in (MOTION, Segments(bow=0.0)))
-    (a, a_rows), (b, b_rows) = (run(waves, steps=10, dt=0.03) for waves in (one, many))
+    (a, a_rows), (b, b_rows) = (run(waves, steps=6, dt=0.03) for waves in (one, many))
     assert np.abs(a.q - b.q).max() < 1e-12
     assert np.abs(a.p - b.p).max() < 1e-10
     assert np.abs(a_rows - b_rows).max() < 1e-10
@@ -118,7 +118,7 @@ def test_a_segmented_paddle_without_a_bow_is_a_piston():
 
 def test_a_bed_without_slope_is_a_flat_bed():
     flat, level = (basin(2.0, 0.6, (6, 2), motion=MOTION, depth=depth) for depth in (0.5, lambda x, y: 0.5 + 0 * x))
-    (a, a_rows), (b, b_rows) = (run(waves, steps=10, dt=0.03) for waves in (flat, level))
+    (a, a_rows), (b, b_rows) = (run(waves, steps=6, dt=0.03) for waves in (flat, level))
     assert np.abs(a.q - b.q).max() < 1e-12
     assert np.abs(a.p - b.p).max() < 1e-10
     assert np.abs(a_rows - b_rows).max() < 1e-10
@@ -138,7 +138,7 @@ def test_a_turned_basin_is_itself():
     turned = basin(
         2.0, 0.6, (6, 2), motion=Segments(), depth=lambda x, y: uneven(c * x + s * y, c * y - s * x), angle=angle
     )
-    (_, rows), (_, turned_rows) = (run(waves, steps=10, dt=0.03) for waves in (straight, turned))
+    (_, rows), (_, turned_rows) = (run(waves, steps=6, dt=0.03) for waves in (straight, turned))
     assert np.abs(rows - turned_rows).max() < 1e-10
     assert rows[-1, 3] > 1e-4  # waves have been made
 
@@ -148,7 +148,7 @@ def test_paddle_work_over_a_bed_balances_with_the_order_of_the_scheme():
     """Segments, their metric, and a bed that moves under the reference tank: all in the explicit rate."""
     waves = basin(2.0, 0.6, (6, 2), motion=Segments(), depth=uneven, n=3)
     balance, mass = (columns(2).index(name) for name in ("balance [m^5/s^2]", "mass [m^3]"))
-    steps, errors = (16, 20, 28), []
+    steps, errors = (20, 28), []
     for count in steps:
         _, rows = run(waves, steps=count, dt=0.6 / count)
         errors.append(np.abs(rows[:, balance]).max() / rows[:, 3].max())
@@ -193,7 +193,7 @@ def test_standing_waves_converge_spectrally_in_the_vertical_order():
 
 def test_a_nonlinear_standing_wave_is_stokes_to_third_order():
     """After half a period the difference from the expansion falls with the fourth power of the amplitude."""
-    amplitudes, errors = (0.03, 0.042, 0.06), []
+    amplitudes, errors = (0.03, 0.06), []
     for amplitude in amplitudes:
         exact = ThirdOrderStandingWave(
             amplitude=amplitude, length=1.0, width=1.0, depth=0.5, gravity=GRAVITY, modes=(1, 1)
@@ -214,7 +214,7 @@ def test_a_nonlinear_standing_wave_is_stokes_to_third_order():
 # ---------------------------------------------------------------- linear water
 def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
     """The difference falls with the square of the paddle's amplitude."""
-    differences, amplitudes = [], (0.004, 0.008, 0.016)
+    differences, amplitudes = [], (0.004, 0.016)
     for amplitude in amplitudes:
         motion = Ramped(Sinusoid(amplitude, 1.2), 0.5)
         nonlinear = basin(2.0, 0.6, (6, 2), motion=motion, depth=uneven, n=3)
@@ -283,7 +283,7 @@ def test_a_basin_is_the_same_on_any_number_of_ranks(on_ranks, kind):
 def last_row(kind):
     """Return the last row of a run."""
     waves = basin(2.0, 1.2, (8, 6), motion=Segments(), depth=uneven, n=3, kind=kind, comm=MPI.COMM_WORLD)
-    _, rows = run(waves, steps=4, dt=0.03)
+    _, rows = run(waves, steps=2, dt=0.06)
     return rows[-1, 1:]
 
 

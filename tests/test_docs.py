@@ -49,7 +49,7 @@ def in_language(language: str) -> list:
 
 
 SHORTER = (  # the rule: (commands, what is put behind them so that they take seconds)
-    (r"make test$", "TESTS=tests/test_architecture.py"),
+    (r"make test$", "TESTS=tests/test_vertical.py"),
     (r"make test-slow$", "'TESTS=tests/test_linear_waves.py -k error_is_the_oscillators'"),
     (r"make bench$", "'BENCH=--only profile --steps 1'"),
     (r".* run cases/berkhoff-1982.toml ", "--no-plots --set run.duration=0.1 --set numerics.cell_size=2.5"),

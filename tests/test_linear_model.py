@@ -130,7 +130,7 @@ def scene_of(water, *, amplitude):
 
 def test_a_case_has_the_water_it_asks_for():
     """The gauge of a linear case is that of a nonlinear one, to the square of the stroke."""
-    strokes, differences = np.array([4e-3, 2e-3, 1e-3]), []
+    strokes, differences = np.array([4e-3, 1e-3]), []
     for stroke in strokes:
         ends = []
         for water in ("linear", "nonlinear"):
@@ -145,7 +145,8 @@ def test_a_case_has_the_water_it_asks_for():
 
 
 def test_a_linear_case_is_recorded_the_same_on_any_number_of_ranks(recorded_on_ranks):
-    runs = recorded_on_ranks("cases/wavemaker.toml", "water.type=linear", "gauges.0=0.5", "run.duration=2.0")
+    changes = ("water.type=linear", "gauges.0=0.5", "run.duration=1.0", "wall.motion.ramp=0.5")
+    runs = recorded_on_ranks("cases/wavemaker.toml", *changes)
     assert runs[0].manifest["scene"]["water"] == {"type": "linear"}
     alone, together = (np.array([gauge.eta for gauge in run.gauge_series()]) for run in runs)
     assert np.abs(alone).max() > 2e-4
@@ -156,7 +157,7 @@ def test_a_linear_case_is_recorded_the_same_on_any_number_of_ranks(recorded_on_r
 @pytest.mark.parametrize("name", sorted(INTEGRATORS))
 def test_nonlinear_waves_become_linear_with_the_square_of_the_amplitude(make_linear, make_tank, name):
     linear, nonlinear = (make(length=1.0, cells=4, n=5, depth=0.4) for make in (make_linear, make_tank))
-    amplitudes, differences = np.array([4e-3, 2e-3, 1e-3]), []
+    amplitudes, differences = np.array([4e-3, 1e-3]), []
     for amplitude in amplitudes:
         ends = [
             run(waves, INTEGRATORS[name](), standing(waves, amplitude), steps=25, dt=0.02)[0][-1]
@@ -167,7 +168,7 @@ def test_nonlinear_waves_become_linear_with_the_square_of_the_amplitude(make_lin
 
 
 def test_the_paddle_becomes_linear_with_the_square_of_its_stroke(make_linear, make_tank):
-    strokes, differences = np.array([4e-3, 2e-3, 1e-3]), []
+    strokes, differences = np.array([4e-3, 1e-3]), []
     for stroke in strokes:
         motion = Ramped(Sinusoid(stroke, 1.5), 1.0)
         ends = []

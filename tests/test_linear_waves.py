@@ -80,7 +80,7 @@ def run_mode(tank, shape, omega, scheme, *, periods, steps_per_period):
 )
 def test_error_in_time_has_the_order_of_the_scheme(oscillator, name, order):
     tank, shape, omega = oscillator
-    steps, errors = (20, 30, 40, 60), []
+    steps, errors = (20, 40), []
     for count in steps:
         t, amplitude = run_mode(tank, shape, omega, INTEGRATORS[name](), periods=2, steps_per_period=count)
         errors.append(np.abs(amplitude - np.cos(omega * t)).max())
@@ -93,9 +93,9 @@ def test_frequency_error_is_the_oscillators(oscillator, name):
     tank, shape, omega = oscillator
     scheme = INTEGRATORS[name]()
     coefficient, power = scheme.frequency_error
-    steps, errors = np.array([16, 20, 24]), []
+    steps, errors = np.array([16, 24]), []
     for count in steps:
-        t, amplitude = run_mode(tank, shape, omega, scheme, periods=16, steps_per_period=count)
+        t, amplitude = run_mode(tank, shape, omega, scheme, periods=12, steps_per_period=count)
         phases = [phase(omega * t[part], amplitude[part]) for part in (slice(count), slice(-count, None))]
         errors.append(abs(phases[1] - phases[0]) / (omega * (t[-count] - t[0])))
     expected = coefficient * (2 * np.pi / steps) ** power

@@ -616,7 +616,7 @@ def test_a_stopwatch_leaves_out_the_first_steps():
 
 
 def test_a_run_uses_the_plan_of_its_accuracy_on_any_number_of_ranks(recorded_on_ranks):
-    runs = recorded_on_ranks("cases/planned.toml", "run.duration=3.0", "numerics.order=4")
+    runs = recorded_on_ranks("cases/planned.toml", "run.duration=0.5", "numerics.order=4")
     one, many = (run.manifest for run in runs)
     assert one["planned"] == many["planned"]
     assert one["scene"]["numerics"] == {"accuracy": 1e-2, "order": 4}

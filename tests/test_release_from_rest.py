@@ -46,7 +46,7 @@ def largest_error(case: str, *, cells: int, order: int, n: int, steps: int, peri
 @pytest.mark.parametrize("case", [CASES[0], pytest.param(CASES[1], marks=pytest.mark.slow)])
 def test_elevation_converges_in_cell_size(case):
     """Between p and p + 1 for p = 3: without dissipation, odd orders may lose one in the transport terms."""
-    cells = (8, 12, 24)
+    cells = (8, 24)
     errors = [largest_error(case, cells=count, order=3, n=8, steps=4, periods=1) for count in cells]
     assert 3 - 0.3 < -fitted_slope(cells, errors) < 4 + 0.5
     assert errors[-1] < 1e-6  # a micrometre of 3 cm
@@ -54,7 +54,7 @@ def test_elevation_converges_in_cell_size(case):
 
 def test_elevation_converges_in_time_with_fourth_order():
     """Down to some nanometres, which are the reference's and the mesh's."""
-    steps = (2, 3, 4)
+    steps = (2, 4)
     errors = [largest_error(CASES[1], cells=4, order=8, n=6, steps=count, periods=1) for count in steps]
     assert -fitted_slope(steps, errors) == pytest.approx(4, abs=0.25)
 

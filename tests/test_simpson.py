@@ -76,7 +76,7 @@ class Recorded:
 @pytest.mark.parametrize("case", [SLICE, pytest.param(BASIN, marks=pytest.mark.slow)], ids=["piston", "segments"])
 def test_gauges_surfaces_and_energies_beside_a_moving_paddle_are_of_fourth_order_in_time(case):
     """Against Gauss-Legendre's scheme at half the smallest step, whose error is a fortieth; (23) is worse."""
-    steps, smallest = (0.08, 0.04, 0.02), 0.01
+    steps, smallest = (0.08, 0.04), 0.02
     reference = Recorded("gauss-legendre-4", smallest, case)
 
     def error(run, dt):
@@ -89,15 +89,15 @@ def test_gauges_surfaces_and_energies_beside_a_moving_paddle_are_of_fourth_order
     assert fitted_slope(steps, surfaces) == pytest.approx(4, abs=0.2)
     assert fitted_slope(steps, [one.balance for one in runs]) == pytest.approx(4, abs=0.2)
     assert max(one.mass for one in runs) < 1e-13
-    plus = Recorded("third-order", steps[2], case)
-    assert errors[2] < error(plus, steps[2]) / 3
+    plus = Recorded("third-order", steps[-1], case)
+    assert errors[-1] < error(plus, steps[-1]) / 3
 
 
 def test_what_is_recorded_costs_no_solve():
     """Both traces are evaluated anyway, at times that t_n + dt misses by its last bits."""
-    bare, waves = built(SLICE, integrator="simpson-4", dt=0.02)
+    bare, waves = built(SLICE, integrator="simpson-4", dt=0.04)
     bare.execute()
-    assert Recorded("simpson-4", 0.02).solves <= waves.potential.counters.solves + 2  # of the first and last states
+    assert Recorded("simpson-4", 0.04).solves <= waves.potential.counters.solves + 2  # of the first and last states
 
 
 class Snapshots:

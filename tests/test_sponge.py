@@ -96,7 +96,7 @@ def test_uniform_damping_of_a_standing_wave_is_that_of_an_oscillator(scheme):
     damped = np.sqrt(omega**2 - gamma**2 / 4)
     start = waves.state(np.cos(np.pi * waves.plane.x), np.zeros(waves.plane.owned))
     exact = np.exp(-gamma * t / 2) * (np.cos(damped * t) + gamma / (2 * damped) * np.sin(damped * t))
-    counts, errors = (80, 120, 180), []
+    counts, errors = (80, 160), []
     for count in counts:
         state = ends(waves, Absorbing(scheme, np.array([gamma])), start, steps=count, dt=t / count)
         eta = waves.elevation(state.q, state.p, t)
@@ -155,7 +155,7 @@ def driven(make_tank, *, steps):
 
 def test_the_budget_of_a_piston_and_a_sponge_closes_to_the_error_of_scheme_and_work(make_tank):
     """Beyond the order of the composition, because what the factor takes is counted, not integrated."""
-    counts, balances = (40, 60, 90), []
+    counts, balances = (40, 80), []
     for count in counts:
         rows = driven(make_tank, steps=count)
         balances.append(np.abs(rows[:, BALANCE]).max())
@@ -283,7 +283,7 @@ def figures_of_sponges():
     tolerances = Tolerances(stage=1e-12, interior=1e-13)
     waves = NonlinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=4, tolerances=tolerances)
     scheme = Absorbing(Simpson4(), profile(plane.x - 1.0, width=2.0, strength=2.0))
-    state = ends(waves, scheme, waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x), steps=10, dt=0.03)
+    state = ends(waves, scheme, waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x), steps=5, dt=0.03)
     space = Plane(mesh.create_rectangle(MPI.COMM_WORLD, [[0.0, 0.0], [4.0, 1.0]], [8, 4], mesh.CellType.triangle), 2)
     corner = mesh.locate_entities(space.mesh, 2, lambda x: (x[0] > 2.5 - 1e-9) & (x[1] > 0.5 - 1e-9))
     distance = distance_from_edge(space, corner)
@@ -294,7 +294,7 @@ def figures_of_sponges():
 def test_a_sponge_is_the_same_on_any_number_of_ranks(on_ranks):
     """Energy taken and elevation of nonlinear waves to the solves' tolerance; distances in a corner group exactly."""
     alone = figures_of_sponges()
-    assert alone[0] > 1e-3 and alone[3] == pytest.approx(0.5)
+    assert alone[0] > 5e-4 and alone[3] == pytest.approx(0.5)
     for together in on_ranks(figures_of_sponges):
         assert together == pytest.approx(alone, rel=1e-9)
 

@@ -46,8 +46,8 @@ def spectral_radius(scheme: Scheme, omega_dt: float) -> float:
 
 def limit(scheme: Scheme) -> float:
     """Return the smallest omega dt with a growing mode, to 1e-10; inf if there is none below ``LARGEST``."""
-    thetas = np.linspace(0.0, LARGEST, 401)[1:]
-    radii = np.abs(np.linalg.eigvals(amplifications(scheme.integrator, thetas))).max(axis=-1)
+    thetas = np.linspace(0.0, LARGEST, 401, dtype=np.float64)[1:]
+    radii = np.abs(np.linalg.eigvals(np.asarray(amplifications(scheme.integrator, thetas)))).max(axis=-1)
     unstable = np.flatnonzero(radii > 1 + GROWTH)
     if not unstable.size:
         return np.inf

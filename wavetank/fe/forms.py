@@ -18,8 +18,6 @@ from ffcx.naming import compute_signature
 from mpi4py import MPI
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
-from ufl.algorithms.map_integrands import map_integrand_dags
-from ufl.corealg.multifunction import MultiFunction
 
 from wavetank.arrays import Vector
 from wavetank.fe.compiled import COMPILER_FLAGS, compiled
@@ -67,25 +65,10 @@ def taylor_coefficients(f: Callable[[Any], Any], highest: int, plan_mesh: mesh.M
     Each is a derivative of the one before it, so that all take little more than the last one alone.
     """
     x = ufl.variable(ufl.Constant(plan_mesh.ufl_domain()))
-    derivatives, at_zero = [apply_algebra_lowering(f(x))], _AtZero(x)
+    derivatives = [apply_algebra_lowering(f(x))]
     for _ in range(highest):
         derivatives.append(apply_derivatives(apply_algebra_lowering(ufl.diff(derivatives[-1], x))))
-    densities = (map_integrand_dags(at_zero, one) for one in derivatives)
-    return [density / factorial(power) for power, density in enumerate(densities)]
-
-
-class _AtZero(MultiFunction):
-    """Puts zero for a variable, and for others what they stand for."""
-
-    def __init__(self, x: Any):
-        super().__init__()
-        self._x = x
-
-    expr = MultiFunction.reuse_if_untouched
-
-    def variable(self, variable: Any, operand: Any, label: Any) -> Any:
-        """Return what a variable stands for."""
-        return ufl.as_ufl(0) if variable == self._x else operand
+    return [ufl.replace(one, {x: ufl.as_ufl(0)}) / factorial(power) for power, one in enumerate(derivatives)]
 
 
 class ScalarForm:
