@@ -1,0 +1,47 @@
+"""The containers and the page on clusters say what `./env` and the package do."""
+
+import re
+import tomllib
+
+from ranks import CHECKOUT
+
+RECIPES = [CHECKOUT / "containers" / name for name in ("Dockerfile", "wavetank.def")]
+HERE_ALONE = {"git", "make"}  # what a checkout needs, and a container does not
+
+
+def packages(text: str) -> set[str]:
+    """Return the Debian packages that a recipe installs."""
+    listed = re.search(r"apt-get install --no-install-recommends -y \\\n(.*?)\n\s*(?:&&|rm)", text, flags=re.DOTALL)
+    return set(listed[1].replace("\\", "").split())
+
+
+def test_containers_have_the_packages_of_env():
+    named = re.search(r'^packages="(.*?)"', (CHECKOUT / "env").read_text(), flags=re.DOTALL | re.MULTILINE)
+    for recipe in RECIPES:
+        assert packages(recipe.read_text()) == set(named[1].split()) - HERE_ALONE, recipe
+
+
+def test_containers_install_this_package_and_name_no_private_place():
+    commands = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]["scripts"]
+    for recipe in RECIPES:
+        text = recipe.read_text()
+        assert '/opt/wavetank/bin/pip install --no-cache-dir "/opt/source[view]"' in text and "wavetank" in commands
+        assert {path.split("/")[1] for path in re.findall(r"(?<![\w.:$}])/\w[\w/.-]*", text)} <= {
+            "opt",
+            "var",
+            "work",
+            "bin",
+        }
+        assert "http" not in text
+
+
+def test_the_users_environment_has_no_test_tools():
+    project = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
+    tools = {re.split(r"\W", one)[0] for one in project["optional-dependencies"]["test"]}
+    listed = {
+        re.split(r"[^\w-]", one)[0]
+        for one in re.findall(r"^\s*- (\S+)", (CHECKOUT / "environment.yml").read_text(), re.M)
+    }
+    assert not listed & tools
+    needed = {re.split(r"[^\w-]", one)[0].lower() for one in project["dependencies"]}
+    assert needed <= {one.lower() for one in listed}
