@@ -4,6 +4,8 @@ Oracles: the damped oscillator's exact solution, conservation, linear waves in t
 numbers of ranks and in another footprint.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from conftest import fitted_slope
@@ -19,10 +21,11 @@ from wavetank.hamiltonian.oscillators import Harmonic
 from wavetank.integrators import GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.filtered import Filtered
-from wavetank.motions import Ramped, Sinusoid
+from wavetank.motions import AtRest, Ramped, Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
+from wavetank.runs.sponges import build_sponge
 from wavetank.theory.airy import angular_frequency
 from wavetank.verify.sponge import Beach, Operators, in_time, paddle
 from wavetank.water.edge_penalty import EdgePenalty
@@ -30,7 +33,7 @@ from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.sponge import checked, distance_from_edge, profile, width_of
 from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import StillWall
+from wavetank.water.walls import LinearPiston, Piston, Side, StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 SCHEMES = (StormerVerlet(), ThirdOrder(), Simpson4(), GaussLegendre4())
@@ -259,6 +262,24 @@ def test_a_negative_rate_is_refused_with_its_place():
         checked(plane, np.where(plane.x > 3.9, -1.0, 0.0))
     with pytest.raises(InputError, match="gamma = nan"):
         checked(plane, np.full(plane.owned, np.nan))
+
+
+@pytest.mark.parametrize("piston", ["linear", "nonlinear"])
+def test_an_end_sponge_is_where_it_is_wherever_the_paddle_stands(piston):
+    """Oracle: the same basin with its paddle at x = 0 and no wall that moves; this one is turned and shifted."""
+    sponge, scene = EndSponge(length=1.5, strength=2.0), SimpleNamespace(tank=None, paddle_period=None)
+    straight, turned, c, s = rectangle(), rectangle(), np.cos(0.7), np.sin(0.7)
+    expected = build_sponge(scene, sponge, None, SimpleNamespace(plane=straight, wall=StillWall()))
+    footprint = turned.mesh
+    footprint.geometry.x[:, :2] = footprint.geometry.x[:, :2] @ [[c, s], [-s, c]] + [5.0, -2.0]
+    facets = mesh.locate_entities_boundary(footprint, 1, lambda x: np.isclose(c * (x[0] - 5) + s * (x[1] + 2), 0.0))
+    tags = mesh.meshtags(footprint, 1, facets, np.ones(facets.size, dtype=np.int32))
+    plane, side = Plane(footprint, 2), Side(tags, np.array([5.0, -2.0]), np.array([c, s]))
+    wall = LinearPiston(AtRest(), plane=plane, side=side)
+    if piston == "nonlinear":
+        wall = Piston(AtRest(), plane=plane, reach=2.0, side=side)
+    found = build_sponge(scene, sponge, None, SimpleNamespace(plane=plane, wall=wall))
+    assert expected.max() == pytest.approx(2.0) and found == pytest.approx(expected, abs=1e-12)
 
 
 def test_a_basin_with_a_sponge_is_the_slice_with_it():
