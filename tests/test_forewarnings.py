@@ -152,9 +152,10 @@ def test_a_run_says_so_at_its_end_and_in_its_manifest(wavetank, tmp_path):
     )
     result = wavetank("run", str(case), "--no-plots", "--out", str(out))
     assert result.returncode == 0, result.stderr
-    sentence = RunDirectory(out).manifest["warnings"][-1]
+    worst, *_, sentence = RunDirectory(out).manifest["warnings"]
     assert sentence.startswith("the energy balance is off by 0.0")
-    assert result.stdout.rstrip().endswith(f"warning: {sentence}")
+    assert f"\nwarning: {sentence}\nhighest crest: " in result.stdout
+    assert f" of the energy; 2 warnings, the worst: {worst}\n" in result.stdout  # no advice is in it
 
 
 # ------------------------------------------------------------------------------------------------ what is not named

@@ -88,6 +88,9 @@ def test_the_command_on_the_page_draws_its_picture_and_finds_the_exact_areas(tmp
     assert "./env wavetank verify layouts --out " in page and "docs/figures/meshes.png" in page
     assert main(["verify", "layouts", "--out", str(tmp_path / "layouts")]) == 0
     assert (tmp_path / "layouts" / "meshes.png").stat().st_size > 10_000
+    for recipe in (Rectangle, Cylinder, Bend, Harbour):
+        picture = f"layout-{recipe.__name__.lower()}.png"
+        assert f"docs/figures/{picture}" in page and (tmp_path / "layouts" / picture).stat().st_size > 10_000
     errors = defaultdict(list)
     with (tmp_path / "layouts" / "meshes.csv").open() as file:
         for line in csv.DictReader(file):
