@@ -17,7 +17,7 @@ def of_third_order(height: float) -> ThirdOrderStandingWave:
     amplitude = height / 2
     for _ in range(20):
         wave = ThirdOrderStandingWave(amplitude=amplitude, length=LENGTH / 2, depth=DEPTH)
-        ends, _ = wave.surface(np.array([0.0, LENGTH / 2]), np.zeros(2), t=0.0)
+        ends = wave.elevation([0.0, LENGTH / 2])
         amplitude *= height / (ends[0] - ends[1])
     return wave
 
@@ -28,7 +28,7 @@ def test_low_waves_are_those_of_the_expansion_to_third_order():
     surfaces, periods = [], []
     for height in heights:
         wave, series = resting_wave(height, LENGTH, depth=DEPTH), of_third_order(height)
-        surfaces.append(np.abs(wave.shape(x) - series.surface(x, 0 * x, t=0.0)[0]).max())
+        surfaces.append(np.abs(wave.elevation(x) - series.elevation(x)).max())
         periods.append(abs(wave.period * series.frequency / (2 * np.pi) - 1))
     assert fitted_slope(heights, surfaces) == pytest.approx(4, abs=0.3)
     assert fitted_slope(heights, periods) == pytest.approx(4, abs=0.3) and periods[0] < 1e-6

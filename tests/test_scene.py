@@ -150,7 +150,7 @@ def test_the_motion_of_the_group_is_the_case_file_s(case):
     assert motion.ramp == pytest.approx(2 / 0.65)
     group = motion.motion
     assert (group.lowest_frequency, group.highest_frequency, group.spectrum.gamma) == (0.325, 1.2, 3.3)
-    assert group.elevation(10.0, 20.0) == pytest.approx(0.1)
+    assert group.target.elevation(10.0, 20.0) == pytest.approx(0.1)
     assert (group.depth, group.gravity) == (1.0, 9.81)
 
 

@@ -163,11 +163,11 @@ def test_the_oblique_wave_s_height_is_biesel_s_over_the_cosine():
 def test_the_oblique_wave_at_the_paddle_goes_with_its_velocity(t, angle):
     wave, x = oblique(angle=angle), np.zeros_like(Y)
     in_step = wave.velocity(t, Y) / (wave.omega * wave.paddle_amplitude) * wave.amplitude
-    np.testing.assert_allclose(wave.elevation(x, Y, t=t), in_step, atol=1e-12)
+    np.testing.assert_allclose(wave.target.elevation(x, t, y=Y), in_step, atol=1e-12)
     along = np.full_like(Y, 0.8)  # and travels to (cos, sin) with the phase speed
     direction, c = np.array([np.cos(angle), np.sin(angle)]), wave.omega / wave.k
-    later = wave.elevation(along + c * direction[0], Y + c * direction[1], t=t + 1.0)
-    np.testing.assert_allclose(later, wave.elevation(along, Y, t=t), atol=1e-12)
+    later = wave.target.elevation(along + c * direction[0], t + 1.0, y=Y + c * direction[1])
+    np.testing.assert_allclose(later, wave.target.elevation(along, t, y=Y), atol=1e-12)
 
 
 def test_one_direction_is_the_wave_group():
@@ -179,7 +179,9 @@ def test_one_direction_is_the_wave_group():
         for order in range(3):
             expected = np.repeat(waves.derivative(t, order)[:, None], Y.size, axis=1)
             np.testing.assert_allclose(motion.derivative(t, order, Y), expected, atol=1e-12)
-        np.testing.assert_allclose(motion.elevation(np.full_like(Y, 5.0), Y, t=19.0), waves.elevation(5.0, 19.0))
+        np.testing.assert_allclose(
+            motion.target.elevation(np.full_like(Y, 5.0), 19.0, y=Y), waves.target.elevation(5.0, 19.0)
+        )
         assert motion.earliest_focus(2.0) == pytest.approx(waves.earliest_focus(2.0))
 
 
@@ -198,15 +200,15 @@ def test_the_focus_is_the_sum_of_oblique_waves():
 @given(st.floats(0.0, 12.0), st.floats(-4.0, 4.0), st.floats(0.0, 40.0))
 def test_the_crest_at_the_focus_is_the_highest_anywhere(x, y, t):
     waves = focus()
-    assert waves.elevation(np.array([6.0]), np.array([0.3]), t=20.0)[0] == pytest.approx(0.05, rel=1e-12)
-    here = waves.elevation(np.array([x]), np.array([y]), t=t)[0]
+    assert waves.target.elevation(6.0, 20.0, y=0.3) == pytest.approx(0.05, rel=1e-12)
+    here = waves.target.elevation(x, t, y=y)
     assert here < 0.05 or np.allclose((x, y, t), (6.0, 0.3, 20.0), atol=1e-2)
 
 
 def test_a_wider_fan_makes_a_narrower_crest():
     y = np.linspace(0.3, 4.0, 200)
     half = [
-        np.argmax(focus(largest=largest, exponent=0.0).elevation(np.full_like(y, 6.0), y, t=20.0) < 0.025)
+        np.argmax(focus(largest=largest, exponent=0.0).target.elevation(6.0, 20.0, y=y) < 0.025)
         for largest in (0.3, 0.6, 0.9)
     ]
     assert 0 < half[2] < half[1] < half[0]
@@ -221,11 +223,13 @@ def test_waves_sent_by_the_side_walls_are_the_wanted_ones_at_the_focus():
     waves, y = focus(largest=0.7, exponent=0.0), np.linspace(-4.0, 4.0, 81)
     between, x = ReflectedFocus(focus=waves, low=-4.0, high=4.0), np.full(81, 6.0)
     for t in (19.0, 20.0, 20.3):
-        np.testing.assert_allclose(between.elevation(x, y, t=t), waves.elevation(x, y, t=t), atol=0.02 * 0.05)
-    assert between.elevation(np.array([6.0]), np.array([0.3]), t=20.0)[0] == pytest.approx(0.05, rel=0.005)
+        np.testing.assert_allclose(
+            between.target.elevation(x, t, y=y), waves.target.elevation(x, t, y=y), atol=0.02 * 0.05
+        )
+    assert between.target.elevation(6.0, 20.0, y=0.3) == pytest.approx(0.05, rel=0.005)
     step = 1e-5
     for wall in (-4.0, 4.0):
-        sides = between.elevation(np.array([3.0, 3.0]), np.array([wall - step, wall + step]), t=18.0)
+        sides = between.target.elevation(3.0, 18.0, y=[wall - step, wall + step])
         assert sides[1] - sides[0] == pytest.approx(0.0, abs=1e-12)  # no slope, no flow
 
 
@@ -329,7 +333,7 @@ def test_the_nouns_build_their_motions():
     assert case.reach == 5.0  # ten depths
     waves = scene({**FOCUS, "ramp": 0}).motion()
     assert isinstance(waves, DirectionalFocus)
-    assert waves.elevation(np.array([6.0]), np.array([FOCUS["focus_y"]]), t=20.0)[0] == pytest.approx(0.05)
+    assert waves.target.elevation(6.0, 20.0, y=FOCUS["focus_y"]) == pytest.approx(0.05)
     assert (waves.fan.count, waves.fan.largest) == (21, pytest.approx(np.pi / 6))
     walls = scene(
         {**FOCUS, "type": "reflected-focus", "largest_angle": 60.0, "ramp": 0, "focus_time": 30.0}, duration=35.0

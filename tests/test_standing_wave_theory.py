@@ -26,7 +26,7 @@ def residuals(waves, t):
     k_x, k_y = waves.wave_numbers
     sides = [(np.arange(POINTS) + 0.5) * np.pi / POINTS / k if k else np.zeros(1) for k in (k_x, k_y)]
     x, y = (side.ravel() for side in np.meshgrid(*sides, indexing="ij"))
-    eta, psi = waves.surface(x, y, t=t)
+    eta, psi = waves.surface(x, t, y=y)
     i, j = (index.ravel() for index in np.meshgrid(*(np.arange(side.size) for side in sides), indexing="ij"))
     K, z = np.hypot(i * k_x, j * k_y), eta[:, None]
     cosh, sinh = (f(K * (z + waves.depth)) / np.cosh(K * waves.depth) for f in (np.cosh, np.sinh))
@@ -36,9 +36,9 @@ def residuals(waves, t):
     v = (-j * k_y * np.sin(np.outer(y, j * k_y)) * in_x * cosh) @ c
     w = (K * in_x * in_y * sinh) @ c
     eta_x, eta_y = (
-        slope(lambda s, step=step: waves.surface(x + s * step[0], y + s * step[1], t=t)[0], 1e-3) for step in np.eye(2)
+        slope(lambda s, step=step: waves.elevation(x + s * step[0], t, y=y + s * step[1]), 1e-3) for step in np.eye(2)
     )
-    eta_t, psi_t = (slope(lambda s, n=n: waves.surface(x, y, t=t + s)[n], 1e-3 / waves.frequency) for n in (0, 1))
+    eta_t, psi_t = (slope(lambda s, n=n: waves.surface(x, t + s, y=y)[n], 1e-3 / waves.frequency) for n in (0, 1))
     kinematic = eta_t - (w - u * eta_x - v * eta_y)
     bernoulli = psi_t - w * eta_t + GRAVITY * eta + 0.5 * (u**2 + v**2 + w**2)
     return np.abs(kinematic).max(), np.abs(bernoulli - bernoulli.mean()).max()
@@ -76,10 +76,10 @@ def test_the_limits_of_the_frequency():
 
 def test_the_basin_s_sides_can_be_exchanged_and_its_waves_repeated():
     x, y = np.random.default_rng(1).random((2, 7))
-    eta, psi = wave(modes=(2, 1)).surface(x, y, t=0.3)
+    eta, psi = wave(modes=(2, 1)).surface(x, 0.3, y=y)
     for other in (
-        wave(modes=(1, 2), length=2.0, width=3.0).surface(y, x, t=0.3),
-        wave(modes=(4, 1), length=6.0).surface(x, y, t=0.3),
+        wave(modes=(1, 2), length=2.0, width=3.0).surface(y, 0.3, y=x),
+        wave(modes=(4, 1), length=6.0).surface(x, 0.3, y=y),
     ):
         np.testing.assert_allclose(other, (eta, psi), atol=1e-14)
 
@@ -90,11 +90,11 @@ def test_first_order_is_airy_s_and_higher_orders_keep_its_meaning(t, m, n):
     linear, third = (wave(modes=(m, n), order=order) for order in (1, 3))
     x, y = np.array([0.2, 1.1]), np.array([0.3, 1.7])
     shape = np.cos(m * np.pi * x / 3.0) * np.cos(n * np.pi * y / 2.0)
-    eta, psi = linear.surface(x, y, t=t)
+    eta, psi = linear.surface(x, t, y=y)
     np.testing.assert_allclose(eta, 0.01 * shape * np.cos(linear.frequency * t), atol=1e-14)
     expected = -0.01 * GRAVITY / linear.frequency * shape * np.sin(linear.frequency * t)
     np.testing.assert_allclose(psi, expected, atol=1e-14)
-    assert not third.surface(x, y, t=0.0)[1].any()
+    assert not third.surface(x, y=y)[1].any()
     assert third.elevation_coefficients[min(m, 1), 1, 1] == pytest.approx(0.01, rel=1e-12)
     assert np.abs(third.elevation_coefficients[0, 0]).max() < 1e-15
 

@@ -179,7 +179,7 @@ def piston_solitary(height: float, folder: Path) -> Scene:
     wave = solitary_wave(height, depth=1.0)
 
     def speed(t: float, position: Any) -> Any:
-        eta, _ = wave.surface(position - wave.speed * (t - 3.0))
+        eta = wave.elevation(position, t - 3.0)
         return wave.speed * eta / (1.0 + eta)
 
     t = np.linspace(0.0, 12.0, 1201)

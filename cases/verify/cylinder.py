@@ -26,8 +26,9 @@ from wavetank.integrators import StormerVerlet, ThirdOrder
 from wavetank.integrators.contract import Integrator, State
 from wavetank.meshes import Cylinder
 from wavetank.postprocess.style import BLUE, GREEN, PALE_GREY, VERMILION, entry
-from wavetank.theory.airy import Array, angular_frequency
+from wavetank.theory.airy import angular_frequency
 from wavetank.theory.mccamy_fuchs import Complex, CylinderDiffraction, travelling
+from wavetank.theory.wave import Array
 from wavetank.verify.report import Report, write_parts
 from wavetank.verify.watched import watched
 from wavetank.water.linear_waves import LinearWaves

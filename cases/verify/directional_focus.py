@@ -91,7 +91,7 @@ class Focus:
     def linear(self, t: float) -> Array:
         """Return the theory's elevation over A at a time [s], shape (N,)."""
         waves: Any = self.motion.waves(self._scene.tank)
-        return np.asarray(waves.elevation(self.x, self.y, t=t) / self.motion.linear_crest)
+        return np.asarray(waves.target.elevation(self.x, t, y=self.y) / self.motion.linear_crest)
 
     def misfit(self, *, beyond: float) -> float:
         """Return the root mean square difference from theory in focus, over that of theory.

@@ -43,7 +43,7 @@ def row(height: float, integrator: str, *, steps: int = STEPS, periods: int = PE
     wave = resting_wave(height * LENGTH, LENGTH, depth=DEPTH)
     built, waves = build_run(_scene(wave.period, integrator, steps=steps, periods=periods), MPI.COMM_SELF)
     assert isinstance(waves, NonlinearWaves)
-    start = wave.shape(waves.plane.x)
+    start = wave.elevation(waves.plane.x)
     run = Run(
         waves, built.integrator, [], start=waves.state(start, 0 * start), clock=built.clock, filters=built.filters
     )

@@ -1,6 +1,7 @@
 """The state at t = 0."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -14,7 +15,9 @@ from wavetank.errors import InputError
 from wavetank.meshes import Rectangle
 from wavetank.theory.conformal import SteadyWave
 from wavetank.theory.solitary_wave import HIGHEST_SOLITARY, solitary_wave
+from wavetank.theory.standing_wave import ThirdOrderStandingWave
 from wavetank.theory.stream_function import maximum_height, stream_function_wave
+from wavetank.theory.wave import Wave
 from wavetank.values.noun import Noun, Problem, one_of
 from wavetank.values.quantities import Coordinate, Count, Height, Share, metres
 
@@ -36,7 +39,19 @@ class StillWater(Noun):
         return np.zeros_like(x), np.zeros_like(x)
 
 
-class StandingWave(Noun):
+class KnownWave(Noun):
+    """A wave of a theory, as it is at t = 0."""
+
+    def wave(self, tank: AnyTank) -> Wave:
+        """Return the wave."""
+        raise NotImplementedError
+
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,); raises as ``wave`` does."""
+        return self.wave(tank).surface(x, y=y)
+
+
+class StandingWave(KnownWave):
     """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
 
     type: Literal["standing-wave"] = "standing-wave"
@@ -45,12 +60,18 @@ class StandingWave(Noun):
     mode: Count = Field(default=1, description="number m of half waves along the tank")
     mode_across: int = Field(default=0, ge=0, le=10**9, description="number n of half waves across a basin")
 
-    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
+    def wave(self, tank: AnyTank) -> ThirdOrderStandingWave:
+        """Return the linear wave that this is the start of."""
         left, low, right, high = _box(tank)
-        along = np.cos(self.mode * np.pi * (x - left) / (right - left))
-        return self.wave_amplitude * along * np.cos(self.mode_across * np.pi * (y - low) / (high - low)), np.zeros_like(
-            x
+        return ThirdOrderStandingWave(
+            amplitude=self.wave_amplitude,
+            length=right - left,
+            width=high - low,
+            depth=tank.depth,
+            gravity=tank.gravity,
+            modes=(self.mode, self.mode_across),
+            order=1,
+            origin=(left, low),
         )
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
@@ -66,7 +87,7 @@ class StandingWave(Noun):
             yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
 
 
-class StreamFunctionWave(Noun):
+class StreamFunctionWave(KnownWave):
     """Waves of permanent form in a ring, travelling to +x, a crest at x = 0: exact, without mean Eulerian current."""
 
     type: Literal["stream-function"] = "stream-function"
@@ -87,10 +108,6 @@ class StreamFunctionWave(Noun):
         except InputError as error:
             raise InputError(f"initial: {error}") from None
 
-    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,); raises as ``wave`` does."""
-        return self.wave(tank).surface(x)
-
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank that is no ring, and a height that no wave has."""
         if not isinstance(scene.tank, RingTank):
@@ -102,7 +119,7 @@ class StreamFunctionWave(Noun):
             yield Problem(("initial", "height"), self.height, allowed)
 
 
-class SolitaryWave(Noun):
+class SolitaryWave(KnownWave):
     """The solitary wave, travelling to +x; exact where both ends of the tank are far."""
 
     type: Literal["solitary-wave"] = "solitary-wave"
@@ -110,12 +127,8 @@ class SolitaryWave(Noun):
     x: Coordinate = Field(description="where the crest is [m]")
 
     def wave(self, tank: AnyTank) -> SteadyWave:
-        """Return the wave."""
-        return solitary_wave(self.height, depth=tank.depth, gravity=tank.gravity)
-
-    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
-        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,)."""
-        return self.wave(tank).surface(x - self.x)
+        """Return the wave, its crest where it is."""
+        return replace(solitary_wave(self.height, depth=tank.depth, gravity=tank.gravity), crest=self.x)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without ends, a crest outside and a wave too high."""

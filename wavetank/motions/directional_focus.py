@@ -20,6 +20,7 @@ from wavetank.motions.fan import Fan
 from wavetank.motions.motion import Array, SegmentedMotion
 from wavetank.motions.wave_group import WaveGroup
 from wavetank.theory import airy
+from wavetank.theory.plane_waves import PlaneWaves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,12 +79,19 @@ class DirectionalFocus(SegmentedMotion):
         in_time = np.exp(1j * np.multiply.outer(np.subtract(t, self.group.focus_time), self.group.omega))
         return np.asarray(np.imag((in_time * (1j * self.group.omega) ** order) @ along))
 
-    def elevation(self, x: Array, y: Array, *, t: float) -> Array:
-        """Return the linear elevation [m] at places x, y [m], shape (N,), and t [s], without a ramp or side walls."""
-        group = self.group
-        phases = np.multiply.outer(x - group.focus_x, self.k_x) + np.multiply.outer(y - self.focus_y, self.k_y)
-        phases -= group.omega[:, None] * (t - group.focus_time)
-        return np.asarray(np.einsum("njm,jm->n", np.cos(phases), self.crest_amplitudes))
+    @cached_property
+    def target(self) -> PlaneWaves:
+        """The waves to be made, by linear theory: without a ramp or side walls."""
+        group, omega = self.group, self.group.omega[:, None] + 0.0 * self.k_x
+        phases = self.k_x * group.focus_x + self.k_y * self.focus_y - omega * group.focus_time
+        return PlaneWaves(
+            amplitudes=(self.crest_amplitudes * np.exp(-1j * phases)).ravel(),
+            k_x=self.k_x.ravel(),
+            k_y=self.k_y.ravel(),
+            omega=omega.ravel(),
+            depth=group.depth,
+            gravity=group.gravity,
+        )
 
 
 def latest(travel: Array, amplitudes: Array, *, lost: float) -> float:

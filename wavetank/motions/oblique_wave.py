@@ -20,6 +20,7 @@ import numpy as np
 
 from wavetank.motions.motion import Array, SegmentedMotion
 from wavetank.theory import airy, wavemaker
+from wavetank.theory.plane_waves import PlaneWaves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +65,13 @@ class ObliqueWave(SegmentedMotion):
         phase = np.subtract.outer(np.multiply(self.omega, t) + order * np.pi / 2.0, self.k * np.sin(self.angle) * y)
         return np.asarray(self.paddle_amplitude * self.omega**order * np.sin(phase))
 
-    def elevation(self, x: Array, y: Array, *, t: float) -> Array:
-        """Return the linear elevation [m] at places x, y [m], shape (N,), and t [s], without a ramp or side walls."""
-        k_x, k_y = self.k * np.cos(self.angle), self.k * np.sin(self.angle)
-        return np.asarray(self.amplitude * np.cos(k_x * x + k_y * y - self.omega * t))
+    @cached_property
+    def target(self) -> PlaneWaves:
+        """The wave to be made, by linear theory: without a ramp or side walls."""
+        amplitude, k_x, k_y, omega = (
+            np.array([value])
+            for value in (self.amplitude, self.k * np.cos(self.angle), self.k * np.sin(self.angle), self.omega)
+        )
+        return PlaneWaves(
+            amplitudes=amplitude + 0j, k_x=k_x, k_y=k_y, omega=omega, depth=self.depth, gravity=self.gravity
+        )

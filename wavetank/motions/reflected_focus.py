@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from wavetank.motions.directional_focus import DirectionalFocus, latest
 from wavetank.motions.motion import Array, SegmentedMotion
 from wavetank.theory import airy, wavemaker
+from wavetank.theory.plane_waves import PlaneWaves
 
 Complex = NDArray[np.complex128]
 
@@ -90,13 +91,17 @@ class ReflectedFocus(SegmentedMotion):
         in_time = np.exp(-1j * np.multiply.outer(np.subtract(t, group.focus_time), group.omega))
         return np.asarray(np.real((in_time * (-1j * group.omega) ** order) @ (motion @ self._shapes(y))))
 
-    def elevation(self, x: Array, y: Array, *, t: float) -> Array:
-        """Return the linear elevation [m] at places x, y [m], shape (N,), and t [s], without a ramp or a far wall."""
-        group = self.focus.group
-        in_time = np.exp(-1j * group.omega * (t - group.focus_time))
-        along = np.exp(1j * np.multiply.outer(self.along, x - group.focus_x))
-        waves = np.einsum("j,jn,jnp,np->p", in_time, self.crests, along, self._shapes(y), optimize=True)
-        return np.asarray(waves.real)
+    @cached_property
+    def target(self) -> PlaneWaves:
+        """The waves to be made, by linear theory, and what side walls reflect of them: without a ramp or a far wall."""
+        group, (j, n) = self.focus.group, np.nonzero(self.along)
+        k_x, omega = np.tile(self.along[j, n], 2), np.tile(group.omega[j], 2)
+        k_y = np.concatenate([self.across[n], -self.across[n]])
+        phases = k_x * group.focus_x + k_y * self.low - omega * group.focus_time
+        amplitudes = 0.5 * np.tile(self.crests[j, n], 2) * np.exp(-1j * phases)
+        return PlaneWaves(
+            amplitudes=amplitudes, k_x=k_x, k_y=k_y, omega=omega, depth=group.depth, gravity=group.gravity
+        )
 
     def _shapes(self, y: Array) -> Array:
         """Return cos(lambda_n (y - y_0)), shape (modes, N)."""

@@ -21,6 +21,7 @@ import numpy as np
 from wavetank.motions.motion import Array, Motion
 from wavetank.motions.spectra import Spectrum
 from wavetank.theory import airy, wavemaker
+from wavetank.theory.plane_waves import PlaneWaves
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +105,10 @@ class WaveGroup(Motion):
         phases = np.multiply.outer(t, self.omega) + (self._phases + order * np.pi / 2.0)
         return np.sin(phases) @ (self.paddle_amplitudes * self.omega**order)
 
-    def elevation(self, x: float, t: Any) -> Any:
-        """Return the group's linear elevation [m] at x [m] and t [s], without a ramp and without evanescent modes."""
-        phases = np.multiply.outer(np.subtract(t, self.focus_time), self.omega) - self.k * (x - self.focus_x)
-        return np.cos(phases) @ self.crest_amplitudes
+    @cached_property
+    def target(self) -> PlaneWaves:
+        """The waves to be made, by linear theory: without a ramp and without evanescent modes."""
+        amplitudes, still = self.crest_amplitudes * np.exp(-1j * self._phases), np.zeros_like(self.k)
+        return PlaneWaves(
+            amplitudes=amplitudes, k_x=self.k, k_y=still, omega=self.omega, depth=self.depth, gravity=self.gravity
+        )

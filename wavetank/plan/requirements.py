@@ -13,7 +13,7 @@ Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma 
 
 Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself. A solitary wave is
 one whose period is a window around its crest. Standing waves have the crest, harmonics and frequency of their own
-expansion (``reference/standing_wave.py``). Theirs begin without bound harmonics; the free ones that make up for them
+expansion (``theory/standing_wave.py``). Theirs begin without bound harmonics; the free ones that make up for them
 at the start come and go: with k a = 0.3, k d = pi / 2 the crest gets 1.45 a high, where a travelling wave's has 1.15 a.
 
 Source: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter 11.
@@ -320,7 +320,7 @@ def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[SceneW
 def _solitary_wave(wave: nouns.SolitaryWave, scene: Scene) -> list[SceneWaves]:
     exact = wave.wave(scene.tank)
     x = scene.tank.depth * np.linspace(0.0, FARTHEST, POINTS)
-    half = float(x[np.flatnonzero(exact.surface(x)[0] > TAIL * wave.height)[-1]])
+    half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * wave.height)[-1]])
     return [_steady_waves(exact, 2 * half, scene)]
 
 
@@ -328,7 +328,7 @@ def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> SceneWaves:
     """Return a wave of permanent form by its harmonics in a window of a length [m] around its crest."""
     tank, k = scene.tank, np.array([2 * np.pi / length])
     places = length / POINTS * np.arange(POINTS)
-    eta, psi = exact.surface(np.where(places > length / 2, places - length, places))
+    eta, psi = exact.surface(exact.crest + np.where(places > length / 2, places - length, places))
     amplitudes = 2 / POINTS * np.abs(np.fft.rfft(eta))[1:]
     kept = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
     velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd

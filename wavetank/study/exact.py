@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wavetank.case import LinearWater, Scene, StandingWave, StreamFunctionWave
 from wavetank.errors import InputError
-from wavetank.theory.airy import angular_frequency
 from wavetank.theory.conformal import SteadyWave
-
-Array = NDArray[np.float64]
+from wavetank.theory.standing_wave import ThirdOrderStandingWave
+from wavetank.theory.wave import Array, Wave
 
 LINEAR = 1e-4  # k a coth^3(k d) up to which a wave counts as linear: about its second harmonic, relative
 
@@ -23,11 +21,12 @@ class ExactSolution(Protocol):
     """A wave known for all times."""
 
     @property
+    def wave(self) -> Wave:
+        """What it is at all places and times."""
+
+    @property
     def amplitude(self) -> float:
         """Half its height [m]."""
-
-    def elevation(self, x: Array, t: float) -> Array:
-        """Return eta [m] at places x [m], shape (N,), at time t [s]."""
 
     def carrier(self, x: Array, eta: Array, psi: Array) -> complex:
         """Return C e^(-i omega t) [m] from eta [m] and psi [m²/s] at midpoints x of equal parts, shape (N,)."""
@@ -46,22 +45,21 @@ class LinearStandingWave:
     Its crest comes and goes, so that the crest's error is that of the carrier's size.
     """
 
-    amplitude: float
-    k: float
-    omega: float
-    gravity: float
+    wave: ThirdOrderStandingWave
 
-    def elevation(self, x: Array, t: float) -> Array:
-        """Return eta [m]."""
-        return np.asarray(self.amplitude * np.cos(self.k * x) * np.cos(self.omega * t))
+    @property
+    def amplitude(self) -> float:
+        """A [m]."""
+        return self.wave.amplitude
 
     def carrier(self, x: Array, eta: Array, psi: Array) -> complex:
         """Return a e^(-i omega t)."""
-        return complex(2 * np.mean((eta + 1j * self.omega / self.gravity * psi) * np.cos(self.k * x)))
+        height = eta + 1j * self.wave.frequency / self.wave.gravity * psi
+        return complex(2 * np.mean(height * np.cos(self.wave.wave_numbers[0] * x)))
 
     def exact_carrier(self, t: float) -> complex:
         """Return a e^(-i omega t)."""
-        return complex(self.amplitude * np.exp(-1j * self.omega * t))
+        return complex(self.amplitude * np.exp(-1j * self.wave.frequency * t))
 
     def crest_error(self, highest: float, carrier: complex) -> float:
         """Return the relative error of the amplitude."""
@@ -76,10 +74,6 @@ class TravellingWave:
     amplitude: float
     k: float
 
-    def elevation(self, x: Array, t: float) -> Array:
-        """Return eta [m]."""
-        return self.wave.surface(x - self.wave.speed * t)[0]
-
     def carrier(self, x: Array, eta: Array, psi: Array) -> complex:
         """Return the first harmonic."""
         return complex(2 * np.mean(eta * np.exp(-1j * self.k * x)))
@@ -90,7 +84,7 @@ class TravellingWave:
 
     def crest_error(self, highest: float, carrier: complex) -> float:
         """Return the relative error of the highest elevation."""
-        return highest / float(self.wave.surface(np.zeros(1))[0][0]) - 1.0
+        return highest / float(self.wave.elevation(0.0)) - 1.0
 
 
 def exact_solution(scene: Scene) -> ExactSolution:
@@ -100,7 +94,7 @@ def exact_solution(scene: Scene) -> ExactSolution:
         raise InputError(f"reference exact: wall.type = {scene.wall.type!r} received; the wall must be fixed.")
     if isinstance(initial, StreamFunctionWave) and not isinstance(scene.water, LinearWater):
         wave, k = initial.wave(tank), 2 * np.pi * initial.waves / tank.length
-        crest, trough = wave.surface(np.array([0.0, np.pi / k]))[0]
+        crest, trough = wave.elevation([0.0, np.pi / k])
         return TravellingWave(wave, float(crest - trough) / 2, k)
     if not isinstance(initial, StandingWave):
         allowed = "standing-wave, low or in linear water, and stream-function in nonlinear water"
@@ -112,5 +106,4 @@ def exact_solution(scene: Scene) -> ExactSolution:
             f"reference exact: initial.wave_amplitude = {initial.wave_amplitude:g} received; it must be at most "
             f"{highest:.2g} m, up to which a standing wave is linear, or water.type must be 'linear'."
         )
-    omega = float(angular_frequency(k, tank.depth, tank.gravity))
-    return LinearStandingWave(initial.wave_amplitude, k, omega, tank.gravity)
+    return LinearStandingWave(initial.wave(tank))

@@ -22,7 +22,8 @@ from wavetank.errors import InputError
 from wavetank.postprocess.compare import matched
 from wavetank.records.directory import RunDirectory
 from wavetank.records.surface import Surface
-from wavetank.study.exact import Array, ExactSolution, exact_solution
+from wavetank.study.exact import ExactSolution, exact_solution
+from wavetank.theory.wave import Array
 
 SURFACE, GAUGES, PHASE, CREST = "surface error [-]", "gauge error [-]", "phase error [rad]", "crest error [-]"
 FINER = 4  # places at which snapshots are compared, by their points
@@ -94,7 +95,7 @@ class ExactReference:
         """Return surface, phase and crest error; a phase is followed from snapshot to snapshot, beyond pi, too."""
         exact, squares, ahead = self._solution, [], []
         for now in snapshots(run.snapshots(), period=_period(run)):
-            squares.append(np.mean((now.eta - exact.elevation(now.x, now.t)) ** 2))
+            squares.append(np.mean((now.eta - exact.wave.elevation(now.x, now.t)) ** 2))
             carrier = exact.carrier(now.x, now.eta, now.psi)
             ahead.append(-np.angle(carrier / exact.exact_carrier(now.t)))
         return {

@@ -35,7 +35,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import h1vp, hankel1, jvp
 
-from wavetank.theory.airy import Array, relative_depth
+from wavetank.theory.airy import relative_depth
+from wavetank.theory.wave import Array
 
 Complex = NDArray[np.complex128]
 

@@ -16,14 +16,19 @@ Sources: A. I. Dyachenko, E. A. Kuznetsov, M. D. Spector, V. E. Zakharov, Phys. 
 Camassa, J. Eng. Mech. 125, 1999 (finite depth); J. Wilkening and J. Yu, Comput. Sci. Disc. 5, 2012 (shooting).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.fft import irfft, next_fast_len, rfft
-from scipy.interpolate import make_interp_spline
 
 from wavetank.errors import InputError
-from wavetank.theory.conformal import SPLINE_DEGREE, Array, Shape
+from wavetank.theory.conformal import Image
+from wavetank.theory.wave import Array, Wave
 
 STEP = 0.01  # of height over length, from one wave to the next
 HIGHEST = 0.15  # height over length; beyond, the crest wants more than MODES allows
@@ -34,9 +39,9 @@ DIFFERENCE = 1e-7
 CUTS = (1e-8, 1e-6, 1e-5, 1e-4)  # of the directions of corrections, of the one that moves most
 
 
-@dataclass(frozen=True)
-class RestingWave:
-    """A standing wave, its crest at x = 0.
+@dataclass(frozen=True, eq=False)
+class RestingWave(Wave):
+    """A standing wave, at rest at t = 0 with its crest at x = 0.
 
     Attributes
     ----------
@@ -44,13 +49,88 @@ class RestingWave:
         In which it comes back [s].
     residual
         What is left of the cosines that should have gone after a quarter of it, in wave numbers' inverse.
-    shape
-        Elevation [m] when it is at rest, at places x [m], shape (N,).
+    cosines
+        Of y at rest, in wave numbers' inverse, shape (modes,).
+    k, depth, gravity
+        Wave number [rad/m], still-water depth [m] and gravity [m/s²].
     """
 
     period: float
     residual: float
-    shape: Shape
+    cosines: Array
+    k: float
+    depth: float
+    gravity: float
+
+    def elevation(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the elevation [m]; each time is stepped to."""
+
+        def at(water: _Water, x: Array, z: Array) -> Array:
+            surface = water.image.at_surface(x)
+            return np.asarray(water.image.of(surface.astype(np.complex128))[0].imag)
+
+        return self._each(at, x, 0.0, t, y)
+
+    def potential(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the potential [m²/s]."""
+
+        def at(water: _Water, x: Array, z: Array) -> Array:
+            return np.asarray(water.image.even(water.image.inside(x, z), water.potential)[0].real)
+
+        return self._each(at, x, z, t, y)
+
+    def velocity(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the velocity [m/s]; that along y is 0."""
+
+        def at(water: _Water, x: Array, z: Array) -> Array:
+            zeta = water.image.inside(x, z)
+            flow = water.image.even(zeta, water.potential)[1] / water.image.of(zeta)[1]  # u - i w
+            return np.stack([flow.real, np.zeros_like(flow.real), -flow.imag], axis=-1)
+
+        return self._each(at, x, z, t, y)
+
+    def _each(
+        self, at: Callable[["_Water", Array, Array], Array], x: ArrayLike, z: ArrayLike, t: ArrayLike, y: ArrayLike
+    ) -> Array:
+        """Return values of the water at each time."""
+        x, z, t, _ = np.broadcast_arrays(*(np.asarray(one, dtype=np.float64) for one in (x, z, t, y)))
+        parts = {time: at(_water(self, float(time)), x[t == time], z[t == time]) for time in np.unique(t)}
+        values = np.empty((*t.shape, *next(iter(parts.values())).shape[1:]))
+        for time, part in parts.items():
+            values[t == time] = part
+        return values
+
+
+class _Water(NamedTuple):
+    """The water at one time: its image, and the cosines of the potential on the surface [m²/s]."""
+
+    image: Image
+    potential: Array
+
+    @classmethod
+    def of(cls, y: Array, phi: Array, k: float, depth: float) -> "_Water":
+        """Return it of the cosines of y, in wave numbers' inverse and twice the mean first, and of the potential."""
+        m, mean = np.arange(1.0, y.size), y[0] / 2
+        strip = mean + k * depth
+        xi = np.linspace(0.0, np.pi, 16 * y.size)
+        x = xi + np.sin(np.outer(xi, m)) @ (y[1:] / np.tanh(np.minimum(m * strip, DEEP)))
+        cosines, points = (np.asarray(one / k, dtype=np.float64) for one in (y[1:], xi))
+        return cls(Image(k * m, cosines, mean / k, 0.0, strip / k, points, np.asarray(x / k)), phi[1:])
+
+
+@lru_cache(maxsize=8)
+def _water(wave: RestingWave, t: float) -> "_Water":
+    """Return the water at a time [s]: the second half of a period is the first one backwards."""
+    backwards = t % wave.period > wave.period / 2
+    since = wave.period - t % wave.period if backwards else t % wave.period
+    modes, pace = wave.cosines.size, np.sqrt(wave.gravity * wave.k)
+    flow = _Flow(next_fast_len(6 * modes, real=True), wave.k * wave.depth)
+    y = _surface(wave.cosines[None], flow.points, wave.k * wave.depth)
+    phi, steps = np.zeros_like(y), ceil(16 * modes * since / wave.period)
+    if steps:
+        y, phi = flow.released(y, np.array([[pace * since]]), steps=steps)
+    y, phi = (2 * rfft(part[0]).real[: 2 * modes] / flow.points for part in (y, phi))
+    return _Water.of(y, (-pace if backwards else pace) / wave.k**2 * phi, wave.k, wave.depth)
 
 
 def resting_wave(height: float, length: float, *, depth: float, gravity: float = 9.81) -> RestingWave:
@@ -74,7 +154,8 @@ def resting_wave(height: float, length: float, *, depth: float, gravity: float =
         waves[-2] = _longer(waves[-2], waves[-1].size)
     if not residual < ACCEPTED:
         raise InputError(f"height = {height:g} m: no standing wave of length {length:g} m could be computed.")
-    return RestingWave(waves[-1][-1] / np.sqrt(gravity * k), residual, _shape(waves[-1][:-1], k, k * depth))
+    cosines, period = waves[-1][:-1], float(waves[-1][-1] / np.sqrt(gravity * k))
+    return RestingWave(period, residual, cosines, k, depth, gravity)
 
 
 def _modes(height: float) -> int:
@@ -136,18 +217,6 @@ def _surface(cosines: Array, points: int, depth: float) -> Array:
         K = m / np.tanh(np.minimum(m * (mean + depth), DEEP))
         mean = -0.5 * (K * cosines**2).sum(axis=-1, keepdims=True)
     return np.asarray(mean + cosines @ np.cos(np.outer(m, 2 * np.pi / points * np.arange(points))))
-
-
-def _shape(cosines: Array, k: float, depth: float) -> Shape:
-    """Return the elevation over x in metres, for one wave length about the crest and a little more."""
-    points = 32 * cosines.size
-    y, m = _surface(cosines, points, depth), np.arange(1, cosines.size + 1)
-    u = 2 * np.pi / points * np.arange(-points // 2 - SPLINE_DEGREE, points // 2 + SPLINE_DEGREE + 1)
-    moved = cosines / np.tanh(np.minimum(m * (y.mean() + depth), DEEP))
-    x = u + moved @ np.sin(np.outer(m, u))
-    elevation = y.mean() + cosines @ np.cos(np.outer(m, u))
-    shape: Shape = make_interp_spline(x / k, elevation / k, k=SPLINE_DEGREE)
-    return shape
 
 
 class _Flow:

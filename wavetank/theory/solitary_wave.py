@@ -17,7 +17,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq, root_scalar
 
 from wavetank.errors import InputError
-from wavetank.theory.conformal import SPLINE_DEGREE, Array, Shape, Solution, SteadyWave, Strip
+from wavetank.theory.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip
+from wavetank.theory.wave import Array
 
 HIGHEST_SOLITARY = 0.7  # relative to the depth: beyond, towards the highest wave at 0.833, the iteration gets slow
 DECAY = 37.0  # e-foldings of the tail that are computed: to round-off

@@ -30,18 +30,19 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from wavetank.errors import InputError
-from wavetank.theory.airy import Array, angular_frequency, relative_depth
+from wavetank.theory.airy import angular_frequency, relative_depth
+from wavetank.theory.wave import Array, Wave, in_depth
 
 _POINTS = 8  # each way of x, y and s
 _HARMONICS = 4  # 0 to 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class ThirdOrderStandingWave:
-    """A standing wave of small amplitude in x in [0, length], y in [0, width].
+class ThirdOrderStandingWave(Wave):
+    """A standing wave of small amplitude in a rectangle from its origin on, over [0, length] and [0, width].
 
     Raises ``InputError`` if no half wave is asked for, or an order that is not known.
 
@@ -57,6 +58,8 @@ class ThirdOrderStandingWave:
         (m, n): the numbers of half waves along x and y.
     order
         How many orders of the expansion are taken, 1 to 3; errors are of the next.
+    origin
+        Where the rectangle begins (x, y) [m].
     """
 
     amplitude: float
@@ -66,6 +69,7 @@ class ThirdOrderStandingWave:
     width: float = 1.0
     modes: tuple[int, int] = (1, 0)
     order: int = 3
+    origin: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         if min(self.modes) < 0 or max(self.modes) < 1:
@@ -104,16 +108,64 @@ class ThirdOrderStandingWave:
         """P_ijl [m²/s], shape (4, 4, 4): psi = sum P_ijl cos(i kappa_x x) cos(j kappa_y y) sin(l omega t)."""
         return -_halves(self._sum(self._expansion.psi)).imag
 
-    def surface(self, x: Array, y: Array, *, t: float) -> tuple[Array, Array]:
-        """Return eta [m] and psi [m²/s] at places x, y [m], shape (N,), and time t [s], each of shape (N,)."""
-        harmonics = np.arange(_HARMONICS)
-        in_x, in_y = (
-            np.cos(np.multiply.outer(k * at, harmonics)) for k, at in zip(self.wave_numbers, (x, y), strict=True)
+    @cached_property
+    def _still_coefficients(self) -> Array:
+        """S_ijl [m²/s], shape (4, 4, 4), of the potential at z = 0 as P_ijl of that at the surface."""
+        return -_halves(self._sum(self._expansion.phi)).imag
+
+    def elevation(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the elevation [m]."""
+        return self._summed(self.elevation_coefficients, x, y, np.cos(self._phases(t)))
+
+    def surface(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> tuple[Array, Array]:
+        """Return the elevation [m] and the potential at the surface [m²/s], each to the order of the expansion."""
+        psi = self._summed(self.potential_coefficients, x, y, np.sin(self._phases(t)))
+        return self.elevation(x, t, y=y), psi
+
+    def potential(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the potential [m²/s]."""
+        cosh, _ = self._in_depth(z)
+        return self._summed(self._still_coefficients, x, y, np.sin(self._phases(t)), cosh)
+
+    def velocity(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the velocity [m/s]."""
+        sines, (cosh, sinh), (k_x, k_y) = np.sin(self._phases(t)), self._in_depth(z), self._numbers()
+        parts = (-k_x, cosh, (1, 0)), (-k_y, cosh, (0, 1)), (np.hypot(k_x, k_y), sinh, (0, 0))
+        each = (
+            self._summed(factor[..., None] * self._still_coefficients, x, y, sines, depth, sine=sine)
+            for factor, depth, sine in parts
         )
-        phases = self.frequency * t * harmonics
-        eta = np.einsum("ijl,ni,nj,l->n", self.elevation_coefficients, in_x, in_y, np.cos(phases))
-        psi = np.einsum("ijl,ni,nj,l->n", self.potential_coefficients, in_x, in_y, np.sin(phases))
-        return eta, psi
+        return np.stack(np.broadcast_arrays(*each), axis=-1)
+
+    def _phases(self, t: ArrayLike) -> Array:
+        return np.asarray(np.multiply.outer(t, self.frequency * np.arange(_HARMONICS)))
+
+    def _numbers(self) -> tuple[Array, Array]:
+        """Return i kappa_x and j kappa_y [rad/m], each of shape (4, 4)."""
+        k_x, k_y = np.multiply.outer(self.wave_numbers, np.arange(_HARMONICS))
+        return k_x[:, None] + 0 * k_y, k_y + 0 * k_x[:, None]
+
+    def _in_depth(self, z: ArrayLike) -> tuple[Array, Array]:
+        return in_depth(np.hypot(*self._numbers()), np.asarray(z)[..., None, None], self.depth)
+
+    def _summed(
+        self,
+        coefficients: Array,
+        x: ArrayLike,
+        y: ArrayLike,
+        in_time: Array,
+        in_z: ArrayLike = 1.0,
+        *,
+        sine: tuple[int, int] = (0, 0),
+    ) -> Array:
+        """Return the sum of products of cosines in x and y, or sines, with what is given in time and depth."""
+        harmonics = np.arange(_HARMONICS)
+        in_plan = (
+            (np.sin if odd else np.cos)(np.multiply.outer(np.subtract(at, first), k * harmonics))
+            for at, first, k, odd in zip((x, y), self.origin, self.wave_numbers, sine, strict=True)
+        )
+        depth = np.broadcast_to(in_z, (*np.shape(in_z)[:-2], _HARMONICS, _HARMONICS))
+        return np.asarray(np.einsum("ijl,...i,...j,...l,...ij->...", coefficients, *in_plan, in_time, depth))
 
     def _sum(self, terms: tuple[Array, ...]) -> Array:
         return np.asarray(sum(self.amplitude**n * term for n, term in enumerate(terms[: self.order], start=1)))
@@ -124,10 +176,11 @@ class ThirdOrderStandingWave:
 
 
 class _Expansion(NamedTuple):
-    """eta_n and psi_n, n = 1 to 3, at the points in x, y and s, and omega_2."""
+    """eta_n, psi_n and the potential phi_n at z = 0, n = 1 to 3, at the points in x, y and s, and omega_2."""
 
     eta: tuple[Array, ...]
     psi: tuple[Array, ...]
+    phi: tuple[Array, ...]
     frequency_shift: float
 
 
@@ -199,7 +252,9 @@ def _expansion(water: _Water) -> _Expansion:
     resonant = (F * water.sine).sum() + omega / g * (R * water.cosine).sum()
     shift = -0.5 * resonant / (water.sine**2).sum()
     eta_3, psi_3 = water.respond(F + shift * water.sine, R + shift * g / omega * water.cosine)
-    return _Expansion((eta_1, eta_2, eta_3), (psi_1, psi_2, psi_3), float(shift))
+    phi_2 = psi_2 - eta_1 * rise_1  # psi is Taylor's series of phi from z = 0 on
+    phi_3 = psi_3 - eta_1 * water.G_0(phi_2) - eta_2 * rise_1 - 0.5 * eta_1**2 * water.apply(water.K**2, psi_1)
+    return _Expansion((eta_1, eta_2, eta_3), (psi_1, psi_2, psi_3), (psi_1, phi_2, phi_3), float(shift))
 
 
 def _halves(f: Array) -> NDArray[np.complex128]:

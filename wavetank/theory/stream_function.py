@@ -21,7 +21,8 @@ from scipy.sparse.linalg import LinearOperator, gmres
 from scipy.special import ellipj, ellipk
 
 from wavetank.errors import InputError
-from wavetank.theory.conformal import SPLINE_DEGREE, Array, Shape, Solution, SteadyWave, Strip
+from wavetank.theory.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip
+from wavetank.theory.wave import Array
 
 STEP = 0.1  # in height, relative to the maximum: so close, and closer as it comes near, waves keep to one crest
 RESOLVED, ACCEPTED, HOPELESS = 1e-10, 1e-9, 1.0  # Bernoulli residuals: fine enough; still a wave; not to be cured

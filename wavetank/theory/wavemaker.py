@@ -7,7 +7,8 @@ Dean and Dalrymple 1991, section 6.3.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wavetank.theory.airy import Array, relative_depth
+from wavetank.theory.airy import relative_depth
+from wavetank.theory.wave import Array
 
 
 def piston_transfer(k: ArrayLike, depth: float) -> Array:

@@ -1,0 +1,171 @@
+"""Every wave of a theory, by one protocol, is water that moves: its fields against the equations they have to solve.
+
+Where a theory is one of small waves, what is left is of the order that it leaves out; else differences leave it.
+"""
+
+import importlib
+import pkgutil
+from dataclasses import replace
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from wavetank import theory
+from wavetank.motions import DirectionalFocus, ReflectedFocus
+from wavetank.motions.fan import Fan
+from wavetank.motions.spectra import Gaussian
+from wavetank.motions.wave_group import WaveGroup
+from wavetank.theory.conformal import SteadyWave
+from wavetank.theory.plane_waves import PlaneWaves
+from wavetank.theory.resting_wave import RestingWave, resting_wave
+from wavetank.theory.solitary_wave import solitary_wave
+from wavetank.theory.standing_wave import ThirdOrderStandingWave
+from wavetank.theory.stream_function import stream_function_wave
+from wavetank.theory.wave import Wave
+
+G, D = 9.81, 0.8
+STEP = 1e-3  # m, s: differences of fourth order
+
+
+class Case(NamedTuple):
+    """A wave, its speed scale a omega [m/s], how wrong its surface may be, over that, and a period [s]."""
+
+    wave: Wave
+    pace: float
+    left: float
+    period: float
+
+
+def group():
+    spectrum = Gaussian(0.6, 0.1)
+    return WaveGroup(
+        amplitude=1e-4,
+        spectrum=spectrum,
+        lowest_frequency=0.4,
+        highest_frequency=0.9,
+        components=7,
+        focus_x=1.0,
+        focus_time=2.0,
+        depth=D,
+        gravity=G,
+    )
+
+
+def fan():
+    return DirectionalFocus(group=group(), fan=Fan(0.4, 3, 0.0), focus_y=0.2)
+
+
+def standing(order, amplitude):
+    return ThirdOrderStandingWave(
+        amplitude=amplitude, length=2.0, width=3.0, depth=D, modes=(1, 2), order=order, origin=(-0.4, 0.1)
+    )
+
+
+CASES = {
+    "stream-function": lambda: Case(stream_function_wave(0.2, 3.0, depth=D), 0.4, 1e-7, 1.4),
+    "solitary": lambda: Case(solitary_wave(0.3, depth=D), 0.8, 1e-7, 1.0),
+    "resting": lambda: Case(resting_wave(0.06, 2.0, depth=D), 0.1, 2e-6, 1.1),
+    "third order": lambda: Case(standing(3, 0.01), 0.05, 2e-5, 1.0),  # (k a)^3 = 1.8e-5
+    "first order": lambda: Case(standing(1, 1e-5), 5e-5, 1e-4, 1.0),  # 3 k a
+    "a group": lambda: Case(group().target, 4e-4, 2e-3, 1.6),  # 10 k a: its waves' slopes add up
+    "a fan": lambda: Case(fan().target, 4e-4, 2e-3, 1.6),
+    "between walls": lambda: Case(ReflectedFocus(focus=fan(), low=-1.5, high=2.0).target, 4e-4, 2e-3, 1.6),
+}
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    return made(request.param)
+
+
+@cache
+def made(name):
+    return CASES[name]()
+
+
+X, Y = np.linspace(-1.3, 2.9, 11), np.linspace(0.9, -0.7, 11)
+TIMES = (0.0, 0.37)  # of a period
+
+
+def slope(f, step=STEP):
+    """Return f'(0) by differences of fourth order."""
+    return (8 * (f(step) - f(-step)) - (f(2 * step) - f(-2 * step))) / (12 * step)
+
+
+def test_all_waves_are_here():
+    for module in pkgutil.iter_modules(theory.__path__):
+        importlib.import_module(f"wavetank.theory.{module.name}")
+    assert set(Wave.__subclasses__()) == {SteadyWave, RestingWave, ThirdOrderStandingWave, PlaneWaves}
+    assert {type(made(name).wave) for name in CASES} == set(Wave.__subclasses__())
+
+
+@pytest.mark.parametrize("time", TIMES)
+def test_the_water_moves_by_the_gradient_of_a_harmonic_potential(case, time):
+    """Velocity is the potential's gradient, free of divergence, and along the bed at the bed."""
+    wave, t = case.wave, time * case.period
+    z = -D + (wave.elevation(X, t, y=Y) + D) * np.linspace(0.1, 0.9, X.size)
+    velocity = wave.velocity(X, z, t, y=Y)
+    gradient = np.stack(
+        [
+            slope(lambda s: wave.potential(X + s, z, t, y=Y)),
+            slope(lambda s: wave.potential(X, z, t, y=Y + s)),
+            slope(lambda s: wave.potential(X, z + s, t, y=Y)),
+        ],
+        axis=-1,
+    )
+    np.testing.assert_allclose(velocity, gradient, atol=1e-8 * case.pace)
+    divergence = slope(lambda s: wave.velocity(X + s, z, t, y=Y)[..., 0])
+    divergence += slope(lambda s: wave.velocity(X, z, t, y=Y + s)[..., 1])
+    divergence += slope(lambda s: wave.velocity(X, z + s, t, y=Y)[..., 2])
+    assert np.abs(divergence).max() < 1e-7 * case.pace
+    assert np.abs(wave.velocity(X, -D, t, y=Y)[..., 2]).max() < 1e-12 * case.pace
+
+
+@pytest.mark.parametrize("time", TIMES)
+def test_the_surface_moves_with_the_water_and_under_no_pressure(case, time):
+    """eta_t + u eta_x + v eta_y = w, and phi_t + |u|^2 / 2 + g eta the same all over the surface, at one time."""
+    wave, t = case.wave, time * case.period
+    (eta, psi), step = wave.surface(X, t, y=Y), 1e-3 * case.period
+    velocity = wave.velocity(X, eta, t, y=Y)
+    eta_t = slope(lambda s: wave.elevation(X, t + s, y=Y), step)
+    eta_x, eta_y = slope(lambda s: wave.elevation(X + s, t, y=Y)), slope(lambda s: wave.elevation(X, t, y=Y + s))
+    left = eta_t + velocity[:, 0] * eta_x + velocity[:, 1] * eta_y - velocity[:, 2]
+    assert np.abs(left).max() < case.left * case.pace
+    psi_t = slope(lambda s: wave.surface(X, t + s, y=Y)[1], step)
+    phi_t = psi_t - velocity[:, 2] * eta_t  # at a place that the surface does not carry along
+    pressure = phi_t + 0.5 * (velocity**2).sum(axis=-1) + G * eta
+    assert np.ptp(pressure) < case.left * G * np.ptp(eta)
+    assert np.abs(psi - wave.potential(X, eta, t, y=Y)).max() < case.left * np.ptp(psi) + 1e-15
+
+
+def test_numbers_and_arrays_go_together(case):
+    """A number for a number; places and times in any shapes that go together, as taken one by one."""
+    wave, x, t = case.wave, X[:3], case.period * np.array([[0.2], [0.6]])
+    assert wave.elevation(0.3).shape == wave.potential(0.3, -0.1).shape == ()
+    assert wave.velocity(0.3, -0.1).shape == (3,)
+    together = wave.elevation(x, t, y=0.3), wave.potential(x, -0.1, t, y=0.3), wave.velocity(x, -0.1, t, y=0.3)
+    for n, now in enumerate(t[:, 0]):
+        for m, place in enumerate(x):
+            alone = (
+                wave.elevation(place, now, y=0.3),
+                *(f(place, -0.1, now, y=0.3) for f in (wave.potential, wave.velocity)),
+            )
+            for one, many in zip(alone, together, strict=True):
+                np.testing.assert_allclose(many[n, m], one, rtol=1e-9, atol=1e-12 * case.pace)
+
+
+def test_a_wave_of_permanent_form_begins_where_its_crest_is_and_goes_on():
+    wave = stream_function_wave(0.2, 3.0, depth=D)
+    moved = replace(wave, crest=1.1)
+    assert float(moved.elevation(1.1)) == pytest.approx(float(wave.elevation(0.0)), rel=1e-14)
+    np.testing.assert_allclose(moved.elevation(X, 0.7), wave.elevation(X - 1.1 - 0.7 * wave.speed), atol=1e-13)
+
+
+def test_a_resting_wave_turns_back_and_stands_half_a_length_on_after_half_a_period():
+    wave = made("resting").wave
+    np.testing.assert_allclose(wave.elevation(X, 0.5 * wave.period), wave.elevation(X + 1.0), atol=1e-7)
+    before, after = wave.surface(X, 0.3 * wave.period), wave.surface(X, 0.7 * wave.period)
+    np.testing.assert_allclose(after[0], before[0], atol=1e-12)
+    np.testing.assert_allclose(after[1], -before[1], atol=1e-12)
