@@ -33,7 +33,7 @@ SLICE = {
         "reach": 2.0,
         "motion": {"type": "sinusoid", "paddle_amplitude": 0.05, "period": 1.6, "ramp": 0.4},
     },
-    "sponge": {"type": "end", "length": 2.0},
+    "sponge": {"type": "end", "length": 2.0, "strength": 6.0},
     "gauges": [1.0, 2.5],
     "run": {"duration": 0.5, "on_breaking": "dissipate"},
     "numerics": {"cells": 12, "vertical_order": 3, "dt": 0.05, "tolerance": 1e-6},

@@ -21,7 +21,7 @@ from wavetank import data
 from wavetank.case.new import KINDS, write_case
 from wavetank.case.reading import located, read_case
 from wavetank.console import console, drain
-from wavetank.errors import WavetankError, printable
+from wavetank.errors import InputError, WavetankError, printable
 from wavetank.fe.agreed import on_first
 from wavetank.plan.command import plan
 from wavetank.postprocess.compare_command import compare
@@ -111,18 +111,23 @@ def run(
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
     plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
     yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="go on with the run that is there, from its last checkpoint")
+    ] = False,
 ) -> None:
     """Run a case; also under mpirun."""
     if case is None:
         _list_cases()
         raise typer.Exit(2)  # nothing has been run
+    if resume and overwrite:
+        raise InputError("--resume and --overwrite: give one of them; a run goes on, or is replaced.")
     scene = read_case(case, overrides or [])
-    place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite)
+    place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite or resume)
     from wavetank.recording import record_run
 
     with located(case, overrides or []):
         draw = _draw if plots else None
-        record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, unasked=yes)
+        record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, unasked=yes, resume=resume)
 
 
 def _list_cases() -> None:

@@ -29,6 +29,7 @@ from wavetank.records.log import RunLog
 from wavetank.records.place import Place
 from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
+from wavetank.resuming import KeptRun
 from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary
 from wavetank.runs.closing import Outcome, closing
 from wavetank.runs.memory import peak_memory
@@ -92,6 +93,7 @@ def record_run(
     unasked: bool = True,
     observers: Sequence[Callable[[AnyWaves], Observer]] = (),
     integrator: Integrator[Any] | None = None,
+    resume: bool = False,
 ) -> None:
     """Run a scene into a directory; collective.
 
@@ -117,11 +119,14 @@ def record_run(
         What else looks at the water: functions of the waves that return an observer.
     integrator
         In place of the scene's.
+    resume
+        Whether the run that is there goes on, from its last checkpoint.
     """
     began, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
     known = {"scene": scene.model_dump(mode="json"), "ranks": comm.size, **environment()}
-    writer = on_first(comm, lambda: RunWriter(place, {**known, "warnings": warnings.sentences}))  # found until its end
+    known["warnings"] = warnings.sentences  # found until its end
+    writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
     with ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
@@ -133,9 +138,12 @@ def record_run(
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
             warnings.add(doubt)
         built, busy = time.monotonic(), time.process_time()
-        _observe(run, scene, waves, writer, warnings)
+        series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]
         run.observers += [observer(waves) for observer in observers]
+        kept = KeptRun(asked, scene, run=run, plane=waves.plane, fields=series, writer=writer, warn=warnings.add)
+        if resume:
+            log.say(f"going on from t = {kept.go_on():.6g} s")
 
         def note() -> None:
             for judge in (one for one in run.observers if isinstance(one, Judge)):
@@ -154,7 +162,7 @@ def record_run(
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
-            on_first(comm, lambda: _begin(writer, log, asked=asked, planned=scene))
+            on_first(comm, lambda: _begin(writer, log, asked=asked, planned=scene, going_on=resume))
             if writer is not None:
                 at_the_end.enter_context(_said(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
@@ -162,23 +170,29 @@ def record_run(
                 if line:
                     log.say(line)
             with _failure_kept(writer), _progress(run, waves, log) as bar:
-                run.observers += [interruption, *bar]
+                interruption.before = kept.write
+                run.observers += [kept.from_time_to_time(scene.run.checkpoint_every), interruption, *bar]
                 _execute(run, waves, note)
                 if writer is not None:
                     writer.finish("finished", {})
 
 
-def _observe(run: Run, scene: Scene, waves: AnyWaves, writer: RunWriter | None, warnings: Warnings) -> None:
-    """Add what observes a run to it; collective."""
+def _observe(
+    run: Run, scene: Scene, waves: AnyWaves, writer: RunWriter | None, warnings: Warnings
+) -> dict[str, VtuSeries]:
+    """Add what observes a run to it, and return the fields it writes; collective."""
     comm, out = waves.plane.comm, waves.plane.comm.bcast(None if writer is None else writer.path)
+    series: dict[str, VtuSeries] = {}
 
-    def series(name: str) -> VtuSeries:
-        return VtuSeries(out, name, comm=comm)
+    def fields(name: str) -> VtuSeries:
+        series[name] = VtuSeries(out, name, comm=comm)
+        return series[name]
 
     records = _records(scene, waves, writer)
-    run.observers += build_observers(scene, waves, records._replace(fields=series), sinks=run.sinks)
+    run.observers += build_observers(scene, waves, records._replace(fields=fields), sinks=run.sinks)
     run.observers.append(RecordCheck(comm, [one for one in records if isinstance(one, Kept)]))
     run.observers += build_watch(scene, run, waves, warnings.at_once)
+    return series
 
 
 def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records:
@@ -194,12 +208,12 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle)
 
 
-def _begin(writer: RunWriter | None, log: RunLog, *, asked: Scene, planned: Scene) -> None:
+def _begin(writer: RunWriter | None, log: RunLog, *, asked: Scene, planned: Scene, going_on: bool) -> None:
     """Begin the directory, with what has been planned of the scene that was asked for."""
     if writer is not None:
         given, chosen = (one.model_dump(mode="json", include={"water", "numerics"}) for one in (asked, planned))
         writer.begin({} if chosen == given else {"planned": chosen})
-        log.open(writer.path / LOG)
+        log.open(writer.path / LOG, going_on=going_on)
         log.say(f"writing {writer.path}")
 
 
@@ -239,7 +253,7 @@ def _progress(run: Run, waves: AnyWaves, log: RunLog) -> Iterator[list[Observer]
     if waves.plane.comm.rank:
         yield []
         return
-    with ProgressBar(run.clock.end, lambda: _cost(waves), log=log) as bar:
+    with ProgressBar(run.clock.end, lambda: _cost(waves), log=log, begin=(run.step, run.t)) as bar:
         yield [bar]
 
 

@@ -4,8 +4,13 @@ A run that takes back what an equal one has held goes on as that one does, bit f
 later steps depend on start values, sums and preconditioners of earlier ones, and all of these are held.
 """
 
-from collections.abc import Iterable, Mapping
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from wavetank.arrays import Vector
 
 Held = dict[str, Any]
 """By name: arrays, whose last axis runs over the degrees of freedom that this rank owns, so that their places order
@@ -46,3 +51,22 @@ def give_back(parts: Mapping[str, Stateful], held: Held) -> None:
         raise ValueError(f"held by {', '.join(held) or 'nothing'}; to be taken back by {', '.join(parts) or 'nothing'}")
     for name, part in parts.items():
         part.take(held[name])
+
+
+def apart(held: Held) -> tuple[str, list[Vector]]:
+    """Return what is held as JSON, {"array": n} in the place of its n-th array, and the arrays."""
+    arrays: list[Vector] = []
+
+    def number(value: object) -> dict[str, int]:
+        if not isinstance(value, np.ndarray):
+            raise TypeError(f"{value!r} is held: neither an array nor anything that JSON has")
+        arrays.append(value)
+        return {"array": len(arrays) - 1}
+
+    return json.dumps(held, default=number), arrays
+
+
+def together(text: str, arrays: Sequence[Vector]) -> Held:
+    """Return what ``apart`` has taken apart."""
+    held: Held = json.loads(text, object_hook=lambda one: arrays[one["array"]] if one.keys() == {"array"} else one)
+    return held

@@ -60,10 +60,10 @@ class Absorbing(Wrapper[S]):
         return state
 
     def held(self) -> Held:
-        """Return what has been taken."""
-        return super().held() | {"energy_taken": self.energy_taken}
+        """Return what has been taken, and the rate, which may have been made for the waves of a shorter run."""
+        return super().held() | {"energy_taken": self.energy_taken, "gamma": self.gamma}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         super().take(held)
-        self.energy_taken = held["energy_taken"]
+        self.energy_taken, self.gamma = held["energy_taken"], held["gamma"]

@@ -1,6 +1,7 @@
 """Ctrl-C and a batch system's SIGTERM end a run between two steps, with everything kept."""
 
 import signal
+from collections.abc import Callable
 from types import FrameType
 
 from mpi4py import MPI
@@ -11,13 +12,20 @@ from wavetank.observers.schedule import EverySteps
 
 
 class Interruption:
-    """Ends the run on all ranks after a signal on any of them; a context manager, in the main thread."""
+    """Ends the run on all ranks after a signal on any of them; a context manager, in the main thread.
+
+    Attributes
+    ----------
+    before
+        What is done before that; collective.
+    """
 
     signals = (signal.SIGINT, signal.SIGTERM)
 
     def __init__(self, comm: MPI.Comm):
         self.schedule = EverySteps()
         self._comm, self._received = comm, 0
+        self.before: Callable[[], None] = lambda: None
 
     def __enter__(self) -> "Interruption":
         self._former = [signal.signal(number, self._receive) for number in self.signals]
@@ -33,4 +41,5 @@ class Interruption:
     def observe(self, moment: Moment) -> None:
         """Raise ``RunError`` if a signal has come; collective."""
         if number := self._comm.allreduce(self._received, op=MPI.MAX):
+            self.before()
             raise RunError(f"t = {moment.t:.6g} s: interrupted by {signal.Signals(number).name}")

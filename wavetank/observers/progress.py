@@ -19,15 +19,24 @@ class ProgressBar:
         Simulated time of the whole run [s].
     cost
         Returns (interior solves, iterations of them) so far.
+    begin
+        Step and time [s] from which the run goes on.
     """
 
     plain_lines = 20  # at most
 
-    def __init__(self, duration: float, cost: Callable[[], tuple[int, int]], *, log: RunLog):
+    def __init__(
+        self,
+        duration: float,
+        cost: Callable[[], tuple[int, int]],
+        *,
+        log: RunLog,
+        begin: tuple[int, float] = (0, 0.0),
+    ):
         self.schedule = EverySteps()
-        self._duration, self._cost = duration, cost
+        self._duration, self._cost, (self._step, self._t) = duration, cost, begin
         self._say = log.note if log.console.is_terminal else log.say
-        self._began, self._reported, self._set_up = time.monotonic(), 0.0, cost()
+        self._began, self._reported, self._set_up = time.monotonic(), self._t, cost()
         self._bar = Progress(
             TextColumn("t = {task.completed:.2f} / {task.total:g} s"),
             BarColumn(),
@@ -49,12 +58,13 @@ class ProgressBar:
     def observe(self, moment: Moment) -> None:
         """Show the moment."""
         solves, iterations = (
-            (now - before) / max(1, moment.step) for now, before in zip(self._cost(), self._set_up, strict=True)
+            (now - before) / max(1, moment.step - self._step)
+            for now, before in zip(self._cost(), self._set_up, strict=True)
         )
         per_step = f"{solves:.1f} solves, {iterations:.1f} iterations a step"
         self._bar.update(self._task, completed=min(moment.t, self._duration), description=per_step)
         if moment.t >= self._reported + self._duration / self.plain_lines:
             self._reported = moment.t
             elapsed = time.monotonic() - self._began
-            left = elapsed * (self._duration / moment.t - 1.0)
+            left = elapsed * (self._duration - moment.t) / (moment.t - self._t)
             self._say(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {per_step}")

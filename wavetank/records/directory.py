@@ -10,6 +10,7 @@
     surface.nc      of a slice or ring, snapshots of x [m], elevation [m], surface potential [m²/s], as CF-NetCDF
     surface.xdmf    opens them in ParaView
     surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
+    checkpoint.zip  what a run needs to go on, from time to time, and in ``checkpoint-before.zip`` the one before
     run.log         what the run has said: its summary, progress, warnings, and why it ended
     .lock           while it goes on (``lock.py``)
 
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
 
 MANIFEST, GAUGES_NETCDF, SURFACE, SURFACE_INDEX = "manifest.json", "gauges.nc", "surface.nc", "surface.xdmf"
 TABLES = GAUGES, ENERGY, PADDLE = "gauges.csv", "energy.csv", "paddle.csv"
+CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
+CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
 PICTURES = ("surface.png", "gauges.png", "energy.png", "view.png", "compare.png", "compare.csv")  # drawn of the records
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
@@ -72,9 +75,10 @@ def index_file(run: Path, name: str) -> Path:
 
 def recorded(run: Path) -> Iterator[Path]:
     """Yield the records in a run directory, and what has been drawn of them."""
-    files = (*TABLES, GAUGES_NETCDF, SURFACE, SURFACE_INDEX, LOG, *PICTURES, *(f"{name}.pvd" for name in SERIES))
+    files = (*TABLES, GAUGES_NETCDF, SURFACE, SURFACE_INDEX, LOG, *PICTURES, *CHECKPOINTS)
+    indices = (f"{name}.pvd" for name in SERIES)
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
-    for pattern in (*files, *pieces):
+    for pattern in (*files, *indices, *pieces):
         yield from run.glob(pattern)
 
 

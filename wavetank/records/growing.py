@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import RecordError, RunError
+from wavetank.stateful import Held
 
 
 def _csv_line(cells: Iterable[str]) -> bytes:
@@ -25,10 +26,28 @@ class GrowingFile:
 
     def __init__(self, path: Path):
         self._path = path
+        self._kept = 0  # bytes that are there, of a run that goes on
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return self._path.name
 
     def open(self) -> None:
-        """Make the file; raises ``OSError``."""
-        self._file = self._path.open("wb")
+        """Make the file, or go on where it was when that was held; raises ``OSError``."""
+        self._file = self._path.open("r+b" if self._kept else "wb")
+        self._file.truncate(self._kept)
+
+    def held(self) -> Held:
+        """Return how far it has grown."""
+        return {"size": os.fstat(self._file.fileno()).st_size}
+
+    def take(self, held: Held) -> None:
+        """Go on from there, once it is opened; raises ``RecordError`` where less is there."""
+        self._kept = held["size"]
+        there = self._path.stat().st_size if self._path.exists() else 0
+        if there < self._kept:
+            raise RecordError(f"{self._path}: is shorter, {there} bytes, than when the checkpoint was written.")
 
     def _check(self, row: NDArray[np.float64]) -> None:
         if not np.all(np.isfinite(row)):
@@ -68,7 +87,8 @@ class TableWriter(GrowingFile):
     def open(self) -> None:
         """Make the file, with the names of its columns; raises ``OSError``, ``RunError``."""
         super().open()
-        self.write(_csv_line(self._columns))
+        if not self._kept:
+            self.write(_csv_line(self._columns))
 
     def append(self, row: Sequence[float]) -> None:
         """Append one row, time [s] first, a value for each column.

@@ -23,10 +23,10 @@ class RunLog:
         self._lines: list[str] = []
         self._file: TextIO | None = None
 
-    def open(self, path: Path) -> None:
-        """Begin the file with the lines so far."""
+    def open(self, path: Path, *, going_on: bool = False) -> None:
+        """Begin the file, or go on with what is in it, with the lines so far."""
         with suppress(OSError):
-            self._file = path.open("w", encoding="utf-8")
+            self._file = path.open("a" if going_on else "w", encoding="utf-8")
         self._write("".join(self._lines))
 
     def say(self, line: str, *, style: str | None = None) -> None:

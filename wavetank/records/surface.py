@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from wavetank.records.growing import GrowingFile
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable, netcdf
+from wavetank.stateful import Held
 
 NUMBER = np.dtype(">f8")  # the format's
 MAGIC, COUNT = b"CDF\x02", slice(4, 8)  # of the header: what the file is, and how many snapshots there are
@@ -27,6 +28,7 @@ HEAD = (
     '<Grid Name="surface" GridType="Collection" CollectionType="Temporal">\n'
 )
 TAIL = "</Grid></Domain></Xdmf>\n"
+STANDS = "_points", "_snapshots", "_begin"  # what tells where a snapshot is
 POTENTIAL = {"long_name": "velocity potential at the surface", "units": "m2 s-1", "coordinates": "x y"}
 
 
@@ -61,9 +63,23 @@ class SurfaceWriter(GrowingFile):
         self._points = self._snapshots = self._begin = 0
 
     def open(self) -> None:
-        """Make both files; raises ``OSError``."""
+        """Make both files, or go on with them; raises ``OSError``."""
         super().open()
         self._index.open()
+        if self._snapshots:
+            self._tell()
+            self._index.write(TAIL.encode(), over=len(TAIL))  # the next snapshot had been written over it
+
+    def held(self) -> Held:
+        """Return how far both files have grown, and what stands where."""
+        return super().held() | {"index": self._index.held()} | {name: getattr(self, name) for name in STANDS}
+
+    def take(self, held: Held) -> None:
+        """Go on from there, once they are opened; raises ``RecordError`` where less is there."""
+        super().take(held)
+        self._index.take(held["index"])
+        for name in STANDS:
+            setattr(self, name, held[name])
 
     def close(self) -> None:
         """End both files."""
@@ -85,13 +101,17 @@ class SurfaceWriter(GrowingFile):
         self._check(row)
         if self._snapshots:
             self.write(row.astype(NUMBER).tobytes())
-            self.write((self._snapshots + 1).to_bytes(4, "big"), at=COUNT.start)
         else:
             content = netcdf(_first(row), self._attributes, growing="time")
             self._begin = len(content) - row.size * NUMBER.itemsize
             self.write(content)
         self._points, self._snapshots = points, self._snapshots + 1
+        self._tell()
         self._index.write(self._found(t).encode(), over=len(TAIL) if self._snapshots > 1 else 0)
+
+    def _tell(self) -> None:
+        """Write into the header how many snapshots there are."""
+        self.write(self._snapshots.to_bytes(4, "big"), at=COUNT.start)
 
     def _found(self, t: float) -> str:
         """Return where the newest snapshot stands, for XDMF, up to the end of the file."""

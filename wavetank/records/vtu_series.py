@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from wavetank.errors import RunError
 from wavetank.records.directory import FIELDS, index_file, replace
+from wavetank.stateful import Held
 
 Array = NDArray[Any]
 Arrays = Mapping[str, Array]
@@ -105,6 +106,17 @@ class VtuSeries:
         self._run, self._name, self._comm = run, name, comm
         self._snapshots: list[tuple[float, str]] = []
         self._folder: os.stat_result | None = None  # once a snapshot has been written to it
+
+    def held(self) -> Held:
+        """Return the snapshots so far."""
+        return {"snapshots": [list(one) for one in self._snapshots]}
+
+    def take(self, held: Held) -> None:
+        """Go on after those; raises ``RunError`` where one is not there."""
+        self._snapshots = [(t, file) for t, file in held["snapshots"]]
+        missing = [file for _, file in self._snapshots if not (self._run / file).exists()]
+        if missing:
+            raise RunError(f"{self._run / missing[0]}: is no longer there, and the checkpoint counts on it.")
 
     def append(self, t: float, points: Array, *, cells: VtkCells, arrays: Arrays) -> None:
         """Write a snapshot at t [s]: this rank's points (x, y, z) [m], shape (N, 3), its cells and arrays; collective.

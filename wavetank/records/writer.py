@@ -8,8 +8,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
 
+from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError
+from wavetank.records.checkpoint import Checkpoint, write_checkpoint
 from wavetank.records.directory import (
+    CHECKPOINT,
     GAUGES,
     GAUGES_NETCDF,
     MANIFEST,
@@ -27,6 +30,7 @@ from wavetank.records.netcdf import conventions
 from wavetank.records.place import Place
 from wavetank.records.series import column
 from wavetank.records.surface import SurfaceWriter
+from wavetank.stateful import Held
 
 R = TypeVar("R", bound=GrowingFile)
 
@@ -44,20 +48,25 @@ class RunWriter:
         if another process writes it, or if it cannot be written.
     manifest
         What is known at the start; ``status`` is added.
+    resume
+        Whether a run that is there is to go on: nothing of it is replaced. Raises ``InputError`` if there is none.
     """
 
-    def __init__(self, place: Place | Path, manifest: dict[str, Any]):
-        self._manifest = {"status": "running", **manifest}
+    def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
+        self._manifest, self._resume = {"status": "running", **manifest}, resume
         self._records: list[GrowingFile] = []
         self._has_gauges = self._begun = False
         place = place if isinstance(place, Place) else Place(place)
+        if resume:
+            place = Place(place.path, overwrite=True)
+            RunDirectory(place.path)
         try:
             self.path, self._lock, self._made = _claimed(place)
         except OSError as error:
             raise InputError(f"{place.path}: cannot be written ({error.strerror}).") from None
 
     def begin(self, more: dict[str, Any] | None = None) -> Self:
-        """Replace what an earlier run has left, and write the manifest, with what has come to be known.
+        """Replace what an earlier run has left, unless it goes on, and write the manifest, with what is known by now.
 
         Raises ``InputError`` if it cannot be written, ``RunError`` for a number in it that is not finite, and where the
         directory is another's by now.
@@ -66,7 +75,7 @@ class RunWriter:
         self._manifest |= more or {}
         room = ROOM + len(self._text(self._manifest))
         try:
-            for old in list(recorded(self.path)):
+            for old in [] if self._resume else list(recorded(self.path)):
                 old.unlink()
             self._lock.reserve(room)
             self._write_manifest(self._manifest)
@@ -126,6 +135,29 @@ class RunWriter:
         if self._begun:
             record.open()
         return record
+
+    def held(self) -> Held:
+        """Return how far each of the records has grown, by the names of their files."""
+        return {record.name: record.held() for record in self._records}
+
+    def take(self, held: Held) -> None:
+        """Go on with the records from there, once the run begins; raises ``InputError`` unless they are the same."""
+        names = {record.name for record in self._records}
+        if names != held.keys():
+            raise InputError(f"{self.path}: its records are {', '.join(held)}; they would be {', '.join(names)}.")
+        for record in self._records:
+            record.take(held[record.name])
+
+    def checkpoint(self, text: str, arrays: Sequence[Vector], *, places: Vector, about: dict[str, Any]) -> int:
+        """Write what the run holds, taken apart, and where its records are; return the size in bytes.
+
+        Raises ``RunError`` if it cannot be written.
+        """
+        self._check_held()
+        try:
+            return write_checkpoint(self.path, Checkpoint(about | {"records": self.held()}, text, arrays, places))
+        except OSError as error:
+            raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
 
     def note(self, figures: dict[str, Any]) -> None:
         """Take figures into the manifest, with its last word, whichever that will be."""

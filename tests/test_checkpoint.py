@@ -1,0 +1,244 @@
+"""Checkpoints: a run that ended anyhow goes on as if it had not (the oracle is the uninterrupted run), or is refused.
+
+Records are compared number by number, as they stand in the files: on as many ranks they are the same bit for bit.
+"""
+
+import json
+import random
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_stateful import BASIN, SLICE
+
+from wavetank.case import Scene
+from wavetank.console import console
+from wavetank.errors import InputError, RunError
+from wavetank.observers.checkpoints import Checkpoints
+from wavetank.recording import record_run
+from wavetank.records import checkpoint
+from wavetank.records.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, PADDLE, RunDirectory
+from wavetank.resuming import differences
+
+OUTPUT = {"surface_every": 0.1, "velocity_every": 0.15}
+
+
+def scene(parts: dict, **run: object) -> Scene:
+    return Scene.model_validate(parts | {"run": parts["run"] | run, "output": OUTPUT})
+
+
+@contextmanager
+def ending(*, written: int, after: int):
+    """Let runs write a checkpoint after a step, and end after a later one."""
+    usual = Checkpoints.observe
+
+    def observe(self, moment):
+        if moment.step == written:
+            self._write()
+        if moment.step == after:
+            raise RunError("it ends here")
+
+    Checkpoints.observe = observe
+    try:
+        yield
+    finally:
+        Checkpoints.observe = usual
+
+
+def record(parts: dict, out: Path, run: dict, *, resume: bool = False) -> None:
+    """Record a run, collective."""
+    record_run(scene(parts, **run), out, comm=MPI.COMM_WORLD, console=console(), resume=resume)
+
+
+def record_until(parts: dict, out: Path, run: dict, written: int, after: int) -> None:
+    """Record a run that ends after a step, with a checkpoint of an earlier one; collective."""
+    with ending(written=written, after=after), pytest.raises(RunError, match="it ends here"):
+        record(parts, out, run)
+
+
+def same(run: Path, other: Path, *, tolerance: float = 0.0) -> None:
+    """Assert that the records of two runs are the same, to a part of the highest elevation in the gauges."""
+    one, two = RunDirectory(run), RunDirectory(other)
+    assert one.status == two.status == "finished"
+    for file in (GAUGES, ENERGY, PADDLE):
+        if (run / file).exists():
+            (head, rows), (its_head, its_rows) = one._table(file), two._table(file)
+            assert head == its_head and rows.shape == its_rows.shape
+            np.testing.assert_allclose(rows, its_rows, rtol=tolerance, atol=tolerance * np.abs(rows[:, 1]).max())
+    fields = [name for name in ("surface", "velocity") if (run / f"{name}.pvd").exists()]
+    assert fields
+    for name in fields:
+        assert [(t, file.name) for t, file in one.fields(name)] == [(t, file.name) for t, file in two.fields(name)]
+    if tolerance == 0.0:
+        assert one.manifest["counters"] == two.manifest["counters"]
+        for piece in (run / "fields").iterdir():
+            assert piece.read_bytes() == (other / "fields" / piece.name).read_bytes()
+        if (run / "surface.nc").exists():
+            for ours, theirs in zip(vars(one.snapshots()).values(), vars(two.snapshots()).values(), strict=True):
+                np.testing.assert_array_equal(ours, theirs)
+            assert (run / "surface.xdmf").read_text().count("<Time") == len(one.snapshots().t)
+
+
+# ---------------------------------------------------------------- files
+def some(n: int) -> Checkpoint:
+    return Checkpoint({"t": 0.1 * n}, '{"step": 1}', [np.arange(6.0).reshape(2, 3) + n, np.zeros(3)], np.eye(3))
+
+
+def test_what_is_written_is_read_and_the_one_before_is_kept(tmp_path):
+    for n in range(3):
+        assert write_checkpoint(tmp_path, some(n)) == (tmp_path / CHECKPOINT).stat().st_size
+    for n, name in ((2, CHECKPOINT), (1, CHECKPOINT_BEFORE)):
+        found, damaged = read_checkpoint(tmp_path)
+        assert not damaged and found[:2] == some(n)[:2]
+        for values, wanted in zip((*found.arrays, found.places), (*some(n).arrays, some(n).places), strict=True):
+            np.testing.assert_array_equal(values, wanted)
+        (tmp_path / name).unlink()
+    with pytest.raises(InputError, match="holds no checkpoint to go on from"):
+        read_checkpoint(tmp_path)
+
+
+def test_whatever_is_damaged_in_one_the_one_before_is_taken_and_it_is_said(tmp_path):
+    """Any byte changed that is not padding, cut anywhere, or not a checkpoint at all."""
+    write_checkpoint(tmp_path, some(0))
+    write_checkpoint(tmp_path, some(1))
+    whole, rng = (tmp_path / CHECKPOINT).read_bytes(), random.Random(1)
+    contents = [whole[:n] for n in rng.sample(range(len(whole)), 20)] + [b"", b"a picture", bytes(len(whole))]
+    for content in ("about.json", "held.json", "0.npy", "places.npy"):
+        place = whole.index(content.encode()) + len(content) + 3
+        contents.append(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
+    for content in contents:
+        (tmp_path / CHECKPOINT).write_bytes(content)
+        found, (damaged,) = read_checkpoint(tmp_path)
+        assert found.about == some(0).about and str(tmp_path / CHECKPOINT) in damaged
+    (tmp_path / CHECKPOINT_BEFORE).write_bytes(b"")
+    with pytest.raises(InputError, match=rf"{CHECKPOINT} is damaged .*{CHECKPOINT_BEFORE} is damaged"):
+        read_checkpoint(tmp_path)
+
+
+def test_one_that_cannot_be_written_leaves_those_there_are(tmp_path, monkeypatch):
+    write_checkpoint(tmp_path, some(0))
+
+    def full(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(checkpoint.os, "fsync", full)
+    with pytest.raises(OSError, match="No space"):
+        write_checkpoint(tmp_path, some(1))
+    assert [path.name for path in tmp_path.iterdir()] == [CHECKPOINT] and not read_checkpoint(tmp_path)[1]
+
+
+def test_differences_of_scenes_are_named():
+    before = {"tank": {"depth": 1.0, "length": 2.0}, "gauges": [1], "sponge": None}
+    now = {"tank": {"depth": 1.5, "length": 2.0}, "gauges": [1, 2], "sponge": {"length": 1.0}}
+    assert [path for path, *_ in differences(before, now)] == [("tank", "depth"), ("gauges",), ("sponge",)]
+    assert not list(differences(before, before))
+
+
+# ---------------------------------------------------------------- runs
+def test_a_run_that_has_ended_goes_on_longer_and_nothing_is_doubled_or_missing(tmp_path, capsys):
+    """It had written three more steps than its last checkpoint has."""
+    record(SLICE, tmp_path / "whole", {})
+    record_until(SLICE, tmp_path / "part", {"duration": 0.4}, 4, 7)
+    record(SLICE, tmp_path / "part", {}, resume=True)
+    same(tmp_path / "whole", tmp_path / "part")
+    assert "going on from t = 0.2 s" in capsys.readouterr().out
+    assert RunDirectory(tmp_path / "part").manifest["resumed"] == [4 * 0.05]
+
+
+def test_another_scene_does_not_go_on_and_nothing_is_touched(tmp_path):
+    """What differs is named; so are a run without a checkpoint and none at all."""
+    record_until(SLICE, tmp_path, {}, 4, 5)
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    deeper = SLICE | {"tank": {"length": 6.0, "depth": 0.7}}
+    for parts, run, said in (
+        (deeper, {}, r"tank\.depth.*0\.7.*must be 0\.6"),
+        (SLICE | {"numerics": SLICE["numerics"] | {"dt": 0.04}}, {}, r"numerics\.dt.*0\.04.*must be 0\.05"),
+        (SLICE, {"duration": 0.1}, r"run\.duration.*must be 0\.2 s or more"),
+    ):
+        with pytest.raises(InputError, match=said):
+            record(parts, tmp_path, run, resume=True)
+    assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    (tmp_path / CHECKPOINT).unlink()
+    with pytest.raises(InputError, match="holds no checkpoint"):
+        record(SLICE, tmp_path, {}, resume=True)
+    with pytest.raises(InputError, match="no run directory"):
+        record(SLICE, tmp_path / "new", {}, resume=True)
+    assert not (tmp_path / "new").exists()
+
+
+# ---------------------------------------------------------------- broad
+CASE = {
+    "tank": "{ length = 6.0, depth = 0.6 }",
+    "wall": '{ type = "piston", reach = 2.0, motion = { type = "sinusoid", paddle_amplitude = 0.05, period = 1.6 } }',
+    "sponge": '{ type = "end", length = 2.0 }',
+    "gauges": "[1.0, 2.5]",
+    "run": "{ duration = 4.0, checkpoint_every = 1e-3 }",
+    "numerics": "{ cells = 12, vertical_order = 3, dt = 0.02, edge_penalty = 0.25 }",
+    "output": "{ surface_every = 0.1, velocity_every = 0.3 }",
+}
+
+
+@pytest.mark.slow
+def test_a_run_that_is_killed_again_and_again_equals_the_uninterrupted_one(tmp_path):
+    """At random moments, kill -9 or a termination: after each, all that is there can be read."""
+    (tmp_path / "case.toml").write_text("\n".join(f"{key} = {value}" for key, value in CASE.items()))
+    command = [sys.executable, "-m", "wavetank", "run", str(tmp_path / "case.toml"), "--no-plots", "--out"]
+    subprocess.run([*command, str(tmp_path / "whole")], check=True, capture_output=True)
+    part, rng, kills, resume = tmp_path / "part", random.Random(7), 0, False
+    while kills < 25:
+        options = [str(part), *(["--resume"] if resume else [])]
+        with subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+            began = newest(part)
+            while process.poll() is None and newest(part) == began:
+                time.sleep(0.01)
+            time.sleep(rng.uniform(0.0, 0.1))
+            process.send_signal(rng.choice([signal.SIGKILL, signal.SIGKILL, signal.SIGTERM]))
+            _, said = process.communicate()
+        if process.returncode == 0:
+            break
+        assert process.returncode in (1, -signal.SIGKILL, -signal.SIGTERM), said
+        kills, resume = kills + 1, True
+        run = RunDirectory(part)
+        assert run.status in ("killed", "failed") and read_checkpoint(part)
+        assert len(run.gauges.time) and len(run.energy.time) and len(run.snapshots().t)
+    assert kills > 5
+    if process.returncode:
+        subprocess.run([*command, str(part), "--resume"], check=True, capture_output=True)
+    same(tmp_path / "whole", part)
+    assert len(json.loads((part / "manifest.json").read_text())["resumed"]) >= kills
+
+
+def newest(run: Path) -> int:
+    """Return when a checkpoint was written last [ns]."""
+    return max((path.stat().st_mtime_ns for path in run.glob("checkpoint*.zip")), default=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheme", ["simpson-4", "gauss-legendre-4"])
+def test_a_basin_goes_on_on_any_number_of_ranks(scheme, on_ranks, tmp_path):
+    """On as many bit for bit, on others to the solvers' tolerance."""
+    numerics = BASIN["numerics"] | {"integrator": scheme, "tolerance": 1e-9}
+    basin = BASIN | {"numerics": numerics}
+    on_ranks(record, basin, tmp_path / "whole", {}, ranks=2)
+    on_ranks(record_until, basin, tmp_path / "2", {}, 4, 6, ranks=2)
+    for ranks in (1, 3):
+        copy(tmp_path / "2", tmp_path / str(ranks))
+    for ranks in (1, 2, 3):
+        on_ranks(resume, basin, tmp_path / str(ranks), ranks=ranks)
+        same(tmp_path / "whole", tmp_path / str(ranks), tolerance=0.0 if ranks == 2 else 1e-7)
+
+
+def copy(run: Path, other: Path) -> None:
+    subprocess.run(["cp", "-r", str(run), str(other)], check=True)
+
+
+def resume(parts: dict, out: Path) -> None:
+    """Go on with a run; collective."""
+    record(parts, out, {}, resume=True)

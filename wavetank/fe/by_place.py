@@ -1,0 +1,37 @@
+"""Values by the places of degrees of freedom: gathered from the ranks there are, found again on any others."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from mpi4py import MPI
+from scipy.spatial import cKDTree
+
+from wavetank.arrays import Vector
+from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
+
+SAME = 1e-6  # of a cell: so near are the places of one degree of freedom on different ranks
+
+
+def gathered(plane: Plane, arrays: Sequence[Vector]) -> tuple[list[Vector], Vector]:
+    """Return arrays of shape (..., owned) with the values of all ranks, and their coordinates in the mesh, (N, 3) [m].
+
+    On the first rank; collective.
+    """
+    parts = [plane.comm.gather(values) for values in (*arrays, plane.coordinates().T)]
+    *whole, places = (np.concatenate(part, axis=-1) if part else np.zeros((3, 0)) for part in parts)
+    return whole, np.ascontiguousarray(places.T)
+
+
+def found(plane: Plane, arrays: Sequence[Vector], places: Vector) -> list[Vector]:
+    """Return what arrays of the first rank, of shape (..., N), have at this rank's degrees of freedom; collective.
+
+    Raises ``InputError`` where those are in other places, (N, 3) [m].
+    """
+    comm = plane.comm
+    places, count = comm.bcast((places, len(arrays)))
+    distances, rows = cKDTree(places).query(plane.coordinates())
+    farthest = comm.allreduce(float(np.max(distances, initial=0.0)), op=MPI.MAX)
+    if len(places) != plane.size or farthest > SAME * plane.cell_size:
+        raise InputError(f"{plane.size} degrees of freedom: must be those of the checkpoint, {len(places)}, in place.")
+    return [np.ascontiguousarray(comm.bcast(arrays[n] if comm.rank == 0 else None)[..., rows]) for n in range(count)]

@@ -1,0 +1,105 @@
+"""Checkpoints: what a run has held at the end of a step, on disk, so that it can go on from there.
+
+    checkpoint.zip          the last one
+    checkpoint-before.zip   the one before
+
+Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
+
+    about.json    the scene, the step size, where the run stands, how far its records had grown
+    held.json     all that the run holds (``wavetank/stateful.py``), {"array": n} in the place of its n-th array
+    places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
+    0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
+
+It is written beside the last one, forced to the disk, and takes its place in one step: a kill leaves one that is whole.
+"""
+
+import json
+import os
+from collections.abc import Sequence
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile, ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, unfinished
+
+
+class Checkpoint(NamedTuple):
+    """What is in one.
+
+    Attributes
+    ----------
+    about
+        As JSON has it.
+    held
+        JSON, with numbers in the places of arrays.
+    arrays
+        Of shape (..., N).
+    places
+        Shape (N, 3) [m].
+    """
+
+    about: dict[str, Any]
+    held: str
+    arrays: Sequence[NDArray[np.float64]]
+    places: NDArray[np.float64]
+
+
+def write_checkpoint(run: Path, checkpoint: Checkpoint) -> int:
+    """Write a checkpoint to a run directory and return its size in bytes; raises ``OSError``."""
+    path = run / CHECKPOINT
+    temporary = unfinished(path)
+    try:
+        with temporary.open("wb") as file:
+            with ZipFile(file, "w") as archive:
+                archive.writestr("about.json", json.dumps(checkpoint.about))
+                archive.writestr("held.json", checkpoint.held)
+                for name, values in (("places", checkpoint.places), *enumerate(checkpoint.arrays)):
+                    content = BytesIO()
+                    np.save(content, values)
+                    archive.writestr(f"{name}.npy", content.getbuffer())
+            file.flush()
+            os.fsync(file.fileno())
+            size = os.fstat(file.fileno()).st_size
+        with suppress(FileNotFoundError):
+            os.replace(path, run / CHECKPOINT_BEFORE)
+        os.replace(temporary, path)
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+    return size
+
+
+def read_checkpoint(run: Path) -> tuple[Checkpoint, list[str]]:
+    """Return the newest checkpoint of a run directory that is whole, and a sentence for each that is damaged.
+
+    Raises ``InputError`` if there is none.
+    """
+    damaged = list[str]()
+    for name in (CHECKPOINT, CHECKPOINT_BEFORE):
+        try:
+            return _read(run / name), damaged
+        except FileNotFoundError:
+            continue
+        except (OSError, BadZipFile, KeyError, ValueError, TypeError, EOFError, NotImplementedError) as error:
+            damaged.append(f"{run / name} is damaged ({error})")
+    raise InputError(f"{run}: holds no checkpoint to go on from{''.join(f'; {one}' for one in damaged)}.")
+
+
+def _read(path: Path) -> Checkpoint:
+    """Return a checkpoint, every checksum right."""
+    with ZipFile(path) as archive:
+        about, held = json.loads(archive.read("about.json")), archive.read("held.json").decode()
+
+        def array(name: object) -> NDArray[np.float64]:
+            values: NDArray[np.float64] = np.load(BytesIO(archive.read(f"{name}.npy")), allow_pickle=False)
+            return values
+
+        numbers = range(sum(name.removesuffix(".npy").isdigit() for name in archive.namelist()))
+        return Checkpoint(about, held, [array(number) for number in numbers], array("places"))

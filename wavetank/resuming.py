@@ -1,0 +1,127 @@
+"""A run's checkpoints: written from time to time, and gone on from, on any number of ranks."""
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from wavetank.case import Scene
+from wavetank.errors import RunError
+from wavetank.fe.agreed import agreed, on_first
+from wavetank.fe.by_place import found, gathered
+from wavetank.fe.plane import Plane
+from wavetank.observers.checkpoints import Checkpoints
+from wavetank.records.checkpoint import Checkpoint, read_checkpoint
+from wavetank.records.directory import RunDirectory
+from wavetank.records.vtu_series import VtuSeries
+from wavetank.records.writer import RunWriter
+from wavetank.runs.run import Run
+from wavetank.stateful import apart, together
+from wavetank.values.noun import Problem, SceneError
+
+FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("numerics", "dt")}  # the step itself is compared
+
+
+class KeptRun:
+    """A run with its records; all methods are collective.
+
+    Parameters
+    ----------
+    scene, planned
+        What was asked for, and with what has been planned of it.
+    fields
+        The series that all ranks write, by their names.
+    writer
+        Of the run directory; None on all ranks but the first.
+    warn
+        Takes a sentence for whoever reads the results.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        planned: Scene,
+        *,
+        run: Run,
+        plane: Plane,
+        fields: Mapping[str, VtuSeries],
+        writer: RunWriter | None,
+        warn: Callable[[str], None],
+    ):
+        self._scene, self._chosen = (one.model_dump(mode="json") for one in (scene, planned))
+        self._run, self._plane, self._fields, self._writer, self._warn = run, plane, fields, writer, warn
+
+    def from_time_to_time(self, every: float) -> Checkpoints:
+        """Return the observer that writes a checkpoint every so many seconds of computing; the last to observe."""
+        return Checkpoints(self._plane.comm, self.write, every=every)
+
+    def write(self) -> None:
+        """Write a checkpoint; one that cannot be written is warned of, for the run's records are there."""
+        text, arrays = apart(self._run.held())
+        whole, places = gathered(self._plane, arrays)
+        fields = {name: series.held() for name, series in self._fields.items()}
+        stands = {"t": self._run.t, "step": self._run.step, "dt": self._run.clock.dt}
+        about = stands | {"scene": self._scene, "chosen": self._chosen, "fields": fields}
+
+        def put() -> None:
+            if self._writer is not None:
+                self._writer.checkpoint(text, whole, places=places, about=about)
+
+        try:
+            on_first(self._plane.comm, put)
+        except RunError as error:
+            self._warn(str(error).removesuffix("."))
+
+    def go_on(self) -> float:
+        """Take back what the last checkpoint has, and return its time [s].
+
+        Raises ``InputError`` where there is none, ``SceneError`` where it is another scene's.
+        """
+        comm = self._plane.comm
+        kept = on_first(comm, self._read)
+        about, text = comm.bcast((kept.about, kept.held) if kept else None)
+        agreed(comm, lambda: self._check(about))
+        arrays, places = (kept.arrays, kept.places) if kept else ([], self._plane.coordinates())
+        self._run.take(together(text, found(self._plane, arrays, places)))
+        agreed(comm, lambda: self._take_records(about))
+        return self._run.t
+
+    def _read(self) -> Checkpoint:
+        assert self._writer is not None
+        kept, damaged = read_checkpoint(self._writer.path)
+        for sentence in (*RunDirectory(self._writer.path).manifest.get("warnings", []), *damaged):
+            self._warn(sentence)
+        return kept
+
+    def _take_records(self, about: dict[str, Any]) -> None:
+        for name, series in self._fields.items():
+            series.take(about["fields"][name])
+        if self._writer is not None:
+            self._writer.take(about["records"])
+            before = RunDirectory(self._writer.path).manifest.get("resumed", [])
+            self._writer.note({"resumed": [*before, about["t"]]})
+
+    def _check(self, about: dict[str, Any]) -> None:
+        """Raise ``SceneError`` unless the run is that of the checkpoint; it may be longer."""
+        changes = {
+            path: (now, f"must be {before!r}, as in the run that is to go on")
+            for mine, its in ((self._scene, about["scene"]), (self._chosen, about["chosen"]))
+            for path, before, now in differences(its, mine)
+            if path not in FREE
+        }
+        if self._run.clock.dt != about["dt"]:
+            changes["numerics", "dt"] = (self._run.clock.dt, f"must be {about['dt']!r}, as in the run that is to go on")
+        if self._run.clock.steps < about["step"]:
+            changes["run", "duration"] = (
+                self._run.clock.end,
+                f"must be {about['t']:g} s or more: the run has come there",
+            )
+        if changes:
+            raise SceneError([Problem(path, now, allowed) for path, (now, allowed) in changes.items()])
+
+
+def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
+    """Yield where two scenes differ, and what they have there."""
+    if isinstance(before, dict) and isinstance(now, dict):
+        for key in dict.fromkeys([*before, *now]):
+            yield from differences(before.get(key), now.get(key), (*path, key))
+    elif before != now:
+        yield path, before, now
