@@ -5,12 +5,14 @@ Oracles: the energy of uniform flow; the laboratory, which knows of no reach; st
 
 import numpy as np
 import pytest
+import ufl
 from conftest import fitted_slope
-from dolfinx import mesh
+from dolfinx import fem, mesh
 from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 
+from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
@@ -21,6 +23,8 @@ from wavetank.observers.schedule import EverySteps
 from wavetank.runs.clock import Clock
 from wavetank.runs.run import Run
 from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.water.energy import WaterEnergy
+from wavetank.water.footprint import Slice
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.walls import Piston, Side
 from wavetank.water.waves import NonlinearWaves, Tolerances
@@ -83,6 +87,48 @@ def test_uniform_flow_has_its_kinetic_energy_under_the_mapping_of_a_segmented_pa
     waves = NonlinearWaves(plane, depth=0.7, wall=wall, vertical_order=2, tolerances=TIGHT)
     found, expected = uniform_flow(waves, 1.1, 0.3, -0.4)
     assert found == pytest.approx(expected, rel=1e-12)
+
+
+class Leaning:
+    """A mapping that depends on the height, x = X + s f(z), f = tan (z + d): what walls may ask of ``Mapping``."""
+
+    def __init__(self, s, tan, d):
+        self.s, self.tan, self.d = s, tan, d
+
+    def f(self, z):
+        return self.tan * (z + self.d)
+
+    def J(self, z):
+        return 1 + ufl.grad(self.s)[0] * self.f(z)
+
+    def flow(self, slope, rise, *, h, z):
+        along = slope / self.J(z)
+        return along, rise - h * self.s * self.tan * along[0]
+
+    def gradient(self, f, z):
+        return ufl.grad(f) / (1 + ufl.grad(self.s * self.f(z))[0])
+
+
+def test_uniform_flow_has_its_kinetic_energy_under_a_mapping_that_leans():
+    """Of phi = a x + c z the energy is (a² + c²) / 2 of the volume at any height; on the surface dx / dx = 1."""
+    footprint, d, a, c = Slice(3.0, 6, comm=MPI.COMM_SELF), 0.7, 0.3, -0.2
+    plane = Plane(footprint.mesh, 3, footprint.chart)
+    s, column = plane.function("s"), plane.function("h")
+    s.set(share(plane.x / 2.0))
+    column.set(d + 0.05 * np.cos(3 * plane.x))
+    mapping, h = Leaning(s.function, 0.15, d), column.function
+    energy = WaterEnergy(h=h, d=fem.Constant(footprint.mesh, d), gravity=9.81, mapping=mapping)
+    x, dx = ufl.SpatialCoordinate(footprint.mesh)[0], ufl.dx(domain=footprint.mesh, metadata={"quadrature_degree": 8})
+    kinetic, volume = 0.0, 0.0
+    for zeta in (0.1, 0.5, 0.9):
+        z = zeta * h - d
+        u = a * (x + s.function * mapping.f(z)) + c * z
+        kinetic += energy.layer(u, a * s.function * mapping.tan * h + c * h, zeta)
+        volume += mapping.J(z) * h
+    found, filled = (ScalarForm(one * dx, MPI.COMM_SELF).assemble() for one in (kinetic, volume))
+    assert found == pytest.approx(0.5 * (a**2 + c**2) * filled, rel=1e-13)
+    slope = mapping.gradient(x + s.function * mapping.f(energy.eta), energy.eta)[0]
+    assert ScalarForm((slope - 1) ** 2 * dx, MPI.COMM_SELF).assemble() < 1e-24
 
 
 # ---------------------------------------------------------------- the laboratory knows of no reach

@@ -46,7 +46,7 @@ class Smoothing:
 
     def coordinate(self, q: Vector) -> Vector:
         """Return Q - N eta': its sum, the mass, is that of Q; collective."""
-        eta = self._waves.mass.solve(q) - self._waves.bed.still
+        eta = self._waves.columns.solve(q) - self._waves.bed.still
         return np.asarray(q - self._form.apply(self._smoothed(eta)))
 
     def momentum(self, p: Vector) -> Vector:

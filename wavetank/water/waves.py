@@ -88,6 +88,8 @@ class NonlinearWaves:
         Of energy and velocity, in UFL.
     hamiltonian
         H as the sum of its parts, in UFL.
+    columns
+        Water columns from masses, and back, for the wall as it stands.
     phi, level
         The potential of the point last evaluated and the mean of psi there, which it leaves out [m²/s]: what a
         potential is counted from drifts without end (Bernoulli), and would take the solves' accuracy with it.
@@ -117,7 +119,7 @@ class NonlinearWaves:
         g = fem.Constant(plane.mesh, gravity)
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
         self.mass = MassMatrix(plane, wall.mapping.J(energy.eta))
-        self._columns = wall.columns(energy, self.mass)
+        self.columns = wall.columns(energy, self.mass)
         self.operator = KroneckerOperator(energy.layer, plane, self.vertical)
         self.operator.assemble()
         self.still_matrices = self.operator.still("u"), self.operator.still("w")
@@ -169,7 +171,7 @@ class NonlinearWaves:
     def _begin(self, q: Vector, p: Vector, t: float) -> Vector:
         """Set all but the interior potential of a state; return the wall's vector, shape (owned, n+1); collective."""
         self.set_time(t)
-        self.h.set(self._columns.solve(q))
+        self.h.set(self.columns.solve(q))
         self._check_column(t)
         self.level = self.plane.sum(p) / self.plane.size
         self.phi.owned[:, -1] = p - self.level
@@ -268,7 +270,7 @@ class NonlinearWaves:
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
         """Return (Q, psi) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
         self.set_time(t)
-        return self._columns.apply(self.bed.still + eta), np.array(psi, dtype=float)
+        return self.columns.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
@@ -277,7 +279,7 @@ class NonlinearWaves:
         self.set_time(t)
         last = self._elevation
         if not self._all(one_time(t, last.t) and np.array_equal(q, last.q)):
-            self._elevation = last = _Elevation(q.copy(), t, self._columns.solve(q) - self.bed.still)
+            self._elevation = last = _Elevation(q.copy(), t, self.columns.solve(q) - self.bed.still)
         return last.eta.copy()
 
     def total_mass(self, q: Vector) -> float:
