@@ -133,7 +133,8 @@ def test_run_without_a_case_lists_those_at_hand(monkeypatch, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["run", "nothing.toml"], "nothing.toml: cannot be read"),
+        (["run", "nothing.toml"], "nothing.toml: cannot be read .* a case file in TOML is needed.\n"),
+        (["run", "focussing"], r"focussing: cannot be read \(No such .*; did you mean cases/focusing.toml\?"),
         (["run", "cases/focusing.toml", "--set", "numerics.dt=3"], r"overridden: numerics\.dt = 3\.0: must be"),
         (["run", "cases/focusing.toml", "--set", "tank.depth=-1"], r"tank\.depth = -1.*greater than or equal to"),
         (["run", "cases/focusing.toml", "--out", "tests"], "no run directory"),

@@ -134,7 +134,7 @@ def _list_cases() -> None:
     from wavetank.case.at_hand import cases_at_hand
 
     terminal = console()
-    terminal.print("wavetank run CASE, of which these are at hand:", highlight=False)
+    terminal.print("wavetank run CASE, of which these are at hand (wavetank new begins another):", highlight=False)
     for path, title in cases_at_hand():
         terminal.print(f"  {path!s:30}  {title}", highlight=False)
 

@@ -5,6 +5,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from wavetank.case import Scene
+from wavetank.case.at_hand import cases_at_hand
 from wavetank.case.keys import homes, nouns, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.files import regular
@@ -70,7 +72,14 @@ def _read(path: Path) -> str:
         return regular(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
-        raise InputError(f"{path}: cannot be read ({reason}); a case file in TOML is needed.") from None
+        raise InputError(f"{path}: cannot be read ({reason}); a case file in TOML is needed{_near(path)}") from None
+
+
+def _near(path: Path) -> str:
+    """Return the case at hand that may have been meant, by its name, as the end of a sentence."""
+    known = {one.stem: one for one, _ in cases_at_hand()}
+    close = get_close_matches(path.stem, known, n=1)
+    return f"; did you mean {known[close[0]]}?" if close and not path.exists() else "."
 
 
 def _parse(path: Path, text: str) -> dict[str, Any]:
