@@ -73,9 +73,16 @@ class Recorded:
         self.solves = waves.potential.counters.solves
 
 
-@pytest.mark.parametrize("case", [SLICE, pytest.param(BASIN, marks=pytest.mark.slow)], ids=["piston", "segments"])
-def test_gauges_surfaces_and_energies_beside_a_moving_paddle_are_of_fourth_order_in_time(case):
-    """Against Gauss-Legendre's scheme at half the smallest step, whose error is a fortieth; (23) is worse."""
+@pytest.mark.parametrize(
+    ("case", "nearer"),
+    [(SLICE, (5.4, 12.5)), pytest.param(BASIN, (1.6, 3.4), marks=pytest.mark.slow)],
+    ids=["piston", "segments"],
+)
+def test_gauges_surfaces_and_energies_beside_a_moving_paddle_are_of_fourth_order_in_time(case, nearer):
+    """Against Gauss-Legendre's scheme at half the smallest step, whose error is a fortieth.
+
+    Gauges are so many times nearer than (23)'s, as docs/trade.md has it.
+    """
     steps, smallest = (0.08, 0.04), 0.02
     reference = Recorded("gauss-legendre-4", smallest, case)
 
@@ -89,8 +96,8 @@ def test_gauges_surfaces_and_energies_beside_a_moving_paddle_are_of_fourth_order
     assert fitted_slope(steps, surfaces) == pytest.approx(4, abs=0.2)
     assert fitted_slope(steps, [one.balance for one in runs]) == pytest.approx(4, abs=0.2)
     assert max(one.mass for one in runs) < 1e-13
-    plus = Recorded("third-order", steps[-1], case)
-    assert errors[-1] < error(plus, steps[-1]) / 3
+    theirs = [error(Recorded("third-order", dt, case), dt) for dt in steps]
+    assert np.divide(theirs, errors) == pytest.approx(nearer, rel=0.1)
 
 
 def test_what_is_recorded_costs_no_solve():
