@@ -42,6 +42,21 @@ def test_waves_next_to_the_highest_satisfy_bernoulli(kd, steepness):
     assert wave_of(kd, steepness)[2].residual < 1e-9
 
 
+def test_the_energy_of_deep_water_waves_is_largest_at_k_a_of_0_4292():
+    """Longuet-Higgins, Proc. R. Soc. A 342, 1975; there they become unstable (Tanaka, J. Phys. Soc. Japan 52, 1983)."""
+    kd, steepness = 8.0, np.array([0.955, 0.965, 0.975])
+    waves = [wave_of(kd, one) for one in steepness]
+    x = np.linspace(0.0, waves[0][0], 100_001)
+    energies = []
+    for _, _, wave in waves:
+        eta, psi = wave.surface(x)
+        moving = -wave.speed * psi * wave.shape.derivative()(x)[:, 0]  # psi eta_t
+        energies.append(np.trapezoid(moving + eta**2, x) / 2)
+    a, b, _ = np.polyfit(steepness, energies, 2)
+    _, height, _ = waves[1]
+    assert a < 0 and -b / (2 * a) * height / steepness[1] * kd / 2 == pytest.approx(0.4292, rel=1e-3)
+
+
 @pytest.mark.parametrize(("kd", "order"), [(0.5, 40), (1.0, 20), (3.0, 20), (8.0, 20)])
 def test_waves_of_half_the_maximum_height_are_those_of_raschii(kd, order):
     """Rienecker and Fenton's series, solved by others; its Newton iteration ends at 1e-8 of the depth."""
