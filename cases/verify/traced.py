@@ -6,18 +6,14 @@ steps a period.
 """
 
 from collections.abc import Callable
-from importlib.machinery import EXTENSION_SUFFIXES
-from pathlib import Path
 from typing import Any
 
-import cffi
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fe.compiled import compiled
-from wavetank.fe.products import loaded
+from wavetank.fe.kernels import Kernel
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.oscillators import NonSeparable, OscillatorStages
 from wavetank.integrators.contract import Integrator
@@ -124,19 +120,8 @@ def source(integrator: Integrator[Any]) -> str:
 def energies(integrator: Integrator[Any], *, q: float, p: float, steps: int, periods: int) -> Vector:
     """Return the mean energy over each period of the orbit through (q, p), shape (periods,)."""
     state: NDArray[Any] = np.concatenate(integrator.start(np.array([q]), np.array([p])))
-    found, module = np.empty(periods), _module(source(integrator))
-    cast = module.ffi.from_buffer
+    found, code = np.empty(periods), source(integrator)
+    orbit = Kernel("orbit", DECLARATION, key=code, source=lambda: code, comm=MPI.COMM_SELF, flags=FLAGS)
     dt = NonSeparable().period(q, p) / steps
-    module.lib.run(periods, steps, dt, cast("double *", state), cast("double *", found))
+    orbit.call.run(periods, steps, dt, orbit.pointer(state), orbit.pointer(found))
     return found
-
-
-def _module(code: str) -> Any:
-    def build(folder: Path) -> None:
-        builder = cffi.FFI()
-        builder.cdef(DECLARATION)
-        builder.set_source("orbit", code, extra_compile_args=FLAGS)
-        builder.compile(tmpdir=str(folder))
-
-    folder = compiled(MPI.COMM_SELF, f"orbit {DECLARATION} {code} {FLAGS}", build=build)
-    return loaded(folder / f"orbit{EXTENSION_SUFFIXES[0]}")

@@ -1,7 +1,7 @@
-"""Many scalar horizontal problems at once: (S_uu + Lambda_j S_ww) a_j = r_j, j = 1 ... m.
+"""Many scalar horizontal problems at once: (S_u + Lambda_j S_w) a_j = r_j, j = 1 ... m.
 
 On a slice the m decoupled problems are interlaced in one sparse matrix, and one banded LU serves all of them without
-fill between the modes. In a basin one cycle of multigrid in the order p is their approximate inverse: S_uu and S_ww are
+fill between the modes. In a basin one cycle of multigrid in the order p is their approximate inverse: S_u and S_w are
 applied to all modes at once, so that no mode has a matrix of its own, except at order 1, where an algebraic multigrid
 takes over what has p² times fewer unknowns, and few entries in a row.
 """
@@ -15,8 +15,8 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.fe.chebyshev import chebyshev
+from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.halo import Halo
-from wavetank.fe.kronecker import KroneckerOperator
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
 
@@ -41,8 +41,8 @@ class DecoupledModes:
 
     Parameters
     ----------
-    operator
-        Whose sparsity S_uu and S_ww have.
+    matrices
+        S_u and S_w.
     eigenvalues
         Lambda_j, shape (m,).
 
@@ -52,17 +52,17 @@ class DecoupledModes:
         The PETSc matrix of all problems, rows ordered (degree of freedom, mode).
     """
 
-    def __init__(self, operator: KroneckerOperator, eigenvalues: Vector, plane: Plane):
+    def __init__(self, matrices: LayerMatrices, eigenvalues: Vector, plane: Plane):
         self._modes: ModeSet
         if plane.mesh.topology.dim == 1 or plane.order == 1:
-            columns = operator.numbering.local_to_global(operator.columns)
-            self._modes = InterlacedModes(columns, operator.row_pointers, eigenvalues, plane)
+            columns = matrices.numbering.local_to_global(matrices.columns)
+            self._modes = InterlacedModes(columns, matrices.row_pointers, eigenvalues, plane)
         else:
-            self._modes = OrderMultigrid(operator, eigenvalues, plane)
+            self._modes = OrderMultigrid(matrices, eigenvalues, plane)
         self.matrix = self._modes.matrix
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_uu and S_ww; collective."""
+        """Take over the entries of the owned rows of S_u and S_w; collective."""
         self._modes.assemble(S_u, S_w)
 
 
@@ -72,7 +72,7 @@ class ModeSet(Protocol):
     matrix: PETSc.Mat
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_uu and S_ww; collective."""
+        """Take over the entries of the owned rows of S_u and S_w; collective."""
 
 
 class InterlacedModes:
@@ -81,7 +81,7 @@ class InterlacedModes:
     Parameters
     ----------
     columns, row_pointers
-        Of the owned rows of S_uu and S_ww, columns in global numbering.
+        Of the owned rows of S_u and S_w, columns in global numbering.
     """
 
     def __init__(self, columns: Any, row_pointers: Any, eigenvalues: Vector, plane: Plane):
@@ -90,7 +90,7 @@ class InterlacedModes:
         self.matrix = self._rows.matrix
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_uu and S_ww; collective."""
+        """Take over the entries of the owned rows of S_u and S_w; collective."""
         self._rows.set(S_u[:, None] + S_w[:, None] * self._eigenvalues)
 
 
@@ -102,19 +102,19 @@ class OrderMultigrid:
     lanczos = 10  # steps, which see the largest eigenvalue to a few per cent
     margin = 1.1  # over what they see
 
-    def __init__(self, operator: KroneckerOperator, eigenvalues: Vector, plane: Plane):
+    def __init__(self, matrices: LayerMatrices, eigenvalues: Vector, plane: Plane):
         self._plane, self._eigenvalues = plane, eigenvalues
-        self._halo = Halo(operator.numbering, eigenvalues.size)
-        self._sum = operator.products(2, eigenvalues.size)
-        rows = np.repeat(np.arange(plane.owned), np.diff(operator.row_pointers))
-        self._diagonal = np.flatnonzero(operator.columns == rows)  # its entries, one a row
-        self._coarse = LinearModes(operator, eigenvalues, plane)
+        self._halo = Halo(matrices.numbering, eigenvalues.size)
+        self._sum = matrices.products(2, eigenvalues.size)
+        rows = np.repeat(np.arange(plane.owned), np.diff(matrices.row_pointers))
+        self._diagonal = np.flatnonzero(matrices.columns == rows)  # its entries, one a row
+        self._coarse = LinearModes(matrices, eigenvalues, plane)
         sizes = (plane.owned * eigenvalues.size, plane.size * eigenvalues.size)
         self.matrix = PETSc.Mat().createPython((sizes, sizes), context=self, comm=plane.comm)
         self.matrix.setUp()
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_uu and S_ww; collective."""
+        """Take over the entries of the owned rows of S_u and S_w; collective."""
         self._entries = np.column_stack([S_u, S_w])
         of_u, of_w = self._entries[self._diagonal].T
         self._inverse_diagonals = 1.0 / (of_u[:, None] + of_w[:, None] * self._eigenvalues)
@@ -171,7 +171,7 @@ class LinearModes:
     Nothing of PETSc's is made twice: what Python lets go of there is kept, on several ranks, until all of them collect.
     """
 
-    def __init__(self, operator: KroneckerOperator, eigenvalues: Vector, fine: Plane):
+    def __init__(self, matrices: LayerMatrices, eigenvalues: Vector, fine: Plane):
         self._plane = Plane(fine.mesh, 1)
         numbering = self._plane.V.dofmap.index_map
         self._halo = Halo(numbering, eigenvalues.size)
@@ -182,8 +182,8 @@ class LinearModes:
         self._prolongation = sparse.csr_matrix((weights, here, pointers), shape=(fine.owned, self._halo.size))
         self._restriction = self._prolongation.T.tocsr()
 
-        columns = operator.numbering.local_to_global(operator.columns)
-        self._rows = SparseRows(columns, operator.row_pointers, size=fine.size, comm=fine.comm)
+        columns = matrices.numbering.local_to_global(matrices.columns)
+        self._rows = SparseRows(columns, matrices.row_pointers, size=fine.size, comm=fine.comm)
         self._rows.set(np.ones(columns.size))
         self._projected = self._rows.matrix.ptap(self._interpolation)
         pointers, columns, _ = self._projected.getValuesCSR()
@@ -196,7 +196,7 @@ class LinearModes:
         return np.asarray(self._projected.getValuesCSR()[2])
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Project S_uu and S_ww, given by the entries of the owned rows; collective."""
+        """Project S_u and S_w, given by the entries of the owned rows; collective."""
         self._solver.assemble(self._project(S_u), self._project(S_w))
 
     def correction(self, residual: Vector) -> Vector:
@@ -225,7 +225,7 @@ class ModeSolver:
         self._in, self._out = modes.matrix.createVecs()
 
     def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_uu and S_ww; collective."""
+        """Take over the entries of the owned rows of S_u and S_w; collective."""
         self._modes.assemble(S_u, S_w)
         self._ksp.setUp()
 

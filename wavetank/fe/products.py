@@ -5,19 +5,12 @@ once and keeps y_i in registers (``make bench`` has the ratio). Kernels are comp
 forms are, and kept in the user's cache.
 """
 
-from functools import cache
-from importlib.machinery import EXTENSION_SUFFIXES
-from importlib.util import module_from_spec, spec_from_file_location
-from pathlib import Path
-from typing import Any
-
-import cffi
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fe.compiled import COMPILER_FLAGS, compiled
+from wavetank.fe.kernels import Kernel
 
 DECLARATION = "void product(int, const int *, const int *, const double *, int, const double *, double *);"
 KERNEL = """
@@ -39,7 +32,6 @@ void product(int rows, const int *restrict pointers, const int *restrict columns
     }
 }
 """
-FLAGS = [*COMPILER_FLAGS, "-fopenmp-simd"]
 
 
 class Products:
@@ -67,7 +59,8 @@ class Products:
         numbers: int,
         comm: MPI.Comm,
     ):
-        self._module = _kernel(terms, numbers, comm)
+        source = f"#define TERMS {terms}\n#define NUMBERS {numbers}\n{KERNEL}"
+        self._kernel = Kernel(f"product_{terms}_{numbers}", DECLARATION, key=source, source=lambda: source, comm=comm)
         self._columns, self._pointers = (
             np.ascontiguousarray(places, dtype=np.int32) for places in (columns, row_pointers)
         )
@@ -81,39 +74,14 @@ class Products:
         if x.shape != self._shape or len(entries) != self._columns.size:
             raise ValueError(f"{x.shape} numbers and {len(entries)} entries do not fit {self._shape}")
         y = np.empty((self._pointers.size - 1, self._numbers))
-        cast = self._module.ffi.from_buffer
-        self._module.lib.product(
+        at = self._kernel.pointer
+        self._kernel.call.product(
             len(y),
-            cast("int *", self._pointers),
-            cast("int *", self._columns),
-            cast("double *", entries),
+            at(self._pointers),
+            at(self._columns),
+            at(entries),
             entries.shape[1],
-            cast("double *", np.ascontiguousarray(x)),
-            cast("double *", y),
+            at(np.ascontiguousarray(x)),
+            at(y),
         )
         return y
-
-
-def _kernel(terms: int, numbers: int, comm: MPI.Comm) -> Any:
-    """Return the module of a kernel, compiled unless it is kept; collective."""
-    name, source = f"product_{terms}_{numbers}", f"#define TERMS {terms}\n#define NUMBERS {numbers}\n{KERNEL}"
-
-    def build(folder: Path) -> None:
-        builder = cffi.FFI()
-        builder.cdef(DECLARATION)
-        builder.set_source(name, source, extra_compile_args=FLAGS)
-        builder.compile(tmpdir=str(folder))
-
-    folder = compiled(comm, f"{name} {DECLARATION} {source} {FLAGS}", build=build)
-    return loaded(folder / f"{name}{EXTENSION_SUFFIXES[0]}")
-
-
-@cache
-def loaded(file: Path) -> Any:
-    """Return a compiled module."""
-    spec = spec_from_file_location(file.name.split(".")[0], file)
-    if spec is None or spec.loader is None:
-        raise ImportError(f"{file}: is no module")
-    module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module

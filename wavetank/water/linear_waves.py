@@ -26,8 +26,9 @@ import ufl
 from dolfinx import fem
 
 from wavetank.arrays import Vector
+from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.kronecker import KroneckerOperator
+from wavetank.fe.layers import LayerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
@@ -90,22 +91,25 @@ class LinearWaves:
         )
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
         self.mass = MassMatrix(plane, wall.mapping.J(0.0))
-        self.operator = KroneckerOperator(still.layer, plane, self.vertical)
-        self.operator.assemble()
-        self.still_matrices = self.operator.still("u"), self.operator.still("w")
-        self.potential, self.stages = self._solvers(tolerance)
+        self.matrices = LayerMatrices(still.layer, plane)
+        self.still_matrices = self.matrices.assemble()
+        self.potential, self.stages = self._solvers(still, tolerance)
         self._inflow, self._recoil = self.potential.response(self._flux(still))
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._G_psi: Vector = self._q
 
-    def _solvers(self, tolerance: float) -> tuple["StillPotential", "LinearStages"]:
+    def _solvers(self, still: WaterEnergy, tolerance: float) -> tuple["StillPotential", "LinearStages"]:
         plane, vertical = self.plane, self.vertical
         if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):
-            return DirectPotential(self.operator, self.still_matrices, plane=plane, vertical=vertical), LinearStages.of(
+            return DirectPotential(self.matrices, self.still_matrices, plane=plane, vertical=vertical), LinearStages.of(
                 self, tolerance=COUPLED_TOLERANCE, direct=True
             )
-        potential = IterativePotential(self.operator, plane=plane, vertical=vertical, tolerance=0.1 * tolerance)
+        operator = LayerOperator(still.layer, plane, vertical, column=self.h)
+        operator.update()
+        potential = IterativePotential(
+            operator, self.matrices, plane=plane, vertical=vertical, tolerance=0.1 * tolerance
+        )
         return potential, LinearStages.of(self, tolerance=tolerance, direct=False)
 
     def _flux(self, still: WaterEnergy) -> Vector:
@@ -226,11 +230,19 @@ class StillPotential(Stateful, Protocol):
 class IterativePotential:
     """The interior potential by conjugate gradients: in basins, and where the bed's slope couples the modes."""
 
-    def __init__(self, operator: KroneckerOperator, *, plane: Plane, vertical: VerticalBasis, tolerance: float):
+    def __init__(
+        self,
+        operator: LayerOperator,
+        matrices: LayerMatrices,
+        *,
+        plane: Plane,
+        vertical: VerticalBasis,
+        tolerance: float,
+    ):
         self._operator, self._plane = operator, plane
         self._phi = plane.layered_function(vertical.n + 1, "potential")
         self._potential = InteriorPotential(
-            operator, self._phi, inputs=1, plane=plane, vertical=vertical, tolerance=tolerance
+            operator, matrices, self._phi, inputs=1, plane=plane, vertical=vertical, tolerance=tolerance
         )
         self.counters = self._potential.counters
         self._no_flux = np.zeros((1, vertical.n + 1))
@@ -268,17 +280,15 @@ class DirectPotential:
         (S_u + Lambda_i S_w) phi_i = -b_i S_u psi - w_i,     (A phi)_n = S_u (psi + sum_i b_i phi_i).
     """
 
-    def __init__(
-        self, operator: KroneckerOperator, still: tuple[Vector, Vector], *, plane: Plane, vertical: VerticalBasis
-    ):
+    def __init__(self, matrices: LayerMatrices, still: tuple[Vector, Vector], *, plane: Plane, vertical: VerticalBasis):
         self.counters = SolveCounters(factorisations=1)
         self._plane = plane
         self._b = vertical.moment(0, vertical.values, vertical.values)[:-1, -1]
-        self._solver = ModeSolver(DecoupledModes(operator, vertical.eigenvalues, plane), plane)
+        self._solver = ModeSolver(DecoupledModes(matrices, vertical.eigenvalues, plane), plane)
         self._solver.assemble(*still)
         self._field = plane.function("surface potential")
         size = (plane.owned, self._field.rows.shape[0])
-        self._S_u = sparse.csr_matrix((still[0], operator.columns, operator.row_pointers), shape=size)
+        self._S_u = sparse.csr_matrix((still[0], matrices.columns, matrices.row_pointers), shape=size)
 
     def _stiffness(self, values: Vector) -> Vector:
         self._field.set(values)

@@ -2,7 +2,7 @@
 
     A_II(h) phi_I = -A_In psi - w_I
 
-by conjugate gradients on the Kronecker operator, preconditioned by the vertical modes: only terms with the slope of the
+by conjugate gradients, preconditioned by the vertical modes: only terms with the slope of the
 surface are left out of the preconditioner, so a few iterations suffice (docs/method.md, section 4).
 """
 
@@ -12,7 +12,8 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.kronecker import KroneckerOperator
+from wavetank.fe.decoupled import LayerMatrices
+from wavetank.fe.layers import LayerOperator
 from wavetank.fe.modes import DecoupledModes, choose_factorisation
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.recall import Recall
@@ -34,8 +35,8 @@ class InteriorPotential:
 
     Parameters
     ----------
-    operator
-        A(h).
+    operator, matrices
+        A(h), and those of its preconditioner.
     phi
         The layered field that holds the solution, the surface potential in its last column.
     inputs
@@ -48,7 +49,8 @@ class InteriorPotential:
 
     def __init__(
         self,
-        operator: KroneckerOperator,
+        operator: LayerOperator,
+        matrices: LayerMatrices,
         phi: LayeredField,
         *,
         inputs: int,
@@ -57,8 +59,8 @@ class InteriorPotential:
         tolerance: float,
     ):
         self.counters = SolveCounters()
-        self._operator, self._phi, self._n = operator, phi, vertical.n
-        self._modes = DecoupledModes(operator, vertical.eigenvalues, plane)
+        self._operator, self._matrices, self._phi, self._n = operator, matrices, phi, vertical.n
+        self._modes = DecoupledModes(matrices, vertical.eigenvalues, plane)
         self._recall = Recall(inputs, vertical.n, owned=plane.owned, comm=plane.comm)
         self._fresh_iterations: int | None = None
         self._ksp = self._solver(plane, tolerance)
@@ -82,7 +84,7 @@ class InteriorPotential:
         y.array = self._operator.apply_interior(x.array_r.reshape(-1, self._n)).ravel()
 
     def solve(self, wall: Vector, inputs: Vector | None) -> None:
-        """Set phi_I for the surface potential in phi, the operator as assembled and the wall's vector; collective.
+        """Set phi_I for the surface potential in phi, the operator as it is and the wall's vector; collective.
 
         ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is all that the solution depends on, scaled
         alike, by which a start value is found among earlier solves; None of a solution like no other. Raises
@@ -111,7 +113,7 @@ class InteriorPotential:
         return self._fresh_iterations is None
 
     def _factor(self) -> None:
-        self._modes.assemble(self._operator.still("u"), self._operator.still("w"))
+        self._modes.assemble(*self._matrices.assemble())
 
     def _iterate(self) -> None:
         if self.renews:

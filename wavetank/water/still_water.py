@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.fe.kronecker import KroneckerOperator
+from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
@@ -26,12 +26,12 @@ class WavesOverStillWater(Protocol):
     bed, depth
         The bed and its mean depth [m].
     still_matrices
-        S_uu and S_ww at zeta^0 for the mean depth, entries of the owned rows.
+        S_u and S_w for the mean depth, entries of the owned rows.
     """
 
     plane: Plane
     mass: MassMatrix
-    operator: KroneckerOperator
+    matrices: LayerMatrices
     vertical: VerticalBasis
     bed: Bed
     depth: float
@@ -58,7 +58,7 @@ class StillWaterWaves:
         if key not in self._solvers:
             waves = self._waves
             eigenvalues, modes = waves.vertical.robin_modes(waves.depth / (weight**2 * waves.gravity))
-            solver = ModeSolver(DecoupledModes(waves.operator, eigenvalues, waves.plane), waves.plane)
+            solver = ModeSolver(DecoupledModes(waves.matrices, eigenvalues, waves.plane), waves.plane)
             solver.assemble(*self._still)
             self._solvers[key] = solver, modes[-1]
         return self._solvers[key]

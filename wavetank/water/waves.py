@@ -19,8 +19,9 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
+from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.kronecker import KroneckerOperator
+from wavetank.fe.layers import LayerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -120,11 +121,12 @@ class NonlinearWaves:
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
         self.mass = MassMatrix(plane, wall.mapping.J(energy.eta))
         self.columns = wall.columns(energy, self.mass)
-        self.operator = KroneckerOperator(energy.layer, plane, self.vertical)
-        self.operator.assemble()
-        self.still_matrices = self.operator.still("u"), self.operator.still("w")
+        self.operator = LayerOperator(energy.layer, plane, self.vertical, column=self.h)
+        self.matrices = LayerMatrices(energy.layer, plane)
+        self.still_matrices = self.matrices.assemble()
         self.potential = InteriorPotential(
             self.operator,
+            self.matrices,
             self.phi,
             inputs=3 if wall.moves else 2,
             plane=plane,
@@ -152,7 +154,8 @@ class NonlinearWaves:
             **self._wall_terms.hamiltonian,
         }
         self._potential_energy = ScalarForm(self.hamiltonian[POTENTIAL], self.plane.comm)
-        self._h_derivative = VectorForm(ufl.derivative(sum(self.hamiltonian.values()), h))
+        others = sum(form for part, form in self.hamiltonian.items() if part is not KINETIC)
+        self._of_others = VectorForm(ufl.derivative(others, h))  # the operator has the kinetic energy's
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
@@ -176,7 +179,7 @@ class NonlinearWaves:
         self.level = self.plane.sum(p) / self.plane.size
         self.phi.owned[:, -1] = p - self.level
         self.phi.function.x.scatter_forward()
-        self.operator.assemble()
+        self.operator.update()
         return self._wall_terms.vector()
 
     def _know(self, q: Vector, p: Vector, t: float, wall: Vector) -> None:
@@ -244,7 +247,7 @@ class NonlinearWaves:
         """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,); collective."""
         self.evaluate(q, p, t)
         if self._H_q is None:
-            self._H_q = self.mass.solve(self._h_derivative.assemble())
+            self._H_q = self.mass.solve(self.operator.derivative(self.phi.rows) + self._of_others.assemble())
         return self._H_q
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
@@ -304,7 +307,7 @@ class NonlinearWaves:
         self._made = held["preconditioner"]["stands"], held["preconditioner"]["column"]
         self._stand(self._made[0])
         self.h.set(self._made[1])
-        self.operator.assemble()
+        self.operator.update()
         self.potential.take(held["potential"])
         self._stand(held["stands"])
         if not np.isnan(held["t"]):  # else the wall has moved since

@@ -1,0 +1,86 @@
+"""The operator without matrices against the energy as dolfinx integrates it, on every kind of mesh and many ranks."""
+
+import numpy as np
+import pytest
+import ufl
+from mpi4py import MPI
+from test_basin import Segments, basin
+
+from wavetank.fe.forms import ScalarForm, VectorForm
+from wavetank.fe.plane import Plane
+from wavetank.fe.pointwise import symbols
+from wavetank.water.footprint import Ring
+from wavetank.water.walls import StillWall
+from wavetank.water.waves import NonlinearWaves
+
+
+def hilly(x, y):
+    """Return a depth that varies along and across."""
+    return 0.5 + 0.05 * np.sin(2.0 * x) * np.cos(1.5 * y)
+
+
+def ring(order, n):
+    """Return waves in a ring, whose mesh has one dimension in a plane of two."""
+    footprint = Ring(3.0, 11, comm=MPI.COMM_WORLD)
+    plane = Plane(footprint.mesh, order, footprint.chart)
+    depth = lambda x, y: 0.5 + 0.05 * np.cos(2 * np.pi * x / 3.0)  # noqa: E731
+    return NonlinearWaves(plane, depth=depth, wall=StillWall(), vertical_order=n)
+
+
+WATERS = {
+    "ring": lambda: ring(3, 3),
+    "quadrilaterals": lambda: basin(2.0, 0.6, (5, 3), order=3, n=3, motion=Segments(), depth=hilly, angle=0.3),
+    "triangles": lambda: basin(2.0, 0.6, (3, 2), kind="triangles", order=2, n=3, motion=Segments(), depth=hilly),
+}
+
+
+def moved(name):
+    """Return waves with their wall and surface somewhere, and potentials, a smooth one and one like no other."""
+    waves = WATERS[name]()
+    x, y = waves.plane.places.T
+    waves.set_time(0.7)
+    waves.h.set(waves.bed.still + 0.06 * np.cos(3.0 * x + y))
+    waves.operator.update()
+    modes = np.arange(waves.vertical.n + 1)
+    return waves, [np.sin(np.outer(x, 1 + modes) - y[:, None]), np.cos(1e4 * np.outer(1 + x + 2 * y, 1 + modes))]
+
+
+def differences(name):
+    """Return how far A x, its parts and the derivative by the column are from what dolfinx makes of K; collective."""
+    waves, potentials = moved(name)
+    phi, comm, n = waves.phi, waves.plane.comm, waves.vertical.n
+    kinetic = waves.densities.kinetic(phi.function, waves.vertical) * waves.plane.dx
+    by_phi, by_h = (VectorForm(ufl.derivative(kinetic, by)) for by in (phi.function, waves.h.function))
+    energy, found = ScalarForm(kinetic, comm), []
+
+    def apart(ours, theirs):
+        most = comm.allreduce(float(np.abs(theirs).max(initial=0.0)), op=MPI.MAX)
+        return comm.allreduce(float(np.abs(ours - theirs).max(initial=0.0)), op=MPI.MAX) / most
+
+    for x in potentials:
+        phi.owned[:] = x
+        phi.function.x.scatter_forward()
+        A_x = by_phi.assemble().reshape(-1, n + 1).copy()
+        found += [apart(waves.operator.apply(x), A_x), apart(waves.operator.apply_surface(x), A_x[:, n])]
+        found.append(apart(waves.operator.derivative(x), by_h.assemble()))
+        inner = waves.operator.apply_interior(np.ascontiguousarray(x[:, :n]))
+        found.append(apart(inner + waves.operator.apply_coupling(x[:, n]), A_x[:, :n]))
+        total = energy.assemble()
+        found.append(abs(0.5 * waves.plane.sum(x * waves.operator.apply(x)) / total - 1))
+    return found
+
+
+@pytest.mark.parametrize("name", WATERS)
+def test_products_and_derivative_are_those_of_the_energy(name):
+    assert max(differences(name)) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["quadrilaterals", "triangles"])
+def test_three_ranks_have_the_same(on_ranks, name):
+    assert max(max(found) for found in on_ranks(differences, name)) < 1e-12
+
+
+def test_what_has_no_code_is_named():
+    waves, _ = moved("ring")
+    with pytest.raises(NotImplementedError, match="Exp has no C code"):
+        symbols(ufl.exp(waves.h.function), {waves.h.function: "h"})

@@ -1,0 +1,60 @@
+"""The horizontal matrices of a layer of middling height: what the vertical modes' decoupled problems are made of.
+
+S_u and S_w are the second derivatives by u and by w of the layer's energy, averaged over the depth. What couples u and
+w, the slope of surface and bed, is left out. With still water over a flat bed nothing is.
+"""
+
+from math import sqrt
+
+import ufl
+from dolfinx import fem
+
+from wavetank.arrays import Vector
+from wavetank.fe.forms import compile_form, owned_rows
+from wavetank.fe.halo import Halo
+from wavetank.fe.layers import LayerEnergy
+from wavetank.fe.plane import Plane
+from wavetank.fe.products import Products
+
+LEVELS = 0.5 - 0.5 / sqrt(3), 0.5 + 0.5 / sqrt(3)  # of Gauss: exact for cubics
+
+
+class LayerMatrices:
+    """S_u and S_w, of one sparsity.
+
+    Parameters
+    ----------
+    energy
+        e(u, w, zeta), in UFL.
+
+    Attributes
+    ----------
+    columns, row_pointers
+        Of the rows that this rank owns, columns in local numbering.
+    numbering
+        That of the columns.
+    """
+
+    def __init__(self, energy: LayerEnergy, plane: Plane):
+        u, w = fem.Function(plane.V), fem.Function(plane.V)
+        mean = 0.5 * sum(energy(u, w, zeta) for zeta in LEVELS) * plane.dx
+        packed = fem.functionspace(plane.mesh, ("Lagrange", plane.order, (2,)))
+        test, trial = ufl.TestFunction(packed), ufl.TrialFunction(packed)
+        form = sum(ufl.derivative(ufl.derivative(mean, by, test[0]), by, trial[slot]) for slot, by in enumerate((u, w)))
+        self._form, self._comm = compile_form(form), plane.comm
+        self._matrix = fem.create_matrix(self._form)
+        self._entries, self.columns, self.row_pointers = owned_rows(self._matrix)
+        self.numbering = self._matrix.index_map(1)
+
+    def assemble(self) -> tuple[Vector, Vector]:
+        """Return the entries of both, (entries,) each, for the fields as they are; collective."""
+        self._matrix.data[:] = 0.0
+        fem.assemble_matrix(self._matrix, self._form)
+        self._matrix.scatter_reverse()
+        S_u, S_w = self._entries[:, :2].T.copy()
+        return S_u, S_w
+
+    def products(self, terms: int, numbers: int) -> Products:
+        """Return the product of so many matrices of this sparsity with rows of so many numbers; collective."""
+        size = Halo(self.numbering, 1).size
+        return Products(self.columns, self.row_pointers, size=size, terms=terms, numbers=numbers, comm=self._comm)

@@ -1,0 +1,77 @@
+"""C code compiled where it is first needed, as forms are, and kept in the user's cache; numpy arrays handed to it."""
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import cffi
+import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.fe.compiled import COMPILER_FLAGS, compiled
+
+FLAGS = [*COMPILER_FLAGS, "-fopenmp-simd", "-Wno-psabi", "-Wno-unused-variable"]
+
+
+class Kernel:
+    """Compiled functions, and what they are called with.
+
+    Parameters
+    ----------
+    name, declarations
+        Of the module and of its functions.
+    key
+        What tells the code from any other.
+    source
+        Returns the code; asked where it is not kept.
+    flags
+        Of the compiler.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        declarations: str,
+        *,
+        key: str,
+        source: Callable[[], str],
+        comm: MPI.Comm,
+        flags: Sequence[str] = FLAGS,
+    ):
+        def build(folder: Path) -> None:
+            builder = cffi.FFI()
+            builder.cdef(declarations)
+            builder.set_source(name, source(), extra_compile_args=list(flags))
+            builder.compile(tmpdir=str(folder))
+
+        folder = compiled(comm, f"{name} {declarations} {key} {flags}", build=build)
+        module = _loaded(folder / f"{name}{EXTENSION_SUFFIXES[0]}")
+        self.call, self._ffi = module.lib, module.ffi
+
+    def pointer(self, array: NDArray[Any]) -> Any:
+        """Return where an array's numbers are, of doubles or of ints."""
+        return self._ffi.from_buffer("int *" if array.dtype == np.int32 else "double *", array)
+
+    def struct(self, kind: str, parts: dict[str, Any]) -> Any:
+        """Return a struct of numbers and of arrays, which live as long as it does."""
+        kept = {name: _plain(part) for name, part in parts.items() if isinstance(part, np.ndarray)}
+        struct = self._ffi.new(f"{kind} *", {**parts, **{name: self.pointer(array) for name, array in kept.items()}})
+        return self._ffi.gc(struct, lambda _, kept=kept: kept.clear())
+
+
+def _plain(array: NDArray[Any]) -> NDArray[Any]:
+    return np.ascontiguousarray(array, dtype=np.int32 if array.dtype.kind == "i" else np.float64)
+
+
+@cache
+def _loaded(file: Path) -> Any:
+    spec = spec_from_file_location(file.name.split(".")[0], file)
+    if spec is None or spec.loader is None:
+        raise ImportError(f"{file}: is no module")
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
