@@ -20,6 +20,7 @@ from wavetank.cli import main
 from wavetank.console import Unhurried
 from wavetank.errors import InputError, RecordError
 from wavetank.recording import record_run
+from wavetank.records.checkpoint import read_checkpoint
 from wavetank.records.directory import LOG, RunDirectory
 from wavetank.records.lock import LOCK, RunLock, is_held
 from wavetank.records.place import Place
@@ -231,12 +232,12 @@ def test_a_termination_before_the_first_step_is_written_down(tmp_path):
 
 
 def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
-    """A file system of 60 kB: the records fill it, and the manifest still gets its last word."""
+    """A file system of 160 kB: checkpoints and records fill it, and the manifest still gets its last word."""
     disk = tmp_path / "disk"
     disk.mkdir()
-    changes = "--set run.duration=100 --set numerics.dt=0.02 --set numerics.cells=8"
+    changes = "--set run.duration=100 --set run.checkpoint_every=1e-6 --set numerics.dt=0.02 --set numerics.cells=8"
     run = f"{sys.executable} -m wavetank run {CASE} --out disk/run {changes}"
-    here = f"mount -t tmpfs -o size=60k tmpfs disk || exit; {run}; echo $? > code; cp -r disk/run .; umount disk"
+    here = f"mount -t tmpfs -o size=160k tmpfs disk || exit; {run}; echo $? > code; cp -r disk/run .; umount disk"
     command = ["unshare", "--mount", "--propagation", "unchanged", "sh", "-c", here]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     if not (tmp_path / "code").exists():
@@ -245,6 +246,8 @@ def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
     manifest = RunDirectory(tmp_path / "run").manifest
     assert manifest["status"] == "failed" and "No space left on device" in manifest["cause"] in done.stderr
     assert RunDirectory(tmp_path / "run").gauge_series()[0].t.size > 100
+    assert any("checkpoint.zip: cannot be written (No space" in one for one in manifest["warnings"])
+    assert not read_checkpoint(tmp_path / "run")[1]
     assert "could not all be drawn" in done.stdout
     assert not list((tmp_path / "run").glob(".*"))
 
