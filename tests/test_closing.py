@@ -59,5 +59,5 @@ def test_the_closing_lines_say_what_is_to_be_known(tmp_path, warnings, said):
     ]
 
 
-def test_nothing_is_said_of_a_run_that_nobody_has_looked_at():
-    assert Outcome(Crest(), 0.0, 0.0).figures == {}
+def test_nothing_is_said_of_a_run_that_nobody_has_looked_at_or_that_has_left_the_numbers():
+    assert Outcome(Crest(), 0.0, 0.0).figures == Outcome(Crest(0.1), 0.0, float("inf")).figures == {}

@@ -2,6 +2,7 @@
 
 import shlex
 from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -34,8 +35,8 @@ class Outcome(NamedTuple):
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The same for a manifest; nothing of a run that ended before it was looked at."""
-        if not self.crest.height > -float("inf"):
+        """The same for a manifest; nothing of a run that nobody has looked at, or that has left the numbers."""
+        if not all(map(isfinite, (*self.crest, self.mass, self.energy))):
             return {}
         return {"highest_crest": self.crest._asdict(), "errors": {"mass": self.mass, "energy_balance": self.energy}}
 
