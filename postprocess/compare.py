@@ -205,7 +205,7 @@ def _fit(spline: CubicSpline, t: NDArray[np.float64], eta: NDArray[np.float64]) 
     def at(shift: float) -> _Fit:
         there = (t - shift >= spline.x[0]) & (t - shift <= spline.x[-1])
         moved, kept = spline(t[there] - shift), eta[there]
-        gain = float(moved @ kept / max(moved @ moved, np.finfo(float).tiny))
+        gain = max(0.0, float(moved @ kept / max(moved @ moved, np.finfo(float).tiny)))  # no gauge turns waves over
         return _Fit(rms(gain * moved - kept) / max(rms(kept), np.finfo(float).tiny), gain)
 
     reach = min(LARGEST_SHIFT, 0.25 * (t[-1] - t[0]))  # of a short record, most must remain

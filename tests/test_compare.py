@@ -125,6 +125,12 @@ def test_any_gain_and_shift_is_recovered(gain, shift):
     assert found.nrms_fitted < 1e-4
 
 
+def test_a_gain_is_not_negative():
+    """Waves of period 2 s that lag by 0.05 s: turned over and 0.95 s ahead they would do as well."""
+    found = against(np.sin(np.pi * T) * T, 0.9 * np.sin(np.pi * (T - 0.05)) * T)
+    assert found.gain == pytest.approx(0.9, abs=0.01) and found.shift == pytest.approx(0.05, abs=0.01)
+
+
 def test_a_pure_gain_gives_its_misfit_exactly():
     found = against(0.9 * waves(T), waves(T))
     assert found.nrms == pytest.approx(0.1, rel=1e-12)

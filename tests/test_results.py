@@ -129,6 +129,13 @@ def test_a_surface_that_still_grows_is_read(tmp_path):
             assert (tmp_path / "run" / "surface.xdmf").read_text().endswith("</Xdmf>\n")
 
 
+def test_where_a_basins_surface_is_is_said(tmp_path):
+    with RunWriter(tmp_path / "run", {}):
+        (tmp_path / "run" / "surface.pvd").write_text("<VTKFile/>")
+    with pytest.raises(InputError, match="run: its surface is a basin's, in surface.pvd"):
+        _ = RunDirectory(tmp_path / "run").surface
+
+
 def test_what_a_run_has_not_recorded_is_said(tmp_path):
     with RunWriter(tmp_path / "run", {}) as writer:
         writer.finish("finished", {})

@@ -202,7 +202,9 @@ class RunDirectory:
             raise InputError(f"{index}: is no collection of snapshots that this program wrote.") from None
 
     def _surface(self) -> bytes:
-        """Return the surface's file with all its complete snapshots."""
+        """Return the surface's file with all its complete snapshots; raises ``InputError`` for that of a basin."""
+        if index_file(self.path, "surface").exists():
+            raise InputError(f"{self.path}: its surface is a basin's, in surface.pvd, which pyvista and ParaView open.")
         try:
             return whole(self._read(SURFACE))
         except ValueError as error:
