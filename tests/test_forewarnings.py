@@ -109,6 +109,12 @@ def test_a_case_cut_short_is_what_it_was(case):
         assert [*doubts, *said_of(chosen)] == []
 
 
+def test_a_motion_of_two_steps_is_judged_as_it_goes_on():
+    """Of the first two alone a step would miss 0.13: a ramp begins like t^4, which Simpson's rule has not."""
+    cut = read_case(CHECKOUT / "cases" / "wavemaker.toml", ["run.duration=0.02", "numerics.dt=0.01"])
+    assert said_of(planned(cut, MPI.COMM_SELF).scene) == []
+
+
 @pytest.mark.parametrize(
     ("numerics", "off"),
     [({"integrator": "stormer-verlet", "dt": 0.08}, True), ({}, False), (None, False)],

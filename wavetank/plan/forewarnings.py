@@ -14,7 +14,7 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.plan.defaults import DEFAULT
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.plan import own_plan
-from wavetank.plan.requirements import requirements
+from wavetank.plan.requirements import looked_at, requirements
 from wavetank.plan.stroke_held import stroke_missed
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.waters import AnyWaves
@@ -73,13 +73,16 @@ def _cells(waves: AnyWaves) -> str:
 
 
 def _motion(scene: Scene, clock: Clock) -> Iterator[str]:
-    """Yield a sentence if what the scheme sees of the paddle's velocity does not add up to its displacement."""
+    """Yield a sentence if what the scheme sees of the paddle's velocity does not add up to its displacement.
+
+    Of a short run the motion is looked at beyond its end: hardly a paddle has moved by then.
+    """
     motion = scene.motion()
     missed = stroke_missed(
         scene.of_paddle(motion, "position"),
         scene.of_paddle(motion, "velocity"),
         dt=clock.dt,
-        steps=clock.steps,
+        steps=max(clock.steps, int(looked_at(scene, motion) / clock.dt)),
         nodes=INTEGRATORS[scene.numerics.integrator].nodes,
     )
     if missed > HELD:

@@ -159,18 +159,23 @@ class SurfaceFlow(SurfaceVelocity):
         return Profile(self._x, self._height, self._slope, self._psi_x)
 
     def crests(self) -> list[Crest]:
-        """Return the crests above still water, in the order of x; of several within a cell, the highest."""
-        rising = np.flatnonzero((self._slope[:-1] > 0) & (self._slope[1:] <= 0) & (self._height[:-1] > 0))
-        part = self._slope[rising] / (self._slope[rising] - self._slope[rising + 1])
-        fields = (self._x, self._height, self._psi_x)
-        values = ((1 - part) * field[rising] + part * field[rising + 1] for field in fields)
+        """Return the crests above still water, in the order of x; of several within a cell, the highest.
+
+        A ring's seam is a place like any: what rises to it is followed by what lies behind.
+        """
+        apart = self._waves.plane.chart.apart
+        x, height, slope, psi_x = self._x, self._height, self._slope, self._psi_x
+        if apart(x[-1:], float(x[0]))[0] < 1e-9 * self.cell:  # a ring
+            x, (height, slope, psi_x) = np.append(x, x[-1]), (np.append(one, one[0]) for one in (height, slope, psi_x))
+        rising = np.flatnonzero((slope[:-1] > 0) & (slope[1:] <= 0) & (height[:-1] > 0))
+        part = slope[rising] / (slope[rising] - slope[rising + 1])
+        values = ((1 - part) * one[rising] + part * one[rising + 1] for one in (x, height, psi_x))
         crests = list[Crest]()
-        for crest in (Crest(*map(float, place)) for place in zip(*values, strict=True)):
-            if crests and crest.x - crests[-1].x < self.cell:
-                crests[-1] = max(crests[-1], crest, key=lambda one: one.height)
-            else:
+        found = (Crest(*map(float, place)) for place in zip(*values, strict=True))
+        for crest in sorted(found, key=lambda one: -one.height):
+            if not crests or apart(np.array([one.x for one in crests]), crest.x).min() >= self.cell:
                 crests.append(crest)
-        return crests
+        return sorted(crests)
 
 
 def surface_of(waves: Water) -> SurfaceVelocity:
