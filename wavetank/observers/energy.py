@@ -130,7 +130,7 @@ class EnergyBudget:
             what = "a shorter step or a tighter tolerance is needed"
             sentences.append(f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}")
         if self._given > max(GIVEN * self._energy, self._nothing):
-            what = "a sponge that is too strong, begins too abruptly or stands in a current does so"
+            what = "a sponge that is too strong, begins too abruptly or meets a current or far longer waves does so"
             part = f"{self._given / self._energy:.2g} of the energy"
             sentences.append(f"what should damp the waves has given them {part}: {what}")
         return sentences
