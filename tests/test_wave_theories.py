@@ -18,6 +18,7 @@ from wavetank.motions.fan import Fan
 from wavetank.motions.spectra import Gaussian
 from wavetank.motions.wave_group import WaveGroup
 from wavetank.theory.conformal import SteadyWave
+from wavetank.theory.mccamy_fuchs import CylinderDiffraction
 from wavetank.theory.plane_waves import PlaneWaves
 from wavetank.theory.resting_wave import RestingWave, resting_wave
 from wavetank.theory.solitary_wave import solitary_wave
@@ -71,6 +72,7 @@ CASES = {
     "first order": lambda: Case(standing(1, 1e-5), 5e-5, 1e-4, 1.0),  # 3 k a
     "a group": lambda: Case(group().target, 4e-4, 2e-3, 1.6),  # 10 k a: its waves' slopes add up
     "a fan": lambda: Case(fan().target, 4e-4, 2e-3, 1.6),
+    "around a cylinder": lambda: Case(CylinderDiffraction(1.3, 0.5, a=1e-5, depth=D), 3e-5, 1e-4, 1.9),  # 6 k a
     "between walls": lambda: Case(ReflectedFocus(focus=fan(), low=-1.5, high=2.0).target, 4e-4, 2e-3, 1.6),
 }
 
@@ -85,7 +87,7 @@ def made(name):
     return CASES[name]()
 
 
-X, Y = np.linspace(-1.3, 2.9, 11), np.linspace(0.9, -0.7, 11)
+X, Y = np.linspace(-1.3, 2.9, 11), np.linspace(1.2, -0.7, 11)  # around a cylinder of 0.5 m
 TIMES = (0.0, 0.37)  # of a period
 
 
@@ -97,7 +99,13 @@ def slope(f, step=STEP):
 def test_all_waves_are_here():
     for module in pkgutil.iter_modules(theory.__path__):
         importlib.import_module(f"wavetank.theory.{module.name}")
-    assert set(Wave.__subclasses__()) == {SteadyWave, RestingWave, ThirdOrderStandingWave, PlaneWaves}
+    assert set(Wave.__subclasses__()) == {
+        SteadyWave,
+        RestingWave,
+        ThirdOrderStandingWave,
+        PlaneWaves,
+        CylinderDiffraction,
+    }
     assert {type(made(name).wave) for name in CASES} == set(Wave.__subclasses__())
 
 
@@ -154,6 +162,14 @@ def test_numbers_and_arrays_go_together(case):
             )
             for one, many in zip(alone, together, strict=True):
                 np.testing.assert_allclose(many[n, m], one, rtol=1e-9, atol=1e-12 * case.pace)
+
+
+def test_no_water_goes_through_a_cylinder():
+    theta = np.linspace(0.0, np.pi, 7)
+    n = np.stack([np.cos(theta), np.sin(theta), 0 * theta], axis=-1)
+    wave = CylinderDiffraction(1.3, 0.5, depth=D)
+    velocity = wave.velocity(0.5 * n[:, 0], -0.2, 0.3, y=0.5 * n[:, 1])
+    assert np.abs((velocity * n).sum(axis=-1)).max() < 1e-12 * np.abs(velocity).max()
 
 
 def test_a_wave_of_permanent_form_begins_where_its_crest_is_and_goes_on():

@@ -35,15 +35,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import h1vp, hankel1, jvp
 
-from wavetank.theory.airy import relative_depth
-from wavetank.theory.wave import Array
+from wavetank.theory.airy import angular_frequency, relative_depth
+from wavetank.theory.wave import Array, Wave, in_depth
 
 Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True)
-class CylinderDiffraction:
-    """A vertical circular cylinder in regular waves that travel to theta = 0.
+class CylinderDiffraction(Wave):
+    """Regular waves that travel to theta = 0, the x axis, and what a vertical circular cylinder at x = y = 0 scatters.
 
     Attributes
     ----------
@@ -51,10 +51,17 @@ class CylinderDiffraction:
         Wave number [rad/m].
     radius
         R [m].
+    a
+        Amplitude of the incident waves [m].
+    depth, gravity
+        Still-water depth d [m] or ``inf``, and gravity g [m/s²].
     """
 
     k: float
     radius: float
+    a: float = 1.0
+    depth: float = np.inf
+    gravity: float = 9.81
 
     @property
     def ka(self) -> float:
@@ -70,12 +77,55 @@ class CylinderDiffraction:
         """e_m i^m, shape (orders,)."""
         return np.asarray(np.where(self._orders > 0, 2.0, 1.0) * 1j**self._orders)
 
+    @property
+    def _scattered(self) -> Complex:
+        """What each H_m(k r) cos(m theta) is taken off F with, shape (orders,)."""
+        return np.asarray(self._weights() * jvp(self._orders, self.ka) / h1vp(self._orders, self.ka))
+
     def amplitude(self, r: ArrayLike, theta: ArrayLike) -> Complex:
         """Return F, the complex elevation over a, at r [m], from R on, and theta [rad], of one shape."""
         r, theta = np.asarray(r, dtype=np.float64), np.asarray(theta, dtype=np.float64)
         m, kr = self._orders, self.k * r[..., None]
-        scattered = self._weights() * jvp(m, self.ka) / h1vp(m, self.ka) * hankel1(m, kr) * np.cos(m * theta[..., None])
+        scattered = self._scattered * hankel1(m, kr) * np.cos(m * theta[..., None])
         return np.asarray(np.exp(1j * self.k * r * np.cos(theta)) - scattered.sum(axis=-1))
+
+    def slope(self, r: ArrayLike, theta: ArrayLike) -> Complex:
+        """Return the gradient of F along x and y [1/m], in a last axis of 2, at places as in ``amplitude``."""
+        r, theta = np.asarray(r, dtype=np.float64), np.asarray(theta, dtype=np.float64)
+        m, kr, turn = self._orders, self.k * r[..., None], self._orders * theta[..., None]
+        outwards = -(self._scattered * self.k * h1vp(m, kr) * np.cos(turn)).sum(axis=-1)
+        around = (self._scattered * hankel1(m, kr) * m * np.sin(turn)).sum(axis=-1) / r
+        incident = 1j * self.k * np.exp(1j * self.k * r * np.cos(theta))
+        along = incident + outwards * np.cos(theta) - around * np.sin(theta)
+        return np.stack([along, outwards * np.sin(theta) + around * np.cos(theta)], axis=-1)
+
+    def elevation(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the elevation [m]."""
+        return np.asarray((self.amplitude(*_polar(x, y)) * self._phasor(t)).real)
+
+    def potential(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the potential [m²/s]."""
+        cosh, _ = in_depth(np.asarray(self.k), np.asarray(z), self.depth)
+        return np.asarray((self.amplitude(*_polar(x, y)) * self._potential(t)).real * cosh)
+
+    def velocity(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the velocity [m/s]."""
+        (r, theta), phasor = _polar(x, y), self._potential(t)
+        cosh, sinh = in_depth(np.asarray(self.k), np.asarray(z), self.depth)
+        along, across = np.moveaxis(self.slope(r, theta), -1, 0)
+        upwards = self.k * sinh * (self.amplitude(r, theta) * phasor).real
+        parts = ((along * phasor).real * cosh, (across * phasor).real * cosh, upwards)
+        return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+    @property
+    def _omega(self) -> float:
+        return float(angular_frequency(self.k, self.depth, self.gravity))
+
+    def _phasor(self, t: ArrayLike) -> Complex:
+        return np.asarray(self.a * np.exp(-1j * np.multiply(self._omega, t)))
+
+    def _potential(self, t: ArrayLike) -> Complex:
+        return np.asarray(-1j * self.gravity / self._omega * self._phasor(t))
 
     def run_up(self, theta: ArrayLike) -> Array:
         """Return |F| on the cylinder at theta [rad], any shape: theta = pi faces the waves."""
@@ -91,6 +141,11 @@ class CylinderDiffraction:
     def force(self, depth: float) -> float:
         """Return the horizontal force's amplitude over rho g a [m²], 4 tanh(k d) / (k^2 |H_1'(k R)|); depth [m]."""
         return float(4.0 * np.tanh(relative_depth(self.k, depth)) / (self.k**2 * abs(h1vp(1, self.ka))))
+
+
+def _polar(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:
+    """Return r [m] and theta [rad] of places x, y [m], of the shape that both go to."""
+    return np.hypot(x, y), np.arctan2(y, x)
 
 
 def travelling(standing: Complex, mirrored: Complex, *, phase: float) -> Complex:
