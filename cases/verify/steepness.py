@@ -32,7 +32,7 @@ RESOLUTION = {  # cells, steps a period
     0.8: (32, 120),
     0.9: (48, 160),
     0.95: (64, 200),
-    0.98: (128, 450),
+    0.98: (128, 900),
 }
 STEEP, FEW = 0.95, 5.0  # beyond, water at the crest is as fast as where waves break: kd = 1 alone, fewer periods
 SHARPER = {0.5: 1.5}  # in shallow water crests are short against the wave: so many more cells and steps above 50 %
