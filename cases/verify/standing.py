@@ -5,6 +5,7 @@ ones suggest: such a wave does not come back exactly, and what it is held to is 
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from math import prod
 from time import process_time
@@ -63,27 +64,25 @@ class Released(NamedTuple):
 
 
 @lru_cache
-def _lower(height: float) -> RestingWave:
-    return resting_wave(height * LENGTH, LENGTH, depth=DEPTH)
-
-
-def at_rest(height: float, x: Vector) -> tuple[float, Vector]:
-    """Return the period [s] of a wave of H / L and its surface at rest [m] at places x [m], shape (N,)."""
+def at_rest(height: float) -> RestingWave:
+    """Return the wave of H / L; beyond ``HIGHEST`` the cosines and the period that those of ``LOWER`` suggest."""
     if height <= HIGHEST:
-        return _lower(height).period, _lower(height).elevation(x)
+        return resting_wave(height * LENGTH, LENGTH, depth=DEPTH)
     parts = [prod((height - b) / (a - b) for b in LOWER if b != a) for a in LOWER]  # Lagrange's
-    waves = [_lower(one) for one in LOWER]
-    period = sum(part * wave.period for part, wave in zip(parts, waves, strict=True))
-    return period, np.sum([part * wave.elevation(x) for part, wave in zip(parts, waves, strict=True)], axis=0)
+    waves = [at_rest(one) for one in LOWER]
+    size = max(one.cosines.size for one in waves)
+    cosines = np.array([np.pad(one.cosines, (0, size - one.cosines.size)) for one in waves])
+    period = float(np.dot(parts, [one.period for one in waves]))
+    return replace(waves[-1], period=period, cosines=np.dot(parts, cosines), residual=np.inf)
 
 
 def released(height: float, integrator: str, *, periods: int = PERIODS) -> Released:
     """Return how the wave goes on from rest; raises ``RunError`` where it breaks down."""
     cells, steps = RESOLUTION[height]
-    period, _ = at_rest(height, np.zeros(1))
-    built, waves = build_run(_scene(height, period, integrator, periods=periods), MPI.COMM_SELF)
+    wave = at_rest(height)
+    built, waves = build_run(_scene(height, wave.period, integrator, periods=periods), MPI.COMM_SELF)
     assert isinstance(waves, NonlinearWaves)
-    _, start = at_rest(height, waves.plane.x)
+    start = wave.elevation(waves.plane.x)
     state = waves.state(start, 0 * start)
     run = Run(waves, built.integrator, [], start=state, clock=built.clock, filters=built.filters)
     watch = Watch(run, lambda now, step: waves.elevation(now.q, now.p, run.t) if 2 * step % steps == 0 else None)

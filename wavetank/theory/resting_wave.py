@@ -180,7 +180,8 @@ def _shot(wave: Array, height: float, depth: float) -> tuple[Array, float]:
             best, least = wave, residual
         if least < ENOUGH or not nearer or not np.isfinite(left).all():
             break
-        wave = _nearest(wave - _corrections((left[1:] - left[0]).T / DIFFERENCE, left[0]), height, depth)
+        corrected = wave - _corrections((left[1:] - left[0]).T / DIFFERENCE, left[0])
+        wave = _first_nearer(corrected, residual, height=height, depth=depth)
     return best, least
 
 
@@ -191,11 +192,11 @@ def _corrections(jacobian: Array, left: Array) -> Array:
     return np.array([np.where(moved > cut * moved[0], parts, 0.0) @ directions for cut in CUTS])
 
 
-def _nearest(waves: Array, height: float, depth: float) -> Array:
-    """Return that of some waves of which least is left."""
+def _first_nearer(waves: Array, residual: float, *, height: float, depth: float) -> Array:
+    """Return the first of some waves of which less is left than the residual, or that of which least is."""
     with np.errstate(over="ignore", invalid="ignore"):
-        left = np.abs(_left(waves, height, depth)).max(axis=1)
-    return np.asarray(waves[np.argmin(np.where(np.isfinite(left), left, np.inf))])
+        left = np.nan_to_num(np.abs(_left(waves, height, depth)).max(axis=1), nan=np.inf)
+    return np.asarray(waves[np.argmin(np.where(left < residual, -1.0, left))])
 
 
 def _left(waves: Array, height: float, depth: float) -> Array:
