@@ -21,9 +21,12 @@ from test_stateful import BASIN, SLICE
 from wavetank.case import Scene
 from wavetank.console import console
 from wavetank.errors import InputError, RunError
+from wavetank.integrators import ThirdOrder
 from wavetank.observers.checkpoints import Checkpoints
 from wavetank.observers.contract import Moment
+from wavetank.observers.crest import HighestCrest
 from wavetank.observers.interruption import Interruption
+from wavetank.observers.schedule import EverySteps
 from wavetank.recording import record_run
 from wavetank.records import checkpoint
 from wavetank.records.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
@@ -168,6 +171,31 @@ def test_before_a_signal_ends_a_run_a_checkpoint_is_written():
     assert written == [True]
 
 
+class Forgetful:
+    """An observer that says what a checkpoint cannot have."""
+
+    def __init__(self, waves):
+        self.schedule = EverySteps()
+
+    def observe(self, moment):
+        pass
+
+    def held(self):
+        return {"seen": np.zeros(1)}
+
+    take = held
+
+
+def test_what_cannot_be_held_is_told_and_the_run_goes_on(tmp_path):
+    with ending(written=1, after=99):
+        record_run(scene(SLICE, duration=0.1), tmp_path, comm=MPI.COMM_SELF, console=console(), observers=[Forgetful])
+    run = RunDirectory(tmp_path)
+    told = "the run cannot be resumed from here on: an array is held whose last axis does not run over the degrees of"
+    assert run.status == "finished" and any(told in one for one in run.manifest["warnings"])
+    with pytest.raises(InputError, match="holds no checkpoint"):
+        record(SLICE, tmp_path, {}, resume=True)
+
+
 def test_another_scene_does_not_go_on_and_nothing_is_touched(tmp_path):
     """What differs is named; so are a run without a checkpoint and none at all."""
     record_until(SLICE, tmp_path, {}, 4, 5)
@@ -180,6 +208,11 @@ def test_another_scene_does_not_go_on_and_nothing_is_touched(tmp_path):
     ):
         with pytest.raises(InputError, match=said):
             record(parts, tmp_path, run, resume=True)
+    with pytest.raises(InputError, match=r"what was held by .* cannot be taken back by .*, HighestCrest 2"):
+        own = {"observers": [HighestCrest], "resume": True}
+        record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=console(), **own)
+    with pytest.raises(InputError, match="is of another run, or another version of this program"):
+        record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=console(), integrator=ThirdOrder(), resume=True)
     assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     (tmp_path / CHECKPOINT).unlink()
     with pytest.raises(InputError, match="holds no checkpoint"):

@@ -13,6 +13,7 @@ from mpi4py import MPI
 from ranks import Crew
 
 from wavetank.case import Scene
+from wavetank.errors import InputError
 from wavetank.hamiltonian.oscillators import NonSeparable
 from wavetank.integrators import INTEGRATORS, Damped, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
@@ -21,7 +22,7 @@ from wavetank.observers.schedule import EverySteps
 from wavetank.runs.build import Records, build_observers, build_run, build_watch
 from wavetank.runs.clock import Clock
 from wavetank.runs.run import Run
-from wavetank.stateful import give_back, named
+from wavetank.stateful import apart, give_back, named, together
 from wavetank.verify.breaking import over_steep
 from wavetank.water.breaking import BreakingDissipation
 from wavetank.water.edge_penalty import EdgePenalty
@@ -94,14 +95,9 @@ class Keeping:
 
 def through_a_file(held: dict) -> dict:
     """Return what would be read of a file: JSON, and copies of arrays."""
-    arrays = []
-
-    def kept(value):
-        assert isinstance(value, np.ndarray) and value.dtype == np.float64, value
-        arrays.append(value.copy())
-        return {"array": len(arrays) - 1}
-
-    return json.loads(json.dumps(held, default=kept), object_hook=lambda d: arrays[d["array"]] if "array" in d else d)
+    text, arrays = apart(held)
+    assert all(values.dtype == np.float64 for values in arrays)
+    return together(text, [values.copy() for values in arrays])
 
 
 def leaves(held: object, name: str = "") -> dict[str, object]:
@@ -114,11 +110,14 @@ def leaves(held: object, name: str = "") -> dict[str, object]:
 def differing(one: dict, other: dict) -> list[str]:
     """Return the names of what is not held by both, bit for bit."""
     first, second = leaves(one), leaves(other)
-    return [
-        name
-        for name in first.keys() | second.keys()
-        if name not in first or name not in second or not np.array_equal(first[name], second[name], equal_nan=True)
-    ]
+    return [name for name in first.keys() | second.keys() if not alike(first.get(name), second.get(name))]
+
+
+def alike(one: object, other: object) -> bool:
+    """Return whether both are the same numbers, or none."""
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return np.array_equal(one, other, equal_nan=True)
+    return json.dumps(one) == json.dumps(other)
 
 
 def resumed(scene: Scene, comm: MPI.Comm, *, after: int) -> tuple[Observed, dict]:
@@ -199,7 +198,7 @@ def test_what_another_run_has_held_is_not_taken_back():
 
     parts = named([Counting(), object(), Counting()])
     assert list(parts) == ["Counting", "Counting 2"]
-    with pytest.raises(ValueError, match="held by Counting; to be taken back by Counting, Counting 2"):
+    with pytest.raises(InputError, match="held by Counting cannot be taken back by Counting, Counting 2"):
         give_back(parts, {"Counting": {}})
 
 

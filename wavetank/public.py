@@ -23,6 +23,7 @@ def run(
     observers: Sequence[Callable[[AnyWaves], Observer]] = (),
     integrator: Integrator[Any] | None = None,
     overwrite: bool = False,
+    resume: bool = False,
 ) -> RunDirectory:
     """Run a scene and return its run directory; also under mpirun, where all ranks call it.
 
@@ -41,8 +42,18 @@ def run(
         A scheme of one's own, in place of the scene's.
     overwrite
         Whether a run that is there may be replaced.
+    resume
+        Whether the run that is there goes on, from its last checkpoint; observers and integrator must be the same.
     """
     place = Place(Path(out), overwrite=overwrite)
-    record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), observers=observers, integrator=integrator)
+    record_run(
+        scene,
+        place,
+        comm=MPI.COMM_WORLD,
+        console=console(),
+        observers=observers,
+        integrator=integrator,
+        resume=resume,
+    )
     MPI.COMM_WORLD.Barrier()
     return RunDirectory(out)

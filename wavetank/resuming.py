@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from wavetank.case import Scene
-from wavetank.errors import RunError
+from wavetank.errors import InputError, RunError
 from wavetank.fe.agreed import agreed, on_first
 from wavetank.fe.by_place import found, gathered
 from wavetank.fe.plane import Plane
@@ -55,6 +55,12 @@ class KeptRun:
 
     def write(self) -> None:
         """Write a checkpoint; one that cannot be written is warned of, for the run's records are there."""
+        try:
+            self._write()
+        except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
+            self._warn(f"the run cannot be resumed from here on: {str(error).removesuffix('.')}")
+
+    def _write(self) -> None:
         text, arrays = apart(self._run.held())
         whole, places = gathered(self._plane, arrays)
         fields = {name: series.held() for name, series in self._fields.items()}
@@ -65,10 +71,7 @@ class KeptRun:
             if self._writer is not None:
                 self._writer.checkpoint(text, whole, places=places, about=about)
 
-        try:
-            on_first(self._plane.comm, put)
-        except RunError as error:
-            self._warn(str(error).removesuffix("."))
+        on_first(self._plane.comm, put)
 
     def go_on(self) -> float:
         """Take back what the last checkpoint has, and return its time [s].
@@ -80,7 +83,12 @@ class KeptRun:
         about, text = comm.bcast((kept.about, kept.held) if kept else None)
         agreed(comm, lambda: self._check(about))
         arrays, places = (kept.arrays, kept.places) if kept else ([], self._plane.coordinates())
-        self._run.take(together(text, found(self._plane, arrays, places)))
+        try:
+            self._run.take(together(text, found(self._plane, arrays, places)))
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(
+                f"the checkpoint is of another run, or another version of this program: {error!r}."
+            ) from None
         agreed(comm, lambda: self._take_records(about))
         return self._run.t
 

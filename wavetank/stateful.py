@@ -11,6 +11,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.errors import InputError
 
 Held = dict[str, Any]
 """By name: arrays, whose last axis runs over the degrees of freedom that this rank owns, so that their places order
@@ -46,9 +47,10 @@ def held_by(parts: Mapping[str, Stateful]) -> Held:
 
 
 def give_back(parts: Mapping[str, Stateful], held: Held) -> None:
-    """Let the parts take back what is theirs; collective. Raises ``ValueError`` unless it was held by the same."""
+    """Let the parts take back what is theirs; collective. Raises ``InputError`` unless it was held by the same."""
     if parts.keys() != held.keys():
-        raise ValueError(f"held by {', '.join(held) or 'nothing'}; to be taken back by {', '.join(parts) or 'nothing'}")
+        holders, takers = (", ".join(names) or "nothing" for names in (held, parts))
+        raise InputError(f"what was held by {holders} cannot be taken back by {takers}.")
     for name, part in parts.items():
         part.take(held[name])
 

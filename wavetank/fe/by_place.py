@@ -16,8 +16,11 @@ SAME = 1e-6  # of a cell: so near are the places of one degree of freedom on dif
 def gathered(plane: Plane, arrays: Sequence[Vector]) -> tuple[list[Vector], Vector]:
     """Return arrays of shape (..., owned) with the values of all ranks, and their coordinates in the mesh, (N, 3) [m].
 
-    On the first rank; collective.
+    On the first rank; collective. Raises ``TypeError``, on all ranks, for an array of another shape.
     """
+    shaped = all(values.ndim and values.shape[-1] == plane.owned for values in arrays)
+    if not plane.comm.allreduce(shaped, op=MPI.LAND):
+        raise TypeError("an array is held whose last axis does not run over the degrees of freedom")
     parts = [plane.comm.gather(values) for values in (*arrays, plane.coordinates().T)]
     *whole, places = (np.concatenate(part, axis=-1) if part else np.zeros((3, 0)) for part in parts)
     return whole, np.ascontiguousarray(places.T)

@@ -1,6 +1,7 @@
 """The time loop, the only one."""
 
 from collections.abc import Sequence
+from dataclasses import fields, is_dataclass
 from typing import Any
 
 from wavetank.arrays import Vector
@@ -71,8 +72,11 @@ class Run:
         return parts | named(self.observers)
 
     def held(self) -> Held:
-        """Return where the run stands, and all that its system, scheme, filters and observers remember; collective."""
-        own = {"step": self.step, "begun": self._begun, "state": self.state._asdict()}
+        """Return where the run stands, and all that its system, scheme, filters and observers remember; collective.
+
+        Raises ``TypeError`` for a scheme's state that is neither a named tuple nor a dataclass.
+        """
+        own = {"step": self.step, "begun": self._begun, "state": _values(self.state)}
         return own | {"parts": held_by(self._parts)}
 
     def take(self, held: Held) -> None:
@@ -87,3 +91,12 @@ class Run:
         for observer in self.observers:
             if observer.schedule.due(self.step, self.clock.dt):
                 observer.observe(moment)
+
+
+def _values(state: Any) -> Held:
+    """Return what a scheme's state consists of, by name."""
+    if isinstance(state, tuple) and hasattr(state, "_asdict"):
+        return dict(state._asdict())
+    if not is_dataclass(state):
+        raise TypeError(f"{type(state).__name__} is neither a named tuple nor a dataclass")
+    return {one.name: getattr(state, one.name) for one in fields(state)}
