@@ -35,6 +35,7 @@ def test_a_case_steps_on_one_rank_and_on_two(case, on_ranks, tmp_path):
     on_ranks(recorded, case, changes, tmp_path / "2", ranks=2)
     runs = [RunDirectory(tmp_path / ranks) for ranks in ("1", "2")]
     assert [run.manifest["status"] for run in runs] == ["finished"] * 2
+    assert runs[0].manifest.get("planned") == runs[1].manifest.get("planned")
     alone, together = (run.budget() for run in runs)
     mass = alone[MASS[2 if isinstance(scene.tank, BasinTank) else 1]]
     assert mass.size > 2 and np.ptp(mass) < 1e-13 * mass[0]

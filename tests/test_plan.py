@@ -6,7 +6,7 @@ from dataclasses import asdict
 
 import numpy as np
 import pytest
-from conftest import fitted_slope
+from conftest import fitted_slope, recorded
 from mpi4py import MPI
 
 from wavetank.case import Scene
@@ -615,10 +615,10 @@ def test_a_stopwatch_leaves_out_the_first_steps():
     assert watch.per_step(after=9)[2] == 3.0  # a run that short: of its last step
 
 
-def test_a_run_uses_the_plan_of_its_accuracy_on_any_number_of_ranks(recorded_on_ranks):
-    runs = recorded_on_ranks("cases/planned.toml", "run.duration=0.5", "numerics.order=4")
-    one, many = (run.manifest for run in runs)
-    assert one["planned"] == many["planned"]
+def test_a_run_uses_the_plan_of_its_accuracy(tmp_path):
+    """On several ranks, too: tests/test_cases.py."""
+    recorded("cases/planned.toml", ("run.duration=0.5", "numerics.order=4"), tmp_path / "run")
+    one = RunDirectory(tmp_path / "run").manifest
     assert one["scene"]["numerics"] == {"accuracy": 1e-2, "order": 4}
     assert one["planned"]["numerics"]["order"] == 4
     assert one["numerics"]["dt"] == one["planned"]["numerics"]["dt"]
