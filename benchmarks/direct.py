@@ -10,18 +10,16 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_form
-from wavetank.water.potential import SolveCounters
 from wavetank.water.waves import NonlinearWaves
 
 
-class DirectPotential:
-    """Takes the place of ``InteriorPotential`` in a tank on one rank."""
+class DirectMinimum:
+    """Takes the place of a ``Minimiser`` in a tank on one rank."""
 
     renews = False  # there is no preconditioner to be made anew
 
     def __init__(self, waves: NonlinearWaves):
-        self.counters = SolveCounters()
-        self._phi, self._n = waves.phi, waves.vertical.n
+        self._operator, self._n = waves.operator, waves.vertical.n
         phi, plane = waves.phi.function, waves.plane
         kinetic = waves.densities.kinetic(phi, waves.vertical) * plane.dx
         self._form = compile_form(ufl.derivative(ufl.derivative(kinetic, phi), phi))
@@ -35,8 +33,13 @@ class DirectPotential:
         self._ksp.getPC().setFactorOrdering("nd")
         self._A = self._coupling = None
 
-    def solve(self, wall: Vector, inputs: Vector) -> None:
-        """Set phi_I as ``InteriorPotential.solve`` does."""
+    condition_number = 1.0
+
+    def factor(self) -> None:
+        """Do nothing: the matrix is factored at every solve."""
+
+    def find(self, phi: Vector, wall: Vector) -> int:
+        """See ``Minimiser``."""
         self._matrix.zeroEntries()
         assemble_matrix(self._matrix, self._form)
         self._matrix.assemble()
@@ -45,9 +48,10 @@ class DirectPotential:
         self._ksp.setOperators(self._A)
         solution, right = self._A.createVecs()
         surface = self._coupling.createVecRight()
-        surface.array = self._phi.owned[:, self._n]
+        surface.array = phi[:, self._n]
         self._coupling.mult(surface, right)
-        right.array = -right.array - np.broadcast_to(wall[:, : self._n], (self._phi.owned.shape[0], self._n)).ravel()
+        right.array = -right.array - np.broadcast_to(wall[:, : self._n], (len(phi), self._n)).ravel()
         self._ksp.solve(right, solution)
-        self._phi.owned[:, : self._n] = solution.array.reshape(-1, self._n)
-        self.counters.solves += 1
+        phi[:, : self._n] = solution.array.reshape(-1, self._n)
+        self.flow = self._operator.apply_surface(phi)
+        return 1

@@ -50,7 +50,7 @@ def row(kd: float, *, cells: int, n: int) -> Row:
     before = waves.potential.counters.iterations
     waves.evaluate(*waves.state(*half_of_the_maximum(kd, waves.plane.x)), 0.0)
     iterations = waves.potential.counters.iterations - before
-    return Row(kd, cells, n, length / cells, error, iterations, waves.potential.condition_number)
+    return Row(kd, cells, n, length / cells, error, iterations, waves.potential.minimiser.condition_number)
 
 
 def frequency(waves: NonlinearWaves, kd: float) -> float:

@@ -28,7 +28,6 @@ from dolfinx import fem
 from wavetank.arrays import Vector
 from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.layers import LayerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.modes import DecoupledModes, ModeSolver
 from wavetank.fe.plane import Plane
@@ -38,7 +37,7 @@ from wavetank.hamiltonian.stage_solver import SnesStageSolver, StageCounters
 from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
 from wavetank.water.energy import POTENTIAL, Energies, Part, WaterEnergy
-from wavetank.water.potential import InteriorPotential, SolveCounters
+from wavetank.water.potential import InteriorPotential, Minimiser, SolveCounters, minimiser
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.walls import LinearWall
 
@@ -105,11 +104,11 @@ class LinearWaves:
             return DirectPotential(self.matrices, self.still_matrices, plane=plane, vertical=vertical), LinearStages.of(
                 self, tolerance=COUPLED_TOLERANCE, direct=True
             )
-        operator = LayerOperator(still.layer, plane, vertical, column=self.h)
-        operator.update()
-        potential = IterativePotential(
-            operator, self.matrices, plane=plane, vertical=vertical, tolerance=0.1 * tolerance
+        operator, minimum = minimiser(
+            still.layer, self.matrices, plane, vertical, column=self.h, tolerance=0.1 * tolerance
         )
+        operator.update()
+        potential = IterativePotential(minimum, plane=plane, components=vertical.n + 1)
         return potential, LinearStages.of(self, tolerance=tolerance, direct=False)
 
     def _flux(self, still: WaterEnergy) -> Vector:
@@ -230,29 +229,18 @@ class StillPotential(Stateful, Protocol):
 class IterativePotential:
     """The interior potential by conjugate gradients: in basins, and where the bed's slope couples the modes."""
 
-    def __init__(
-        self,
-        operator: LayerOperator,
-        matrices: LayerMatrices,
-        *,
-        plane: Plane,
-        vertical: VerticalBasis,
-        tolerance: float,
-    ):
-        self._operator, self._plane = operator, plane
-        self._phi = plane.layered_function(vertical.n + 1, "potential")
-        self._potential = InteriorPotential(
-            operator, matrices, self._phi, inputs=1, plane=plane, vertical=vertical, tolerance=tolerance
-        )
+    def __init__(self, minimum: Minimiser, *, plane: Plane, components: int):
+        self._plane = plane
+        self._phi = plane.layered_function(components, "potential")
+        self._potential = InteriorPotential(minimum, self._phi, inputs=1, plane=plane)
         self.counters = self._potential.counters
-        self._no_flux = np.zeros((1, vertical.n + 1))
+        self._no_flux = np.zeros((1, components))
 
     def _solve(self, psi: Vector, flux: Vector, inputs: Vector | None) -> Vector:
         """Return (A phi)_n at the interior potential, shape (owned,); collective."""
         self._phi.owned[:, -1] = psi
         self._phi.function.x.scatter_forward()
-        self._potential.solve(flux, inputs)
-        return self._operator.apply_surface(self._phi.rows)
+        return self._potential.solve(flux, inputs)
 
     def dirichlet_neumann(self, psi: Vector) -> Vector:
         """Return G psi, shape (owned,); collective."""

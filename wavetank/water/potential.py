@@ -2,20 +2,23 @@
 
     A_II(h) phi_I = -A_In psi - w_I
 
-by conjugate gradients, preconditioned by the vertical modes: only terms with the slope of the
-surface are left out of the preconditioner, so a few iterations suffice (docs/method.md, section 4).
+by conjugate gradients, preconditioned by the vertical modes: only terms with the slope of the surface are left out of
+the preconditioner, so a few iterations suffice (docs/method.md, section 4).
 """
 
 from dataclasses import asdict, dataclass
+from typing import Protocol
 
+import numpy as np
 from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
+from wavetank.fe.along import Minimum, along
 from wavetank.fe.decoupled import LayerMatrices
-from wavetank.fe.layers import LayerOperator
+from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.modes import DecoupledModes, choose_factorisation
-from wavetank.fe.plane import LayeredField, Plane
+from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.recall import Recall
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.stateful import Held
@@ -30,41 +33,120 @@ class SolveCounters:
     factorisations: int = 0
 
 
+class Minimiser(Protocol):
+    """Finds the interior columns of phi that make the energy least.
+
+    Attributes
+    ----------
+    flow
+        The last column of A phi, of the potential found last, shape (owned,).
+    """
+
+    flow: Vector
+
+    def factor(self) -> None:
+        """Make a preconditioner of the operator as it is; collective."""
+
+    def find(self, phi: Vector, wall: Vector) -> int:
+        """Set the interior columns of phi's owned rows, shape (owned, n+1), from what they are; return the iterations.
+
+        ``wall`` is dW/dphi, broadcastable to that shape. Collective; raises ``ConvergenceError``.
+        """
+
+    @property
+    def condition_number(self) -> float:
+        """The estimate that the last solve gave of the preconditioned operator's condition number; collective."""
+
+
 class InteriorPotential:
     """Solves for the interior potential phi_I in the modal basis.
 
     Parameters
     ----------
-    operator, matrices
-        A(h), and those of its preconditioner.
+    minimiser
+        Of the energy.
     phi
         The layered field that holds the solution, the surface potential in its last column.
     inputs
         How many numbers at each degree of freedom a solution depends on.
-    tolerance
-        Relative tolerance of the residual in the preconditioner's energy norm.
     """
 
     patience = 2  # iterations above those of a fresh preconditioner before it is renewed
+
+    def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane):
+        self.counters = SolveCounters()
+        self.minimiser, self._phi = minimiser, phi
+        self._recall = Recall(inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm)
+        self._fresh_iterations: int | None = None
+
+    def solve(self, wall: Vector, inputs: Vector | None) -> Vector:
+        """Set phi_I for the surface potential in phi, the operator as it is and the wall's vector; collective.
+
+        ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is all that the solution depends on, scaled alike, by which
+        a start value is found among earlier solves; None of a solution like no other. Returns (A phi)_n, shape
+        (owned,). Raises ``ConvergenceError``.
+        """
+        interior = self._phi.owned[:, :-1]
+        start = None if inputs is None else self._recall.guess(inputs)
+        interior[:] = 0.0 if start is None else start.reshape(interior.shape)
+        if self.renews:
+            self.minimiser.factor()
+            self.counters.factorisations += 1
+        iterations = self.minimiser.find(self._phi.owned, wall)
+        self.counters.solves += 1
+        self.counters.iterations += iterations
+        if self._fresh_iterations is None:
+            self._fresh_iterations = iterations
+        elif iterations > self._fresh_iterations + self.patience:
+            self._fresh_iterations = None
+        self._phi.function.x.scatter_forward()
+        if inputs is not None:
+            self._recall.record(inputs, interior.ravel())
+        return self.minimiser.flow
+
+    @property
+    def renews(self) -> bool:
+        """Whether the next solve makes the preconditioner anew, of the operator as it will be then."""
+        return self._fresh_iterations is None
+
+    def held(self) -> Held:
+        """Return what start values are found among, how good the preconditioner was, and what solves have cost."""
+        return {"recall": self._recall.held(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held; the operator must be as it was when the preconditioner was made; collective."""
+        self._recall.take(held["recall"])
+        vars(self.counters).update(held["counters"])
+        self._fresh_iterations = held["fresh"]
+        if not self.renews:
+            self.minimiser.factor()
+
+
+class Krylov:
+    """The minimum by PETSc, on any mesh and number of ranks.
+
+    Parameters
+    ----------
+    operator, matrices
+        A(h), and those of its preconditioner.
+    tolerance
+        Of the residual in the preconditioner's energy norm, relative to the right-hand side.
+    """
 
     def __init__(
         self,
         operator: LayerOperator,
         matrices: LayerMatrices,
-        phi: LayeredField,
-        *,
-        inputs: int,
         plane: Plane,
         vertical: VerticalBasis,
+        *,
         tolerance: float,
     ):
-        self.counters = SolveCounters()
-        self._operator, self._matrices, self._phi, self._n = operator, matrices, phi, vertical.n
+        self._operator, self._matrices, self._n = operator, matrices, vertical.n
         self._modes = DecoupledModes(matrices, vertical.eigenvalues, plane)
-        self._recall = Recall(inputs, vertical.n, owned=plane.owned, comm=plane.comm)
-        self._fresh_iterations: int | None = None
         self._ksp = self._solver(plane, tolerance)
         self._right, self._solution = self._modes.matrix.createVecs()
+        self.flow: Vector = np.zeros(plane.owned)
 
     def _solver(self, plane: Plane, tolerance: float) -> PETSc.KSP:
         shell = PETSc.Mat().createPython(self._modes.matrix.getSizes(), context=self, comm=plane.comm)
@@ -83,64 +165,45 @@ class InteriorPotential:
         """Apply A_II: what PETSc calls for the shell matrix."""
         y.array = self._operator.apply_interior(x.array_r.reshape(-1, self._n)).ravel()
 
-    def solve(self, wall: Vector, inputs: Vector | None) -> None:
-        """Set phi_I for the surface potential in phi, the operator as it is and the wall's vector; collective.
-
-        ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is all that the solution depends on, scaled
-        alike, by which a start value is found among earlier solves; None of a solution like no other. Raises
-        ``ConvergenceError``.
-        """
-        phi, n = self._phi, self._n
-        start = None if inputs is None else self._recall.guess(inputs)
-        right = -self._operator.apply_coupling(phi.rows[:, n]) - wall[:, :n]
-        self._right.array = right.ravel()
-        self._solution.array = 0.0 if start is None else start
-        self._iterate()
-        phi.owned[:, :n] = self._solution.array_r.reshape(-1, n)
-        phi.function.x.scatter_forward()
-        if inputs is not None:
-            self._recall.record(inputs, self._solution.array_r)
-
-    @property
-    def condition_number(self) -> float:
-        """The estimate that the last solve gave of the preconditioned operator's condition number; collective."""
-        largest, smallest = self._ksp.computeExtremeSingularValues()
-        return float(largest / smallest) if smallest > 0 else 1.0
-
-    @property
-    def renews(self) -> bool:
-        """Whether the next solve makes the preconditioner anew, of the operator as it will be then."""
-        return self._fresh_iterations is None
-
-    def _factor(self) -> None:
+    def factor(self) -> None:
+        """See ``Minimiser``."""
         self._modes.assemble(*self._matrices.assemble())
 
-    def _iterate(self) -> None:
-        if self.renews:
-            self._factor()
-            self.counters.factorisations += 1
+    def find(self, phi: Vector, wall: Vector) -> int:
+        """See ``Minimiser``."""
+        n = self._n
+        self._right.array = (-self._operator.apply_coupling(phi[:, n]) - wall[:, :n]).ravel()
+        self._solution.array = phi[:, :n].ravel()
         self._ksp.solve(self._right, self._solution)
-        iterations = self._ksp.getIterationNumber()
-        self.counters.solves += 1
-        self.counters.iterations += iterations
+        iterations: int = self._ksp.getIterationNumber()
         if self._ksp.getConvergedReason() < 0:
             raise ConvergenceError(
                 f"the interior potential did not converge in {iterations} iterations (residual "
                 f"{self._ksp.getResidualNorm():.3g})"
             )
-        if self._fresh_iterations is None:
-            self._fresh_iterations = iterations
-        elif iterations > self._fresh_iterations + self.patience:
-            self._fresh_iterations = None
+        phi[:, :n] = self._solution.array_r.reshape(-1, n)
+        self.flow = self._operator.apply_surface(phi)
+        return iterations
 
-    def held(self) -> Held:
-        """Return what start values are found among, how good the preconditioner was, and what solves have cost."""
-        return {"recall": self._recall.held(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
+    @property
+    def condition_number(self) -> float:
+        """See ``Minimiser``."""
+        largest, smallest = self._ksp.computeExtremeSingularValues()
+        return float(largest / smallest) if smallest > 0 else 1.0
 
-    def take(self, held: Held) -> None:
-        """Take back what has been held; the operator must be as it was when the preconditioner was made; collective."""
-        self._recall.take(held["recall"])
-        vars(self.counters).update(held["counters"])
-        self._fresh_iterations = held["fresh"]
-        if not self.renews:
-            self._factor()
+
+def minimiser(
+    energy: LayerEnergy,
+    matrices: LayerMatrices,
+    plane: Plane,
+    vertical: VerticalBasis,
+    *,
+    column: Field,
+    tolerance: float,
+) -> tuple[LayerOperator, Minimiser]:
+    """Return the operator of a layer's energy, and what finds its minimum: of slices on one rank, compiled whole."""
+    if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
+        operator = along(energy, plane, vertical, column=column)
+        return operator, Minimum(operator, plane, vertical, tolerance=tolerance)
+    operator = LayerOperator(energy, plane, vertical, column=column)
+    return operator, Krylov(operator, matrices, plane, vertical, tolerance=tolerance)

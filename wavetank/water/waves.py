@@ -21,7 +21,6 @@ from wavetank.arrays import Vector
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.layers import LayerOperator
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -29,7 +28,7 @@ from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
-from wavetank.water.potential import InteriorPotential
+from wavetank.water.potential import InteriorPotential, minimiser
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.walls import Wall, one_time
@@ -121,18 +120,12 @@ class NonlinearWaves:
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
         self.mass = MassMatrix(plane, wall.mapping.J(energy.eta))
         self.columns = wall.columns(energy, self.mass)
-        self.operator = LayerOperator(energy.layer, plane, self.vertical, column=self.h)
         self.matrices = LayerMatrices(energy.layer, plane)
         self.still_matrices = self.matrices.assemble()
-        self.potential = InteriorPotential(
-            self.operator,
-            self.matrices,
-            self.phi,
-            inputs=3 if wall.moves else 2,
-            plane=plane,
-            vertical=self.vertical,
-            tolerance=tolerances.interior,
+        self.operator, minimum = minimiser(
+            energy.layer, self.matrices, plane, self.vertical, column=self.h, tolerance=tolerances.interior
         )
+        self.potential = InteriorPotential(minimum, self.phi, inputs=3 if wall.moves else 2, plane=plane)
         self._compile(energy)
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
@@ -140,6 +133,7 @@ class NonlinearWaves:
         self._stands = 0.0  # when the wall stands as it does
         self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
         self.level = 0.0
+        self._H_p: Vector = self._q
         self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
         self._set_up_stages(tolerances)
@@ -166,10 +160,10 @@ class NonlinearWaves:
         if self.potential.renews:
             self._made = self._stands, self.h.owned.copy()
         try:
-            self.potential.solve(wall, self._inputs())
+            flow = self.potential.solve(wall, self._inputs())
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
-        self._know(q, p, t, wall)
+        self._know(q, p, t, flow + wall[:, -1])
 
     def _begin(self, q: Vector, p: Vector, t: float) -> Vector:
         """Set all but the interior potential of a state; return the wall's vector, shape (owned, n+1); collective."""
@@ -182,10 +176,9 @@ class NonlinearWaves:
         self.operator.update()
         return self._wall_terms.vector()
 
-    def _know(self, q: Vector, p: Vector, t: float, wall: Vector) -> None:
-        """Keep that the potential is that of a state; collective."""
-        self._H_p = self.operator.apply_surface(self.phi.rows) + wall[:, -1]
-        self._H_q = None
+    def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
+        """Keep that the potential is that of a state."""
+        self._H_p, self._H_q = H_p, None
         self._q, self._p, self._t = q.copy(), p.copy(), t
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
@@ -298,6 +291,7 @@ class NonlinearWaves:
             "t": self._t,
             "stands": self._stands,
             "interior": self.phi.owned[:, :-1].T.copy(),
+            "H_p": self._H_p,
             "preconditioner": {"stands": self._made[0], "column": self._made[1]},
             "potential": self.potential.held(),
         }
@@ -312,10 +306,10 @@ class NonlinearWaves:
         self._stand(held["stands"])
         if not np.isnan(held["t"]):  # else the wall has moved since
             self._t = self._stands
-            wall = self._begin(held["q"], held["p"], held["t"])
+            self._begin(held["q"], held["p"], held["t"])
             self.phi.owned[:, :-1] = held["interior"].T
             self.phi.function.x.scatter_forward()
-            self._know(held["q"], held["p"], held["t"], wall)
+            self._know(held["q"], held["p"], held["t"], held["H_p"])
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
     def _set_up_stages(self, tolerances: Tolerances) -> None:
