@@ -165,6 +165,11 @@ def test_before_a_signal_ends_a_run_a_checkpoint_is_written():
     with interruption:
         interruption.observe(Moment(0, 0.0, np.zeros(1), np.zeros(1)))
         assert not written
+        os.kill(os.getpid(), signal.SIGUSR1)
+        for step in range(2):
+            interruption.observe(Moment(step, 0.0, np.zeros(1), np.zeros(1)))
+            assert written == [True]  # once, and the run goes on
+        written.clear()
         os.kill(os.getpid(), signal.SIGTERM)
         with pytest.raises(RunError, match="interrupted by SIGTERM"):
             interruption.observe(Moment(1, 0.1, np.zeros(1), np.zeros(1)))

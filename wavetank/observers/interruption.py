@@ -1,4 +1,4 @@
-"""Ctrl-C and a batch system's SIGTERM end a run between two steps, with everything kept."""
+"""Ctrl-C and a batch system's SIGTERM end a run between two steps, with everything kept; SIGUSR1 keeps it, too."""
 
 import signal
 from collections.abc import Callable
@@ -14,13 +14,15 @@ from wavetank.observers.schedule import EverySteps
 class Interruption:
     """Ends the run on all ranks after a signal on any of them; a context manager, in the main thread.
 
+    After SIGUSR1, by which batch systems tell what is to come, it goes on.
+
     Attributes
     ----------
     before
-        What is done before that; collective.
+        What is done at any of these signals, before the run ends; collective.
     """
 
-    signals = (signal.SIGINT, signal.SIGTERM)
+    signals = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 
     def __init__(self, comm: MPI.Comm):
         self.schedule = EverySteps()
@@ -42,4 +44,7 @@ class Interruption:
         """Raise ``RunError`` if a signal has come; collective."""
         if number := self._comm.allreduce(self._received, op=MPI.MAX):
             self.before()
+            if number == signal.SIGUSR1:
+                self._received = 0 if self._received == number else self._received
+                return
             raise RunError(f"t = {moment.t:.6g} s: interrupted by {signal.Signals(number).name}")
