@@ -2,11 +2,14 @@
 
 import ast
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from mpi4py import MPI
 from ranks import Crew, begun, members
+
+from wavetank.fe.agreed import on_first
 
 
 def alone_in_a_barrier():
@@ -52,3 +55,14 @@ def test_no_test_begins_a_process_by_itself():
     for file in Path(__file__).parent.glob("*.py"):
         calls = [node.func for node in ast.walk(ast.parse(file.read_text())) if isinstance(node, ast.Call)]
         assert ("Popen" in {getattr(called, "attr", "") for called in calls}) == (file.name == "ranks.py"), file
+
+
+def waited_for_the_first() -> float:
+    """Return the CPU time [s] of two seconds in which nothing but the first rank is at work, on each."""
+    before = time.process_time()
+    on_first(MPI.COMM_WORLD, lambda: time.sleep(2.0))
+    return time.process_time() - before
+
+
+def test_ranks_that_wait_for_the_first_one_take_no_processor(on_ranks):
+    assert max(on_ranks(waited_for_the_first)) < 0.1
