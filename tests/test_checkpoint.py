@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
+from ranks import begun
 from test_stateful import BASIN, SLICE
 
 from wavetank.case import Scene
@@ -248,7 +249,7 @@ def test_a_run_that_is_killed_again_and_again_equals_the_uninterrupted_one(tmp_p
     part, rng, kills, resume = tmp_path / "part", random.Random(7), 0, False
     while kills < 25:
         options = [str(part), *(["--resume"] if resume else [])]
-        with subprocess.Popen([*command, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
+        with begun([*command, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) as process:
             began = newest(part)
             while process.poll() is None and newest(part) == began:
                 time.sleep(0.01)
