@@ -302,7 +302,7 @@ def test_a_run_up_of_0_6_is_clean_or_says_that_it_is_not(dt, clean):
     run.execute()
     late = record.array()[int(7.0 / run.clock.dt) :, 1]
     assert bool(said) != clean
-    assert (np.abs(np.diff(late, 3)).max() < 0.01) == clean
+    assert (np.abs(np.diff(late, 3)).max() < 1e-3) == clean
 
 
 def test_the_run_warns_before_it_breaks_down(wavetank, tmp_path):
