@@ -120,9 +120,9 @@ def grown_by_renewals(basin) -> float:
     """Memory [bytes] that ten renewals of the preconditioner keep."""
     basin.potential.patience = -1000  # every second solve renews it
     held = []
-    for renewal in range(40):
+    for renewal in range(30):
         basin.H_p(*basin.state(0.01 * np.cos(renewal + basin.plane.places[:, 0]), basin.plane.places[:, 1]), 0.0)
-        if renewal in (19, 39):
+        if renewal in (9, 29):
             held.append(1024 * int(re.search(r"VmRSS:\s*(\d+)", Path("/proc/self/status").read_text())[1]))
-    assert basin.potential.counters.factorisations >= 20
+    assert basin.potential.counters.factorisations >= 15
     return held[1] - held[0]

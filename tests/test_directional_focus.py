@@ -21,7 +21,7 @@ SHORT = [  # a shorter way, for waves that are a little longer
     "run.duration=7.3",
     "numerics.order=3",
     "numerics.vertical_order=3",
-    "numerics.dt=0.05",
+    "numerics.dt=0.06",
 ]
 
 
