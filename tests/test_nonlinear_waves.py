@@ -79,8 +79,10 @@ def test_energy_of_a_steep_standing_wave_does_not_drift(make_tank, name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCHEMES)
 def test_energy_of_a_steep_standing_wave_does_not_drift_in_1000_periods(make_tank, name):
+    """But by what damping the jumps takes, 1.2e-10 a period (docs/extremes.md), from the first eighth to the last."""
     drift, spread = energy_drift(make_tank, name, periods=1000)
-    assert abs(drift) < 0.05 * spread + 1e-9
+    damped = 1.2e-10 if name == "simpson-4" else 0.0
+    assert abs(drift + 875 * damped) < 0.05 * spread + 1e-9
 
 
 @pytest.mark.slow
