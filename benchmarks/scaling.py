@@ -9,21 +9,17 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-import scipy.sparse as sparse
 from dolfinx import mesh
 from mpi4py import MPI
-from petsc4py import PETSc
 from rich.console import Console
 from rich.table import Table
 
 from wavetank.arrays import Vector
-from wavetank.fe.modes import InterlacedModes
+from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.plane import Plane
-from wavetank.fe.vertical import VerticalBasis
 from wavetank.runs.memory import peak_memory
 from wavetank.water.potential import Krylov
 from wavetank.water.walls import StillWall
@@ -34,17 +30,10 @@ ORDER, CELL = 3, 0.4  # m; 8 degrees of freedom a depth
 WAVE = 2 * np.pi / 4.0  # 1/m
 
 
-class AlgebraicKrylov(Krylov):
-    """The baseline: BoomerAMG, with PETSc's defaults, on one matrix of all modes interlaced at order p."""
-
-    def _solver(self, plane: Plane, tolerance: float) -> PETSc.KSP:
-        ksp = super()._solver(plane, tolerance)
-        columns = self._matrices.numbering.local_to_global(self._matrices.columns)
-        eigenvalues = VerticalBasis(self._n).eigenvalues
-        self._modes = InterlacedModes(columns, self._matrices.row_pointers, eigenvalues, plane)
-        ksp.setOperators(ksp.getOperators()[0], self._modes.matrix)
-        ksp.getPC().setType("hypre")
-        return ksp
+def algebraic(basin: NonlinearWaves) -> Krylov:
+    """Return the baseline: BoomerAMG, with PETSc's defaults, on one matrix of all modes interlaced at order p."""
+    layer = LayerMatrices(basin.densities.layer, basin.plane)
+    return Krylov(basin.operator, layer, basin.plane, basin.vertical, tolerance=1e-10)
 
 
 class Cost(NamedTuple):
@@ -88,9 +77,7 @@ def measure(*, cells: int, n: int, baseline: bool) -> Cost:
     basin = make_basin(cells, n)
     plane = basin.plane
     if baseline:
-        basin.potential.minimiser = AlgebraicKrylov(
-            basin.operator, basin.matrices, plane, basin.vertical, tolerance=1e-10
-        )
+        basin.potential.minimiser = algebraic(basin)
     x, y = plane.places.T
     eta = 0.25 * basin.bed.still * np.cos(WAVE * x) * np.cos(0.5 * WAVE * y)
     seconds, counters = [], basin.potential.counters
@@ -161,36 +148,8 @@ def against_the_ranks() -> None:
         CONSOLE.print(table)
 
 
-def against_scipy() -> None:
-    """Time the compiled products against SciPy's, on one rank: those of the decoupled modes."""
-    table = Table("matrices", "modes", "SciPy [ms]", "compiled [ms]", "ratio", title="products, 64² cells, order 3")
-    basin = make_basin(64, 1)
-    matrices, entries = basin.matrices, np.column_stack(basin.still_matrices)
-    size = matrices.row_pointers.size - 1
-    for terms, modes in ((2, 4), (2, 8)):
-        x = np.random.default_rng(1).standard_normal((size, terms * modes))
-        products = matrices.products(terms, modes)
-        columns = (matrices.columns[:, None] * terms + np.arange(terms, dtype=np.int32)).ravel()
-        joined = sparse.csr_matrix((entries.ravel(), columns, matrices.row_pointers * terms))
-        theirs = least_time(lambda joined=joined, x=x, modes=modes: joined @ x.reshape(-1, modes))
-        ours = least_time(lambda products=products, x=x: products(entries, x))
-        figures = (f"{1e3 * theirs:.2f}", f"{1e3 * ours:.2f}", f"{theirs / ours:.1f}")
-        table.add_row(str(terms), str(modes), *figures)
-    CONSOLE.print(table)
-
-
-def least_time(action: Callable[[], object]) -> float:
-    """Return the least CPU time of ten [s]."""
-    times = [time.process_time()]
-    for _ in range(10):
-        action()
-        times.append(time.process_time())
-    return float(np.diff(times).min())
-
-
 def report(*, largest: bool) -> None:
     """Print all tables; ``largest`` goes to 10^7 unknowns, which takes minutes and 10 GB."""
-    against_scipy()
     against_the_mesh(largest=largest)
     against_the_vertical_order()
     against_the_ranks()

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sparse
 import ufl
 from mpi4py import MPI
 from test_basin import Segments, basin
 
+from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
+from wavetank.fe.halo import Halo
 from wavetank.fe.plane import Plane
 from wavetank.fe.pointwise import symbols
 from wavetank.water.footprint import Ring
@@ -70,6 +73,29 @@ def differences(name):
     return found
 
 
+def averaged(name):
+    """Return how far products and diagonals of the layer averaged are from those of its matrices; collective."""
+    waves, (x, _) = moved(name)
+    plane, operator, matrices = waves.plane, waves.operator, LayerMatrices(waves.densities.layer, waves.plane)
+    averages, eigenvalues = operator.averages(), 1.0 + np.arange(x.shape[1], dtype=float)
+    S_u, S_w = (
+        sparse.csr_matrix((entries, matrices.columns, matrices.row_pointers)) for entries in matrices.assemble()
+    )
+    reached = Halo(matrices.numbering, x.shape[1]).fetch(x)
+    whole = S_u @ reached + (S_w @ reached) * eigenvalues
+    found = []
+    for many in (x.shape[1] - 1, x.shape[1]):
+        product = operator.each_mode(averages, eigenvalues[:many], np.ascontiguousarray(x[:, :many]))
+        found.append(np.abs(product - whole[:, :many]).max(initial=0.0) / np.abs(whole).max(initial=1.0))
+    diagonals = np.column_stack([S_u.diagonal()[: plane.owned], S_w.diagonal()[: plane.owned]])
+    return [*found, np.abs(operator.diagonals(averages) / diagonals - 1).max(initial=0.0)]
+
+
+@pytest.mark.parametrize("name", WATERS)
+def test_the_average_over_the_depth_is_that_of_its_matrices(name):
+    assert max(averaged(name)) < 1e-12
+
+
 @pytest.mark.parametrize("name", WATERS)
 def test_products_and_derivative_are_those_of_the_energy(name):
     assert max(differences(name)) < 1e-12
@@ -78,6 +104,7 @@ def test_products_and_derivative_are_those_of_the_energy(name):
 @pytest.mark.parametrize("name", ["quadrilaterals", "triangles"])
 def test_three_ranks_have_the_same(on_ranks, name):
     assert max(max(found) for found in on_ranks(differences, name)) < 1e-12
+    assert max(max(found) for found in on_ranks(averaged, name)) < 1e-12
 
 
 def test_what_has_no_code_is_named():

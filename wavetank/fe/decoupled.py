@@ -11,10 +11,11 @@ from dolfinx import fem
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_form, owned_rows
-from wavetank.fe.halo import Halo
 from wavetank.fe.layers import LayerEnergy
 from wavetank.fe.plane import Plane
-from wavetank.fe.products import Products
+from wavetank.fe.sparse_rows import SparseRows
+
+Averages = tuple[Vector, ...]  # all that decoupled problems are made of
 
 LEVELS = 0.5 - 0.5 / sqrt(3), 0.5 + 0.5 / sqrt(3)  # of Gauss: exact for cubics
 
@@ -41,12 +42,12 @@ class LayerMatrices:
         packed = fem.functionspace(plane.mesh, ("Lagrange", plane.order, (2,)))
         test, trial = ufl.TestFunction(packed), ufl.TrialFunction(packed)
         form = sum(ufl.derivative(ufl.derivative(mean, by, test[0]), by, trial[slot]) for slot, by in enumerate((u, w)))
-        self._form, self._comm = compile_form(form), plane.comm
+        self._form, self.plane = compile_form(form), plane
         self._matrix = fem.create_matrix(self._form)
         self._entries, self.columns, self.row_pointers = owned_rows(self._matrix)
         self.numbering = self._matrix.index_map(1)
 
-    def assemble(self) -> tuple[Vector, Vector]:
+    def assemble(self) -> Averages:
         """Return the entries of both, (entries,) each, for the fields as they are; collective."""
         self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
@@ -54,7 +55,21 @@ class LayerMatrices:
         S_u, S_w = self._entries[:, :2].T.copy()
         return S_u, S_w
 
-    def products(self, terms: int, numbers: int) -> Products:
-        """Return the product of so many matrices of this sparsity with rows of so many numbers; collective."""
-        size = Halo(self.numbering, 1).size
-        return Products(self.columns, self.row_pointers, size=size, terms=terms, numbers=numbers, comm=self._comm)
+    def modes(self, eigenvalues: Vector) -> "InterlacedModes":
+        """Return the decoupled problems of some modes, in one matrix; collective."""
+        return InterlacedModes(self, eigenvalues)
+
+
+class InterlacedModes:
+    """All problems in one sparse matrix, rows ordered (degree of freedom, mode)."""
+
+    def __init__(self, layer: LayerMatrices, eigenvalues: Vector):
+        self._eigenvalues, plane = eigenvalues, layer.plane
+        columns = layer.numbering.local_to_global(layer.columns)
+        self._rows = SparseRows(columns, layer.row_pointers, size=plane.size, comm=plane.comm, copies=eigenvalues.size)
+        self.matrix = self._rows.matrix
+
+    def take(self, averages: Averages) -> None:
+        """Take over S_u and S_w; collective."""
+        S_u, S_w = averages
+        self._rows.set(S_u[:, None] + S_w[:, None] * self._eigenvalues)

@@ -6,7 +6,8 @@ DIM, GDIM       of the cell, and of the space that it lies in
 NUMBERS         of a degree of freedom: vertical functions, the last one's the surface potential
 LEVELS          vertical quadrature points
 FIELDS          that the density depends on
-HESSIANS        second derivatives by (u_0 ..., w) in the cell's own coordinates: DIM (DIM + 1) / 2 + DIM + 1 */
+HESSIANS        second derivatives by (u_0 ..., w) in the cell's own coordinates: DIM (DIM + 1) / 2 + DIM + 1
+MEANS           those that do not couple u and w: DIM (DIM + 1) / 2 + 1 */
 typedef double v __attribute__((vector_size(8 * LANES)));
 typedef double stored __attribute__((vector_size(8 * LANES), aligned(8)));
 
@@ -22,6 +23,7 @@ typedef struct {
     const double *P, *dP;   /* [level][number] */
     const double *inverse;  /* [batch][point][axis of space][axis of cell][lane] */
     const double *measure;  /* [batch][point][lane] */
+    const double *squares;  /* [product of slopes ..., of values][point][node] */
 } Cells;
 
 #define EACH(i, most) for (int i = 0; i < (most); ++i)
@@ -269,5 +271,82 @@ void derivative(const Cells *c, const double *fields, const double *constants, c
         clear(NODES, X);
         backward(c, 1, R, X);
         scatter(c, b, 1, X, y, 1);
+    }
+}
+
+/* The second derivatives averaged over the depth, without those that couple u and w: out[batch][point][uu ..., ww][lane]. */
+void averages(const Cells *c, const double *hessians, double *out)
+{
+    EACH(b, c->batches)
+        EACH(q, POINTS) {
+            stored *mean = (stored *)out + ((long)b * POINTS + q) * MEANS;
+            EACH(i, MEANS)
+                mean[i] = zero;
+            EACH(z, LEVELS) {
+                const stored *k = (const stored *)hessians + (((long)b * POINTS + q) * LEVELS + z) * HESSIANS;
+                EACH(i, MEANS - 1)
+                    mean[i] += k[i];
+                mean[MEANS - 1] += k[HESSIANS - 1];
+            }
+        }
+}
+
+/* y += (S_u + lambda_j S_w) x_j, for ``many`` modes j at once. */
+static inline __attribute__((always_inline)) void each_mode(const Cells *c, const double *averages, const double *lambda,
+                                                            int many, const double *x, double *y)
+{
+    EACH(b, c->batches) {
+        v X[NODES * NUMBERS], U[POINTS * (1 + DIM) * NUMBERS];
+        gather(c, b, many, x, many, X);
+        forward(c, many, X, U);
+        EACH(q, POINTS) {
+            v *u = U + q * (1 + DIM) * many;
+            const stored *mean = (const stored *)averages + ((long)b * POINTS + q) * MEANS;
+            EACH(j, many) {
+                v by_s[DIM];
+                const stored *uu = mean;
+                EACH(a, DIM) {
+                    by_s[a] = zero;
+                    EACH(d, a + 1) {
+                        by_s[a] += *uu * u[(1 + d) * many + j];
+                        if (d < a)
+                            by_s[d] += *uu * u[(1 + a) * many + j];
+                        ++uu;
+                    }
+                }
+                u[j] *= lambda[j] * mean[MEANS - 1];
+                EACH(a, DIM)
+                    u[(1 + a) * many + j] = by_s[a];
+            }
+        }
+        clear(NODES * many, X);
+        backward(c, many, U, X);
+        scatter(c, b, many, X, y, many);
+    }
+}
+
+void interior_modes(const Cells *c, const double *averages, const double *lambda, const double *x, double *y)
+{
+    each_mode(c, averages, lambda, NUMBERS - 1, x, y);
+}
+
+void modes(const Cells *c, const double *averages, const double *lambda, const double *x, double *y)
+{
+    each_mode(c, averages, lambda, NUMBERS, x, y);
+}
+
+/* y += the diagonals of S_u and S_w, [dof][2]. */
+void diagonals(const Cells *c, const double *averages, double *y)
+{
+    EACH(b, c->batches) {
+        v Y[NODES * 2];
+        clear(NODES * 2, Y);
+        EACH(q, POINTS)
+            EACH(k, MEANS) {
+                const v mean = ((const stored *)averages)[((long)b * POINTS + q) * MEANS + k];
+                EACH(i, NODES)
+                    Y[i * 2 + (k == MEANS - 1)] += c->squares[(k * POINTS + q) * NODES + i] * mean;
+            }
+        scatter(c, b, 2, Y, y, 2);
     }
 }

@@ -31,7 +31,7 @@ DECLARATIONS = """
 typedef struct {
     int batches;
     const int *dofs;
-    const double *values, *slopes, *zeta, *levels, *P, *dP, *inverse, *measure;
+    const double *values, *slopes, *zeta, *levels, *P, *dP, *inverse, *measure, *squares;
 } Cells;
 void hessians(const Cells *, const double *fields, const double *constants, double *out);
 void product(const Cells *, const double *hessians, const double *x, double *y);
@@ -39,6 +39,10 @@ void interior_product(const Cells *, const double *hessians, const double *x, do
 void coupling_product(const Cells *, const double *hessians, const double *x, double *y);
 void surface_product(const Cells *, const double *hessians, const double *x, double *y);
 void derivative(const Cells *, const double *fields, const double *constants, const double *x, double *y);
+void averages(const Cells *, const double *hessians, double *out);
+void interior_modes(const Cells *, const double *averages, const double *lambda, const double *x, double *y);
+void modes(const Cells *, const double *averages, const double *lambda, const double *x, double *y);
+void diagonals(const Cells *, const double *averages, double *y);
 """
 
 
@@ -96,7 +100,8 @@ class LayerOperator:
         self.kernel = kernel
         self.cells = kernel.struct("Cells", {"batches": batches, **rule.tables, **levels, **geometry})
         dim = plane.mesh.topology.dim
-        second = dim * (dim + 1) // 2 + dim + 1
+        self._means = dim * (dim + 1) // 2 + 1
+        second = self._means + dim
         self.hessians = np.empty((batches, len(rule.points), len(vertical.zeta), second, LANES))
         self._halos = {numbers: Halo(plane.V.dofmap.index_map, numbers) for numbers in (1, vertical.n, vertical.n + 1)}
 
@@ -136,6 +141,29 @@ class LayerOperator:
         self.kernel.call.derivative(self.cells, *self._inputs(), at(x), at(y))
         return self._halos[1].collect(y)[:, 0]
 
+    def averages(self) -> Vector:
+        """Return the second derivatives by u and by w alone at the points, averaged over the depth."""
+        batches, points, _, _, lanes = self.hessians.shape
+        out, at = np.empty((batches, points, self._means, lanes)), self.kernel.pointer
+        self.kernel.call.averages(self.cells, at(self.hessians), at(out))
+        return out
+
+    def each_mode(self, averages: Vector, eigenvalues: Vector, rows: Vector) -> Vector:
+        """Return (S_u + Lambda_j S_w) x_j of n modes j, or of n + 1, shape (owned, modes); collective.
+
+        S_u and S_w are the matrices of ``averages``, in which u and w are not coupled.
+        """
+        part = self.kernel.call.interior_modes if eigenvalues.size == self._n else self.kernel.call.modes
+        x, y, at = self._reached(rows), np.zeros((self._halos[1].size, eigenvalues.size)), self.kernel.pointer
+        part(self.cells, at(averages), at(eigenvalues), at(x), at(y))
+        return self._halos[eigenvalues.size].collect(y)
+
+    def diagonals(self, averages: Vector) -> Vector:
+        """Return the diagonals of S_u and S_w, shape (owned, 2); collective."""
+        y, at = np.zeros((self._halos[1].size, 2)), self.kernel.pointer
+        self.kernel.call.diagonals(self.cells, at(averages), at(y))
+        return np.column_stack([self._halos[1].collect(np.ascontiguousarray(part[:, None])) for part in y.T])
+
     def _reached(self, rows: Vector) -> Vector:
         return self._halos[rows.shape[1]].fetch(rows[: self._owned])
 
@@ -170,7 +198,10 @@ class Rule:
             values, *slopes = element.tabulate(1, self.points)[..., 0]
             self._order = np.arange(element.dim)
             side = rule = 0
-        self.tables = {"values": values, "slopes": np.array(slopes)}
+        whole = element.tabulate(1, self.points)[..., 0][:, :, self._order]
+        pairs = [whole[1 + a] * whole[1 + d] * (1 + (d < a)) for a in range(dim) for d in range(a + 1)]
+        squares = np.array([*pairs, whole[0] ** 2])
+        self.tables = {"values": values, "slopes": np.array(slopes), "squares": squares}
         self.sizes = {
             "NODES": element.dim,
             "POINTS": len(self.points),
@@ -178,6 +209,7 @@ class Rule:
             "RULE": rule,
             "DIM": dim,
             "HESSIANS": dim * (dim + 1) // 2 + dim + 1,
+            "MEANS": dim * (dim + 1) // 2 + 1,
             "BAND": plane.order,
         }
 

@@ -2,11 +2,11 @@
 
 On a slice the m decoupled problems are interlaced in one sparse matrix, and one banded LU serves all of them without
 fill between the modes. In a basin one cycle of multigrid in the order p is their approximate inverse: S_u and S_w are
-applied to all modes at once, so that no mode has a matrix of its own, except at order 1, where an algebraic multigrid
-takes over what has p² times fewer unknowns, and few entries in a row.
+applied to all modes at once, and never assembled, except on elements of order 1, where an algebraic multigrid takes
+over what has p² times fewer unknowns, and few entries in a row.
 """
 
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sparse
@@ -15,36 +15,14 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.fe.chebyshev import chebyshev
-from wavetank.fe.decoupled import LayerMatrices
+from wavetank.fe.decoupled import Averages, LayerMatrices
 from wavetank.fe.halo import Halo
+from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.plane import Plane
-from wavetank.fe.sparse_rows import SparseRows
 
 
-def choose_factorisation(pc: PETSc.PC, plane: Plane) -> None:
-    """Set the solver for the operator of decoupled modes that ``pc`` has: LU on a slice, multigrid in a basin."""
-    if plane.mesh.topology.dim == 1:
-        pc.setType("lu")
-        if plane.comm.size > 1:
-            pc.setFactorSolverType("mumps")
-        else:
-            pc.setFactorOrdering("natural")
-    elif plane.order == 1:
-        pc.setType("hypre")
-    else:
-        pc.setType("python")
-        pc.setPythonContext(pc.getOperators()[1].getPythonContext())
-
-
-class DecoupledModes:
-    """The decoupled problems of m vertical modes.
-
-    Parameters
-    ----------
-    matrices
-        S_u and S_w.
-    eigenvalues
-        Lambda_j, shape (m,).
+class ModeSet(Protocol):
+    """The decoupled problems of some vertical modes.
 
     Attributes
     ----------
@@ -52,46 +30,59 @@ class DecoupledModes:
         The PETSc matrix of all problems, rows ordered (degree of freedom, mode).
     """
 
-    def __init__(self, matrices: LayerMatrices, eigenvalues: Vector, plane: Plane):
-        self._modes: ModeSet
-        if plane.mesh.topology.dim == 1 or plane.order == 1:
-            columns = matrices.numbering.local_to_global(matrices.columns)
-            self._modes = InterlacedModes(columns, matrices.row_pointers, eigenvalues, plane)
-        else:
-            self._modes = OrderMultigrid(matrices, eigenvalues, plane)
-        self.matrix = self._modes.matrix
-
-    def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_u and S_w; collective."""
-        self._modes.assemble(S_u, S_w)
-
-
-class ModeSet(Protocol):
-    """A way to hold the decoupled problems; see ``DecoupledModes``."""
-
     matrix: PETSc.Mat
 
-    def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_u and S_w; collective."""
+    def take(self, averages: Averages) -> None:
+        """Take over the averages of a layer; collective."""
 
 
-class InterlacedModes:
-    """All problems in one sparse matrix.
+class Layer(Protocol):
+    """A layer averaged over the depth, as a mesh has it; u and w are not coupled."""
 
-    Parameters
-    ----------
-    columns, row_pointers
-        Of the owned rows of S_u and S_w, columns in global numbering.
-    """
+    def assemble(self) -> Averages:
+        """Return its averages for the operator and the fields as they are; collective."""
 
-    def __init__(self, columns: Any, row_pointers: Any, eigenvalues: Vector, plane: Plane):
-        self._eigenvalues = eigenvalues
-        self._rows = SparseRows(columns, row_pointers, size=plane.size, comm=plane.comm, copies=eigenvalues.size)
-        self.matrix = self._rows.matrix
+    def modes(self, eigenvalues: Vector) -> ModeSet:
+        """Return the decoupled problems of modes with these Lambda_j, shape (m,); collective."""
 
-    def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_u and S_w; collective."""
-        self._rows.set(S_u[:, None] + S_w[:, None] * self._eigenvalues)
+
+def layer_of(energy: LayerEnergy, operator: LayerOperator, plane: Plane) -> Layer:
+    """Return a layer's averages: as matrices on slices and on elements of order 1, else at the quadrature points."""
+    if plane.mesh.topology.dim == 1 or plane.order == 1:
+        return LayerMatrices(energy, plane)
+    return LayerMeans(energy, operator, plane)
+
+
+def choose_factorisation(pc: PETSc.PC, plane: Plane) -> None:
+    """Set the solver of the decoupled modes that ``pc`` has: LU on a slice, in a basin multigrid."""
+    modes = pc.getOperators()[1]
+    if modes.getType() == PETSc.Mat.Type.PYTHON:
+        pc.setType("python")
+        pc.setPythonContext(modes.getPythonContext())
+    elif plane.mesh.topology.dim == 2:
+        pc.setType("hypre")
+    else:
+        pc.setType("lu")
+        if plane.comm.size > 1:
+            pc.setFactorSolverType("mumps")
+        else:
+            pc.setFactorOrdering("natural")
+
+
+class LayerMeans:
+    """The averages of a basin's layer at the quadrature points, and its matrices on elements of order 1."""
+
+    def __init__(self, energy: LayerEnergy, operator: LayerOperator, plane: Plane):
+        self.operator, self.plane = operator, plane
+        self.linear = LayerMatrices(energy, Plane(plane.mesh, 1))
+
+    def assemble(self) -> Averages:
+        """See ``Layer``."""
+        return self.operator.averages(), *self.linear.assemble()
+
+    def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
+        """See ``Layer``."""
+        return OrderMultigrid(self, eigenvalues)
 
 
 class OrderMultigrid:
@@ -102,25 +93,21 @@ class OrderMultigrid:
     lanczos = 10  # steps, which see the largest eigenvalue to a few per cent
     margin = 1.1  # over what they see
 
-    def __init__(self, matrices: LayerMatrices, eigenvalues: Vector, plane: Plane):
-        self._plane, self._eigenvalues = plane, eigenvalues
-        self._halo = Halo(matrices.numbering, eigenvalues.size)
-        self._sum = matrices.products(2, eigenvalues.size)
-        rows = np.repeat(np.arange(plane.owned), np.diff(matrices.row_pointers))
-        self._diagonal = np.flatnonzero(matrices.columns == rows)  # its entries, one a row
-        self._coarse = LinearModes(matrices, eigenvalues, plane)
-        sizes = (plane.owned * eigenvalues.size, plane.size * eigenvalues.size)
-        self.matrix = PETSc.Mat().createPython((sizes, sizes), context=self, comm=plane.comm)
+    def __init__(self, layer: LayerMeans, eigenvalues: Vector):
+        self._operator, self._plane, self._eigenvalues = layer.operator, layer.plane, np.array(eigenvalues)
+        self._coarse = LinearModes(layer.linear, eigenvalues, layer.plane)
+        sizes = tuple(size * eigenvalues.size for size in (layer.plane.owned, layer.plane.size))
+        self.matrix = PETSc.Mat().createPython((sizes, sizes), context=self, comm=layer.plane.comm)
         self.matrix.setUp()
 
-    def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_u and S_w; collective."""
-        self._entries = np.column_stack([S_u, S_w])
-        of_u, of_w = self._entries[self._diagonal].T
+    def take(self, averages: Averages) -> None:
+        """Take over the averages of a layer; collective."""
+        self._averages, *linear = averages
+        of_u, of_w = self._operator.diagonals(self._averages).T
         self._inverse_diagonals = 1.0 / (of_u[:, None] + of_w[:, None] * self._eigenvalues)
         largest = self.margin * self._largest_eigenvalue()
         self._bounds = largest / self.spread, largest
-        self._coarse.assemble(S_u, S_w)
+        self._coarse.take(tuple(linear))
 
     def _largest_eigenvalue(self) -> float:
         """Return the largest of all modes, with Jacobi's preconditioner, by Lanczos' method; collective."""
@@ -146,8 +133,7 @@ class OrderMultigrid:
 
     def _product(self, x: Vector) -> Vector:
         """Return the problems' matrices times their columns of x, shape (owned, m); collective."""
-        rows = self._halo.fetch(x)
-        return self._sum(self._entries, np.concatenate([rows, rows * self._eigenvalues], axis=1))
+        return self._operator.each_mode(self._averages, self._eigenvalues, x)
 
     def _smoothed(self, right: Vector) -> Vector:
         return chebyshev(self._product, self._inverse_diagonals, right, bounds=self._bounds, steps=self.steps)
@@ -166,38 +152,25 @@ class OrderMultigrid:
 
 
 class LinearModes:
-    """The problems' projection on elements of order 1, and one cycle of algebraic multigrid for it.
+    """The problems on elements of order 1, and one cycle of algebraic multigrid for it.
 
     Nothing of PETSc's is made twice: what Python lets go of there is kept, on several ranks, until all of them collect.
     """
 
-    def __init__(self, matrices: LayerMatrices, eigenvalues: Vector, fine: Plane):
-        self._plane = Plane(fine.mesh, 1)
-        numbering = self._plane.V.dofmap.index_map
+    def __init__(self, linear: LayerMatrices, eigenvalues: Vector, fine: Plane):
+        numbering = linear.plane.V.dofmap.index_map
         self._halo = Halo(numbering, eigenvalues.size)
-        self._interpolation = interpolation_matrix(self._plane.V, fine.V)
-        self._interpolation.assemble()
-        pointers, columns, weights = self._interpolation.getValuesCSR()
+        interpolation = interpolation_matrix(linear.plane.V, fine.V)
+        interpolation.assemble()
+        pointers, columns, weights = interpolation.getValuesCSR()
         here = numbering.global_to_local(columns.astype(np.int64))
         self._prolongation = sparse.csr_matrix((weights, here, pointers), shape=(fine.owned, self._halo.size))
         self._restriction = self._prolongation.T.tocsr()
+        self._solver = ModeSolver(linear.modes(eigenvalues), linear.plane, cycles=1)
 
-        columns = matrices.numbering.local_to_global(matrices.columns)
-        self._rows = SparseRows(columns, matrices.row_pointers, size=fine.size, comm=fine.comm)
-        self._rows.set(np.ones(columns.size))
-        self._projected = self._rows.matrix.ptap(self._interpolation)
-        pointers, columns, _ = self._projected.getValuesCSR()
-        modes = InterlacedModes(columns, pointers, eigenvalues, self._plane)
-        self._solver = ModeSolver(modes, self._plane, cycles=1)
-
-    def _project(self, values: Vector) -> Vector:
-        self._rows.set(values)
-        self._rows.matrix.ptap(self._interpolation, self._projected)
-        return np.asarray(self._projected.getValuesCSR()[2])
-
-    def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Project S_u and S_w, given by the entries of the owned rows; collective."""
-        self._solver.assemble(self._project(S_u), self._project(S_w))
+    def take(self, averages: Averages) -> None:
+        """Take over S_u and S_w on elements of order 1; collective."""
+        self._solver.take(averages)
 
     def correction(self, residual: Vector) -> Vector:
         """Return what elements of order 1 make of a residual, both of shape (owned, m); collective."""
@@ -224,9 +197,9 @@ class ModeSolver:
         choose_factorisation(self._ksp.getPC(), plane)
         self._in, self._out = modes.matrix.createVecs()
 
-    def assemble(self, S_u: Vector, S_w: Vector) -> None:
-        """Take over the entries of the owned rows of S_u and S_w; collective."""
-        self._modes.assemble(S_u, S_w)
+    def take(self, averages: Averages) -> None:
+        """Take over the averages of a layer; collective."""
+        self._modes.take(averages)
         self._ksp.setUp()
 
     def solve(self, right: Vector) -> Vector:

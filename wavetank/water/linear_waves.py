@@ -29,7 +29,7 @@ from wavetank.arrays import Vector
 from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.mass import MassMatrix
-from wavetank.fe.modes import DecoupledModes, ModeSolver
+from wavetank.fe.modes import Layer, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.affine_stages import DirectStage
@@ -37,7 +37,7 @@ from wavetank.hamiltonian.stage_solver import SnesStageSolver, StageCounters
 from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
 from wavetank.water.energy import POTENTIAL, Energies, Part, WaterEnergy
-from wavetank.water.potential import InteriorPotential, Minimiser, SolveCounters, minimiser
+from wavetank.water.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.walls import LinearWall
 
@@ -90,26 +90,23 @@ class LinearWaves:
         )
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
         self.mass = MassMatrix(plane, wall.mapping.J(0.0))
-        self.matrices = LayerMatrices(still.layer, plane)
-        self.still_matrices = self.matrices.assemble()
-        self.potential, self.stages = self._solvers(still, tolerance)
+        self.layer: Layer
+        self.potential, self.layer = self._interior(still, tolerance)
+        self.still = self.layer.assemble()
+        direct = isinstance(self.potential, DirectPotential)
+        self.stages = LinearStages.of(self, tolerance=COUPLED_TOLERANCE if direct else tolerance, direct=direct)
         self._inflow, self._recoil = self.potential.response(self._flux(still))
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._G_psi: Vector = self._q
 
-    def _solvers(self, still: WaterEnergy, tolerance: float) -> tuple["StillPotential", "LinearStages"]:
+    def _interior(self, still: WaterEnergy, tolerance: float) -> tuple["StillPotential", Layer]:
         plane, vertical = self.plane, self.vertical
         if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):
-            return DirectPotential(self.matrices, self.still_matrices, plane=plane, vertical=vertical), LinearStages.of(
-                self, tolerance=COUPLED_TOLERANCE, direct=True
-            )
-        operator, minimum = minimiser(
-            still.layer, self.matrices, plane, vertical, column=self.h, tolerance=0.1 * tolerance
-        )
-        operator.update()
-        potential = IterativePotential(minimum, plane=plane, components=vertical.n + 1)
-        return potential, LinearStages.of(self, tolerance=tolerance, direct=False)
+            matrices = LayerMatrices(still.layer, plane)
+            return DirectPotential(matrices, vertical), matrices
+        _, layer, minimum = interior_of(still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance)
+        return IterativePotential(minimum, plane=plane, components=vertical.n + 1), layer
 
     def _flux(self, still: WaterEnergy) -> Vector:
         """Return dF/dphi, shape (owned, n+1)."""
@@ -268,12 +265,12 @@ class DirectPotential:
         (S_u + Lambda_i S_w) phi_i = -b_i S_u psi - w_i,     (A phi)_n = S_u (psi + sum_i b_i phi_i).
     """
 
-    def __init__(self, matrices: LayerMatrices, still: tuple[Vector, Vector], *, plane: Plane, vertical: VerticalBasis):
+    def __init__(self, matrices: LayerMatrices, vertical: VerticalBasis):
         self.counters = SolveCounters(factorisations=1)
-        self._plane = plane
+        self._plane = plane = matrices.plane
         self._b = vertical.moment(0, vertical.values, vertical.values)[:-1, -1]
-        self._solver = ModeSolver(DecoupledModes(matrices, vertical.eigenvalues, plane), plane)
-        self._solver.assemble(*still)
+        self._solver, still = ModeSolver(matrices.modes(vertical.eigenvalues), plane), matrices.assemble()
+        self._solver.take(still)
         self._field = plane.function("surface potential")
         size = (plane.owned, self._field.rows.shape[0])
         self._S_u = sparse.csr_matrix((still[0], matrices.columns, matrices.row_pointers), shape=size)

@@ -7,7 +7,7 @@ the preconditioner, so a few iterations suffice (docs/method.md, section 4).
 """
 
 from dataclasses import asdict, dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from petsc4py import PETSc
@@ -15,9 +15,8 @@ from petsc4py import PETSc
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fe.along import Minimum, along
-from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.layers import LayerEnergy, LayerOperator
-from wavetank.fe.modes import DecoupledModes, choose_factorisation
+from wavetank.fe.modes import Layer, choose_factorisation, layer_of
 from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.recall import Recall
 from wavetank.fe.vertical import VerticalBasis
@@ -127,8 +126,8 @@ class Krylov:
 
     Parameters
     ----------
-    operator, matrices
-        A(h), and those of its preconditioner.
+    operator, layer
+        A(h), and what its preconditioner is made of.
     tolerance
         Of the residual in the preconditioner's energy norm, relative to the right-hand side.
     """
@@ -136,14 +135,14 @@ class Krylov:
     def __init__(
         self,
         operator: LayerOperator,
-        matrices: LayerMatrices,
+        layer: Layer,
         plane: Plane,
         vertical: VerticalBasis,
         *,
         tolerance: float,
     ):
-        self._operator, self._matrices, self._n = operator, matrices, vertical.n
-        self._modes = DecoupledModes(matrices, vertical.eigenvalues, plane)
+        self._operator, self._layer, self._n = operator, layer, vertical.n
+        self._modes = layer.modes(vertical.eigenvalues)
         self._ksp = self._solver(plane, tolerance)
         self._right, self._solution = self._modes.matrix.createVecs()
         self.flow: Vector = np.zeros(plane.owned)
@@ -167,7 +166,7 @@ class Krylov:
 
     def factor(self) -> None:
         """See ``Minimiser``."""
-        self._modes.assemble(*self._matrices.assemble())
+        self._modes.take(self._layer.assemble())
 
     def find(self, phi: Vector, wall: Vector) -> int:
         """See ``Minimiser``."""
@@ -192,18 +191,24 @@ class Krylov:
         return float(largest / smallest) if smallest > 0 else 1.0
 
 
-def minimiser(
-    energy: LayerEnergy,
-    matrices: LayerMatrices,
-    plane: Plane,
-    vertical: VerticalBasis,
-    *,
-    column: Field,
-    tolerance: float,
-) -> tuple[LayerOperator, Minimiser]:
-    """Return the operator of a layer's energy, and what finds its minimum: of slices on one rank, compiled whole."""
+class Interior(NamedTuple):
+    """The operator of a layer's energy, the layer averaged, and what finds the minimum."""
+
+    operator: LayerOperator
+    layer: Layer
+    minimum: Minimiser
+
+
+def interior_of(
+    energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, tolerance: float
+) -> Interior:
+    """Return what a layer's energy makes, the fields being as they are; on slices of one rank compiled as a whole."""
     if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
         operator = along(energy, plane, vertical, column=column)
-        return operator, Minimum(operator, plane, vertical, tolerance=tolerance)
+        layer, minimum = layer_of(energy, operator, plane), Minimum(operator, plane, vertical, tolerance=tolerance)
+        operator.update()
+        return Interior(operator, layer, minimum)
     operator = LayerOperator(energy, plane, vertical, column=column)
-    return operator, Krylov(operator, matrices, plane, vertical, tolerance=tolerance)
+    operator.update()
+    layer = layer_of(energy, operator, plane)
+    return Interior(operator, layer, Krylov(operator, layer, plane, vertical, tolerance=tolerance))

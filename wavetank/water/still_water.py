@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.fe.decoupled import LayerMatrices
+from wavetank.fe.decoupled import Averages
 from wavetank.fe.mass import MassMatrix
-from wavetank.fe.modes import DecoupledModes, ModeSolver
+from wavetank.fe.modes import Layer, ModeSolver
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Stage
@@ -25,18 +25,18 @@ class WavesOverStillWater(Protocol):
     ----------
     bed, depth
         The bed and its mean depth [m].
-    still_matrices
-        S_u and S_w for the mean depth, entries of the owned rows.
+    layer, still
+        Averaged over the depth; its averages for the mean depth.
     """
 
     plane: Plane
     mass: MassMatrix
-    matrices: LayerMatrices
+    layer: Layer
     vertical: VerticalBasis
     bed: Bed
     depth: float
     gravity: float
-    still_matrices: tuple[Vector, Vector]
+    still: Averages
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi, shape (owned,); collective."""
@@ -50,7 +50,7 @@ class StillWaterWaves:
     """
 
     def __init__(self, waves: WavesOverStillWater):
-        self._waves, self._still = waves, waves.still_matrices
+        self._waves, self._still = waves, waves.still
         self._solvers: dict[float, tuple[ModeSolver, Vector]] = {}
 
     def _solver(self, weight: float) -> tuple[ModeSolver, Vector]:
@@ -58,8 +58,8 @@ class StillWaterWaves:
         if key not in self._solvers:
             waves = self._waves
             eigenvalues, modes = waves.vertical.robin_modes(waves.depth / (weight**2 * waves.gravity))
-            solver = ModeSolver(DecoupledModes(waves.matrices, eigenvalues, waves.plane), waves.plane)
-            solver.assemble(*self._still)
+            solver = ModeSolver(waves.layer.modes(eigenvalues), waves.plane)
+            solver.take(self._still)
             self._solvers[key] = solver, modes[-1]
         return self._solvers[key]
 

@@ -19,7 +19,6 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
-from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
@@ -28,7 +27,7 @@ from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
-from wavetank.water.potential import InteriorPotential, minimiser
+from wavetank.water.potential import InteriorPotential, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.walls import Wall, one_time
@@ -120,11 +119,10 @@ class NonlinearWaves:
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
         self.mass = MassMatrix(plane, wall.mapping.J(energy.eta))
         self.columns = wall.columns(energy, self.mass)
-        self.matrices = LayerMatrices(energy.layer, plane)
-        self.still_matrices = self.matrices.assemble()
-        self.operator, minimum = minimiser(
-            energy.layer, self.matrices, plane, self.vertical, column=self.h, tolerance=tolerances.interior
+        self.operator, self.layer, minimum = interior_of(
+            energy.layer, plane, self.vertical, column=self.h, tolerance=tolerances.interior
         )
+        self.still = self.layer.assemble()
         self.potential = InteriorPotential(minimum, self.phi, inputs=3 if wall.moves else 2, plane=plane)
         self._compile(energy)
         self._q: Vector = np.full(plane.owned, np.nan)
