@@ -25,11 +25,11 @@ line = mesh.create_unit_interval(MPI.COMM_WORLD, 4)
 print(ScalarForm(fem.Constant(line, 1.0) * ufl.dx, MPI.COMM_WORLD).assemble())
 """
 KERNEL = """
-import numpy as np
 from mpi4py import MPI
-from wavetank.fe.products import Products
-product = Products(np.array([0]), np.array([0, 1]), size=1, terms=1, numbers=1, comm=MPI.COMM_WORLD)
-print(product(np.ones((1, 1)), np.ones((1, 1)))[0, 0])
+from wavetank.fe.kernels import Kernel
+code = "double one(void) { return 1.0; }"
+kernel = Kernel("one", "double one(void);", key=code, source=lambda: code, comm=MPI.COMM_WORLD)
+print(kernel.call.one())
 """
 CODE = pytest.mark.parametrize("code", [FORM, KERNEL], ids=["form", "kernel"])
 
