@@ -112,6 +112,25 @@ def test_what_is_written_is_read_and_the_one_before_is_kept(tmp_path):
         read_checkpoint(tmp_path)
 
 
+def test_a_damaged_one_does_not_take_the_place_of_the_one_before(tmp_path, monkeypatch):
+    """Whoever is killed while the next is put in place has that one still."""
+    for n in (0, 1):
+        write_checkpoint(tmp_path, some(n))
+    content = bytearray((tmp_path / CHECKPOINT).read_bytes())
+    content[len(content) // 2] ^= 1
+    (tmp_path / CHECKPOINT).write_bytes(content)
+
+    def killed(source, target):
+        if Path(target).name == CHECKPOINT:
+            raise KeyboardInterrupt
+        os.rename(source, target)
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(checkpoint.os, "replace", killed)
+        write_checkpoint(tmp_path, some(2))
+    assert read_checkpoint(tmp_path)[0].about == some(0).about
+
+
 def test_whatever_is_damaged_in_one_the_one_before_is_taken_and_it_is_said(tmp_path):
     """Any byte changed that is not padding, cut anywhere, or not a checkpoint at all."""
     write_checkpoint(tmp_path, some(0))

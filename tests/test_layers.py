@@ -7,6 +7,7 @@ import ufl
 from mpi4py import MPI
 from test_basin import Segments, basin
 
+from wavetank.errors import ConvergenceError
 from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.halo import Halo
@@ -33,6 +34,7 @@ def ring(order, n):
 WATERS = {
     "ring": lambda: ring(3, 3),
     "quadrilaterals": lambda: basin(2.0, 0.6, (5, 3), order=3, n=3, motion=Segments(), depth=hilly, angle=0.3),
+    "few layers, many fields": lambda: basin(2.0, 0.6, (5, 3), order=2, n=1, motion=Segments(), depth=hilly),
     "triangles": lambda: basin(2.0, 0.6, (3, 2), kind="triangles", order=2, n=3, motion=Segments(), depth=hilly),
 }
 
@@ -111,3 +113,12 @@ def test_what_has_no_code_is_named():
     waves, _ = moved("ring")
     with pytest.raises(NotImplementedError, match="Exp has no C code"):
         symbols(ufl.exp(waves.h.function), {waves.h.function: "h"})
+
+
+def test_a_column_that_is_negative_between_its_nodes_has_no_minimum():
+    """On several ranks PETSc says so; compiled solves must, too."""
+    waves = ring(3, 3)
+    column = np.full(waves.plane.owned, 0.5)
+    column[waves.plane.V.dofmap.list[:, 2:]] = 0.05
+    with pytest.raises(ConvergenceError, match="not positive everywhere"):
+        waves.evaluate(waves.mass.apply(column), np.cos(waves.plane.x), 0.0)

@@ -95,7 +95,7 @@ static void solve(const Chain *c, int group, double *x)
 }
 
 /* Take over the modes of layers that are averaged over the depth. */
-void decouple(const Cells *cells, const double *hessians, Chain *c)
+static void decouple(const Cells *cells, const double *hessians, Chain *c)
 {
     const long rows = c->dofs - c->cut, all = c->groups * LANES;
     memset(c->L, 0, sizeof(double) * rows * (BAND + 1) * all);
@@ -144,7 +144,7 @@ static double inner(long size, const double *a, const double *b)
 }
 
 /* z = the modes' inverse of r, both [dof][mode]; z may be r. */
-void precondition(const Chain *c, int modes, const double *r, double *z)
+static void precondition(const Chain *c, int modes, const double *r, double *z)
 {
     for (int group = 0; group < c->groups; ++group) {
         const int first = group * LANES, few = modes - first < LANES ? modes - first : LANES;
@@ -159,9 +159,9 @@ void precondition(const Chain *c, int modes, const double *r, double *z)
 
 /* Conjugate gradients: find the interior part of phi, [dof][number], for its last column, the surface potential, and
    what the wall adds, [dof][number]; flow is the last column of A phi, [dof]. The residual's energy falls below
-   tolerance² that of phi. Returns the iterations, or -1 after ``most`` of them; ``steps`` has the length of each and how
+   tolerance² that of phi. Returns the iterations, -1 after ``most`` of them, -2 where A or the modes are not positive; ``steps`` has the length of each and how
    much of its direction the next keeps. */
-int find_interior(const Cells *cells, const double *hessians, const Chain *c, const double *wall, double *phi,
+static int find_interior(const Cells *cells, const double *hessians, const Chain *c, const double *wall, double *phi,
                   double *flow, double tolerance, int most, double *steps, double *work)
 {
     const long all = (long)c->dofs * NUMBERS, interior = (long)c->dofs * MODES;
@@ -179,6 +179,8 @@ int find_interior(const Cells *cells, const double *hessians, const Chain *c, co
     const double target = tolerance * tolerance * (kinetic + rz);
     memset(p, 0, sizeof(double) * all);
     for (int iterations = 0; iterations <= most; ++iterations) {
+        if (rz < 0.0)
+            return -2;
         if (!(rz > target))
             return iterations;
         for (long i = 0; i < c->dofs; ++i)
@@ -186,7 +188,9 @@ int find_interior(const Cells *cells, const double *hessians, const Chain *c, co
                 p[i * NUMBERS + m] = z[i * MODES + m] + beta * p[i * NUMBERS + m];
         memset(Ap, 0, sizeof(double) * all);
         product(cells, hessians, p, Ap);
-        const double alpha = rz / inner(all, p, Ap);
+        const double bend = inner(all, p, Ap), alpha = rz / bend;
+        if (!(bend > 0.0))
+            return -2;
         for (long i = 0; i < c->dofs; ++i) {
             flow[i] += alpha * Ap[i * NUMBERS + MODES];
             for (int m = 0; m < MODES; ++m) {

@@ -99,7 +99,7 @@ class Minimum:
         self._operator, self._tolerance = operator, tolerance
         self._modes = Chain(operator, plane, vertical.eigenvalues)
         self._work = np.empty((plane.size, 4 * vertical.n + 2))
-        self._steps = np.empty((MOST + 1, 2))
+        self._steps, self._last = np.empty((MOST + 1, 2)), 0
         self._wall = np.empty((plane.size, vertical.n + 1))
         self.flow: Vector = np.zeros(plane.size)
 
@@ -127,9 +127,11 @@ class Minimum:
             at(self._steps),
             at(self._work),
         )
-        if iterations < 0:
+        self._last = max(0, iterations)
+        if iterations == -1:
             raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
-        self._last = iterations
+        if iterations < 0 or not np.isfinite(self.flow.sum()):
+            raise ConvergenceError("the interior potential has no minimum: the water column is not positive everywhere")
         return iterations
 
     @property

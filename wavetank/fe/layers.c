@@ -26,6 +26,7 @@ typedef struct {
     const double *squares;  /* [product of slopes ..., of values][point][node] */
 } Cells;
 
+#define MOST (NUMBERS > FIELDS ? NUMBERS : FIELDS)
 #define EACH(i, most) for (int i = 0; i < (most); ++i)
 
 static inline void gather(const Cells *c, int b, int numbers, const double *x, int stride, v *X)
@@ -53,7 +54,7 @@ static inline void forward(const Cells *c, int numbers, const v *X, v *U)
 {
 #if SIDE
     EACH(a, RULE) {
-        v values[SIDE * NUMBERS], slopes[SIDE * NUMBERS];  /* at a along the first axis, at the nodes of the second */
+        v values[SIDE * MOST], slopes[SIDE * MOST];  /* at a along the first axis, at the nodes of the second */
         EACH(k, SIDE * numbers) {
             values[k] = slopes[k] = zero;
             EACH(i, SIDE) {
@@ -92,7 +93,7 @@ static inline void backward(const Cells *c, int numbers, const v *R, v *Y)
 {
 #if SIDE
     EACH(a, RULE) {
-        v values[SIDE * NUMBERS], slopes[SIDE * NUMBERS];
+        v values[SIDE * MOST], slopes[SIDE * MOST];
         EACH(k, SIDE * numbers)
             values[k] = slopes[k] = zero;
         EACH(b, RULE) {
@@ -125,7 +126,7 @@ static inline void clear(int size, v *Y)
 }
 
 /* What the energy's second derivatives are everywhere, times all weights: out[batch][point][level][...][lane]. */
-void hessians(const Cells *c, const double *fields, const double *constants, double *out)
+static void hessians(const Cells *c, const double *fields, const double *constants, double *out)
 {
     EACH(b, c->batches) {
         v X[NODES * FIELDS], F[POINTS * (1 + DIM) * FIELDS];
@@ -215,7 +216,7 @@ static inline __attribute__((always_inline)) void multiply(const Cells *c, const
 }
 
 #define PART(name, first, many, to, wanted)                                                        \
-    void name(const Cells *c, const double *hessians, const double *x, double *y)                  \
+    static void name(const Cells *c, const double *hessians, const double *x, double *y)                  \
     {                                                                                              \
         multiply(c, hessians, first, many, to, wanted, x, y);                                      \
     }
@@ -225,10 +226,10 @@ PART(coupling_product, NUMBERS - 1, 1, 0, NUMBERS - 1)     /* A_In */
 PART(surface_product, 0, NUMBERS, NUMBERS - 1, 1)          /* the last row of A */
 
 /* y += the derivative of the energy of x by the first field, [dof]. */
-void derivative(const Cells *c, const double *fields, const double *constants, const double *x, double *y)
+static void derivative(const Cells *c, const double *fields, const double *constants, const double *x, double *y)
 {
     EACH(b, c->batches) {
-        v X[NODES * (NUMBERS > FIELDS ? NUMBERS : FIELDS)], F[POINTS * (1 + DIM) * FIELDS];
+        v X[NODES * MOST], F[POINTS * (1 + DIM) * FIELDS];
         v U[POINTS * (1 + DIM) * NUMBERS], R[POINTS * (1 + DIM)];
         gather(c, b, FIELDS, fields, FIELDS, X);
         forward(c, FIELDS, X, F);
@@ -275,7 +276,7 @@ void derivative(const Cells *c, const double *fields, const double *constants, c
 }
 
 /* The second derivatives averaged over the depth, without those that couple u and w: out[batch][point][uu ..., ww][lane]. */
-void averages(const Cells *c, const double *hessians, double *out)
+static void averages(const Cells *c, const double *hessians, double *out)
 {
     EACH(b, c->batches)
         EACH(q, POINTS) {
@@ -325,18 +326,18 @@ static inline __attribute__((always_inline)) void each_mode(const Cells *c, cons
     }
 }
 
-void interior_modes(const Cells *c, const double *averages, const double *lambda, const double *x, double *y)
+static void interior_modes(const Cells *c, const double *averages, const double *lambda, const double *x, double *y)
 {
     each_mode(c, averages, lambda, NUMBERS - 1, x, y);
 }
 
-void modes(const Cells *c, const double *averages, const double *lambda, const double *x, double *y)
+static void modes(const Cells *c, const double *averages, const double *lambda, const double *x, double *y)
 {
     each_mode(c, averages, lambda, NUMBERS, x, y);
 }
 
 /* y += the diagonals of S_u and S_w, [dof][2]. */
-void diagonals(const Cells *c, const double *averages, double *y)
+static void diagonals(const Cells *c, const double *averages, double *y)
 {
     EACH(b, c->batches) {
         v Y[NODES * 2];

@@ -92,7 +92,9 @@ class LayerOperator:
         }
         head = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
         code = head + source("layers.c") + more[0]
-        key = compute_signature([(density.e, rule.points)], code + source("pointwise.py"))
+        by = extract_coefficients(density.e).index(column.function) if density.has_column else -1
+        made = code + source("pointwise.py") + source("layers.py")
+        key = compute_signature([(density.e, rule.points)], f"{by} {made}")
         kernel = Kernel("layers", DECLARATIONS + more[1], key=key, source=lambda: density.put_in(code), comm=plane.comm)
         levels = {"zeta": vertical.zeta, "levels": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
         geometry = rule.geometry(plane)
@@ -239,6 +241,7 @@ class _Density:
     def __init__(self, energy: LayerEnergy, plane: Plane, column: Field):
         u, w, zeta = fem.Function(plane.V), fem.Function(plane.V), fem.Constant(plane.mesh, 0.0)
         self.e, self._gdim = energy(u, w, zeta), plane.mesh.geometry.dim
+        self.has_column = column.function in extract_coefficients(self.e)
         others = [one for one in extract_coefficients(self.e) if one not in (u, w, column.function)]
         self.fields = [column.function, *others]
         self.constants = [one for one in extract_constants(self.e) if one is not zeta]

@@ -66,14 +66,33 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint) -> int:
             file.flush()
             os.fsync(file.fileno())
             size = os.fstat(file.fileno()).st_size
-        with suppress(FileNotFoundError):
+        if _is_whole(path):  # else the one before it is the only one to go on from
             os.replace(path, run / CHECKPOINT_BEFORE)
         os.replace(temporary, path)
+        _keep_names(run)
     except OSError:
         with suppress(OSError):
             temporary.unlink()
         raise
     return size
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        with ZipFile(path) as archive:
+            return archive.testzip() is None
+    except (OSError, BadZipFile):
+        return False
+
+
+def _keep_names(folder: Path) -> None:
+    """See to it that the names in a folder outlive a power cut, where its file system can."""
+    with suppress(OSError):
+        number = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
 
 
 def read_checkpoint(run: Path) -> tuple[Checkpoint, list[str]]:
