@@ -22,7 +22,6 @@ typedef struct {
     double *L, *column, *reduced, *corner, *work;
 } Chain;
 void decouple(const Cells *, const double *hessians, Chain *);
-void precondition(const Chain *, int modes, const double *r, double *z);
 int find_interior(const Cells *, const double *hessians, const Chain *, const double *wall, double *phi, double *flow,
                   double tolerance, int most, double *steps, double *work);
 """
@@ -45,7 +44,7 @@ class Chain:
     """
 
     def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector):
-        self._operator, self._modes = operator, eigenvalues.size
+        self._operator = operator
         ring = plane.mesh.geometry.dim == 2
         order = np.roll(np.argsort(plane.x, kind="stable"), -1 if ring else 0)  # a ring is cut at a vertex
         groups, rows = -(-eigenvalues.size // LANES), plane.size - ring
@@ -70,13 +69,6 @@ class Chain:
         """Take over the operator with these second derivatives."""
         kernel = self._operator.kernel
         kernel.call.decouple(self._operator.cells, kernel.pointer(hessians), self.struct)
-
-    def solve(self, right: Vector) -> Vector:
-        """Return a for r, both of shape (dofs, m)."""
-        a, at = np.ascontiguousarray(right), self._operator.kernel.pointer
-        solution = np.empty_like(a)
-        self._operator.kernel.call.precondition(self.struct, self._modes, at(a), at(solution))
-        return solution
 
 
 class Minimum:

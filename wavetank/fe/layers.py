@@ -92,19 +92,16 @@ class LayerOperator:
         }
         head = "".join(f"#define {key} {value}\n" for key, value in sizes.items())
         code = head + source("layers.c") + more[0]
-        by = extract_coefficients(density.e).index(column.function) if density.has_column else -1
         made = code + source("pointwise.py") + source("layers.py")
-        key = compute_signature([(density.e, rule.points)], f"{by} {made}")
+        key = compute_signature([(density.e, rule.points)], f"{density.by} {made}")
         kernel = Kernel("layers", DECLARATIONS + more[1], key=key, source=lambda: density.put_in(code), comm=plane.comm)
         levels = {"zeta": vertical.zeta, "levels": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
         geometry = rule.geometry(plane)
         batches = len(geometry["dofs"])
         self.kernel = kernel
         self.cells = kernel.struct("Cells", {"batches": batches, **rule.tables, **levels, **geometry})
-        dim = plane.mesh.topology.dim
-        self._means = dim * (dim + 1) // 2 + 1
-        second = self._means + dim
-        self.hessians = np.empty((batches, len(rule.points), len(vertical.zeta), second, LANES))
+        self._means = sizes["MEANS"]
+        self.hessians = np.empty((batches, len(rule.points), len(vertical.zeta), sizes["HESSIANS"], LANES))
         self._halos = {numbers: Halo(plane.V.dofmap.index_map, numbers) for numbers in (1, vertical.n, vertical.n + 1)}
 
     def _inputs(self) -> tuple[Any, Any]:
@@ -197,10 +194,11 @@ class Rule:
             side, rule = values.shape[1], len(x)
         else:
             self.points, self.weights = basix.make_quadrature(element.cell_type, degree)
-            values, *slopes = element.tabulate(1, self.points)[..., 0]
             self._order = np.arange(element.dim)
             side = rule = 0
         whole = element.tabulate(1, self.points)[..., 0][:, :, self._order]
+        if not side:
+            values, *slopes = whole
         pairs = [whole[1 + a] * whole[1 + d] * (1 + (d < a)) for a in range(dim) for d in range(a + 1)]
         squares = np.array([*pairs, whole[0] ** 2])
         self.tables = {"values": values, "slopes": np.array(slopes), "squares": squares}
@@ -241,8 +239,9 @@ class _Density:
     def __init__(self, energy: LayerEnergy, plane: Plane, column: Field):
         u, w, zeta = fem.Function(plane.V), fem.Function(plane.V), fem.Constant(plane.mesh, 0.0)
         self.e, self._gdim = energy(u, w, zeta), plane.mesh.geometry.dim
-        self.has_column = column.function in extract_coefficients(self.e)
-        others = [one for one in extract_coefficients(self.e) if one not in (u, w, column.function)]
+        found = extract_coefficients(self.e)
+        self.by = found.index(column.function) if column.function in found else None  # which of them is the column
+        others = [one for one in found if one not in (u, w, column.function)]
         self.fields = [column.function, *others]
         self.constants = [one for one in extract_constants(self.e) if one is not zeta]
         self._names = {u: "u", w: "w", zeta: "zeta"}
