@@ -1,10 +1,12 @@
 """Commands of the tests, and functions of theirs on several ranks: begun here, and ended here whatever happens.
 
 ``mpirun`` gives every rank a process group of its own; all of them share the session, which is ended as a whole. A busy
-machine is waited for; what waits for ever in MPI spins, and is ended by its CPU time.
+machine is waited for; what waits for ever in MPI spins, and is ended by its CPU time. Ranks share one processor: what
+waits leaves it to those that are waited for, and would spin on another one.
 """
 
 import os
+import random
 import resource
 import signal
 import socket
@@ -57,9 +59,15 @@ def members(session: int) -> list[int]:
     return found
 
 
+def on(ranks: int, command: Sequence[str]) -> list[str]:
+    """Return a command as it is begun on some ranks: of one processor, if there are several."""
+    processor = random.choice(sorted(os.sched_getaffinity(0)))
+    return [*(["taskset", "-c", str(processor), "mpirun", "-n", str(ranks)] if ranks > 1 else []), *command]
+
+
 def launch(command: Sequence[str], *, ranks: int = 1, cwd: Path = CHECKOUT) -> subprocess.CompletedProcess[str]:
     """Run a command to its end, on several ranks if asked."""
-    launched = ["mpirun", "-n", str(ranks), *command] if ranks > 1 else [*command]
+    launched = on(ranks, command)
     with begun(launched, cwd=cwd, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         out, err = process.communicate()
     return subprocess.CompletedProcess(launched, process.returncode, out, err)
@@ -81,7 +89,7 @@ class Crew:
         self._said = (Path(self._folder.name) / "said").open("w+")
         address = f"{self._folder.name}/socket"
         with socket.create_server(address, family=socket.AF_UNIX) as server:
-            command = ["mpirun", "-n", str(ranks), sys.executable, __file__, address, str(limit)]
+            command = on(ranks, [sys.executable, __file__, address, str(limit)])
             self._session = begun(command, stdin=subprocess.DEVNULL, stdout=self._said, stderr=self._said)
             self._process = self._session.__enter__()
             self._ranks = dict(self._connected(server) for _ in range(ranks))

@@ -12,7 +12,7 @@ from time import sleep
 
 import pytest
 from mpi4py import MPI
-from ranks import begun
+from ranks import begun, on
 
 from wavetank.fe import compiled
 
@@ -51,8 +51,7 @@ def world(tmp_path):
 
 
 def started(code, world, *, ranks=1, **variables):
-    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    command = [*launcher, sys.executable, "-c", code]
+    command = on(ranks, [sys.executable, "-c", code])
     return begun(command, env={**world, **variables}, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from mpi4py import MPI
-from ranks import CHECKOUT, begun
+from ranks import CHECKOUT, begun, on
 from rich.console import Console
 
 from wavetank.case.reading import read_case
@@ -37,9 +37,8 @@ def contents(run: Path) -> dict[str, bytes]:
 @contextmanager
 def started(*arguments, ranks=1):
     """Begin the command line, perhaps on several ranks."""
-    launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-    command = [*launcher, sys.executable, "-m", "wavetank", *map(str, arguments)]
-    with begun(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+    command = [sys.executable, "-m", "wavetank", *map(str, arguments)]
+    with begun(on(ranks, command), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         yield process
 
 

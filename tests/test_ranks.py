@@ -1,6 +1,7 @@
 """The helper of the tests on several ranks: whatever happens, nothing stays behind, and what happened is said."""
 
 import ast
+import os
 import sys
 import time
 from pathlib import Path
@@ -24,9 +25,11 @@ def wrong_on_the_first():
     MPI.COMM_WORLD.Barrier()
 
 
-def test_a_crew_calls_on_every_rank():
+def test_a_crew_calls_on_every_rank_all_on_one_processor():
     crew = Crew(2)
     assert crew.call(divmod, 7, 2) == [(3, 1), (3, 1)]
+    one, other = crew.call(os.sched_getaffinity, 0)
+    assert one == other and len(one) == 1
     crew.end()
     assert not crew.at_work and not members(crew.session)
 
