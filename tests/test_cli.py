@@ -165,8 +165,11 @@ def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, t
     assert result.returncode == 1
     assert re.search(r"wavetank: t = [\d.]+ s.*(steep|break)", result.stderr)
     manifest = json.loads((out / "manifest.json").read_text())
-    assert manifest["status"] == "failed" and manifest["cause"] in result.stderr
+    assert manifest["status"] == "broke down" and manifest["cause"] in result.stderr
     gauges = RunDirectory(out).gauge_series()
+    assert wavetank("status", str(out)).stdout.startswith(
+        f"{out}: broke down, t {gauges[0].t[-1]:.5g} of 16.8 s, speed "
+    )
     assert gauges[0].t.size > 20 and np.all(np.isfinite(gauges[0].eta))
     assert (out / "surface.png").exists()
 
@@ -182,7 +185,7 @@ def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
         _, errors = process.communicate()
     assert process.returncode == 1
     assert re.search(r"wavetank: t = [\d.]+ s: interrupted by SIGINT", errors), errors
-    assert RunDirectory(out).manifest["status"] == "failed"
+    assert RunDirectory(out).manifest["status"] == "stopped"
     assert RunDirectory(out).gauge_series()[0].t.size > 5
 
 

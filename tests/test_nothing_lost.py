@@ -226,7 +226,7 @@ def test_a_termination_before_the_first_step_is_written_down(tmp_path):
         process.terminate()
         process.communicate()
     assert process.returncode == 1
-    assert RunDirectory(out).status == "failed"
+    assert RunDirectory(out).status == "stopped"
     assert "interrupted by SIGTERM" in RunDirectory(out).manifest["cause"] in (out / LOG).read_text()
 
 

@@ -168,7 +168,7 @@ def test_an_error_in_the_block_makes_it_a_failed_run_with_its_cause(tmp_path):
         writer.table("energy.csv", COLUMNS).append([0.0, 1.0])
         raise RunError("t = 3 s: the wave broke.")
     run = RunDirectory(tmp_path / "run")
-    assert (run.manifest["status"], run.manifest["cause"]) == ("failed", "t = 3 s: the wave broke.")
+    assert (run.manifest["status"], run.manifest["cause"]) == ("broke down", "t = 3 s: the wave broke.")
     assert run.budget()["t [s]"].size == 1
 
 
@@ -194,7 +194,7 @@ def test_a_figure_that_is_not_finite_makes_a_failed_run_whose_manifest_is_json(t
     ):
         writer.finish("finished", {"timings": {"wall": bad}})
     manifest = json.loads((tmp_path / "manifest.json").read_text(), parse_constant=refuse)
-    assert (manifest["status"], manifest["n"]) == ("failed", 8)
+    assert (manifest["status"], manifest["n"]) == ("broke down", 8)
     assert "not a finite number" in manifest["cause"] and "timings" not in manifest
 
 

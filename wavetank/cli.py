@@ -28,9 +28,10 @@ from wavetank.postprocess.compare_command import compare
 from wavetank.postprocess.view_command import view
 from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
+from wavetank.status import status
 from wavetank.study.command import study
 
-ORDER = ("new", "plan", "run", "view", "compare", "study", "data", "verify", "schema")  # of use
+ORDER = ("new", "plan", "run", "status", "view", "compare", "study", "data", "verify", "schema")  # of use
 
 
 class InOrderOfUse(TyperGroup):
@@ -65,6 +66,7 @@ verify_app = typer.Typer(
 app.add_typer(data_app, name="data")
 app.add_typer(verify_app, name="verify")
 app.command(epilog=example("plan cases/wavemaker.toml --accuracy 0.01"))(plan)
+app.command(epilog=example("status runs"))(status)
 app.command(epilog=example("view runs/focusing --film runs/focusing/film.mp4"))(view)
 app.command(epilog=example("compare runs/marin-202002 --with marin-202002"))(compare)
 app.command(epilog=example("study cases/standing-wave.toml --sweep dt=0.02,0.01"))(study)

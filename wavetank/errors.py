@@ -43,11 +43,27 @@ class OutsideError(InputError):
 
 
 class RunError(WavetankError):
-    """A run could not go on; everything up to then is kept."""
+    """A run could not go on; everything up to then is kept.
+
+    Attributes
+    ----------
+    status
+        What the manifest calls a run that has ended so.
+    """
+
+    status = "broke down"
+
+
+class StoppedError(RunError):
+    """A run was told to end, between two steps."""
+
+    status = "stopped"
 
 
 class RecordError(RunError):
     """A record could not be written: what one rank meets alone, without the others."""
+
+    status = "failed"
 
 
 class BreakdownError(RunError):

@@ -18,7 +18,7 @@ from wavetank.observers.contract import Judge, Observer
 from wavetank.observers.energy import columns as energy_columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.paddle import columns as paddle_columns
-from wavetank.observers.progress import ProgressBar
+from wavetank.observers.progress import ProgressBar, Standing
 from wavetank.observers.record import Discard, Kept, RecordCheck
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
@@ -48,12 +48,13 @@ class Warnings:
     Attributes
     ----------
     sentences
-        In the order in which they were found; the manifest's ``warnings``.
+        Those that were printed at once first, the newest of them before, then the others as they were found; the
+        manifest's ``warnings``.
     """
 
     def __init__(self, log: RunLog):
         self.sentences: list[str] = []
-        self._printed, self._urgent = set[str](), list[str]()
+        self._printed = set[str]()
         self._log = log
 
     def add(self, sentence: str) -> None:
@@ -63,14 +64,9 @@ class Warnings:
 
     def at_once(self, sentence: str) -> None:
         """Keep a sentence and print it now: what a run may soon break down of."""
-        self.add(sentence)
-        self._urgent.append(sentence)
+        if sentence not in self.sentences:
+            self.sentences.insert(0, sentence)
         self._print(sentence)
-
-    @property
-    def worst_first(self) -> list[str]:
-        """The sentences, those that were printed at once first."""
-        return list(dict.fromkeys((*self._urgent, *self.sentences)))
 
     def show(self) -> None:
         """Print those that have not been."""
@@ -158,7 +154,7 @@ def record_run(
                 if outcome.figures:
                     warnings.show()
                     flat, spent = waves.plane.mesh.topology.dim == 1, known | figures
-                    for line in closing(outcome, spent, warnings=warnings.worst_first, path=writer.path, flat=flat):
+                    for line in closing(outcome, spent, warnings=warnings.sentences, path=writer.path, flat=flat):
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
@@ -169,9 +165,9 @@ def record_run(
             for line in (summary(scene, run, waves), told_of_bed(scene, waves)):
                 if line:
                     log.say(line)
-            with _failure_kept(writer), _progress(run, waves, log) as bar:
+            with _failure_kept(writer), _progress(run, waves, log, writer) as progress:
                 interruption.before = kept.write
-                run.observers += [kept.from_time_to_time(scene.run.checkpoint_every), interruption, *bar]
+                run.observers += [kept.from_time_to_time(scene.run.checkpoint_every), *progress, interruption]
                 _execute(run, waves, note)
                 if writer is not None:
                     writer.finish("finished", {})
@@ -248,13 +244,14 @@ def _said(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterator[None
 
 
 @contextmanager
-def _progress(run: Run, waves: AnyWaves, log: RunLog) -> Iterator[list[Observer]]:
-    """Show progress, on the first rank."""
-    if waves.plane.comm.rank:
+def _progress(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) -> Iterator[list[Observer]]:
+    """Show progress, and tell it in the manifest; on the first rank."""
+    if writer is None:
         yield []
         return
+    standing = Standing(writer.note, writer.tell, begin=run.t, end=run.clock.end)
     with ProgressBar(run.clock.end, lambda: _cost(waves), log=log, begin=(run.step, run.t)) as bar:
-        yield [bar]
+        yield [bar, standing]
 
 
 def _execute(run: Run, waves: AnyWaves, note: Callable[[], None]) -> None:

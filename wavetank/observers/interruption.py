@@ -6,7 +6,7 @@ from types import FrameType
 
 from mpi4py import MPI
 
-from wavetank.errors import RunError
+from wavetank.errors import StoppedError
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
 
@@ -41,10 +41,10 @@ class Interruption:
         self._received = number
 
     def observe(self, moment: Moment) -> None:
-        """Raise ``RunError`` if a signal has come; collective."""
+        """Raise ``StoppedError`` if a signal has come; collective."""
         if number := self._comm.allreduce(self._received, op=MPI.MAX):
             self.before()
             if number == signal.SIGUSR1:
                 self._received = 0 if self._received == number else self._received
                 return
-            raise RunError(f"t = {moment.t:.6g} s: interrupted by {signal.Signals(number).name}")
+            raise StoppedError(f"t = {moment.t:.6g} s: interrupted by {signal.Signals(number).name}")

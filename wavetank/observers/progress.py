@@ -1,7 +1,8 @@
-"""Progress of a run: a bar in a terminal, plain lines elsewhere and in the run's log."""
+"""Progress of a run: a bar in a terminal, plain lines elsewhere and in the run's log; and told in its manifest."""
 
 import time
 from collections.abc import Callable
+from math import inf
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
@@ -68,3 +69,33 @@ class ProgressBar:
             elapsed = time.monotonic() - self._began
             left = elapsed * (self._duration - moment.t) / (moment.t - self._t)
             self._say(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {per_step}")
+
+
+class Standing:
+    """Tells how far a run is, for whoever looks from outside; on rank 0 only.
+
+    Parameters
+    ----------
+    note
+        Takes ``progress``: t [s] and step, the times [s] at which the run began, or goes on, and will end, and the
+        wall time since then [s].
+    tell
+        Makes it known, which is done every so many seconds.
+    """
+
+    every = 5.0  # s
+
+    def __init__(
+        self, note: Callable[[dict[str, object]], None], tell: Callable[[], None], *, begin: float, end: float
+    ):
+        self.schedule = EverySteps()
+        self._note, self._tell, self._begin, self._end = note, tell, begin, end
+        self._began, self._told = time.monotonic(), -inf
+
+    def observe(self, moment: Moment) -> None:
+        """Note the moment."""
+        now, when = time.monotonic(), {"t": moment.t, "begin": self._begin, "end": self._end}
+        self._note({"progress": {**when, "step": moment.step, "wall_s": now - self._began}})
+        if now > self._told + self.every:
+            self._tell()
+            self._told = now

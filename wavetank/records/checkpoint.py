@@ -28,6 +28,9 @@ from numpy.typing import NDArray
 from wavetank.errors import InputError
 from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, unfinished
 
+KEPT = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
+UNREADABLE = (OSError, BadZipFile, KeyError, ValueError, TypeError, EOFError, NotImplementedError)  # what zip may meet
+
 
 class Checkpoint(NamedTuple):
     """What is in one.
@@ -101,14 +104,22 @@ def read_checkpoint(run: Path) -> tuple[Checkpoint, list[str]]:
     Raises ``InputError`` if there is none.
     """
     damaged = list[str]()
-    for name in (CHECKPOINT, CHECKPOINT_BEFORE):
+    for name in KEPT:
         try:
             return _read(run / name), damaged
         except FileNotFoundError:
             continue
-        except (OSError, BadZipFile, KeyError, ValueError, TypeError, EOFError, NotImplementedError) as error:
+        except UNREADABLE as error:
             damaged.append(f"{run / name} is damaged ({error})")
     raise InputError(f"{run}: holds no checkpoint to go on from{''.join(f'; {one}' for one in damaged)}.")
+
+
+def last_checkpoint(run: Path) -> float | None:
+    """Return the time of the newest checkpoint that can be opened [s], if there is one."""
+    for name in KEPT:
+        with suppress(*UNREADABLE), ZipFile(run / name) as archive:
+            return float(json.loads(archive.read("about.json"))["t"])
+    return None
 
 
 def _read(path: Path) -> Checkpoint:

@@ -26,6 +26,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from io import BytesIO, StringIO
 from pathlib import Path
+from socket import gethostname
 from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.etree import ElementTree
 
@@ -110,9 +111,17 @@ class RunDirectory:
 
     @property
     def status(self) -> str:
-        """``"running"``, ``"finished"``, ``"failed"``; or ``"killed"``: no process writes it any more."""
+        """How the run stands.
+
+        ``"running"``, ``"finished"``, ``"stopped"`` by a signal, ``"broke down"``, ``"failed"`` for what is not of the
+        water; ``"killed"``: no process writes it any more; or ``"unknown"``, of another host's, which cannot be asked.
+        """
         status = str(self.manifest.get("status", ""))
-        return "killed" if status == "running" and not is_held(self.path) else status
+        if status != "running":
+            return status
+        if is_held(self.path):
+            return "running"
+        return "killed" if self.manifest.get("host", gethostname()) == gethostname() else "unknown"
 
     @property
     def title(self) -> str:

@@ -42,6 +42,11 @@ def _revision() -> str | None:
     return answer.stdout.strip() or None
 
 
+def present() -> datetime:
+    """Return the present, as this machine's clock has it."""
+    return datetime.now(UTC)
+
+
 def now() -> str:
     """Return the present, as manifests tell it."""
-    return datetime.now(UTC).isoformat(timespec="seconds")
+    return present().isoformat(timespec="seconds")

@@ -27,9 +27,9 @@ class Holder(NamedTuple):
     began: str
 
     @property
-    def alive(self) -> bool:
-        """Whether it still is; of another host that is not known, and taken for so."""
-        return self.host != socket.gethostname() or _began(self.pid) == self.began != ""
+    def gone(self) -> bool | None:
+        """Whether it is no more; None of another host, where that is not known."""
+        return None if self.host != socket.gethostname() else not _began(self.pid) == self.began != ""
 
 
 class RunLock:
@@ -82,16 +82,16 @@ class RunLock:
 
 
 def is_held(directory: Path) -> bool:
-    """Return whether a process that still is writes a run there."""
+    """Return whether a process that is known to be still writes a run there."""
     try:
         with (directory / LOCK).open("rb") as file:
-            return not _lock(file, fcntl.LOCK_SH)
+            return _lock(file, fcntl.LOCK_SH) is False
     except OSError:
         return False
 
 
-def _lock(file: IO[bytes], kind: int) -> bool:
-    """Return whether the lock could be had; where there are no locks, whether its last holder is no more."""
+def _lock(file: IO[bytes], kind: int) -> bool | None:
+    """Return whether the lock could be had; where there are no locks, whether its last holder is no more, if known."""
     try:
         fcntl.flock(file, kind | fcntl.LOCK_NB)
         return True
@@ -99,7 +99,7 @@ def _lock(file: IO[bytes], kind: int) -> bool:
         return False
     except OSError:
         holder = _holder(file)
-        return holder is None or not holder.alive
+        return True if holder is None else holder.gone
 
 
 def _holder(file: IO[bytes]) -> Holder | None:

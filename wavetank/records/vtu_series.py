@@ -21,7 +21,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.errors import RunError
+from wavetank.errors import RecordError, RunError
 from wavetank.records.directory import FIELDS, index_file, replace
 from wavetank.stateful import Held
 
@@ -112,11 +112,11 @@ class VtuSeries:
         return {"snapshots": [list(one) for one in self._snapshots]}
 
     def take(self, held: Held) -> None:
-        """Go on after those; raises ``RunError`` where one is not there."""
+        """Go on after those; raises ``RecordError`` where one is not there."""
         self._snapshots = [(t, file) for t, file in held["snapshots"]]
         missing = [file for _, file in self._snapshots if not (self._run / file).exists()]
         if missing:
-            raise RunError(f"{self._run / missing[0]}: is no longer there, and the checkpoint counts on it.")
+            raise RecordError(f"{self._run / missing[0]}: is no longer there, and the checkpoint counts on it.")
 
     def append(self, t: float, points: Array, *, cells: VtkCells, arrays: Arrays) -> None:
         """Write a snapshot at t [s]: this rank's points (x, y, z) [m], shape (N, 3), its cells and arrays; collective.
@@ -152,20 +152,20 @@ class VtuSeries:
         there = self._run.stat() if self._run.exists() else None
         self._folder = self._folder or there
         if there is None or self._folder is None or not os.path.samestat(self._folder, there):
-            raise RunError(f"{self._run}: is no longer this run's; moved or deleted during the run.")
+            raise RecordError(f"{self._run}: is no longer this run's; moved or deleted during the run.")
 
     def _together(self, action: Callable[[], None]) -> None:
         """Act, and raise what any rank met on all of them; collective."""
-        failure = None
+        failure: RunError | None = None
         try:
             action()
         except RunError as error:
-            failure = str(error)
+            failure = error
         except OSError as error:
-            failure = f"{self._run / FIELDS}: cannot be written ({error.strerror})."
-        failures = [one for one in self._comm.allgather(failure) if one is not None]
-        if failures:
-            raise RunError(failures[0])
+            failure = RecordError(f"{self._run / FIELDS}: cannot be written ({error.strerror}).")
+        for met in self._comm.allgather(failure):
+            if met is not None:
+                raise met
 
 
 def _document(kind: str) -> tuple[ElementTree.Element, ElementTree.Element]:

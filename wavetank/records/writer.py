@@ -112,9 +112,16 @@ class RunWriter:
         self.release()
 
     def fail(self, error: BaseException) -> None:
-        """Close all files and write the manifest's last word, that this is why the run has failed."""
+        """Close all files and write the manifest's last word, that this is why the run has ended."""
+        status = error.status if isinstance(error, RunError) else "failed"
         with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
-            self.finish("failed", {"cause": str(error) or type(error).__name__})
+            self.finish(status, {"cause": str(error) or type(error).__name__})
+
+    def tell(self) -> None:
+        """Write the manifest with what has been noted so far; on a full disk that waits."""
+        with suppress(OSError):
+            if self.holds:
+                self._write_manifest(self._manifest)
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
         """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
@@ -164,7 +171,7 @@ class RunWriter:
         self._manifest |= figures
 
     def finish(self, status: str, figures: dict[str, Any]) -> None:
-        """Close all files and write the manifest's last word, ``"finished"``, or ``"failed"`` with its cause.
+        """Close all files and write the manifest's last word, ``"finished"``, or another with its cause.
 
         The gauges are written as CF-NetCDF, too; where that is not possible the manifest's ``warnings`` say so, for
         their table has them. Raises ``RunError`` if the manifest cannot be written, for a figure that is not finite,
@@ -204,7 +211,8 @@ class RunWriter:
             raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
 
     def _write_manifest(self, manifest: dict[str, Any]) -> None:
-        """Replace the manifest."""
+        """Replace the manifest, which tells when."""
+        manifest["written"] = now()
         replace(self.path / MANIFEST, self._text(manifest))
         self._manifest = manifest
 

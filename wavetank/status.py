@@ -1,0 +1,155 @@
+"""``wavetank status``: how runs stand, known from their directories alone, whoever computes them and wherever."""
+
+import os
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple
+
+import typer
+from rich.box import SIMPLE
+from rich.table import Table
+
+from wavetank.console import console
+from wavetank.errors import InputError
+from wavetank.records.checkpoint import last_checkpoint
+from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.environment import present
+from wavetank.records.lock import is_held
+
+SETTING_UP, UNREADABLE = "setting up", "unreadable"
+UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0))
+
+
+class Standing(NamedTuple):
+    """How a run stands; None for what is not known.
+
+    Attributes
+    ----------
+    path
+        Its directory.
+    state
+        ``RunDirectory.status``, or that it is still set up, or cannot be read.
+    t, end
+        Time that it has come to, and at which it ends [s].
+    speed
+        Computed time over wall time [-], since it began or went on.
+    age
+        Since when nothing has been written of it [s].
+    checkpoint
+        Time of the last one [s].
+    note
+        Why it has ended, or else the worst of its warnings.
+    """
+
+    path: Path
+    state: str
+    t: float | None = None
+    end: float | None = None
+    speed: float | None = None
+    age: float | None = None
+    checkpoint: float | None = None
+    note: str = ""
+
+    @property
+    def left(self) -> float | None:
+        """Wall time until it ends [s]; of one that goes on."""
+        if self.state != "running" or self.t is None or self.end is None or not self.speed:
+            return None
+        return max(0.0, self.end - self.t) / self.speed
+
+
+def standing(path: Path) -> Standing:
+    """Return how the run in a directory stands."""
+    try:
+        run = RunDirectory(path)
+    except InputError as error:
+        return Standing(path, SETTING_UP) if is_held(path) else Standing(path, UNREADABLE, note=str(error))
+    manifest = run.manifest
+    progress, warnings = manifest.get("progress", {}), manifest.get("warnings", [])
+    t, spent = progress.get("t"), progress.get("wall_s", 0.0)
+    speed = (t - progress["begin"]) / spent if spent > 0.0 else None
+    note = manifest.get("cause") or (f"warning: {warnings[0]}" if warnings else "")
+    if run.status == "unknown":
+        note = f"it is computed on {manifest['host']}, which alone knows whether it still is"
+    return Standing(path, run.status, t, progress.get("end"), speed, _age(manifest), last_checkpoint(path), note)
+
+
+def _age(manifest: dict[str, Any]) -> float | None:
+    """Return since when a run's manifest stands [s]; nothing is younger than now, whatever clocks say."""
+    written = manifest.get("written")
+    return None if written is None else max(0.0, (present() - datetime.fromisoformat(written)).total_seconds())
+
+
+def runs(paths: Sequence[Path]) -> Iterator[Path]:
+    """Yield the run directories that are given, or in folders that are; raise ``InputError`` where there is none."""
+    found = False
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: is not there; a run directory is needed, or a folder with some.")
+        for folder, inner, files in os.walk(path):
+            inner.sort()
+            if MANIFEST in files or is_held(Path(folder)):
+                inner.clear()
+                found = True
+                yield Path(folder)
+    if not found:
+        raise InputError(f"{', '.join(map(str, paths))}: no run there.")
+
+
+def spelt(seconds: float | None) -> str:
+    """Return a time in words, such as "12 s", "3.5 h"; "-" for None."""
+    if seconds is None:
+        return "-"
+    for unit, size in UNITS:
+        if seconds >= 1.5 * size:
+            return f"{seconds / size:.1f} {unit}"
+    return f"{seconds:.0f} s"
+
+
+def _parts(one: Standing) -> dict[str, str]:
+    """Return what is said of a run, by what that is."""
+    reached = "-" if one.t is None else f"{one.t:.5g} of {one.end:.5g} s"
+    return {
+        "state": one.state,
+        "t": reached,
+        "speed": "-" if one.speed is None else f"{one.speed:.2g} s a second",
+        "left": spelt(one.left),
+        "written": "-" if one.age is None else f"{spelt(one.age)} ago",
+        "checkpoint": "-" if one.checkpoint is None else f"t = {one.checkpoint:.5g} s",
+    }
+
+
+def line(one: Standing) -> str:
+    """Return a run as a line of text."""
+    parts = _parts(one)
+    said = [parts.pop("state"), *(f"{name} {part}" for name, part in parts.items() if part != "-")]
+    return f"{one.path}: {', '.join(said)}{f'; {one.note}' if one.note else ''}"
+
+
+def table(standings: Sequence[Standing]) -> Table:
+    """Return runs as a table for a terminal, without their notes."""
+    rows = [{"run": str(one.path), **_parts(one)} for one in standings]
+    shown = Table(*rows[0], box=SIMPLE, padding=0)
+    for row in rows:
+        shown.add_row(*row.values())
+    return shown
+
+
+def status(
+    paths: Annotated[
+        list[Path] | None, typer.Argument(help="run directories, or folders of some; default runs/", metavar="RUN...")
+    ] = None,
+) -> None:
+    """Say how runs stand: how far, how fast, what is wrong, what they could go on from.
+
+    Known from their directories alone, while they are computed, afterwards, and on other machines.
+    """
+    standings = [standing(path) for path in runs(paths or [Path("runs")])]
+    terminal = console()
+    lines = [line(one) for one in standings]
+    if terminal.is_terminal:
+        terminal.print(table(standings))
+        lines = [f"{one.path}: {one.note}" for one in standings if one.note]
+    for one in lines:
+        terminal.print(one, highlight=False)
