@@ -21,8 +21,8 @@ from scipy.interpolate import CubicSpline
 
 from wavetank.data import HeightSeries, Section, WaveHeights
 from wavetank.errors import InputError
+from wavetank.postprocess.analysis.wave_heights import mean_wave_height
 from wavetank.postprocess.compare import MATCH, rms, write_rows
-from wavetank.postprocess.wave_heights import mean_wave_height
 from wavetank.records.series import GaugeSeries
 
 FEWEST = 4  # gauges along a section: a cubic's

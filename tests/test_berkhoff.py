@@ -20,10 +20,10 @@ from wavetank import data
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.data import DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
+from wavetank.postprocess.analysis.wave_heights import mean_wave_height, wave_heights
 from wavetank.postprocess.compare import matched
 from wavetank.postprocess.compare_command import compare
 from wavetank.postprocess.sections import COLUMNS, compare_heights, computed_heights
-from wavetank.postprocess.wave_heights import mean_wave_height, wave_heights
 from wavetank.records.series import GaugeSeries
 from wavetank.records.writer import RunWriter
 

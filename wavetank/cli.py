@@ -24,6 +24,7 @@ from wavetank.console import console, drain
 from wavetank.errors import InputError, WavetankError, printable
 from wavetank.fe.agreed import on_first
 from wavetank.plan.command import plan
+from wavetank.postprocess.analyse_command import analyse
 from wavetank.postprocess.compare_command import compare
 from wavetank.postprocess.view_command import view
 from wavetank.records.directory import RunDirectory
@@ -31,7 +32,8 @@ from wavetank.records.place import Place
 from wavetank.status import status
 from wavetank.study.command import study
 
-ORDER = ("new", "plan", "run", "status", "view", "compare", "study", "data", "verify", "schema")  # of use
+# of use
+ORDER = ("new", "plan", "run", "status", "view", "compare", "analyse", "study", "data", "verify", "schema")
 
 
 class InOrderOfUse(TyperGroup):
@@ -69,6 +71,7 @@ app.command(epilog=example("plan cases/wavemaker.toml --accuracy 0.01"))(plan)
 app.command(epilog=example("status runs"))(status)
 app.command(epilog=example("view runs/focusing --film runs/focusing/film.mp4"))(view)
 app.command(epilog=example("compare runs/marin-202002 --with marin-202002"))(compare)
+app.command(epilog=example("analyse runs/focusing spectrum groups"))(analyse)
 app.command(epilog=example("study cases/standing-wave.toml --sweep dt=0.02,0.01"))(study)
 
 

@@ -19,7 +19,6 @@ from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
 from rich.console import Console
-from scipy.optimize import minimize_scalar
 
 from wavetank.case.sponges import EndSponge
 from wavetank.case.tanks import SliceTank
@@ -28,6 +27,7 @@ from wavetank.integrators import Simpson4
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.contract import State
 from wavetank.motions import Motion, Ramped, Sinusoid
+from wavetank.postprocess.analysis.reflection import reflected
 from wavetank.postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
 from wavetank.theory.wavemaker import piston_transfer
@@ -95,15 +95,7 @@ class Beach:
         """Return reflected over incident amplitude of values at the degrees of freedom, of frequency omega."""
         k = float(wave_number(omega, 1.0, 9.81))
         seen = (self.plane.x > QUIET) & (self.plane.x < self.start - 0.2)
-
-        def fit(k: float) -> tuple[Any, Any]:
-            waves = np.exp(1j * k * np.outer(self.plane.x[seen], [1, -1]))
-            parts, residual, _, _ = np.linalg.lstsq(waves, values[seen])
-            return parts, residual
-
-        best = minimize_scalar(lambda k: float(fit(k)[1][0]), bounds=(0.97 * k, 1.03 * k), method="bounded")
-        incident, reflected = fit(float(best.x))[0]
-        return float(abs(reflected / incident))
+        return reflected(values[seen], self.plane.x[seen], k, within=0.03).coefficient
 
 
 class Operators:

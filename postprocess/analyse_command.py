@@ -1,0 +1,110 @@
+"""``wavetank analyse RUN|DATA KIND``: light to import; what it needs is loaded when it is called."""
+
+from collections.abc import Sequence
+from math import isnan
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.box import SIMPLE
+from rich.console import Console
+from rich.table import Table
+
+from wavetank.data.dataset import DATASET
+from wavetank.errors import InputError, choice
+from wavetank.records.directory import MANIFEST
+from wavetank.records.place import check_new
+
+KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
+WIDTH = 120  # characters a table may need, on whatever terminal
+REGULAR = ("harmonics", "bound-free", "reflection")  # that take a period
+
+
+def analyse(
+    source: Annotated[str, typer.Argument(help="run directory, CSV file, or data set", metavar="RUN|DATA")],
+    kinds: Annotated[list[str] | None, typer.Argument(help=", ".join(KINDS), metavar="[KIND]...")] = None,
+    start: Annotated[float | None, typer.Option(help="from when [s]")] = None,
+    end: Annotated[float | None, typer.Option(help="till when [s]")] = None,
+    gauges: Annotated[str | None, typer.Option(metavar="NAME,NAME,...", help="of these gauges alone")] = None,
+    along: Annotated[
+        str | None, typer.Option(metavar="X,X,NUMBER", help="a slice's surface at so many places from x to x [m]")
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(help="of regular waves [s]; default: found, and for reflection a sea", min=1e-6)
+    ] = None,
+    depth: Annotated[float | None, typer.Option(help="of still water [m]; a run's is known", min=1e-6)] = None,
+    out: Annotated[Path | None, typer.Option(help="folder; default: the run's, or runs/ and the data's name")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace analyses that are there (--out)")] = False,
+) -> None:
+    """Analyse gauges: spectra, heights, harmonics, reflection.
+
+    For each kind a table and a picture: spectra with Hm0, Tp, Tm02; heights of waves one after the other; harmonics of
+    regular waves; second harmonics bound and free; groups; incident and reflected waves; speed between gauges.
+    """
+    asked = list(dict.fromkeys(kinds or KINDS[:1]))
+    for kind in asked:
+        if kind not in KINDS:
+            raise InputError(f"analysis {kind!r} received{choice(kind, KINDS)}.")
+    if period is not None and not set(asked) & set(REGULAR):
+        raise InputError(f"--period received with {', '.join(asked)}; it is for {', '.join(REGULAR)}.")
+    folder = _own(Path(source)) if out is None else out
+    files = {kind: folder / f"analysis-{kind}.csv" for kind in asked}
+    pictures = [file.with_suffix(".png") for file in files.values()]
+    check_new(*files.values(), *pictures, overwrite=overwrite or out is None)
+    names = tuple(name.strip() for name in gauges.split(",")) if gauges else ()
+    from wavetank.postprocess.analysis import kinds as known
+    from wavetank.postprocess.analysis.record import read_record
+    from wavetank.postprocess.compare import write_rows
+
+    record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
+    results = {kind: known.KINDS[kind](record) for kind in asked}
+    _make(folder)
+    console = Console(soft_wrap=True, markup=False)
+    wide = Console(width=max(console.width, WIDTH), soft_wrap=True, markup=False)
+    for kind, found in results.items():
+        wide.print(_table(found.columns, found.rows))
+        if found.said:
+            console.print(found.said, highlight=False)
+        write_rows(files[kind], found.columns, found.rows)
+        console.print(f"wrote {files[kind]} and {found.draw(files[kind].with_suffix('.png'))}", highlight=False)
+
+
+def _own(source: Path) -> Path:
+    """Return the folder for analyses of a run, or of a table or data set."""
+    if (source / MANIFEST).is_file():
+        return source
+    described = source.parent if source.name == DATASET else source
+    return Path("runs") / f"{described.name.partition('.')[0]}-analysis"
+
+
+def _places(text: str | None) -> tuple[float, float, int] | None:
+    """Return first and last place [m] and how many of ``X,X,NUMBER``; raise ``InputError`` for anything else."""
+    if text is None:
+        return None
+    try:
+        first, last, number = text.split(",")
+        found = float(first), float(last), int(number)
+    except ValueError:
+        found = (0.0, 0.0, 0)
+    if not (found[0] < found[1] and 2 <= found[2] <= 2000):
+        raise InputError(f"along {text!r} received; allowed is X,X,NUMBER: from x to x [m], 2 to 2000 places: 5,20,60.")
+    return found
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}).") from None
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str | float]]) -> Table:
+    table = Table(*columns, box=SIMPLE, padding=0)
+    for row in rows:
+        table.add_row(*map(_shown, row))
+    return table
+
+
+def _shown(value: str | float) -> str:
+    """Return what stands in the table on the terminal: of a place that is not known, nothing."""
+    return value if isinstance(value, str) else "" if isnan(value) else f"{value:.4g}"

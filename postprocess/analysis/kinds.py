@@ -1,0 +1,190 @@
+"""The kinds of analysis that ``wavetank analyse`` offers: of a record a table, and what draws its picture."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wavetank.errors import InputError
+from wavetank.postprocess.analysis import figures
+from wavetank.postprocess.analysis.bound_free import beat_length, bound_and_free
+from wavetank.postprocess.analysis.groups import envelope, groupiness
+from wavetank.postprocess.analysis.harmonics import NUMBER, harmonics
+from wavetank.postprocess.analysis.record import Record
+from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, reflected_spectra, regular_reflection
+from wavetank.postprocess.analysis.spectra import sea_state, spectrum
+from wavetank.postprocess.analysis.speed import phase_speed, travel
+from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
+from wavetank.theory.airy import wave_number
+
+COHERENT = 0.9  # less has no phase speed
+STEEP = 0.05  # of the wave number: within which that of regular waves is looked for, where gauges allow
+
+Value = str | float
+
+
+class Result(NamedTuple):
+    """A table, its columns' names with units, what is said below it, and what draws the picture into a file."""
+
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Value]]
+    said: str
+    draw: Callable[[Path], Path]
+
+
+def _stations(record: Record) -> list[tuple[str, float]]:
+    """Return the gauges' names and places x [m]."""
+    return [(str(one.gauge.values), float(one.x)) for one in record.eta]
+
+
+def _rows(record: Record, *columns: ArrayLike) -> list[tuple[Value, ...]]:
+    """Return a row for each gauge: its name, its place, and its values in columns of shape (gauges,)."""
+    values = np.column_stack([np.asarray(column, dtype=float) for column in columns])
+    return [(*station, *map(float, row)) for station, row in zip(_stations(record), values, strict=True)]
+
+
+def spectra(record: Record) -> Result:
+    """Spectra, with Hm0 and the periods that follow from their moments."""
+    S = spectrum(record.eta)
+    state = sea_state(S)
+    names = ("hm0", "tp", "tm01", "tm02", "tm_10")
+    rows = _rows(record, *(state[name] for name in names))
+    count = S.attrs["segments"]
+    said = f"{count} segments" if count > 1 else "the whole record as one segment"
+    said += f", {float(S.frequency[1] - S.frequency[0]):.3g} Hz apart"
+    columns = ("gauge", "x [m]", "Hm0 [m]", "Tp [s]", "Tm01 [s]", "Tm02 [s]", "Tm-10 [s]")
+    return Result(columns, rows, said, lambda path: figures.spectrum_figure(S, path, title=record.title))
+
+
+def heights(record: Record) -> Result:
+    """Waves by zero up-crossings, and how often they are higher, beside Rayleigh and Forristall."""
+    waves = [(one, zero_crossing_waves(one)) for one in record.eta]
+    statistics = [height_statistics(found) for _, found in waves]
+    states = sea_state(spectrum(record.eta))
+    units = {"waves": "-", "t_mean": "s", "t_1_3": "s"}
+    columns = ("gauge", "x [m]", *(f"{name} [{units.get(name, 'm')}]" for name in statistics[0]), "Hm0 [m]")
+    rows = _rows(record, [[*one.values()] for one in statistics], states.hm0)
+    depth, gravity, title = record.depth_if_known, record.gravity, record.title
+    said = "" if depth else "Forristall's crests are left out: the depth is not known (--depth)"
+    return Result(
+        columns,
+        rows,
+        said,
+        lambda path: figures.heights_figure(waves, states, path, title=title, depth=depth, gravity=gravity),
+    )
+
+
+def harmonic(record: Record) -> Result:
+    """Amplitudes and phases of the waves' harmonics."""
+    found = harmonics(record.eta, record.frequency)
+    A = found.component.values
+    columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in range(1, NUMBER + 1))]
+    columns += [*(f"phase{n} [rad]" for n in range(1, NUMBER + 1)), "rest [m]"]
+    rows = _rows(record, np.abs(A), np.angle(A), found.rest)
+    said = f"T = {1 / record.frequency:.6g} s" + ("" if record.told_period else ", as found in the record (--period)")
+    return Result(columns, rows, said, lambda path: figures.harmonics_figure(found, path, title=record.title))
+
+
+def bound_free(record: Record) -> Result:
+    """The second harmonic along the tank: bound to the first, free, and free that goes back."""
+    f, depth, g = record.frequency, record.depth, record.gravity
+    component = harmonics(record.eta, f, number=2).component[:, 1]
+    names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
+    found = bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
+    k, free = (float(one) for one in wave_number(2 * np.pi * f * np.array([1, 2]), depth, g))
+    numbers = [2 * k, free, -free][: len(names)]
+    rows: list[tuple[Value, ...]] = [
+        (name, q, abs(a), float(np.angle(a))) for name, q, a in zip(names, numbers, found.amplitudes, strict=True)
+    ]
+    said = (
+        f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; rest {found.rest:.3g} m (rms); "
+        f"condition {found.condition:.3g}"
+    )
+    title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
+    return Result(
+        ("wave", "k [rad/m]", "amplitude [m]", "phase at x = 0 [rad]"),
+        rows,
+        said,
+        lambda path: figures.along_figure(component, numbers, names, found, path, title=title),
+    )
+
+
+def groups(record: Record) -> Result:
+    """The waves' envelope, and how much it varies."""
+    around, factor = envelope(record.eta), groupiness(record.eta)
+    rows = _rows(record, around.max("time"), around.mean("time"), factor)
+    return Result(
+        ("gauge", "x [m]", "largest envelope [m]", "mean envelope [m]", "groupiness [-]"),
+        rows,
+        "groupiness: 0 of regular waves, 1 of a linear random sea",
+        lambda path: figures.groups_figure(record.eta, around, factor, path, title=record.title),
+    )
+
+
+def reflection(record: Record) -> Result:
+    """Incident and reflected waves by the gauges' least squares: of a sea, or with --period of regular waves."""
+    return _regular(record) if record.told_period else _irregular(record)
+
+
+def _regular(record: Record) -> Result:
+    f, count = record.frequency, record.eta.sizes["gauge"]
+    component = harmonics(record.eta, f, number=1).component[:, 0]
+    within = STEEP if count > 2 else 0.0
+    found = regular_reflection(component, f, depth=record.depth, gravity=record.gravity, within=within)
+    said = f"rest {found.rest:.3g} m (rms); condition {found.condition:.3g}" + (
+        ": gauges stand badly" if found.condition > WORST else ""
+    )
+    return Result(
+        ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
+        [(1 / f, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
+        said,
+        lambda path: figures.regular_reflection_figure(component, found, path, title=record.title),
+    )
+
+
+def _irregular(record: Record) -> Result:
+    found = reflected_spectra(record.eta, depth=record.depth, gravity=record.gravity)
+    df = float(found.frequency[1] - found.frequency[0])
+    incident, back = (4 * float(np.sqrt(found[name].sum() * df)) for name in ("incident", "reflected"))
+    return Result(
+        ("Hm0 incident [m]", "Hm0 reflected [m]", "reflection [-]", "variance told apart [-]"),
+        [(incident, back, found.attrs["coefficient"], found.attrs["told_apart"])],
+        f"{record.eta.sizes['gauge']} gauges",
+        lambda path: figures.reflection_figure(found, path, title=record.title),
+    )
+
+
+def speed(record: Record) -> Result:
+    """How fast waves go from gauge to gauge: by cross-correlation, and each frequency by its phase."""
+    found, between = phase_speed(record.eta, depth=record.depth, gravity=record.gravity), travel(record.eta)
+    density = found.density.values
+    told = (found.coherence.values > COHERENT) & (density > ENERGETIC * density.max(axis=1, keepdims=True))
+    if not told.any():
+        raise InputError(f"{record.title}: from gauge to gauge no frequency has a coherence of {COHERENT:g}.")
+    peak = np.argmax(np.where(told, density, 0.0), axis=1)
+    f, c = found.frequency.values[peak], found.speed.values[np.arange(peak.size), peak]
+    linear = 2 * np.pi * f / wave_number(2 * np.pi * f, record.depth, record.gravity)
+    columns = ["gauges", "distance [m]", "delay [s]", "speed [m/s]"]
+    columns += ["peak [Hz]", "phase speed there [m/s]", "linear [m/s]"]
+    numbers = np.column_stack([between.distance, between.delay, between.speed, f, c, linear])
+    return Result(
+        columns,
+        [(str(pair), *map(float, row)) for pair, row in zip(between.pair.values, numbers, strict=True)],
+        "delay and speed are those of the largest cross-correlation",
+        lambda path: figures.speed_figure(
+            found, told, path, title=record.title, depth=record.depth, gravity=record.gravity
+        ),
+    )
+
+
+KINDS: dict[str, Callable[[Record], Result]] = {
+    "spectrum": spectra,
+    "heights": heights,
+    "harmonics": harmonic,
+    "bound-free": bound_free,
+    "groups": groups,
+    "reflection": reflection,
+    "speed": speed,
+}

@@ -1,0 +1,116 @@
+"""What is analysed: a run's gauges, or its surface along the tank, or a record of the user's own, with its depth."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from xarray import DataArray
+
+from wavetank import data
+from wavetank.case.beds import Depth
+from wavetank.errors import InputError
+from wavetank.postprocess.analysis import records
+from wavetank.postprocess.analysis.harmonics import fundamental
+from wavetank.postprocess.beds import still_water
+from wavetank.records.directory import MANIFEST, RunDirectory
+
+GRAVITY = 9.81  # m/s^2; of what is no run
+SAME = 0.01  # of the depth: gauges over depths that differ by less are over one
+
+
+@dataclass(frozen=True)
+class Record:
+    """A record with all that an analysis asks of it.
+
+    Attributes
+    ----------
+    eta
+        The elevation [m] over gauge and time.
+    title
+        What it is.
+    told_period
+        The period of the waves [s], where it is told.
+    told_depth
+        Of the still water: a number [m], a function d(x, y), or nothing where it is not known.
+    gravity
+        g [m/s²].
+    """
+
+    eta: DataArray
+    title: str
+    told_period: float | None = None
+    told_depth: float | Depth | None = None
+    gravity: float = GRAVITY
+
+    @cached_property
+    def frequency(self) -> float:
+        """The waves' frequency [Hz], as told, or that of the harmonics that leave the least."""
+        return 1 / self.told_period if self.told_period else fundamental(self.eta)
+
+    @property
+    def depth_if_known(self) -> float | None:
+        """The depth [m] at the gauges; None where it is not known, or differs between them."""
+        if not callable(self.told_depth):
+            return self.told_depth
+        depths = self.told_depth(np.asarray(self.eta.x.values), np.asarray(self.eta.y.values))
+        return float(depths.mean()) if np.ptp(depths) < SAME * depths.mean() else None
+
+    @property
+    def depth(self) -> float:
+        """The depth [m] at the gauges; raises ``InputError`` where it is not known, or differs between them."""
+        if (depth := self.depth_if_known) is None:
+            why = "it differs between the gauges: --gauges over one" if self.told_depth else "give --depth METRES"
+            raise InputError(f"{self.title}: the depth is needed for this; {why}.")
+        return depth
+
+
+def read_record(
+    source: str,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    gauges: tuple[str, ...] = (),
+    along: tuple[float, float, int] | None = None,
+    depth: float | None = None,
+    period: float | None = None,
+) -> Record:
+    """Return the record that is asked for.
+
+    Parameters
+    ----------
+    source
+        A run directory, a CSV file, a folder with a ``dataset.toml``, or the name of a data set.
+    start, end
+        From when to when [s]; default: all that all gauges have.
+    gauges
+        Names; default: all.
+    along
+        First and last place x [m] and how many of them, where a slice's surface is read instead of gauges.
+    depth, period
+        Of the still water [m] and of the waves [s], where the source does not tell or others are meant.
+
+    Raises ``InputError`` for what cannot be had.
+    """
+    told: float | Depth | None = depth
+    gravity, path = GRAVITY, Path(source)
+    if (path / MANIFEST).is_file():
+        run = RunDirectory(path)
+        tank = run.manifest.get("scene", {}).get("tank", {})
+        told, gravity = depth or still_water(run) or tank.get("depth"), tank.get("gravity", GRAVITY)
+        eta, title = _of_run(run, along), run.title or path.name
+    elif along:
+        raise InputError(f"{source}: --along reads the surface of a run; this is none.")
+    else:
+        known = data.opened(source)
+        eta, title = records.elevation(data.gauge_records(known)[0].series), known.title or known.name
+    if gauges:
+        eta = records.chosen(eta, gauges)
+    return Record(records.between(eta, start, end), title, period, told, gravity)
+
+
+def _of_run(run: RunDirectory, along: tuple[float, float, int] | None) -> DataArray:
+    if along is None:
+        return records.elevation(run.gauge_series())
+    first, last, count = along
+    return records.along(run.snapshots(), np.linspace(first, last, count, dtype=np.float64))

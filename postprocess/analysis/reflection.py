@@ -1,0 +1,116 @@
+"""Incident and reflected waves by 2, 3 or n gauges along x, over one depth, by linear theory.
+
+At each frequency the complex amplitudes at the gauges are those of a wave that comes and one that goes back, whose wave
+number is that of the dispersion relation; by least squares where there are more than two gauges. Two are Y. Goda and
+Y. Suzuki, Proc. 15th Int. Conf. Coastal Eng., 1976; three E. P. D. Mansard and E. R. Funke, Proc. 17th, 1980; n J. A.
+Zelt and J. E. Skjelbreia, Proc. 23rd, 1992. Of regular waves the wave number may be found, too.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import signal
+from scipy.optimize import minimize_scalar
+from xarray import DataArray, Dataset
+
+from wavetank.errors import InputError
+from wavetank.postprocess.analysis.along import told_apart
+from wavetank.postprocess.analysis.records import places, time_step
+from wavetank.postprocess.analysis.spectra import samples
+from wavetank.theory.airy import wave_number
+
+WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
+ENERGETIC = 0.02  # of the largest incident density: of less, no reflection is told
+
+
+class Reflection(NamedTuple):
+    """Complex amplitudes at x = 0 of the waves that come and go back, their wave number k [rad/m], what they leave.
+
+    ``condition`` is how much more an error at the gauges can be in the amplitudes, at most 6 where gauges stand well.
+    """
+
+    incident: complex
+    reflected: complex
+    k: float
+    rest: float
+    condition: float
+
+    @property
+    def coefficient(self) -> float:
+        """Reflected over incident amplitude."""
+        return abs(self.reflected) / max(abs(self.incident), np.finfo(float).tiny)
+
+
+def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 0.0) -> Reflection:
+    """Return the waves of one frequency in complex amplitudes at gauges, shape (gauges,), at x [m] of that shape.
+
+    The wave number is k [rad/m], or the one that leaves least ``within`` this part of it: nonlinear least squares, for
+    which steep waves are longer, and which needs three gauges.
+    """
+
+    def at(k: float) -> Reflection:
+        (incident, back), rest, condition = told_apart(components, x, [k, -k])
+        return Reflection(complex(incident), complex(back), k, rest, condition)
+
+    if not within:
+        return at(k)
+    bounds = ((1 - within) * k, (1 + within) * k)
+    best = minimize_scalar(lambda k: at(k).rest, bounds=bounds, method="bounded", options={"xatol": 1e-9 * k})
+    return at(float(best.x))
+
+
+def regular_reflection(
+    component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, within: float = 0.0
+) -> Reflection:
+    """Return the incident and reflected wave of a harmonic, as ``harmonics`` returns it, of this frequency [Hz].
+
+    The depth is in m; ``within`` as in ``reflected``. Raises ``InputError`` for fewer than two gauges, or three where
+    the wave number is looked for.
+    """
+    x = places(component)
+    _check(x.size, 3 if within else 2)
+    return reflected(component.values, x, float(wave_number(2 * np.pi * frequency, depth, gravity)), within=within)
+
+
+def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, segment: float | None = None) -> Dataset:
+    """Return the spectra ``incident`` and ``reflected`` [m²/Hz] of a sea over frequency [Hz].
+
+    By the gauges' cross spectra (Welch's, segments of ``spectrum``). Not numbers where the gauges cannot tell them
+    apart, by half wave lengths between them or because these are much longer than their row (``condition`` above 6.3).
+    The attribute ``coefficient`` is the root of reflected over incident variance, where the waves are. Raises
+    ``InputError`` for fewer than two gauges, and where no frequency of the waves can be told apart.
+    """
+    x, rate, size = places(eta), 1 / time_step(eta), samples(eta, segment)
+    _check(x.size, 2)
+    values = eta.transpose("gauge", "time").values
+    window = "boxcar" if size == eta.time.size else "hann"
+    f, cross = signal.csd(values[:, None], values[None], rate, window, nperseg=size, detrend="constant")
+    f, cross = f[1:], np.moveaxis(cross, -1, 0)[1:]
+    k = wave_number(2 * np.pi * f, depth, gravity)
+    # of e^(i(kx - ωt)), scipy's transform over e^(-iωt) is the conjugate of A
+    waves = np.exp(-1j * k[:, None, None] * np.multiply.outer(x, [1, -1]))
+    condition = np.linalg.cond(waves)
+    usable = condition < WORST
+    inverse = np.linalg.pinv(waves)
+    told = np.einsum("fag,fgh,fah->fa", inverse.conj(), cross, inverse).real
+    incident, back = np.where(usable, np.maximum(told.T, 0.0), np.nan)
+    density = np.trace(cross.real, axis1=1, axis2=2) / x.size
+    there = usable & (density > ENERGETIC * density.max())
+    if not there.any():
+        raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
+    coefficient = float(np.sqrt(back[there].sum() / max(incident[there].sum(), np.finfo(float).tiny)))
+    at = {"frequency": ("frequency", f, {"units": "Hz"})}
+    found = {"incident": incident, "reflected": back}
+    return Dataset(
+        {name: ("frequency", S, {"units": "m2 Hz-1"}) for name, S in found.items()}
+        | {"condition": ("frequency", condition, {"units": "1"})},
+        at,
+        {"coefficient": coefficient, "told_apart": float(density[there].sum() / density.sum())},
+    )
+
+
+def _check(gauges: int, fewest: int) -> None:
+    if gauges < fewest:
+        needed = f"at least {fewest} are needed to tell reflected waves from incident ones"
+        raise InputError(f"{gauges} gauges received; {needed}.")

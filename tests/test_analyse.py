@@ -1,0 +1,123 @@
+"""``wavetank analyse``: tables that say what the records hold, pictures that can be read, refusals in a sentence."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import CHECKOUT, commanded
+from matplotlib.figure import Figure
+from pictures import faults
+
+from wavetank.case.reading import read_case
+from wavetank.postprocess.analyse_command import KINDS
+from wavetank.postprocess.analysis import kinds
+from wavetank.records.writer import RunWriter
+from wavetank.theory.airy import wave_number
+
+PERIOD, DEPTH = 2.0, 1.0
+K, FREE = (float(one) for one in wave_number(2 * np.pi / PERIOD * np.array([1, 2]), DEPTH, 9.81))
+T = np.arange(0.0, 60.0, 0.05)
+X = (4.0, 4.5, 5.3, 6.0, 7.0)
+OMEGA = 2 * np.pi / PERIOD
+
+
+def eta(x, t):
+    """Return regular waves of 5 cm, a fifth reflected, with bound and free second harmonics of 5 and 2 mm."""
+    first = 0.05 * (np.cos(K * x - OMEGA * t) + 0.2 * np.cos(K * x + OMEGA * t))
+    return first + 0.005 * np.cos(2 * K * x - 2 * OMEGA * t) + 0.002 * np.cos(FREE * x - 2 * OMEGA * t)
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory) -> Path:
+    """A user's own record, in a CSV file."""
+    path = tmp_path_factory.mktemp("own") / "flume.csv"
+    columns = np.column_stack([T, *(eta(x, T) for x in X)])
+    header = ",".join(["t [s]", *(f"G{n}@x={x:g}" for n, x in enumerate(X, 1))])
+    np.savetxt(path, columns, delimiter=",", header=header, comments="", fmt="%.7g")
+    return path
+
+
+def rows_of(folder: Path, kind: str) -> list[dict[str, str]]:
+    with (folder / f"analysis-{kind}.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_the_commands_kinds_are_those_there_are():
+    assert tuple(kinds.KINDS) == KINDS
+
+
+def test_a_table_of_ones_own_is_analysed_in_every_way(table, tmp_path, monkeypatch):
+    """Oracle: the waves it was made of. Its numbers have seven digits."""
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path: figures.append(figure))
+    done = commanded("analyse", str(table), *KINDS, "--period", "2", "--depth", "1", "--out", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert len(figures) == len(KINDS) and not [fault for figure in figures for fault in faults(figure)]
+    (waves,) = rows_of(tmp_path, "reflection")
+    assert float(waves["incident [m]"]) == pytest.approx(0.05, rel=1e-5)
+    assert float(waves["reflection [-]"]) == pytest.approx(0.2, rel=1e-4)
+    second = {row["wave"]: float(row["amplitude [m]"]) for row in rows_of(tmp_path, "bound-free")}
+    assert (second["bound"], second["free"]) == (pytest.approx(0.005, rel=1e-4), pytest.approx(0.002, rel=1e-4))
+    assert second["free, going back"] < 1e-7
+    for n, row in enumerate(rows_of(tmp_path, "harmonics")):
+        assert float(row["a1 [m]"]) == pytest.approx(0.05 * abs(1 + 0.2 * np.exp(-2j * K * X[n])), rel=1e-5)
+    for n, row in enumerate(rows_of(tmp_path, "spectrum")):
+        assert float(row["Hm0 [m]"]) == pytest.approx(4 * eta(X[n], T).std(), rel=1e-3)
+        assert float(row["Tp [s]"]) == pytest.approx(PERIOD, rel=0.01)
+    assert float(rows_of(tmp_path, "heights")[0]["t_mean [s]"]) == pytest.approx(PERIOD, rel=1e-3)
+    assert float(rows_of(tmp_path, "groups")[0]["groupiness [-]"]) < 0.25
+    assert float(rows_of(tmp_path, "speed")[0]["distance [m]"]) == pytest.approx(0.5)
+
+
+def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
+    run, x = tmp_path / "run", np.linspace(0, 24, 241)
+    scene = read_case(CHECKOUT / "cases" / "focusing.toml")
+    with RunWriter(run, {"scene": scene.model_dump(mode="json")}) as writer:
+        surface, gauges = writer.surface(), writer.gauges([("1", 4.0), ("2", 7.0)])
+        for t in T[:400]:
+            surface.append(t, x, eta(x, t), 0 * x)
+            gauges.append([t, *eta(np.array([4.0, 7.0]), t)])
+        writer.finish("finished", {})
+    done = commanded("analyse", str(run), "reflection", "--period", "2", "--along", "5,20,40")
+    assert done.returncode == 0 and str(run / "analysis-reflection.png") in done.stdout
+    assert float(rows_of(run, "reflection")[0]["reflection [-]"]) == pytest.approx(0.2, rel=1e-3)
+    assert commanded("analyse", str(run)).returncode == 0  # its own pictures are drawn anew
+    assert {row["gauge"] for row in rows_of(run, "spectrum")} == {"1", "2"}
+
+
+def test_a_sea_is_told_apart_without_a_period(table, tmp_path):
+    options = ("--depth", "1", "--out", str(tmp_path), "--gauges", "G1,G2,G3")
+    done = commanded("analyse", str(table), "reflection", *options)
+    assert done.returncode == 0, done.stderr
+    (waves,) = rows_of(tmp_path, "reflection")
+    assert float(waves["reflection [-]"]) == pytest.approx(0.2, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["spectra"], "analysis 'spectra' received; did you mean 'spectrum'? allowed are: spectrum, heights"),
+        (["--period", "2"], "--period received with spectrum; it is for harmonics, bound-free, reflection."),
+        (["reflection"], "the depth is needed for this; give --depth METRES."),
+        (["--along", "1,2,3"], "--along reads the surface of a run; this is none."),
+        (["--along", "2,1,3"], "along '2,1,3' received; allowed is X,X,NUMBER"),
+        (["--gauges", "G1,G9"], "gauge 'G9' received; there are G1, G2, G3, G4, G5."),
+        (["--start", "100"], "from 100 to 59.95 s: 0 times there; the record is from 0 to 59.95 s."),
+        (["harmonics", "--period", "100"], "frequency 0.01 Hz: the record (59.95 s) must be a period long, or more."),
+        (["reflection", "--depth", "1", "--gauges", "G1"], "1 gauges received; at least 2 are needed"),
+        (["speed", "--depth", "1", "--gauges", "G1"], "1 gauge received; at least 2 are needed"),
+    ],
+)
+def test_what_cannot_be_analysed_is_said_before_anything_is_written(table, tmp_path, words, said):
+    done = commanded("analyse", str(table), *words, "--out", str(tmp_path / "out"))
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1) and said in done.stderr, done.stderr
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_is_there_is_not_replaced_unasked(table, tmp_path):
+    words = ("analyse", str(table), "--out", str(tmp_path))
+    assert commanded(*words).returncode == 0
+    done = commanded(*words)
+    assert done.returncode == 2 and "analysis-spectrum.csv: is there already" in done.stderr
+    assert commanded(*words, "--overwrite").returncode == 0

@@ -1,0 +1,364 @@
+"""What records say of the waves, each against waves that are known: their amplitudes, periods, phases, reflection."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from wavetank.errors import InputError
+from wavetank.postprocess.analysis.along import told_apart
+from wavetank.postprocess.analysis.bound_free import beat_length, bound_and_free
+from wavetank.postprocess.analysis.exceedance import (
+    exceedance,
+    forristall_crests,
+    forristall_heights,
+    rayleigh_crests,
+    rayleigh_heights,
+)
+from wavetank.postprocess.analysis.groups import envelope, groupiness
+from wavetank.postprocess.analysis.harmonics import fundamental, harmonics
+from wavetank.postprocess.analysis.records import along, between, chosen, elevation, places, time_step
+from wavetank.postprocess.analysis.reflection import reflected, reflected_spectra, regular_reflection
+from wavetank.postprocess.analysis.similarity import surface_similarity
+from wavetank.postprocess.analysis.spectra import WHOLE, mean_period, sea_state, spectrum
+from wavetank.postprocess.analysis.speed import delay, phase_speed, travel
+from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
+from wavetank.records.series import GaugeSeries
+from wavetank.records.surface import Surface
+from wavetank.theory.airy import group_velocity, wave_number
+
+T = np.arange(0.0, 200.0, 0.05)
+DEPTH, G = 0.8, 9.81
+
+
+def recorded(eta, x=(0.0,), t=T):
+    """Return the record of waves eta(x, t) at gauges a, b, ..."""
+    return elevation([GaugeSeries(chr(97 + n), at, t, eta(at, t), "made") for n, at in enumerate(x)])
+
+
+def k_of(f):
+    return wave_number(2 * np.pi * np.asarray(f), DEPTH, G)
+
+
+def sea(f, amplitudes, seed=1):
+    """Return a linear sea eta(x, t) of components of random phases, that go to the right."""
+    phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(f))
+
+    def eta(x, t, way=1):
+        parts = way * k_of(f)[:, None] * x - 2 * np.pi * np.outer(f, t) + phases[:, None]
+        return amplitudes @ np.cos(parts)
+
+    return eta
+
+
+def jonswap_like(f, peak=0.7):
+    """Return amplitudes [m] of a spectrum with a peak, Hm0 0.1 m."""
+    S = f**-5.0 * np.exp(-1.25 * (peak / f) ** 4) * 3.3 ** np.exp(-(((f / peak - 1) / 0.08) ** 2) / 2)
+    return np.sqrt(2 * S * 0.025**2 / S.sum())
+
+
+# ---------------------------------------------------------------- records
+def test_records_on_one_clock_are_taken_as_they_are_others_by_splines():
+    def eta(x, t):
+        return np.sin(2 * t - x)
+
+    same = recorded(eta, (1.0, 2.0))
+    assert (same.values == [eta(1.0, T), eta(2.0, T)]).all() and same.dims == ("gauge", "time")
+    late = np.arange(0.613, 180.0, 0.0353553)
+    mixed = elevation([GaugeSeries("a", 1.0, T, eta(1.0, T), ""), GaugeSeries("b", 2.0, late, eta(2.0, late), "")])
+    t = mixed.time.values
+    assert time_step(mixed) == pytest.approx(0.0353553, rel=1e-4) and t[0] >= 0.613 and t[-1] <= 180.0
+    # a cubic spline of steps dt is right to 5/384 dt^4 of the fourth derivative, 16, and somewhat more at its ends
+    np.testing.assert_allclose(mixed.values, [eta(1.0, t), eta(2.0, t)], atol=5e-6)
+    assert between(same, 10.0, 20.0).time.values[[0, -1]] == pytest.approx([10.0, 20.0])
+    assert list(chosen(same, ["b", "a"]).x.values) == [2.0, 1.0]
+
+
+def test_snapshots_are_read_at_places_that_stand_still_while_the_paddle_moves():
+    t, mesh = np.linspace(0, 20, 401), np.linspace(0, 12, 241)
+    x = mesh + 0.1 * np.sin(t)[:, None] * (1 - mesh / 12)
+    read = along(Surface(t, x, np.cos(2 * x - 3 * t[:, None]), 0 * x), np.array([2.0, 5.5]))
+    np.testing.assert_allclose(read.values, np.cos(2 * np.array([[2.0], [5.5]]) - 3 * t), atol=1e-5)
+    assert list(read.gauge.values) == ["2", "5.5"]
+
+
+def test_records_that_cannot_be_used_are_refused_in_a_sentence():
+    one = recorded(lambda x, t: np.sin(t), (1.0, 1.0))
+    unknown = recorded(lambda x, t: np.sin(t), (1.0, np.nan))
+    short = GaugeSeries("a", 1.0, T[:3], T[:3], "made")
+    for refused, said in (
+        (lambda: elevation([]), "no gauge"),
+        (lambda: elevation([short]), "too few times in common"),
+        (lambda: between(one, 300.0), "the record is from 0 to 199.95 s"),
+        (lambda: chosen(one, ["z"]), "'z' received; there are a, b"),
+        (lambda: places(one), "two are at one"),
+        (lambda: places(unknown), "that of b is not known"),
+        (lambda: along(Surface(T, np.tile([0.0, 5.0], (T.size, 1)), 0 * T, 0 * T), np.array([6.0])), "from 0 to 5 m"),
+        (lambda: harmonics(one, 0.001), "a period long"),
+        (lambda: harmonics(one, 9.0), "steps are too long"),
+        (lambda: height_statistics(zero_crossing_waves(between(one[0], 0.0, 5.0))), "0 whole waves"),
+        (lambda: bound_and_free(harmonics(one[:1], 1.0).component[:, 1], 1.0, depth=1.0), "at least 2 are needed"),
+        (lambda: regular_reflection(harmonics(one[:1], 1.0).component[:, 0], 1.0, depth=1.0), "at least 2 are needed"),
+        (lambda: travel(one[:1]), "at least 2 are needed"),
+    ):
+        with pytest.raises(InputError, match=said):
+            refused()
+
+
+# ---------------------------------------------------------------- spectra
+def test_the_spectrum_of_a_short_record_has_its_variance_exactly():
+    eta = recorded(sea(np.array([0.5, 0.8, 1.3]), np.array([0.02, 0.03, 0.01])), (0.0, 3.0), T[:400])
+    S = spectrum(eta)
+    assert S.attrs["segments"] == 1
+    variance = (S.sum("frequency") * float(S.frequency[1])).values
+    np.testing.assert_allclose(variance, eta.values.var(axis=-1), rtol=1e-12)
+
+
+@settings(max_examples=20)
+@given(a=st.floats(1e-4, 0.1), f=st.floats(0.4, 2.0))
+def test_a_sinusoid_has_its_height_and_period(a, f):
+    state = sea_state(spectrum(recorded(lambda x, t: 0.3 + a * np.cos(2 * np.pi * f * t))))
+    # Hann's window of 16 periods or more has no variance that is not within some bins of the peak
+    assert float(state.hm0[0]) == pytest.approx(4 * a / np.sqrt(2), rel=0.01)
+    for period in ("tp", "tm01", "tm02", "tm_10"):
+        assert float(state[period][0]) == pytest.approx(1 / f, rel=0.01), period
+
+
+def test_moments_of_a_sea_are_those_of_its_components():
+    """Oracle: sums over 60 components that a record of 200 s resolves, without noise."""
+    f = np.arange(60, 180, 2) / 200
+    a = jonswap_like(f)
+    t = np.arange(4000) * 0.05
+    eta = recorded(sea(f, a), t=t)
+    m = {n: np.sum(f**n * a**2 / 2) for n in (-1, 0, 1, 2)}
+    state = sea_state(spectrum(eta, segment=WHOLE))
+    assert float(state.hm0[0]) == pytest.approx(4 * np.sqrt(m[0]), rel=1e-9)
+    assert float(state.tm01[0]) == pytest.approx(m[0] / m[1], rel=1e-9)
+    assert float(state.tm02[0]) == pytest.approx(np.sqrt(m[0] / m[2]), rel=1e-9)
+    assert float(state.tm_10[0]) == pytest.approx(m[-1] / m[0], rel=1e-9)
+    assert float(state.tp[0]) == pytest.approx(1 / 0.7, rel=0.02)
+    assert mean_period(eta) == pytest.approx(np.sqrt(m[0] / m[2]), rel=0.05)  # Rice's, of so many waves
+    welch = spectrum(eta)
+    assert welch.attrs["segments"] > 3 and float(sea_state(welch).hm0[0]) == pytest.approx(0.1, rel=0.05)
+
+
+# ---------------------------------------------------------------- waves one after the other
+def test_waves_of_a_stokes_profile_have_their_crests_troughs_and_periods():
+    found = zero_crossing_waves(recorded(lambda x, t: 0.05 * np.cos(3 * t) + 0.005 * np.cos(6 * t) + 0.4)[0])
+    assert found.height.size == int(200 * 3 / (2 * np.pi)) - 1
+    np.testing.assert_allclose(found.crest, 0.055, rtol=1e-3)
+    np.testing.assert_allclose(found.trough, -0.045, rtol=1e-3)
+    np.testing.assert_allclose(found.height, 0.1, rtol=1e-4)
+    np.testing.assert_allclose(found.period, 2 * np.pi / 3, rtol=1e-4)
+
+
+def test_means_of_the_highest_waves():
+    heights = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    t = np.concatenate([n + np.arange(0, 1, 0.01) for n in range(8)])
+    size = np.repeat([1.0, *heights, 1.0], 100) / 2
+    stats = height_statistics(zero_crossing_waves(recorded(lambda x, s: size * np.sin(2 * np.pi * s), t=t)[0]))
+    assert stats["waves"] in (6.0, 7.0) and stats["h_max"] == pytest.approx(6.0, rel=0.01)
+    assert stats["h_1_3"] > stats["h_mean"] and stats["h_1_10"] == stats["h_max"]
+    assert stats["t_mean"] == pytest.approx(1.0, rel=0.01)
+
+
+def test_a_narrow_sea_is_rayleighs_and_its_waves_are_counted_as_often_as_expected():
+    f = np.linspace(0.95, 1.05, 400)
+    t = np.arange(0, 4000.0, 0.1)
+    eta = sea(f, np.full(f.size, 0.05 / 4 * np.sqrt(2 / f.size)))
+    found = zero_crossing_waves(recorded(eta, t=t)[0])
+    for values, expected in (
+        (found.height, lambda h: rayleigh_heights(h, 0.05)),
+        (found.crest, lambda c: rayleigh_crests(c, 0.05)),
+    ):
+        told = exceedance(values)
+        # some 4000 waves in groups of ten: as 400 that are independent
+        assert np.abs(told.values - expected(told.value.values)).max() < 1.6 / np.sqrt(400)
+    assert height_statistics(found)["h_1_3"] == pytest.approx(0.05, rel=0.03)
+
+
+def test_forristalls_distributions_are_those_of_the_papers():
+    """Oracles: the highest third of his heights is 0.942 Hm0; crests of no steepness are Rayleigh's."""
+    third = (8.42 * np.log(3)) ** (1 / 2.126) / 4
+    mean = third + 3 * quad(lambda h: float(forristall_heights(h, 1.0)), third, 5.0)[0]
+    assert mean == pytest.approx(0.942, abs=2e-3)
+    crests = np.linspace(0.1, 1.2, 12)
+    for crested in ("long", "short"):
+        flat = forristall_crests(crests, 1.0, tm01=1e4, depth=np.inf, crested=crested)
+        np.testing.assert_allclose(np.log(flat), np.log(rayleigh_crests(crests, 1.0)), rtol=1e-3)
+        steep = forristall_crests(crests, 1.0, tm01=4.0, depth=20.0, crested=crested)
+        assert (steep[5:] > rayleigh_crests(crests, 1.0)[5:]).all()
+
+
+# ---------------------------------------------------------------- harmonics
+AMPLITUDES = st.floats(1e-3, 0.1)
+
+
+@settings(max_examples=20)
+@given(a=st.lists(AMPLITUDES, min_size=4, max_size=4), f=st.floats(0.3, 1.5), phase=st.floats(-3.1, 3.1))
+def test_harmonics_of_any_amplitudes_and_phases_are_found_from_any_piece_of_them(a, f, phase):
+    def eta(x, t):
+        return 0.2 + sum(one * np.cos(-2 * np.pi * f * n * t + n * phase) for n, one in enumerate(a, 1))
+
+    found = harmonics(recorded(eta, t=T[:137]), f)
+    expected = [one * np.exp(1j * n * phase) for n, one in enumerate(a, 1)]
+    np.testing.assert_allclose(found.component.values[0], expected, atol=1e-10)
+    assert float(found.level[0]) == pytest.approx(0.2, abs=1e-10) and float(found.rest[0]) < 1e-10
+
+
+def test_harmonics_in_noise_are_as_uncertain_as_least_squares_are():
+    noise = 0.01 * np.random.default_rng(3).standard_normal((2, T.size))
+    record = recorded(lambda x, t: 0.05 * np.cos(x - 4 * t) + 0.01 * np.cos(3 * x - 8 * t), (0.0, 1.0))
+    found = harmonics(record + noise, 4 / (2 * np.pi))
+    # variance of a coefficient: 2 σ²/N
+    expected = [[0.05, 0.01], 0.05 * np.exp(1j) * np.array([1, 0]) + 0.01 * np.exp(3j) * np.array([0, 1])]
+    np.testing.assert_allclose(found.component.values[:, :2], expected, atol=4 * 0.01 * np.sqrt(2 / T.size))
+    np.testing.assert_allclose(found.rest, 0.01, rtol=0.05)
+
+
+@settings(max_examples=10)
+@given(f=st.floats(0.4, 1.5))
+def test_the_fundamental_is_found_by_the_waves_themselves(f):
+    record = recorded(lambda x, t: np.cos(2 * np.pi * f * t - x) + 0.3 * np.cos(4 * np.pi * f * t), (0.0, 1.0), T[:800])
+    assert fundamental(record) == pytest.approx(f, rel=1e-6)
+
+
+@settings(max_examples=20)
+@given(bound=AMPLITUDES, free=AMPLITUDES, back=AMPLITUDES, phases=st.tuples(*3 * [st.floats(0, 6.2)]))
+def test_bound_and_free_second_harmonics_are_told_apart(bound, free, back, phases):
+    f, x = 0.6, np.array([3.0, 3.4, 4.1, 5.0, 6.2])
+    k, k_free = k_of([f, 2 * f])
+    waves = [(bound, 2 * k), (free, k_free), (back, -k_free)]
+
+    def eta(x, t):
+        turned = zip(waves, phases, strict=True)
+        return sum(a * np.cos(q * x - 4 * np.pi * f * t + phase) for (a, q), phase in turned)
+
+    found = bound_and_free(harmonics(recorded(eta, x, T[:300]), f).component[:, 1], f, depth=DEPTH, returning=True)
+    expected = [a * np.exp(1j * phase) for (a, _), phase in zip(waves, phases, strict=True)]
+    np.testing.assert_allclose(found.amplitudes, expected, atol=1e-9)
+    assert found.rest < 1e-10
+    length = beat_length(f, depth=DEPTH)
+    assert (k_free - 2 * k) * length == pytest.approx(2 * np.pi)
+
+
+# ---------------------------------------------------------------- groups
+def test_envelope_and_groupiness_of_known_groups():
+    """Oracles: cos a + cos b = 2 cos((a-b)/2) cos((a+b)/2); groupiness 0 of one, 1/√2 of two, 1 of a random sea."""
+    t = np.arange(0, 200.0, 0.05)
+    (two,) = recorded(lambda x, t: np.cos(2 * np.pi * t) + np.cos(2 * np.pi * 1.1 * t), t=t)
+    np.testing.assert_allclose(envelope(two), 2 * np.abs(np.cos(0.1 * np.pi * t)), atol=1e-9)
+    assert float(groupiness(two)) == pytest.approx(1 / np.sqrt(2), rel=1e-6)
+    assert float(groupiness(recorded(lambda x, t: np.cos(2 * np.pi * t), t=t))[0]) < 1e-9
+    f = np.linspace(0.5, 1.5, 500)
+    random = recorded(sea(f, jonswap_like(f, 0.9)), t=np.arange(0, 480.0, 0.1))
+    assert float(groupiness(random)[0]) == pytest.approx(1.0, abs=0.1)
+
+
+# ---------------------------------------------------------------- reflection
+GAUGES = {2: (4.0, 4.5), 3: (4.0, 4.3, 4.8), 6: (4.0, 4.3, 4.8, 5.1, 6.0, 6.3)}
+
+
+@pytest.mark.parametrize("number", GAUGES)
+@settings(max_examples=10)
+@given(incident=AMPLITUDES, ratio=st.floats(0.0, 1.0), f=st.floats(0.5, 0.9), phase=st.floats(0, 6.2))
+def test_regular_waves_and_their_reflection_are_told_apart(number, incident, ratio, f, phase):
+    k = float(k_of(f))
+
+    def eta(x, t):
+        omega = 2 * np.pi * f
+        return incident * (np.cos(k * x - omega * t) + ratio * np.cos(k * x + omega * t - phase))
+
+    component = harmonics(recorded(eta, GAUGES[number], T[:300]), f, number=1).component[:, 0]
+    found = regular_reflection(component, f, depth=DEPTH)
+    assert abs(found.incident) == pytest.approx(incident, rel=1e-6)
+    assert found.coefficient == pytest.approx(ratio, abs=1e-8)
+    assert found.rest < 1e-9
+
+
+def test_the_wave_number_is_found_where_waves_are_longer_than_linear_ones():
+    x = np.linspace(0, 10, 12)
+    k = float(k_of(0.7))
+    found = reflected(np.exp(0.97j * k * x) + 0.05 * np.exp(-0.97j * k * x), x, k, within=0.05)
+    assert found.k == pytest.approx(0.97 * k, rel=1e-6) and found.coefficient == pytest.approx(0.05, abs=1e-6)
+    assert reflected(np.exp(0.97j * k * x), x, k).rest > 0.1  # by the other wave number it is not told
+
+
+@pytest.mark.parametrize("number", GAUGES)
+def test_a_sea_and_its_reflection_are_told_apart(number):
+    """Oracle: a linear sea of 160 components, a third of each reflected; Welch's windows spread what depends on f."""
+    f = np.linspace(0.35, 1.2, 160)
+    there, back = sea(f, jonswap_like(f, 0.6)), sea(f, jonswap_like(f, 0.6) / 3, seed=2)
+    t = np.arange(0, 1200, 0.1)
+    noise = 1e-4 * np.random.default_rng(5).standard_normal((number, t.size))
+    record = recorded(lambda x, t: there(x, t) + back(x, t, -1), GAUGES[number], t)
+    found = reflected_spectra(record + noise, depth=DEPTH)
+    assert found.attrs["coefficient"] == pytest.approx(1 / 3, rel=0.03)
+    df = float(found.frequency[1] - found.frequency[0])
+    if found.attrs["told_apart"] > 0.99:
+        assert 4 * np.sqrt(float(found.incident.sum()) * df) == pytest.approx(0.1, rel=0.03)
+    else:
+        assert number == 2  # two gauges half a wave length apart
+
+
+def test_gauges_half_a_wave_length_apart_tell_nothing():
+    f = 0.7
+    x = (3.0, 3.0 + np.pi / float(k_of(f)))
+    record = recorded(lambda x, t: np.cos(float(k_of(f)) * x - 2 * np.pi * f * t), x)
+    with pytest.raises(InputError, match="cannot be told apart"):
+        reflected_spectra(record, depth=DEPTH)
+
+
+def test_what_is_told_apart_says_how_badly_gauges_stand():
+    assert told_apart([1.0, 1.0], [0.0, np.pi / 2], [1.0, -1.0]).condition == pytest.approx(1.0)
+    assert told_apart([1.0, 1.0], [0.0, 0.1 * np.pi], [1.0, -1.0]).condition == pytest.approx(6.3, abs=0.05)
+
+
+# ---------------------------------------------------------------- similarity and speed
+@settings(max_examples=30)
+@given(phase=st.floats(0, np.pi), gain=st.floats(0.1, 10.0))
+def test_similarity_is_that_of_the_spectra(phase, gain):
+    """Oracles: the paper's definition by the Fourier transform; |e^(iφ) - g| / (1 + g) of two sinusoids."""
+    t = np.arange(1000) * 0.01
+    one, other = np.cos(2 * np.pi * t), gain * np.cos(2 * np.pi * t - phase)
+    found = surface_similarity(one, other)
+    assert found == pytest.approx(abs(np.exp(1j * phase) - gain) / (1 + gain), abs=1e-9)
+    F, H = np.fft.fft(one), np.fft.fft(other)
+    by_spectra = np.linalg.norm(F - H) / (np.linalg.norm(F) + np.linalg.norm(H))
+    assert found == pytest.approx(by_spectra, abs=1e-12)
+    assert surface_similarity(one, one) == 0.0 and surface_similarity(one, -one) == pytest.approx(1.0)
+
+
+@settings(max_examples=10)
+@given(late=st.floats(0.3, 9.0))
+def test_a_delay_is_found_between_samples(late):
+    def group(x, t):
+        return np.exp(-(((t - 60 - x) / 5) ** 2)) * np.cos(4 * (t - x))
+
+    record = recorded(group, (0.0, late))
+    assert delay(*record) == pytest.approx(late, abs=2e-3)  # a twentieth of the step
+    assert float(travel(record[::-1]).speed[0]) == pytest.approx(1.0, rel=2e-3 / late)
+
+
+def test_phase_speeds_of_a_sea_are_those_of_the_dispersion_relation():
+    f = np.linspace(0.4, 1.2, 200)
+    record = recorded(sea(f, jonswap_like(f)), (2.0, 3.5, 8.0), np.arange(0, 600, 0.1))
+    found = phase_speed(record, depth=DEPTH)
+    told = (found.coherence > 0.98) & (found.density > 0.05 * found.density.max())
+    expected = 2 * np.pi * found.frequency / k_of(found.frequency.where(found.frequency > 0))
+    assert int(told[0].sum()) > 10
+    assert float(np.abs(found.speed[0] / expected - 1).where(told[0]).max()) < 0.02
+    assert found.pair.values.tolist() == ["a-b", "b-c"]
+
+
+def test_a_group_travels_with_the_group_velocity():
+    f = np.linspace(0.6, 0.8, 200)
+    k = k_of(f)
+    narrow = np.exp(-(((f - 0.7) / 0.02) ** 2))
+
+    def eta(x, t):
+        return narrow @ np.cos(k[:, None] * x - 2 * np.pi * np.outer(f, t - 60))
+
+    behind = float(np.mean([delay(envelope(a), envelope(b)) for a, b in [recorded(eta, (0.0, 12.0))]]))
+    assert 12.0 / behind == pytest.approx(float(group_velocity(float(k_of(0.7)), DEPTH, G)), rel=0.01)
