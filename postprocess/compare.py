@@ -5,7 +5,10 @@ Per gauge, over the times both have, with the reference's times as the base and 
     nrms        rms(computed - reference) / rms(reference)
     nrms_fitted the same for gain * computed(t - shift), the gain and the shift fitted by least squares
     correlation of computed and reference, without shift
-    crests      the largest elevation of either: of the spline, and among the reference's samples
+    crests      the largest elevation of either: of the spline, and among the reference's samples; troughs the lowest
+    crest error the computed crest over the reference's, less 1; of the troughs alike
+    arrival     by how much later than in the reference the elevation first is a tenth of the reference's largest
+    similarity  the surface similarity parameter: 0 alike, 1 opposite (``analysis/similarity.py``)
 
 Where the reference's clock is another's, one offset for all gauges is found first (``synchronised``).
 """
@@ -13,7 +16,7 @@ Where the reference's clock is another's, one offset for all gauges is found fir
 import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,9 +29,11 @@ from scipy.optimize import minimize_scalar
 
 from wavetank.data import GaugeRecords
 from wavetank.errors import InputError
+from wavetank.postprocess.analysis.similarity import surface_similarity
 from wavetank.records.series import GaugeSeries
 
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
+ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
 MATCH = 1e-3  # m; two gauges nearer than that stand at one place
 
 COLUMNS = (
@@ -44,6 +49,12 @@ COLUMNS = (
     "crest_reference [m]",
     "t_crest_reference [s]",
     "clock_offset [s]",
+    "trough_computed [m]",
+    "trough_reference [m]",
+    "crest_error",
+    "trough_error",
+    "arrival_error [s]",
+    "similarity",
 )
 
 
@@ -62,7 +73,13 @@ class GaugeComparison:
     t_crest_computed: float
     crest_reference: float
     t_crest_reference: float
-    clock_offset: float = 0.0
+    clock_offset: float
+    trough_computed: float
+    trough_reference: float
+    crest_error: float
+    trough_error: float
+    arrival_error: float
+    similarity: float
 
 
 def matched(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[tuple[GaugeSeries, GaugeSeries]]:
@@ -154,12 +171,11 @@ def compare(
     ``clock_offset`` is what has been added to the reference's times [s], to be told. Raises ``InputError`` if they have
     no gauge in common, or as ``compare_gauge`` does.
     """
-    pairs = matched(computed, reference)
-    return [replace(compare_gauge(one, other), clock_offset=clock_offset) for one, other in pairs]
+    return [compare_gauge(one, other, clock_offset=clock_offset) for one, other in matched(computed, reference)]
 
 
-def compare_gauge(computed: GaugeSeries, reference: GaugeSeries) -> GaugeComparison:
-    """Return the comparison at one gauge.
+def compare_gauge(computed: GaugeSeries, reference: GaugeSeries, *, clock_offset: float = 0.0) -> GaugeComparison:
+    """Return the comparison at one gauge, to whose reference's times ``clock_offset`` [s] has been added.
 
     Raises ``InputError`` if the records share fewer than 4 of the reference's times, or if the reference is zero there.
     """
@@ -172,20 +188,40 @@ def compare_gauge(computed: GaugeSeries, reference: GaugeSeries) -> GaugeCompari
     spline = CubicSpline(computed.t, computed.eta)
     shift, fit = _fit(spline, t, eta)
     fine = np.linspace(t[0], t[-1], 8 * t.size)
-    crest, peak = int(np.argmax(spline(fine))), int(np.argmax(eta))
+    there, near = spline(t), spline(fine)
+    crest, peak, level = int(np.argmax(near)), int(np.argmax(eta)), ARRIVED * float(np.abs(eta).max())
     return GaugeComparison(
         gauge=reference.name,
         x=reference.x,
-        nrms=rms(spline(t) - eta) / rms(eta),
+        nrms=rms(there - eta) / rms(eta),
         nrms_fitted=fit.nrms,
         gain=fit.gain,
         shift=shift,
-        correlation=_correlation(spline(t), eta),
-        crest_computed=float(spline(fine[crest])),
+        correlation=_correlation(there, eta),
+        crest_computed=float(near[crest]),
         t_crest_computed=float(fine[crest]),
         crest_reference=float(eta[peak]),
         t_crest_reference=float(t[peak]),
+        clock_offset=clock_offset,
+        trough_computed=float(near.min()),
+        trough_reference=float(eta.min()),
+        crest_error=_excess(near.max(), eta.max()),
+        trough_error=_excess(-near.min(), -eta.min()),
+        arrival_error=_arrival(fine, near, level) - _arrival(t, eta, level),
+        similarity=surface_similarity(there, eta),
     )
+
+
+def _excess(size: float, expected: float) -> float:
+    """Return a size over the one that is expected, less 1; not a number where none is expected."""
+    return float(size / expected - 1) if expected > 0 else nan
+
+
+def _arrival(t: NDArray[np.float64], eta: NDArray[np.float64], level: float) -> float:
+    """Return when [s] a record is first as far from still water as a level [m]; not a number if never, or always."""
+    size = np.abs(eta)
+    first = int(np.argmax(size >= level))
+    return float(np.interp(level, size[first - 1 : first + 1], t[first - 1 : first + 1])) if first else nan
 
 
 class _Fit(NamedTuple):
@@ -242,11 +278,28 @@ def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[objec
 
 
 def comparison_table(comparisons: Sequence[GaugeComparison]) -> Table:
-    """Return the comparison as a table for the terminal."""
-    names = ("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "crest [m]", "reference")
+    """Return the misfits as a table for the terminal."""
+    names = ("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "similarity")
     table = Table(*names, box=SIMPLE, padding=0)
     for one in comparisons:
-        numbers = (one.nrms, one.nrms_fitted, one.gain, one.shift, one.correlation)
-        crests = (f"{one.crest_computed:.4g}", f"{one.crest_reference:.4g}")
-        table.add_row(one.gauge, f"{one.x:g}", *(f"{number:.3f}" for number in numbers), *crests)
+        numbers = (one.nrms, one.nrms_fitted, one.gain, one.shift, one.correlation, one.similarity)
+        table.add_row(one.gauge, f"{one.x:g}", *(f"{number:.3f}" for number in numbers))
     return table
+
+
+def extremes_table(comparisons: Sequence[GaugeComparison]) -> Table:
+    """Return crests, troughs and arrivals as a table for the terminal; errors that no gauge has are left out."""
+    table = Table("gauge", "crest [m]", "reference", "error", box=SIMPLE, padding=0)
+    late = not all(isnan(one.arrival_error) for one in comparisons)
+    for name in ("trough [m]", "reference", "error", *["arrival [s]"] * late):
+        table.add_column(name)
+    for one in comparisons:
+        crests = (f"{one.crest_computed:.4g}", f"{one.crest_reference:.4g}", _percent(one.crest_error))
+        troughs = (f"{one.trough_computed:.4g}", f"{one.trough_reference:.4g}", _percent(one.trough_error))
+        arrival = "" if isnan(one.arrival_error) else f"{one.arrival_error:+.3f}"
+        table.add_row(one.gauge, *crests, *troughs, *[arrival] * late)
+    return table
+
+
+def _percent(share: float) -> str:
+    return "" if isnan(share) else f"{100 * share:+.1f} %"

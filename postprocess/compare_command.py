@@ -5,10 +5,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from pydantic import TypeAdapter
 from rich.console import Console
 from rich.table import Table
 
 from wavetank import data
+from wavetank.data.dataset import Clock
+from wavetank.errors import InputError
 from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.place import check_new
 
@@ -20,19 +23,43 @@ def compare(
     ],
     out: Annotated[Path | None, typer.Option(help="where to write; default: the run directory")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace a comparison that is there (--out)")] = False,
+    clock: Annotated[
+        str | None,
+        typer.Option(metavar="S|S,S|free", help="added to the reference's times [s]: a number, or found in bounds"),
+    ] = None,
+    period: Annotated[
+        float | None, typer.Option(help="of regular waves [s]: their harmonics are compared, too", min=1e-6)
+    ] = None,
+    start: Annotated[float | None, typer.Option(help="when regular waves are established [s] (--period)")] = None,
 ) -> None:
     """Compare a run with measurements, or another run, at the gauges."""
     directory, folder = RunDirectory(run), run if out is None else out
-    check_new(folder / "compare.csv", folder / "compare.png", overwrite=overwrite or out is None)
-    if (Path(reference) / MANIFEST).is_file():
-        table = _compare_gauges(directory, [_of_run(Path(reference))], folder=folder)
-    elif (given := data.opened(reference)).heights is not None:
-        table = _compare_heights(directory, given.heights, data.height_series(given), folder=folder)
+    names = ("compare.csv", "compare.png", *["compare-harmonics.csv"] * (period is not None))
+    check_new(*(folder / name for name in names), overwrite=overwrite or out is None)
+    given = None if (Path(reference) / MANIFEST).is_file() else data.opened(reference)
+    if given and given.heights is not None:
+        if clock is not None or period is not None:
+            raise InputError(f"{reference}: holds wave heights; --clock and --period are for records of gauges.")
+        tables = [_compare_heights(directory, given.heights, data.height_series(given), folder=folder)]
     else:
-        table = _compare_gauges(directory, data.gauge_records(given), folder=folder)
+        first, *others = data.gauge_records(given) if given else [_of_run(Path(reference))]
+        references = [first._replace(clock=_clock(clock)) if clock is not None else first, *others]
+        tables = _compare_gauges(directory, references, folder=folder, period=period, start=start)
     console = Console(soft_wrap=True, markup=False)
-    console.print(table)
-    console.print(f"wrote {folder / 'compare.csv'} and {folder / 'compare.png'}", highlight=False)
+    for table in tables:
+        console.print(table)
+    console.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
+
+
+def _clock(text: str) -> tuple[float, float]:
+    """Return the bounds [s] of what is added to a reference's times, as a ``dataset.toml`` tells them."""
+    try:
+        meant = text if text == "free" else [float(one) for one in text.split(",")]
+        first, last = TypeAdapter(Clock).validate_python(meant[0] if len(meant) == 1 else meant)
+    except ValueError:
+        allowed = "'free', a number of seconds, or SMALLEST,LARGEST"
+        raise InputError(f"--clock {text!r} received; allowed is {allowed}.") from None
+    return first, last
 
 
 def _of_run(path: Path) -> data.GaugeRecords:
@@ -41,19 +68,32 @@ def _of_run(path: Path) -> data.GaugeRecords:
     return data.GaugeRecords(tuple(replace(gauge, source=path.name) for gauge in gauges))
 
 
-def _compare_gauges(run: RunDirectory, references: list[data.GaugeRecords], *, folder: Path) -> Table:
+def _compare_gauges(
+    run: RunDirectory,
+    references: list[data.GaugeRecords],
+    *,
+    folder: Path,
+    period: float | None,
+    start: float | None,
+) -> list[Table]:
     """Compare with the first of the references, and draw them all."""
     from wavetank.postprocess import compare as comparison
+    from wavetank.postprocess import compare_harmonics
     from wavetank.postprocess.figures import gauges_figure
 
     computed = run.gauge_series()
     (measured, offset), *others = (comparison.synchronised(computed, one) for one in references)
     compared = comparison.compare(computed, measured, clock_offset=offset)
+    tables = [comparison.comparison_table(compared), comparison.extremes_table(compared)]
+    harmonic = compare_harmonics.compare_harmonics(computed, measured, period=period, start=start) if period else []
     folder.mkdir(parents=True, exist_ok=True)
     comparison.write_comparison(folder / "compare.csv", compared)
+    if harmonic:
+        compare_harmonics.write_harmonics(folder / "compare-harmonics.csv", harmonic)
+        tables.append(compare_harmonics.harmonics_table(harmonic))
     published = [gauge for series, _ in others for gauge in series]
     gauges_figure(measured, computed, published, folder / "compare.png")
-    return comparison.comparison_table(compared)
+    return tables
 
 
 def _compare_heights(

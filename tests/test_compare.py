@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import needs_marin
+from conftest import commanded, needs_marin
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
@@ -15,7 +15,8 @@ from rich.console import Console
 from wavetank import data
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.postprocess.compare import COLUMNS, compare, comparison_table, matched, write_comparison
+from wavetank.postprocess.compare import COLUMNS, compare, comparison_table, extremes_table, matched, write_comparison
+from wavetank.postprocess.compare_harmonics import compare_harmonics, harmonics_table
 from wavetank.postprocess.figures import gauges_figure
 from wavetank.postprocess.run_figures import draw_run
 from wavetank.records.directory import RunDirectory
@@ -78,7 +79,7 @@ def test_small_crests_have_their_digits_in_the_table():
     t = np.arange(0, 60, 0.02)
     one = series("5", 50.0, t, 1e-4 * group(t, 30.0))
     said = StringIO()
-    Console(file=said, width=120).print(comparison_table(compare([one], [one])))
+    Console(file=said, width=120).print(extremes_table(compare([one], [one])))
     crest = 1e-4 * group(t, 30.0).max()
     assert said.getvalue().count(f"{crest:.4g}") == 2
 
@@ -214,6 +215,70 @@ def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
 
 def test_the_table_shows_units_gain_and_shift_in_a_narrow_terminal():
     console = Console(width=80, file=StringIO(), markup=False)
-    console.print(comparison_table([against(waves(T), 1.1 * waves(T - 0.2))]))
+    found = [against(waves(T), 1.1 * waves(T - 0.2))]
+    console.print(comparison_table(found), extremes_table(found))
     shown = console.file.getvalue()
-    assert all(word in shown for word in ("x [m]", "shift [s]", "correlation", "1.100", "0.200"))
+    assert all(word in shown for word in ("x [m]", "shift [s]", "correlation", "similarity", "1.100", "0.200"))
+    assert all(word in shown for word in ("crest [m]", "trough [m]", "arrival [s]", "-9.1 %"))
+
+
+def test_troughs_arrival_and_similarity_are_those_of_the_group():
+    """Oracle: a group 0.8 times as high and 0.3 s late, against the group itself."""
+    found = against(0.8 * waves(T - 0.3), waves(T))
+    assert (found.crest_error, found.trough_error) == (pytest.approx(-0.2, abs=1e-3), pytest.approx(-0.2, abs=1e-3))
+    assert found.trough_reference == pytest.approx(waves(T).min())
+    exact = against(waves(T - 0.3), waves(T))
+    assert exact.arrival_error == pytest.approx(0.3, abs=1e-3)
+    one, other = 0.8 * waves(T - 0.3), waves(T)
+    F, H = np.fft.fft(one), np.fft.fft(other)
+    by_spectra = np.linalg.norm(F - H) / (np.linalg.norm(F) + np.linalg.norm(H))
+    assert found.similarity == pytest.approx(by_spectra, abs=1e-9)
+
+
+def test_what_makes_no_sense_has_no_number():
+    """Waves from the start have no arrival; a record that nowhere sinks has no trough; its errors are blank."""
+    steady = 0.05 + 0.01 * np.cos(3 * T)
+    found = against(steady, steady)
+    assert np.isnan(found.arrival_error) and np.isnan(found.trough_error) and found.crest_error < 1e-3
+    console = Console(width=100, file=StringIO(), markup=False)
+    console.print(extremes_table([found]))
+    assert "nan" not in console.file.getvalue() and "arrival" not in console.file.getvalue()
+
+
+def test_harmonics_are_compared_in_amplitude_and_phase():
+    """Oracle: a first harmonic 10 % too high and 0.2 rad ahead, a second one 0.3 rad behind, no third."""
+    measured = 0.05 * np.cos(3 * T) + 0.01 * np.cos(6 * T)
+    computed = 0.055 * np.cos(3 * T + 0.2) + 0.01 * np.cos(6 * T - 0.3)
+    found = compare_harmonics(
+        [series("5", 50.0, T, computed)], [series("5", 50.0, T, measured)], period=2 * np.pi / 3, start=5.0
+    )
+    first, second, third = found
+    assert (first.error, first.ahead) == (pytest.approx(0.1, abs=1e-9), pytest.approx(0.2, abs=1e-9))
+    assert (second.error, second.ahead) == (pytest.approx(0.0, abs=1e-9), pytest.approx(-0.3, abs=1e-9))
+    assert np.isnan(third.error) and third.reference < 1e-10
+    console = Console(width=80, file=StringIO(), markup=False)
+    console.print(harmonics_table(found))
+    assert all(word in console.file.getvalue() for word in ("+10.0 %", "+0.200", "computed [mm]", "55"))
+
+
+def test_a_clock_and_harmonics_are_asked_for_on_the_command_line(tmp_path):
+    """Oracle: the same record, 1.7 s late on a clock of its own."""
+    with RunWriter(tmp_path / "run", {}) as writer:
+        gauges = writer.gauges([("1", 1.0)])
+        for t in T:
+            gauges.append([t, waves(t)])
+        writer.finish("finished", {})
+    late = np.column_stack([T + 1.7, waves(T)])
+    np.savetxt(tmp_path / "own.csv", late, delimiter=",", header="t,1", comments="")
+    words = ("compare", str(tmp_path / "run"), "--with", str(tmp_path / "own.csv"))
+    done = commanded(*words, "--clock", "-5,0", "--period", "1.57", "--start", "10")
+    assert done.returncode == 0, done.stderr
+    (row,), harmonic = (
+        list(csv.DictReader((tmp_path / "run" / name).read_text().splitlines()))
+        for name in ("compare.csv", "compare-harmonics.csv")
+    )
+    assert float(row["clock_offset [s]"]) == pytest.approx(-1.7, abs=1e-4) and float(row["nrms"]) < 1e-3
+    assert len(harmonic) == 3 and abs(float(harmonic[0]["error"])) < 1e-3
+    for clock in ("soon", "3,1", "1,2,3", ""):
+        refused = commanded(*words, "--clock", clock)
+        assert refused.returncode == 2 and f"--clock {clock!r} received; allowed is 'free'" in refused.stderr

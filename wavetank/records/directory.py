@@ -47,7 +47,7 @@ TABLES = GAUGES, ENERGY, PADDLE = "gauges.csv", "energy.csv", "paddle.csv"
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
-PICTURES = ("surface.png", "gauges.png", "energy.png", "view.png", "compare.*", "analysis-*.*")  # made of the records
+PICTURES = ("surface.png", "gauges.png", "energy.png", "view.png", "compare.*", "compare-*.*", "analysis-*.*")  # later
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 
 
