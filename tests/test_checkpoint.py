@@ -132,11 +132,14 @@ def test_a_damaged_one_does_not_take_the_place_of_the_one_before(tmp_path, monke
 
 
 def test_whatever_is_damaged_in_one_the_one_before_is_taken_and_it_is_said(tmp_path):
-    """Any byte changed that is not padding, cut anywhere, or not a checkpoint at all."""
+    """Any byte changed that is not padding, cut anywhere, another run's, or not a checkpoint at all."""
+    write_checkpoint(tmp_path, some(1)._replace(about={"t": 0.1, "id": "another's"}))
+    another_s = (tmp_path / CHECKPOINT).read_bytes()
     write_checkpoint(tmp_path, some(0))
     write_checkpoint(tmp_path, some(1))
     whole, rng = (tmp_path / CHECKPOINT).read_bytes(), random.Random(1)
     contents = [whole[:n] for n in rng.sample(range(len(whole)), 20)] + [b"", b"a picture", bytes(len(whole))]
+    contents.append(another_s)
     for content in ("about.json", "held.json", "0.npy", "places.npy"):
         place = whole.index(content.encode()) + len(content) + 3
         contents.append(whole[:place] + bytes([whole[place] ^ 1]) + whole[place + 1 :])
@@ -145,7 +148,7 @@ def test_whatever_is_damaged_in_one_the_one_before_is_taken_and_it_is_said(tmp_p
         found, (damaged,) = read_checkpoint(tmp_path)
         assert found.about == some(0).about and str(tmp_path / CHECKPOINT) in damaged
     (tmp_path / CHECKPOINT_BEFORE).write_bytes(b"")
-    with pytest.raises(InputError, match=rf"{CHECKPOINT} is damaged .*{CHECKPOINT_BEFORE} is damaged"):
+    with pytest.raises(InputError, match=rf"{CHECKPOINT} cannot be used .*{CHECKPOINT_BEFORE} cannot be used"):
         read_checkpoint(tmp_path)
 
 

@@ -14,7 +14,8 @@ import pytest
 from mpi4py import MPI
 from ranks import begun, on
 
-from wavetank.fe import compiled
+from wavetank.errors import WavetankError
+from wavetank.fe import compiled, kernels
 
 FORM = """
 import ufl
@@ -151,3 +152,33 @@ def test_code_for_this_processor_is_not_another_s(tmp_path, monkeypatch):
         monkeypatch.setattr(compiled, "processor", lambda kind=kind: kind)
         folders.add(compiled.compiled(MPI.COMM_SELF, "code", build=lambda folder: None))
     assert len(folders) == 4
+
+
+def unkept(cache: str) -> list[str]:
+    """What ranks say where one of them alone can keep nothing, and where one cannot load what is kept; collective."""
+    comm, said, code = MPI.COMM_WORLD, [], "double two(void) { return 2.0; }"
+    last = comm.rank == comm.size - 1
+
+    def full(**names):
+        raise OSError(28, "No space left on device")
+
+    def barred(file):
+        raise ImportError("failed to map segment from shared object")
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setenv("XDG_CACHE_HOME", f"{cache}/{comm.rank}")  # each its own
+        for module, name, fails in ((compiled, "mkdtemp", full), (kernels, "_module", barred)):
+            with patched.context() as there:
+                if last:
+                    there.setattr(module, name, fails)
+                with pytest.raises(WavetankError) as error:
+                    kernels.Kernel("two", "double two(void);", key=code, source=lambda: code, comm=comm)
+            said.append(str(error.value))
+    return said
+
+
+def test_what_one_rank_alone_cannot_keep_or_load_ends_all_with_one_sentence(on_ranks, tmp_path):
+    for full, barred in on_ranks(unkept, str(tmp_path)):
+        assert full == f"nothing can be kept in {tmp_path}/2/wavetank/compiled (No space left on device)."
+        assert barred.startswith(f"what is compiled in {tmp_path}/2/wavetank/compiled/")
+        assert "cannot be loaded (failed to map segment from shared object); if no program may be run there" in barred

@@ -47,10 +47,10 @@ def test_a_run_is_told_while_it_goes_on_and_after_each_end(writer, tmp_path, wav
     run = tmp_path / "run"
     numbers = "t 4 of 10 s, speed 0.1 s a second"
     assert told(wavetank, run) == [
-        f"{run}: running, {numbers}, left 60 s, written 0 s ago, checkpoint t = 3.5 s; warning: it is steep"
+        f"{run}: running, {numbers}, left 60 seconds, written 0 seconds ago, checkpoint t = 3.5 s; warning: it is steep"
     ]
     writer.fail(StoppedError("t = 4 s: interrupted by SIGTERM"))
-    stopped = f"{run}: stopped, {numbers}, written 0 s ago, checkpoint t = 3.5 s; t = 4 s: interrupted by SIGTERM"
+    stopped = f"{run}: stopped, {numbers}, written 0 seconds ago, checkpoint t = 3.5 s; t = 4 s: interrupted by SIGTERM"
     assert told(wavetank, run) == [stopped]
     writer.release()
     changed(run, status="running", cause=None)
@@ -58,7 +58,7 @@ def test_a_run_is_told_while_it_goes_on_and_after_each_end(writer, tmp_path, wav
     (run / CHECKPOINT).write_bytes(b"cut")
     changed(run, host="elsewhere", written=(PRESENT - timedelta(hours=3)).isoformat(), warnings=[])
     computed = "it is computed on elsewhere, which alone knows whether it still is"
-    assert told(wavetank, run) == [f"{run}: unknown, {numbers}, written 3.0 h ago; {computed}"]
+    assert told(wavetank, run) == [f"{run}: unknown, {numbers}, written 3 hours ago; {computed}"]
 
 
 def test_where_there_is_no_flock_of_another_host_nothing_is_claimed(writer, tmp_path, monkeypatch):
@@ -77,7 +77,7 @@ def test_where_there_is_no_flock_of_another_host_nothing_is_claimed(writer, tmp_
 def test_a_clock_that_was_set_back_makes_nothing_younger_than_now_and_no_speed_negative(writer, tmp_path, wavetank):
     changed(tmp_path / "run", written=(PRESENT + timedelta(days=1)).isoformat())
     (line,) = told(wavetank, tmp_path / "run")
-    assert "written 0 s ago" in line and "-" not in line.removeprefix(str(tmp_path))
+    assert "written 0 seconds ago" in line and "-" not in line.removeprefix(str(tmp_path))
 
 
 def test_folders_are_searched_and_what_is_no_run_is_passed_by(writer, tmp_path, wavetank):

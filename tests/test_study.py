@@ -3,8 +3,10 @@
 import csv
 import io
 import json
+import os
 import re
 import shlex
+import sys
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,11 +16,13 @@ import pytest
 from conftest import CHECKOUT, commanded
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ranks import begun
 from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, RecordError, RunError, StoppedError
+from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import RunDirectory
 from wavetank.records.writer import RunWriter
 from wavetank.study.drawing import draw_study, pareto_front
@@ -321,6 +325,53 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     surface = RunDirectory(tmp_path / good.combination.name).snapshots()
     assert float(table[0]["highest crest [m]"]) == pytest.approx(surface.eta.max(), rel=1e-6)
     assert float(table[0]["deepest trough [m]"]) == pytest.approx(surface.eta.min(), rel=1e-6)
+
+
+def test_a_run_that_was_killed_goes_on_in_a_study_from_its_checkpoint_and_costs_what_all_of_it_did(tmp_path):
+    """Oracle: the same combination where nothing has ended it, but for the time it took."""
+    sweeps, changes = ["dt=0.04"], [*LINEAR, "run.checkpoint_every=1e-6"]
+    rows, _ = run_study(tmp_path / "whole", sweeps, changes, reference="exact")
+    (one,) = combinations(CASE, parse_axes(sweeps, changes), changes)
+    run = tmp_path / "part" / one.name
+    with begun(
+        [sys.executable, "-m", "wavetank", "run", str(CASE), "--out", str(run), *_set(one.overrides)]
+    ) as process:
+        while (last_checkpoint(run) or 0.0) < 1.0:
+            assert process.poll() is None
+        process.kill()
+        process.wait()
+    again, _ = run_study(tmp_path / "part", sweeps, changes, reference="exact")
+    assert RunDirectory(run).manifest["resumed"][0] >= 1.0
+    assert again[0].errors == rows[0].errors
+    first, second = ({name: row.costs[name] for name in ("steps", "interior solves")} for row in (again[0], rows[0]))
+    assert first == second
+
+
+def _set(changes) -> list[str]:
+    return [word for change in changes for word in ("--set", change)]
+
+
+def test_a_checkpoint_that_cannot_be_gone_on_from_does_not_hold_a_study_up(tmp_path):
+    """It is of another program's version, say."""
+    sweeps = ["dt=0.04"]
+    (one,) = combinations(CASE, parse_axes(sweeps, LINEAR), LINEAR)
+    with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
+        writer.checkpoint("{}", [], places=np.zeros((1, 3)), about={"t": 1.0})
+        writer.fail(StoppedError("t = 1 s: interrupted"))
+    rows, _ = run_study(tmp_path, sweeps, reference="exact")
+    assert rows[0].outcome.status == "finished" and "resumed" not in RunDirectory(tmp_path / one.name).manifest
+
+
+def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
+    """A kill, or a full disk, meets the old one or the new."""
+    path = tmp_path / "study.csv"
+    path.write_text("before")
+    monkeypatch.setattr(
+        "wavetank.records.directory.os.replace", lambda *names: (_ for _ in ()).throw(OSError(28, "full"))
+    )
+    with pytest.raises(RecordError, match=r"study\.csv: cannot be written \(full\)"):
+        write_table(path, [], [])
+    assert path.read_text() == "before" and os.listdir(tmp_path) == ["study.csv"]
 
 
 def test_a_study_without_a_finished_run_still_has_its_table(tmp_path):

@@ -223,6 +223,11 @@ def main(arguments: list[str] | None = None) -> int:
     except MemoryError as error:
         _abort(error)
         return _report("there is not enough memory for this; a smaller case is needed, or a larger machine.", 1, ranks)
+    except OSError as error:  # a full disk, a folder that is gone: what nobody has met before
+        if debug:
+            raise
+        _abort(error)
+        return _report(f"{error.filename or 'a file'}: {error.strerror or error}.", 1, ranks)
     except SystemExit as stop:
         return int(stop.code or 0)
     except Exception as error:

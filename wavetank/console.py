@@ -26,6 +26,14 @@ def console() -> Console:
     return Console(file=_output(sys.stdout), quiet=quiet, soft_wrap=True, force_terminal=terminal, markup=False)
 
 
+def spelt(seconds: float) -> str:
+    """Return a duration in the unit that suits it."""
+    for unit, size in (("years", 3.156e7), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
+        if seconds >= 2 * size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds:.0f} seconds"
+
+
 class Unhurried(TextIOBase):
     """A stream that is written by a thread of its own: whoever prints neither waits for it nor fails with it.
 

@@ -34,7 +34,9 @@ from wavetank.runs.build import Records, build_observers, build_run, build_watch
 from wavetank.runs.closing import Outcome, closing
 from wavetank.runs.memory import peak_memory
 from wavetank.runs.run import Run
+from wavetank.runs.spent import Spent
 from wavetank.runs.waters import AnyWaves, told_of_bed
+from wavetank.stateful import Stateful
 from wavetank.water.breakdown import cause
 from wavetank.water.breaking import BreakingDissipation
 from wavetank.water.waves import NonlinearWaves
@@ -133,11 +135,12 @@ def record_run(
             run, waves = build_run(scene, comm, integrator)
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
             warnings.add(doubt)
-        built, busy = time.monotonic(), time.process_time()
+        built, spent = time.monotonic(), Spent(comm)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]
         run.observers += [observer(waves) for observer in observers]
-        kept = KeptRun(asked, scene, run=run, plane=waves.plane, fields=series, writer=writer, warn=warnings.add)
+        beside: dict[str, Stateful] = {**series, "spent": spent}
+        kept = KeptRun(asked, scene, run=run, plane=waves.plane, beside=beside, writer=writer, warn=warnings.add)
         if resume:
             log.say(f"going on from t = {kept.go_on():.6g} s")
 
@@ -147,14 +150,16 @@ def record_run(
                     warnings.add(sentence)
             for breaking in (one for one in _breaking(run) if one.began):
                 log.say(f"{breaking.story}; {100 * breaking.part_taken:.2g} % of the energy was taken")
-            figures = _figures(run, waves) | _usage(comm, began=began, built=built, busy=busy)
+            figures = _figures(run, waves)
+            figures["timings"] = {"set_up_s": built - began, **spent.held()}
+            figures["memory"] = {"peak_mib": comm.allreduce(peak_memory() / 2**20)}
             outcome = Outcome.of(run)
             if writer is not None:
                 writer.note(figures | outcome.figures)
                 if outcome.figures:
                     warnings.show()
-                    flat, spent = waves.plane.mesh.topology.dim == 1, known | figures
-                    for line in closing(outcome, spent, warnings=warnings.sentences, path=writer.path, flat=flat):
+                    flat, costs = waves.plane.mesh.topology.dim == 1, known | figures
+                    for line in closing(outcome, costs, warnings=warnings.sentences, path=writer.path, flat=flat):
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
@@ -278,19 +283,6 @@ def _breaking(run: Run) -> list[BreakingDissipation]:
 def _cost(waves: AnyWaves) -> tuple[int, int]:
     counters = waves.potential.counters
     return counters.solves, counters.iterations
-
-
-def _usage(comm: MPI.Comm, *, began: float, built: float, busy: float) -> dict[str, dict[str, float]]:
-    """Return what the manifest says of time and memory, those of all ranks together; collective."""
-    now, spent = time.monotonic(), time.process_time() - busy
-    return {
-        "timings": {
-            "set_up_s": built - began,
-            "stepping_s": now - built,
-            "stepping_cpu_s": comm.allreduce(spent),
-        },
-        "memory": {"peak_mib": comm.allreduce(peak_memory() / 2**20)},
-    }
 
 
 def _figures(run: Run, waves: AnyWaves) -> dict[str, Any]:

@@ -11,10 +11,9 @@ from wavetank.fe.plane import Plane
 from wavetank.observers.checkpoints import Checkpoints
 from wavetank.records.checkpoint import Checkpoint, read_checkpoint
 from wavetank.records.directory import RunDirectory
-from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
 from wavetank.runs.run import Run
-from wavetank.stateful import apart, together
+from wavetank.stateful import Stateful, apart, give_back, held_by, together
 from wavetank.values.noun import Problem, SceneError
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("numerics", "dt")}  # the step itself is compared
@@ -27,8 +26,8 @@ class KeptRun:
     ----------
     scene, planned
         What was asked for, and with what has been planned of it.
-    fields
-        The series that all ranks write, by their names.
+    beside
+        What remembers something beside the run, by name, no arrays: the series that all ranks write, say.
     writer
         Of the run directory; None on all ranks but the first.
     warn
@@ -42,12 +41,12 @@ class KeptRun:
         *,
         run: Run,
         plane: Plane,
-        fields: Mapping[str, VtuSeries],
+        beside: Mapping[str, Stateful],
         writer: RunWriter | None,
         warn: Callable[[str], None],
     ):
         self._scene, self._chosen = (one.model_dump(mode="json") for one in (scene, planned))
-        self._run, self._plane, self._fields, self._writer, self._warn = run, plane, fields, writer, warn
+        self._run, self._plane, self._beside, self._writer, self._warn = run, plane, beside, writer, warn
 
     def from_time_to_time(self, every: float) -> Checkpoints:
         """Return the observer that writes a checkpoint every so many seconds of computing; the last to observe."""
@@ -63,9 +62,8 @@ class KeptRun:
     def _write(self) -> None:
         text, arrays = apart(self._run.held())
         whole, places = gathered(self._plane, arrays)
-        fields = {name: series.held() for name, series in self._fields.items()}
         stands = {"t": self._run.t, "step": self._run.step, "dt": self._run.clock.dt}
-        about = stands | {"scene": self._scene, "chosen": self._chosen, "fields": fields}
+        about = stands | {"scene": self._scene, "chosen": self._chosen, "beside": held_by(self._beside)}
 
         def put() -> None:
             if self._writer is not None:
@@ -81,15 +79,15 @@ class KeptRun:
         comm = self._plane.comm
         kept = on_first(comm, self._read)
         about, text = comm.bcast((kept.about, kept.held) if kept else None)
-        agreed(comm, lambda: self._check(about))
         arrays, places = (kept.arrays, kept.places) if kept else ([], self._plane.coordinates())
         try:
+            agreed(comm, lambda: self._check(about))
             self._run.take(together(text, found(self._plane, arrays, places)))
+            agreed(comm, lambda: self._take_records(about))
         except (KeyError, TypeError, ValueError) as error:
             raise InputError(
                 f"the checkpoint is of another run, or another version of this program: {error!r}."
             ) from None
-        agreed(comm, lambda: self._take_records(about))
         return self._run.t
 
     def _read(self) -> Checkpoint:
@@ -100,8 +98,7 @@ class KeptRun:
         return kept
 
     def _take_records(self, about: dict[str, Any]) -> None:
-        for name, series in self._fields.items():
-            series.take(about["fields"][name])
+        give_back(self._beside, about["beside"])
         if self._writer is not None:
             self._writer.take(about["records"])
             before = RunDirectory(self._writer.path).manifest.get("resumed", [])

@@ -10,7 +10,7 @@ import typer
 from rich.box import SIMPLE
 from rich.table import Table
 
-from wavetank.console import console
+from wavetank.console import console, spelt
 from wavetank.errors import InputError
 from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import MANIFEST, RunDirectory
@@ -18,7 +18,6 @@ from wavetank.records.environment import present
 from wavetank.records.lock import is_held
 
 SETTING_UP, UNREADABLE = "setting up", "unreadable"
-UNITS = (("d", 86400.0), ("h", 3600.0), ("min", 60.0))
 
 
 class Standing(NamedTuple):
@@ -97,16 +96,6 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
         raise InputError(f"{', '.join(map(str, paths))}: no run there.")
 
 
-def spelt(seconds: float | None) -> str:
-    """Return a time in words, such as "12 s", "3.5 h"; "-" for None."""
-    if seconds is None:
-        return "-"
-    for unit, size in UNITS:
-        if seconds >= 1.5 * size:
-            return f"{seconds / size:.1f} {unit}"
-    return f"{seconds:.0f} s"
-
-
 def _parts(one: Standing) -> dict[str, str]:
     """Return what is said of a run, by what that is."""
     reached = "-" if one.t is None else f"{one.t:.5g} of {one.end:.5g} s"
@@ -114,7 +103,7 @@ def _parts(one: Standing) -> dict[str, str]:
         "state": one.state,
         "t": reached,
         "speed": "-" if one.speed is None else f"{one.speed:.2g} s a second",
-        "left": spelt(one.left),
+        "left": "-" if one.left is None else spelt(one.left),
         "written": "-" if one.age is None else f"{spelt(one.age)} ago",
         "checkpoint": "-" if one.checkpoint is None else f"t = {one.checkpoint:.5g} s",
     }

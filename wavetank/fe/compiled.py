@@ -14,15 +14,17 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import TypeVar
 
 from mpi4py import MPI
 
-from wavetank.cache import places, warn, writable
+from wavetank.cache import VARIABLE, places, warn, writable
 from wavetank.errors import WavetankError
 from wavetank.fe.agreed import agreed
 
 COMPILER_FLAGS = ["-O3", "-march=native", "-ffast-math"]
 PART = "compiled"  # of the cache
+T = TypeVar("T")
 CPUINFO = Path("/proc/cpuinfo")
 KIND_OF_PROCESSOR = {"vendor_id", "cpu family", "model", "model name", "flags"}  # x86
 KIND_OF_PROCESSOR |= {"CPU implementer", "CPU architecture", "CPU variant", "CPU part", "Features"}  # ARM
@@ -42,6 +44,21 @@ def compiled(comm: MPI.Comm, what: str, *, build: Callable[[Path], object]) -> P
     return found
 
 
+def loaded(comm: MPI.Comm, load: Callable[[], T], folder: Path) -> T:
+    """Return what ``load`` makes of a folder's code; collective; raises ``WavetankError`` on all ranks."""
+
+    def made() -> T:
+        try:
+            return load()
+        except (ImportError, RuntimeError) as error:  # the latter: of dolfinx, where the first rank met the former
+            raise WavetankError(
+                f"what is compiled in {folder} cannot be loaded ({error}); if no program may be run there, "
+                f"{VARIABLE} must name another folder."
+            ) from None
+
+    return agreed(comm, made)
+
+
 @cache
 def processor(cpuinfo: Path = CPUINFO) -> str:
     """Return what -march=native depends on: the processor's model and features, or, if they are unknown, the host."""
@@ -59,11 +76,15 @@ def _python() -> list[str]:
 
 
 def _kept(name: str, build: Callable[[Path], object]) -> Path:
-    """Return the folder where a piece is kept, built if it is not."""
+    """Return the folder where a piece is kept, built if it is not; raises ``WavetankError``, which ranks agree on."""
     for folder in places(PART):
         if os.path.isdir(folder / name):  # Path.is_dir fails where a folder cannot be entered
             return folder / name
-    return _built(writable(PART) / name, build)
+    kept = writable(PART) / name
+    try:
+        return _built(kept, build)
+    except OSError as error:  # of its folder or lock: a disk that is full, say
+        raise WavetankError(f"nothing can be kept in {kept.parent} ({error.strerror}).") from error
 
 
 def _built(kept: Path, build: Callable[[Path], object]) -> Path:

@@ -20,19 +20,22 @@ from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
 from wavetank.arrays import Vector
-from wavetank.fe.compiled import COMPILER_FLAGS, compiled
+from wavetank.fe.compiled import COMPILER_FLAGS, compiled, loaded
 
 JIT_OPTIONS = {"cffi_extra_compile_args": COMPILER_FLAGS, "cffi_debug": False, "cffi_libraries": None}
 
 
 def compile_form(form: ufl.Form) -> Any:
     """Return the compiled form; collective."""
-    return fem.form(form, jit_options=_kept(form, form.ufl_domain().ufl_cargo().comm))
+    comm = form.ufl_domain().ufl_cargo().comm
+    options = _kept(form, comm)
+    return loaded(comm, lambda: fem.form(form, jit_options=options), options["cache_dir"])
 
 
 def compile_expression(expression: Any, points: Vector, comm: MPI.Comm) -> fem.Expression:
     """Return the compiled expression at points of the reference cell, shape (N, dimensions); collective."""
-    return fem.Expression(expression, points, jit_options=_kept((expression, points), comm))
+    options = _kept((expression, points), comm)
+    return loaded(comm, lambda: fem.Expression(expression, points, jit_options=options), options["cache_dir"])
 
 
 def _look_for_settings_within_reach() -> None:

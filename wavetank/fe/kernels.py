@@ -12,7 +12,7 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.fe.compiled import COMPILER_FLAGS, compiled
+from wavetank.fe.compiled import COMPILER_FLAGS, compiled, loaded
 
 FLAGS = [*COMPILER_FLAGS, "-fopenmp-simd", "-Wno-psabi", "-Wno-unused-variable"]
 
@@ -49,7 +49,7 @@ class Kernel:
             builder.compile(tmpdir=str(folder))
 
         folder = compiled(comm, f"{name} {declarations} {key} {flags}", build=build)
-        module = _loaded(folder / f"{name}{EXTENSION_SUFFIXES[0]}")
+        module = loaded(comm, lambda: _module(folder / f"{name}{EXTENSION_SUFFIXES[0]}"), folder)
         self.call, self._ffi = module.lib, module.ffi
 
     def pointer(self, array: NDArray[Any]) -> Any:
@@ -68,7 +68,7 @@ def _plain(array: NDArray[Any]) -> NDArray[Any]:
 
 
 @cache
-def _loaded(file: Path) -> Any:
+def _module(file: Path) -> Any:
     spec = spec_from_file_location(file.name.split(".")[0], file)
     if spec is None or spec.loader is None:
         raise ImportError(f"{file}: is no module")

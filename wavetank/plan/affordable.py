@@ -11,6 +11,7 @@ from typing import NamedTuple
 from mpi4py import MPI
 
 from wavetank.case import BasinTank, Scene
+from wavetank.console import spelt
 from wavetank.fe.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.meshes import MeshFile
@@ -106,11 +107,3 @@ def _steps(scene: Scene, cell_size: float) -> tuple[float, float, float]:
     omega = mesh.largest_frequency
     dt = build_clock(scene, omega, integrator).dt if chosen.dt is None else chosen.dt
     return dt, scene.run.duration / dt, float(min(dt * omega, integrator.stability_limit))
-
-
-def spelt(seconds: float) -> str:
-    """Return a duration in the unit that suits it."""
-    for unit, size in (("years", 3.156e7), ("days", 86_400.0), ("hours", 3600.0), ("minutes", 60.0)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.0f} seconds"

@@ -49,7 +49,8 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
 
     from mpi4py import MPI
 
-    from wavetank.plan.affordable import check_affordable, spelt
+    from wavetank.console import spelt
+    from wavetank.plan.affordable import check_affordable
     from wavetank.plan.planned import planned
     from wavetank.plan.trial import trial
 

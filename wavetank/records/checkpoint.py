@@ -5,7 +5,7 @@
 
 Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
 
-    about.json    the scene, the step size, where the run stands, how far its records had grown
+    about.json    the run's id, as in its manifest; the scene, the step size, where it stands, its records' sizes
     held.json     all that the run holds (``wavetank/stateful.py``), {"array": n} in the place of its n-th array
     places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
     0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, unfinished
+from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory, unfinished
 
 KEPT = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
 UNREADABLE = (OSError, BadZipFile, KeyError, ValueError, TypeError, EOFError, NotImplementedError)  # what zip may meet
@@ -110,7 +110,7 @@ def read_checkpoint(run: Path) -> tuple[Checkpoint, list[str]]:
         except FileNotFoundError:
             continue
         except UNREADABLE as error:
-            damaged.append(f"{run / name} is damaged ({error})")
+            damaged.append(f"{run / name} cannot be used ({error})")
     raise InputError(f"{run}: holds no checkpoint to go on from{''.join(f'; {one}' for one in damaged)}.")
 
 
@@ -118,14 +118,25 @@ def last_checkpoint(run: Path) -> float | None:
     """Return the time of the newest checkpoint that can be opened [s], if there is one."""
     for name in KEPT:
         with suppress(*UNREADABLE), ZipFile(run / name) as archive:
-            return float(json.loads(archive.read("about.json"))["t"])
+            return float(_about(archive, run)["t"])
     return None
 
 
+def _about(archive: ZipFile, run: Path) -> dict[str, Any]:
+    """Return what a checkpoint says of itself; raises ``ValueError`` for one of another run."""
+    about: dict[str, Any] = json.loads(archive.read("about.json"))
+    mine = None
+    with suppress(InputError):
+        mine = RunDirectory(run).manifest.get("id")
+    if about.get("id") != mine:
+        raise ValueError("it is of another run")
+    return about
+
+
 def _read(path: Path) -> Checkpoint:
-    """Return a checkpoint, every checksum right."""
+    """Return a checkpoint of this run, every checksum right."""
     with ZipFile(path) as archive:
-        about, held = json.loads(archive.read("about.json")), archive.read("held.json").decode()
+        about, held = _about(archive, path.parent), archive.read("held.json").decode()
 
         def array(name: object) -> NDArray[np.float64]:
             values: NDArray[np.float64] = np.load(BytesIO(archive.read(f"{name}.npy")), allow_pickle=False)

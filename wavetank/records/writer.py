@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeVar
+from uuid import uuid4
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError
@@ -53,13 +54,13 @@ class RunWriter:
     """
 
     def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
-        self._manifest, self._resume = {"status": "running", **manifest}, resume
+        self._manifest, self._resume = {"status": "running", "id": uuid4().hex, **manifest}, resume
         self._records: list[GrowingFile] = []
         self._has_gauges = self._begun = False
         place = place if isinstance(place, Place) else Place(place)
         if resume:
             place = Place(place.path, overwrite=True)
-            RunDirectory(place.path)
+            self._manifest["id"] = RunDirectory(place.path).manifest.get("id")
         try:
             self.path, self._lock, self._made = _claimed(place)
         except OSError as error:
@@ -161,8 +162,9 @@ class RunWriter:
         Raises ``RunError`` if it cannot be written.
         """
         self._check_held()
+        about = about | {"id": self._manifest["id"], "records": self.held()}
         try:
-            return write_checkpoint(self.path, Checkpoint(about | {"records": self.held()}, text, arrays, places))
+            return write_checkpoint(self.path, Checkpoint(about, text, arrays, places))
         except OSError as error:
             raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
 

@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Literal, NamedTuple
 
 from wavetank.errors import InputError, RunError
+from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.place import Place
 from wavetank.study.sweep import Combination
 
 Status = Literal["finished", "failed", "refused"]
+CAN_GO_ON = ("killed", "stopped", "failed", "unknown")  # what has broken down would do so again
 
 
 class Outcome(NamedTuple):
@@ -102,10 +104,18 @@ class Runner:
     def _run(self, combination: Combination) -> Outcome:
         changes = [word for change in combination.overrides for word in ("--set", change)]
         out = self.directory(combination)
+        if _status(out, combination) in CAN_GO_ON and last_checkpoint(out) is not None:
+            outcome = self._called([*changes, "--out", str(out), "--resume"])
+            if outcome.status != "refused":
+                return outcome  # else its checkpoint is of another version of this program, say
         again = ["--overwrite"] if (out / MANIFEST).exists() else []  # of this very scene, and not finished
-        options = ["--no-plots", "--out", str(out), *again, *(["--yes"] if self._yes else [])]
+        return self._called([*changes, "--out", str(out), *again])
+
+    def _called(self, arguments: Sequence[str]) -> Outcome:
+        """Return how a ``wavetank run`` with these arguments has ended."""
+        options = ["--no-plots", *(["--yes"] if self._yes else [])]
         process = subprocess.Popen(
-            [sys.executable, "-m", "wavetank", "run", str(self._case), *options, *changes],
+            [sys.executable, "-m", "wavetank", "run", str(self._case), *options, *arguments],
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,

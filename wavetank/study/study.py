@@ -3,12 +3,14 @@
 The picture is of work and precision, or, where a swept key changes what is modelled, of what the water does over it.
 """
 
+import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from wavetank.console import spelt
 from wavetank.errors import InputError, RunError
 from wavetank.records.directory import RunDirectory
 from wavetank.study.drawing import draw_study
@@ -103,14 +105,23 @@ class Study:
         """Run combinations and say how each has ended."""
         columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         outcomes: Outcomes = {}
+        began = time.monotonic()
         with Progress(*columns, console=self._console, disable=not self._console.is_terminal) as bar:
             task = bar.add_task(what, total=len(combinations))
             for one, outcome in self._runner.run(combinations):
                 outcomes[one.name] = outcome
                 bar.update(task, advance=1)
                 line = f"{len(outcomes)}/{len(combinations)} {one.name}: {self._ended(one, outcome)}"
-                self._console.print(line, markup=False, highlight=False)
+                left = self._left(outcomes, len(combinations), began)
+                self._console.print(f"{line}{left}", markup=False, highlight=False)
         return outcomes
+
+    def _left(self, outcomes: Outcomes, all_of_them: int, began: float) -> str:
+        """Return how long the others may take, where no bar shows it."""
+        run, left = sum(outcome.again for outcome in outcomes.values()), all_of_them - len(outcomes)
+        if self._console.is_terminal or not run or not left:
+            return ""
+        return f"; about {spelt((time.monotonic() - began) / run * left)} left"
 
     def _ended(self, one: Combination, outcome: Outcome) -> str:
         if outcome.status != "finished":

@@ -3,12 +3,15 @@
 import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
 from rich.box import SIMPLE
 from rich.table import Table
 
+from wavetank.errors import RecordError
+from wavetank.records.directory import replace
 from wavetank.study.measures import Errors
 from wavetank.study.responses import Responses, responded
 from wavetank.study.runs import Outcome
@@ -70,16 +73,19 @@ def tabled(rows: Sequence[Row]) -> list[str]:
 
 
 def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
-    """Write ``study.csv``: settings, responses, errors, costs, status and cause."""
-    names = tabled(rows)
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([*(axis.label for axis in axes), "mark", *names, *COSTS, "status", "cause"])
-        for row in rows:
-            settings = [row.combination.values.get(axis.name, "") for axis in axes]
-            figures = [_number(row.found.get(name)) for name in names]
-            figures += [_number(row.costs.get(name)) for name in COSTS]
-            writer.writerow([*settings, row.mark, *figures, row.outcome.status, row.outcome.cause])
+    """Write ``study.csv``, in one step: settings, responses, errors, costs, status, cause; raise ``RecordError``."""
+    names, text = tabled(rows), StringIO()
+    writer = csv.writer(text)
+    writer.writerow([*(axis.label for axis in axes), "mark", *names, *COSTS, "status", "cause"])
+    for row in rows:
+        settings = [row.combination.values.get(axis.name, "") for axis in axes]
+        figures = [_number(row.found.get(name)) for name in names]
+        figures += [_number(row.costs.get(name)) for name in COSTS]
+        writer.writerow([*settings, row.mark, *figures, row.outcome.status, row.outcome.cause])
+    try:
+        replace(path, text.getvalue().encode())
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written ({error.strerror}).") from None
 
 
 def _number(value: float | None, digits: int = 7) -> str:
