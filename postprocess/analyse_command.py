@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 from rich.box import SIMPLE
-from rich.console import Console
 from rich.table import Table
 
+from wavetank.console import console
 from wavetank.data.dataset import DATASET
 from wavetank.errors import InputError, choice
 from wavetank.records.directory import MANIFEST
@@ -59,14 +59,13 @@ def analyse(
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
     results = {kind: known.KINDS[kind](record) for kind in asked}
     _make(folder)
-    console = Console(soft_wrap=True, markup=False)
-    wide = Console(width=max(console.width, WIDTH), soft_wrap=True, markup=False)
+    terminal = console(least=WIDTH)
     for kind, found in results.items():
-        wide.print(_table(found.columns, found.rows))
+        terminal.print(_table(found.columns, found.rows))
         if found.said:
-            console.print(found.said, highlight=False)
+            terminal.print(found.said, highlight=False)
         write_rows(files[kind], found.columns, found.rows)
-        console.print(f"wrote {files[kind]} and {found.draw(files[kind].with_suffix('.png'))}", highlight=False)
+        terminal.print(f"wrote {files[kind]} and {found.draw(files[kind].with_suffix('.png'))}", highlight=False)
 
 
 def _own(source: Path) -> Path:

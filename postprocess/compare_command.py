@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 from pydantic import TypeAdapter
-from rich.console import Console
 from rich.table import Table
 
 from wavetank import data
+from wavetank.console import console
 from wavetank.data.dataset import Clock
 from wavetank.errors import InputError
 from wavetank.records.directory import MANIFEST, RunDirectory
@@ -45,10 +45,10 @@ def compare(
         first, *others = data.gauge_records(given) if given else [_of_run(Path(reference))]
         references = [first._replace(clock=_clock(clock)) if clock is not None else first, *others]
         tables = _compare_gauges(directory, references, folder=folder, period=period, start=start)
-    console = Console(soft_wrap=True, markup=False)
+    terminal = console()
     for table in tables:
-        console.print(table)
-    console.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
+        terminal.print(table)
+    terminal.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
 
 
 def _clock(text: str) -> tuple[float, float]:

@@ -8,8 +8,8 @@ from types import ModuleType
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
+from wavetank.console import console
 from wavetank.errors import InputError
 from wavetank.records.directory import RunDirectory
 from wavetank.records.place import check_new
@@ -28,7 +28,7 @@ def view(
     size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
 ) -> None:
     """View a run: a still (the default), a film, a window, a diagram."""
-    directory, console = RunDirectory(run), Console(soft_wrap=True, markup=False)
+    directory, terminal = RunDirectory(run), console()
     check_new(*(file for file in (out, film) if file is not None), overwrite=overwrite)
     given = {} if size is None else {"size": _pixels(size)}
     drawing = _drawing()
@@ -39,13 +39,13 @@ def view(
         if film is not None:
             from wavetank.postprocess.view_film import followed
 
-            watched = partial(followed, console=console)
+            watched = partial(followed, console=terminal)
             yield drawing.film(directory, film, watched=watched, **given)
         if diagram:
             yield drawing.diagram(directory)
 
     for picture in made():
-        console.print(f"wrote {picture}", highlight=False)
+        terminal.print(f"wrote {picture}", highlight=False)
     if window:
         drawing.window(directory, **given)
 

@@ -16,14 +16,16 @@ PENDING = 10_000  # texts that wait for a slow reader; more are dropped
 SLOW_READER = 5.0  # s, at the end, in which a slow reader must have taken something
 
 
-def console() -> Console:
-    """Return where messages go: standard output, of rank 0 alone; brackets in them are no markup.
+def console(*, least: int = 0) -> Console:
+    """Return where messages go: standard output, of rank 0 alone, so wide at least; brackets in them are no markup.
 
     Open MPI gives its ranks a terminal that passes on whole lines only: no bar would be seen there.
     """
     terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
     quiet = MPI.COMM_WORLD.rank != 0
-    return Console(file=_output(sys.stdout), quiet=quiet, soft_wrap=True, force_terminal=terminal, markup=False)
+    found = Console(file=_output(sys.stdout), quiet=quiet, soft_wrap=True, force_terminal=terminal, markup=False)
+    found.width = max(found.width, least)
+    return found
 
 
 def spelt(seconds: float) -> str:
