@@ -209,15 +209,25 @@ BASIN = "[tank]\ntype = 'basin'\ndepth = 1.0\n[tank.layout]\n"
 RECTANGLE = BASIN + "type = 'rectangle'\nlength = 20.0\nwidth = 10.0\nsponge_length = 3.0\n"
 FOCUS = "linear_crest = 0.05\nfocus_x = 8.0\nfocus_time = 19.5\nspectrum = {type = 'jonswap', peak_frequency = 0.6}\n"
 SEGMENTS = "[wall]\ntype = 'segmented-piston'\nsegment = 0.5\n[wall.motion]\n"
+IRREGULAR = "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'irregular'\nsignificant_height = 0.05\ncomponents = 40\n"
 EVERY = {  # cases that have each noun of a scene somewhere
     "slice": SLICE + "bed = {type = 'formula', depth = '1 - x*s', where = {s = 0.02}}\n"
     "[initial]\ntype = 'formula'\neta = '0.01*cos(x)'\n[sponge]\ntype = 'end'\nlength = 4.0\n"
     "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n" + RUN,
     "group": "gauge_lines = [{name = 'A', start = [1.0, 0.0], end = [2.0, 0.0], count = 3}]\n" + SLICE + RUN
-    + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'wave-group'\ncomponents = 32\n" + FOCUS
+    + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'focused'\ncomponents = 32\n" + FOCUS
     + "[sponge]\ntype = 'formula'\ngamma = '0.1*x'\n[water]\ntype = 'linear'\n[output]\nenergy_every = 2\n",
-    "gaussian": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'wave-group'\ncomponents = 32\n"
+    "gaussian": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'focused'\ncomponents = 32\n"
     + FOCUS.replace("'jonswap'", "'gaussian', bandwidth = 0.05") + "[water]\ntype = 'nonlinear'\n",
+    "regular": SLICE + RUN + "[wall]\ntype = 'piston'\nlimits = {stroke = 1.0, speed = 1.0, acceleration = 3.0}\n"
+    "[wall.motion]\ntype = 'regular'\nheight = 0.05\nperiod = 2.0\ngeneration = 'second-order'\n",
+    "bichromatic": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'bichromatic'\n"
+    "heights = [0.05, 0.04]\nfrequencies = [0.5, 0.6]\ngeneration = 'second-order'\n",
+    "irregular": SLICE + RUN + IRREGULAR + "spectrum = {type = 'pierson-moskowitz', peak_period = 2.0}\n",
+    "tma": SLICE + RUN + IRREGULAR + "spectrum = {type = 'tma', peak_frequency = 0.5}\nrandom_amplitudes = true\n",
+    "table": SLICE + RUN + IRREGULAR + "spectrum = {type = 'table', file = 'spectrum.txt'}\n",
+    "components": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'components'\nfile = 'waves.txt'\n"
+    "generation = 'second-order'\n",
     "record": SLICE + RUN + "[initial]\ntype = 'solitary-wave'\nheight = 0.2\nx = 8.0\n"
     "[wall]\ntype = 'piston'\nmotion = {type = 'recorded', position = 'paddle.txt'}\n",
     "ring": SLICE.replace("[tank]", "[tank]\ntype = 'ring'") + RUN
@@ -272,6 +282,8 @@ def every(tmp_path_factory):
     """Return the path of each case."""
     folder = tmp_path_factory.mktemp("every")
     (folder / "paddle.txt").write_text("".join(f"{t} {0.01 * t / 30}\n" for t in range(31)))
+    (folder / "spectrum.txt").write_text("0.3 0.0\n0.5 1.0\n1.5 0.0\n")
+    (folder / "waves.txt").write_text("0.5 0.02 1.0\n0.6 0.01 2.0\n")
     (folder / "bed.csv").write_text("x,depth\n" + "".join(f"{x},1.0\n" for x in range(31)))
     (folder / "bed.py").write_text("def depth(x, y):\n    return 1 + 0 * x\n")
     (folder / "paddle.py").write_text("def motion(t, order):\n    return 0 * t\n")
@@ -352,4 +364,4 @@ def test_whatever_numbers_a_case_has_it_is_a_scene_or_a_sentence(every, data):
     except InputError as error:
         assert all(line.startswith(str(path)) and line.endswith(".") for line in str(error).splitlines())
         return
-    assert np.isfinite(scene.stroke(scene.motion()))
+    assert np.isfinite(scene.excursion(scene.motion()))

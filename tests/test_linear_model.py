@@ -17,7 +17,7 @@ from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.runs.build import Records, build_observers, build_run
 from wavetank.theory.airy import angular_frequency, group_velocity
-from wavetank.theory.wavemaker import piston_transfer
+from wavetank.theory.wavemaker import PISTON
 from wavetank.water.footprint import Ring, Slice
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.walls import LinearPiston, StillWall
@@ -203,7 +203,7 @@ def test_height_to_stroke_is_biesels(make_linear, kd):
         gauges.observe(Moment(step + 1, (step + 1) * dt, state.q, state.p))
     t, eta = record.array()[-2 * per_period :].T
     harmonic = 2 / t.size * abs(np.sum(eta * np.exp(-1j * omega * t)))
-    assert harmonic == pytest.approx(float(piston_transfer(kd, 1.0)), rel=0.01)
+    assert harmonic == pytest.approx(float(PISTON.transfer(kd, 1.0)), rel=0.01)
 
 
 @pytest.mark.parametrize(("name", "order"), [("third-order", 3), ("simpson-4", 4), ("stormer-verlet", 2)])

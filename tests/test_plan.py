@@ -29,7 +29,7 @@ from wavetank.runs.build import Records, build_observers, build_run
 from wavetank.runs.clock import Clock
 from wavetank.runs.waters import build_waves, told_energy
 from wavetank.theory import airy
-from wavetank.theory.wavemaker import piston_transfer
+from wavetank.theory.wavemaker import PISTON
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.walls import StillWall
@@ -155,14 +155,14 @@ def test_a_sinusoid_is_one_line_of_biesels_height():
     required = requirements(Scene.model_validate(scene), 1e-2)
     k = float(airy.wave_number(np.pi, 1.0, GRAVITY))
     assert required.k == pytest.approx(k, rel=0.02)
-    crest = 0.005 * float(piston_transfer(k, 1.0))
+    crest = 0.005 * float(PISTON.transfer(k, 1.0))
     assert required.steepness == pytest.approx(k * crest, rel=0.25)  # the front of the train overshoots by 17-19 %
     assert required.physics == "linear"
 
 
 def test_a_group_gets_as_high_as_it_is_meant_to():
     motion = {
-        "type": "wave-group",
+        "type": "focused",
         "linear_crest": 0.05,
         "focus_x": 10.0,
         "focus_time": 24.0,

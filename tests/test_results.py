@@ -6,8 +6,8 @@ from conftest import recorded
 
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.observers.paddle import columns
 from wavetank.records.directory import RunDirectory
+from wavetank.records.paddle_table import columns
 from wavetank.records.writer import RunWriter
 
 CHANGES = (

@@ -52,7 +52,7 @@ depth = 1.0
 type = "piston"
 
 [wall.motion]
-type = "wave-group"
+type = "focused"
 linear_crest = 0.1
 focus_x = 10.0
 focus_time = 20.0
@@ -148,8 +148,10 @@ def test_the_motion_of_the_group_is_the_case_file_s(case):
     motion = read_case(case()).motion()
     assert isinstance(motion, motions.Ramped)
     assert motion.ramp == pytest.approx(2 / 0.65)
-    group = motion.motion
+    assert isinstance(motion.motion, motions.Tabulated)
+    group = read_case(case()).wall.motion.group(read_case(case()).tank)
     assert (group.lowest_frequency, group.highest_frequency, group.spectrum.gamma) == (0.325, 1.2, 3.3)
+    assert motion.motion.position(20.0) == pytest.approx(group.position(20.0))
     assert group.target.elevation(10.0, 20.0) == pytest.approx(0.1)
     assert (group.depth, group.gravity) == (1.0, 9.81)
 
@@ -173,7 +175,7 @@ def test_a_recorded_motion_is_read_relative_to_the_case(case, tmp_path, key):
 def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(case, tmp_path, monkeypatch):
     t, read = np.linspace(0.0, 30.0, 301), []
     np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, 0.01 * np.sin(t)]))
-    monkeypatch.setattr(paddles, "read_record", lambda path: read.append(path) or read_record(path))
+    monkeypatch.setattr(paddles, "read_record", lambda path, **how: read.append(path) or read_record(path, **how))
     scene = read_case(case(), ['wall.motion={type="recorded", position="paddle.dat"}', "run.duration=20"])
     other = scene.model_copy(update={"numerics": Numerics(dt=0.1)})
     assert other.motion() is scene.motion() and other.paddle_period == scene.paddle_period and len(read) == 1
@@ -240,7 +242,7 @@ def test_a_scene_is_frozen():
         ("beach.length=3", 'beach = {"length": 3}: is an unknown key; allowed are: gauge_lines, gauges, initial'),
         ("wall.type=flap", 'wall.type = "flap": is an unknown type; allowed are: fixed, piston'),
         ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
-        ("wall.piston=3", "wall.piston = 3: is an unknown key; allowed are: motion, reach, type"),
+        ("wall.piston=3", "wall.piston = 3: is an unknown key; allowed are: limits, motion, reach, type"),
         ("wall.type=fixed", "wall.motion = {"),
         ("run.dt=0.01", "run.dt = 0.01: is an unknown key; dt belongs to [numerics]."),
         (
@@ -249,7 +251,7 @@ def test_a_scene_is_frozen():
         ),
         (
             "tank.x=2",
-            "tank.x = 2: is an unknown key; x belongs to [tank.layout.refine], [initial] of type solitary-wave",
+            "tank.x = 2: is an unknown key; x belongs to [tank.layout.refine], [wall.motion] of type",
         ),
         ("output.title=A", 'output.title = "A": is an unknown key; title belongs to the top of the case, before all'),
         ("wall.motion.period=2", "period = 2: is an unknown key; period belongs to [wall.motion] of type sinusoid or"),
@@ -261,7 +263,7 @@ def test_a_scene_is_frozen():
         ("wall.reach=30", "wall.reach = 30.0: must be at most the tank's length, 24 m"),
         ("wall.motion.type=sinusiod", "wall.motion.type = \"sinusiod\": is an unknown type; did you mean 'sinusoid'?"),
         ("wall.motion.focus_time=9", "wall.motion.focus_time = 9.0: must be at least"),
-        ("wall.motion.components=9", "wall.motion.components = 9: must be more: so few repeat the group every 9.143 s"),
+        ("wall.motion.components=9", "components = 9: must be 22 or more: so few repeat the waves every 9.143 s"),
         ("wall.motion.spectrum.gamma=0.5", "wall.motion.spectrum.gamma = 0.5: must be greater than or equal to 1"),
         (
             "wall.motion.lowest_frequency=0.7",

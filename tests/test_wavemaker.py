@@ -10,7 +10,7 @@ from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.theory.airy import angular_frequency, group_velocity
-from wavetank.theory.wavemaker import piston_transfer
+from wavetank.theory.wavemaker import PISTON
 
 GRAVITY, AMPLITUDE = 9.81, 2e-4
 
@@ -40,4 +40,4 @@ def test_height_to_stroke_is_biesels(make_tank, kd):
         gauges.observe(Moment(step + 1, (step + 1) * dt, state.q, state.p))
     t, eta = record.array()[-2 * steps_per_period :].T
     harmonic = 2 / t.size * abs(np.sum(eta * np.exp(-1j * omega * t)))
-    assert harmonic / AMPLITUDE == pytest.approx(float(piston_transfer(kd, 1.0)), rel=0.01)
+    assert harmonic / AMPLITUDE == pytest.approx(float(PISTON.transfer(kd, 1.0)), rel=0.01)

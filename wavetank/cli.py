@@ -24,6 +24,7 @@ from wavetank.console import console, drain
 from wavetank.errors import InputError, WavetankError, printable
 from wavetank.fe.agreed import on_first
 from wavetank.plan.command import plan
+from wavetank.plan.motion_command import motion
 from wavetank.postprocess.analyse_command import analyse
 from wavetank.postprocess.compare_command import compare
 from wavetank.postprocess.view_command import view
@@ -33,7 +34,7 @@ from wavetank.status import status
 from wavetank.study.command import study
 
 # of use
-ORDER = ("new", "plan", "run", "status", "view", "compare", "analyse", "study", "data", "verify", "schema")
+ORDER = ("new", "plan", "motion", "run", "status", "view", "compare", "analyse", "study", "data", "verify", "schema")
 
 
 class InOrderOfUse(TyperGroup):
@@ -68,6 +69,7 @@ verify_app = typer.Typer(
 app.add_typer(data_app, name="data")
 app.add_typer(verify_app, name="verify")
 app.command(epilog=example("plan cases/wavemaker.toml --accuracy 0.01"))(plan)
+app.command(epilog=example("motion cases/focusing.toml --rate 200"))(motion)
 app.command(epilog=example("status runs"))(status)
 app.command(epilog=example("view runs/focusing --film runs/focusing/film.mp4"))(view)
 app.command(epilog=example("compare runs/marin-202002 --with marin-202002"))(compare)

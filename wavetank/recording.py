@@ -17,7 +17,6 @@ from wavetank.observers.breaking import BreakingNews
 from wavetank.observers.contract import Judge, Observer
 from wavetank.observers.energy import columns as energy_columns
 from wavetank.observers.interruption import Interruption
-from wavetank.observers.paddle import columns as paddle_columns
 from wavetank.observers.progress import ProgressBar, Standing
 from wavetank.observers.record import Discard, Kept, RecordCheck
 from wavetank.plan.affordable import check_affordable
@@ -26,6 +25,7 @@ from wavetank.plan.planned import mesh_told, planned
 from wavetank.records.directory import ENERGY, LOG, PADDLE, RunDirectory
 from wavetank.records.environment import environment
 from wavetank.records.log import RunLog
+from wavetank.records.paddle_table import columns as paddle_columns
 from wavetank.records.place import Place
 from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter

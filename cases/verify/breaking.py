@@ -240,7 +240,7 @@ def coarse() -> Scene:
 def group(linear_crest: float) -> Scene:
     """Return the focused group of ``cases/focusing.toml`` with another linear crest [m]."""
     motion = {
-        "type": "wave-group",
+        "type": "focused",
         "linear_crest": linear_crest,
         "focus_x": 10.0,
         "focus_time": 20.0,

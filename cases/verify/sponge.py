@@ -30,7 +30,7 @@ from wavetank.motions import Motion, Ramped, Sinusoid
 from wavetank.postprocess.analysis.reflection import reflected
 from wavetank.postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
-from wavetank.theory.wavemaker import piston_transfer
+from wavetank.theory.wavemaker import PISTON
 from wavetank.verify.report import Report, write_parts
 from wavetank.verify.watched import watched
 from wavetank.water.footprint import Slice
@@ -135,7 +135,7 @@ def in_time(beach: Beach, waves: LinearWaves | NonlinearWaves, *, steps: int = S
 def paddle(beach: Beach, steepness: float) -> Motion:
     """Return the piston's motion for waves of ka by linear theory."""
     period = 2 * np.pi / beach.omega
-    stroke = steepness / beach.k / float(piston_transfer(beach.k, 1.0))
+    stroke = steepness / beach.k / float(PISTON.transfer(beach.k, 1.0))
     return Ramped(Sinusoid(stroke, period), 3 * period)
 
 

@@ -12,7 +12,6 @@ from wavetank.case.directional import (
     SegmentedPistonWall,
 )
 from wavetank.case.gauge_lines import GaugeLine
-from wavetank.case.groups import GaussianSpectrum, JonswapSpectrum
 from wavetank.case.initial import Initial, SolitaryWave, StandingWave, StillWater, StreamFunctionWave
 from wavetank.case.initial_formula import FormulaSurface
 from wavetank.case.numerics import Gauge, IntegratorName, Numerics, Output, RunNoun
@@ -22,9 +21,16 @@ from wavetank.case.paddles import (
     PythonMotion,
     RecordedMotion,
     SinusoidMotion,
-    WaveGroupMotion,
 )
 from wavetank.case.scene import LinearWater, NonlinearWater, Physics, Scene, Water
+from wavetank.case.seas import BichromaticMotion, ComponentsMotion, FocusedMotion, IrregularMotion, RegularMotion
+from wavetank.case.spectra import (
+    GaussianSpectrum,
+    JonswapSpectrum,
+    PiersonMoskowitzSpectrum,
+    TableSpectrum,
+    TmaSpectrum,
+)
 from wavetank.case.sponges import AnySponge, EndSponge, FormulaSponge, GroupSponge, Sponge
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank, Tank
 from wavetank.case.walls import FixedWall, PistonWall, Wall
@@ -36,9 +42,12 @@ __all__ = [
     "AtRestMotion",
     "BasinTank",
     "Bed",
+    "BichromaticMotion",
+    "ComponentsMotion",
     "DirectionalFocusMotion",
     "EndSponge",
     "FixedWall",
+    "FocusedMotion",
     "FormulaBed",
     "FormulaSponge",
     "FormulaSurface",
@@ -49,6 +58,7 @@ __all__ = [
     "GroupSponge",
     "Initial",
     "IntegratorName",
+    "IrregularMotion",
     "JonswapSpectrum",
     "LinearWater",
     "NonlinearWater",
@@ -58,12 +68,14 @@ __all__ = [
     "Output",
     "PaddleMotion",
     "Physics",
+    "PiersonMoskowitzSpectrum",
     "PistonWall",
     "Problem",
     "PythonBed",
     "PythonMotion",
     "RecordedMotion",
     "ReflectedFocusMotion",
+    "RegularMotion",
     "RingTank",
     "RunNoun",
     "Scene",
@@ -76,8 +88,9 @@ __all__ = [
     "StandingWave",
     "StillWater",
     "StreamFunctionWave",
+    "TableSpectrum",
     "Tank",
+    "TmaSpectrum",
     "Wall",
     "Water",
-    "WaveGroupMotion",
 ]

@@ -51,7 +51,7 @@ class ObliqueWaveMotion(Noun):
 
     def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped motion."""
-        return _ramped(self.wave(tank), 2 * self.period if self.ramp is None else self.ramp)
+        return motions.ramped(self.wave(tank), 2 * self.period if self.ramp is None else self.ramp)
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves."""
@@ -104,11 +104,11 @@ class DirectionalFocusMotion(_FanOfWaves):
 
     def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped motion."""
-        return _ramped(self.focus(tank), self.ramp_length)
+        return motions.ramped(self.focus(tank), self.ramp_in(tank))
 
     def earliest_focus(self, tank: AnyTank) -> float:
         """Return the earliest focus time [s] that the ramp allows; oblique waves have the longest way."""
-        return self.focus(tank).earliest_focus(self.ramp_length)
+        return self.focus(tank).earliest_focus(self.ramp_in(tank))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any focusing waves, and directions that miss the paddle."""
@@ -142,11 +142,11 @@ class ReflectedFocusMotion(_FanOfWaves):
 
     def build(self, tank: AnyTank) -> motions.Motion:
         """Return the ramped motion."""
-        return _ramped(self.waves(tank), self.ramp_length)
+        return motions.ramped(self.waves(tank), self.ramp_in(tank))
 
     def earliest_focus(self, tank: AnyTank) -> float:
         """Return the earliest focus time [s] that the ramp allows; waves across the basin are the slowest."""
-        return self.waves(tank).earliest_focus(self.ramp_length)
+        return self.waves(tank).earliest_focus(self.ramp_in(tank))
 
 
 SegmentedPaddleMotion = Annotated[
@@ -196,7 +196,3 @@ class SegmentedPistonWall(MovingWall):
             )
             yield Problem(("wall", "segment"), self.segment, allowed)
         yield from self.motion.problems(scene)
-
-
-def _ramped(motion: motions.SegmentedMotion, ramp: float) -> motions.Motion:
-    return motions.Ramped(motion, ramp) if ramp > 0 else motion

@@ -8,18 +8,38 @@ from pydantic import Field
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
 from wavetank.motions import Array
+from wavetank.motions.extent import Extent
+from wavetank.theory.wavemaker import PISTON, Wavemaker
 from wavetank.values.noun import Noun, Problem
-from wavetank.values.quantities import Length
+from wavetank.values.quantities import Acceleration, Length, Speed
+
+
+class Limits(Noun):
+    """What the paddle's drive can do: a run that asks for more is refused before it begins."""
+
+    stroke: Length | None = Field(default=None, description="from one end of its way to the other [m]; default: any")
+    speed: Speed | None = Field(default=None, description="largest speed [m/s]; default: any")
+    acceleration: Acceleration | None = Field(default=None, description="largest acceleration [m/s^2]; default: any")
+
+    def exceeded(self, asked: Extent) -> Iterator[Problem]:
+        """Yield each limit that a motion is beyond."""
+        for name, unit in (("stroke", "m"), ("speed", "m/s"), ("acceleration", "m/s^2")):
+            limit, needed = getattr(self, name), getattr(asked, name)
+            if limit is not None and needed > limit:
+                yield Problem(("wall", "limits", name), limit, f"is too little: this motion needs {needed:.4g} {unit}")
 
 
 class MovingWall(Noun):
     """A vertical wall that moves."""
 
     moves: ClassVar[bool] = True
+    maker: ClassVar[Wavemaker] = PISTON  # its shape, by which it makes waves
     reach: Length | None = Field(
         default=None,
         description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, at most ten depths",
     )
+
+    limits: Limits | None = Field(default=None, description="what the paddle's drive can do")
 
     def reach_in(self, tank: AnyTank) -> float:
         """Return the reach [m], default resolved."""
@@ -28,6 +48,10 @@ class MovingWall(Noun):
     def places(self, tank: AnyTank) -> Array | None:
         """Return places y along the paddle [m], shape (N,), among which it goes farthest; None where all go as far."""
         return None
+
+    def doubts(self, tank: AnyTank) -> Iterator[str]:
+        """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
+        yield from ()
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a reach beyond the tank."""

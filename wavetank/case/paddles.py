@@ -6,26 +6,34 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from wavetank import data, motions
-from wavetank.case.groups import FocusingWaves
+from wavetank.case.seas import (
+    BichromaticMotion,
+    ComponentsMotion,
+    FocusedMotion,
+    IrregularMotion,
+    PaddleNoun,
+    RegularMotion,
+)
 from wavetank.case.tanks import AnyTank
 from wavetank.errors import InputError
 from wavetank.motions.record_file import read_record
-from wavetank.values.noun import FilePath, Noun, Problem, SceneError, about, one_of
+from wavetank.theory.wavemaker import Wavemaker
+from wavetank.values.noun import FilePath, Problem, SceneError, about, one_of
 from wavetank.values.python_file import load
 from wavetank.values.quantities import Duration, Height, Ramp
 
 
-class AtRestMotion(Noun):
+class AtRestMotion(PaddleNoun):
     """The paddle stands still."""
 
     type: Literal["at-rest"] = "at-rest"
 
-    def build(self, tank: AnyTank) -> motions.Motion:
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return X = 0."""
         return motions.AtRest()
 
 
-class SinusoidMotion(Noun):
+class SinusoidMotion(PaddleNoun):
     """X = r(t) a sin(2 pi t / T), with a smooth ramp r."""
 
     type: Literal["sinusoid"] = "sinusoid"
@@ -34,42 +42,39 @@ class SinusoidMotion(Noun):
     period: Duration = Field(description="period T [s]")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
-    def build(self, tank: AnyTank) -> motions.Motion:
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the ramped sinusoid."""
         ramp = 2 * self.period if self.ramp is None else self.ramp
-        return _ramped(motions.Sinusoid(self.paddle_amplitude, self.period), ramp)
+        return motions.ramped(motions.Sinusoid(self.paddle_amplitude, self.period), ramp)
 
 
-class WaveGroupMotion(FocusingWaves):
-    """Waves that meet, by linear theory, in one crest at (focus_x, focus_time)."""
+class RecordedMotion(PaddleNoun):
+    """A measured motion from a file: one spline through its positions or its velocities.
 
-    type: Literal["wave-group"] = "wave-group"
-
-    def build(self, tank: AnyTank) -> motions.Motion:
-        """Return the ramped group."""
-        return _ramped(self.group(tank), self.ramp_length)
-
-
-class RecordedMotion(Noun):
-    """A measured motion from a file of two columns: one spline through its positions or its velocities."""
+    A file of `wavetank motion`, or a run's `paddle.csv`, which has both and accelerations, gives the same run again.
+    """
 
     type: Literal["recorded"] = "recorded"
-    position: FilePath | None = Field(default=None, description="file of t [s] and X [m]; default: by velocity")
+    position: FilePath | None = Field(
+        default=None, description="file of t [s] and X [m], or a run's paddle.csv; default: by velocity"
+    )
     velocity: FilePath | None = Field(default=None, description="file of t [s] and dX/dt [m/s]; default: by position")
     ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
 
     _one_file = one_of("position", "velocity")
 
-    def build(self, tank: AnyTank) -> motions.Motion:
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the spline's motion; raises ``SceneError`` if the file cannot be had or read."""
         if self.position is not None:
-            record = motions.Recorded.of_positions(*_record("position", self.position))
+            t, *state = _record("position", self.position, "position [m]")
+            whole = len(state) == 3
+            record = motions.Recorded.of_states(t, *state) if whole else motions.Recorded.of_positions(t, *state)
         else:
-            record = motions.Recorded.of_velocities(*_record("velocity", str(self.velocity)))
-        return _ramped(record, self.ramp, start=max(0.0, record.start))
+            record = motions.Recorded.of_velocities(*_record("velocity", str(self.velocity), "velocity [m/s]"))
+        return motions.ramped(record, self.ramp, start=max(0.0, record.start))
 
 
-class PythonMotion(Noun):
+class PythonMotion(PaddleNoun):
     """X(t) and its derivatives by a function in a Python file, which is run: it must be one that is trusted."""
 
     type: Literal["python"] = "python"
@@ -79,25 +84,29 @@ class PythonMotion(Noun):
     )
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
 
-    def build(self, tank: AnyTank) -> motions.Motion:
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the ramped motion; raises ``SceneError`` if the file cannot be had or run, or has no such function."""
         with about("wall", "motion", "file"):
             function = load(data.resolve(self.file, Path()), self.function)
-        return _ramped(motions.Programmed(function), self.ramp)
+        return motions.ramped(motions.Programmed(function), self.ramp)
 
 
-def _record(key: str, reference: str) -> tuple[motions.Array, motions.Array]:
+def _record(key: str, reference: str, column: str) -> tuple[motions.Array, ...]:
     try:
-        return read_record(data.resolve(reference, Path()))
+        return read_record(data.resolve(reference, Path()), column=column)
     except InputError as error:
         raise SceneError([Problem(("wall", "motion", key), reference, str(error).removesuffix("."))]) from None
 
 
-def _ramped(motion: motions.Motion, ramp: float, *, start: float = 0.0) -> motions.Motion:
-    return motions.Ramped(motion, ramp, start) if ramp > 0 else motion
-
-
 PaddleMotion = Annotated[
-    AtRestMotion | SinusoidMotion | WaveGroupMotion | RecordedMotion | PythonMotion,
+    AtRestMotion
+    | SinusoidMotion
+    | RegularMotion
+    | BichromaticMotion
+    | IrregularMotion
+    | FocusedMotion
+    | ComponentsMotion
+    | RecordedMotion
+    | PythonMotion,
     Field(discriminator="type", description="motion of the paddle"),
 ]

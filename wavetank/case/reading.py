@@ -196,6 +196,10 @@ class _Place(NamedTuple):
         """Return what a key is called now that a noun here has had by another name; empty of any other."""
         return next((noun.formerly[key] for noun in self.nouns if issubclass(noun, Noun) and key in noun.formerly), "")
 
+    def renamed_type(self, name: str) -> str:
+        """Return what a type is called now that has had another name; empty of any other."""
+        return next((tag(noun) for noun in self.nouns if getattr(noun, "formerly_type", "") == name), "")
+
 
 def _place(location: Key) -> _Place:
     """Return the place of pydantic's location, which names the type of each union it passes as well."""
@@ -229,7 +233,9 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
         case "union_tag_invalid":
             tag = str(context["tag"])
-            yield Problem((*place.key, "type"), tag, f"is an unknown type{choice(tag, place.tags)}")
+            now = place.renamed_type(tag)
+            what = f"is called {now} now" if now else f"is an unknown type{choice(tag, place.tags)}"
+            yield Problem((*place.key, "type"), tag, what)
         case "model_type" | "model_attributes_type":
             yield Problem(place.key, received, f"must be a table{choice('', place.fields)}")
         case "value_error":

@@ -84,6 +84,8 @@ def _allowed(what: dict[str, Any]) -> str:
         case "number" | "integer":
             kind = "whole, " if what["type"] == "integer" else ""
             return f"{kind}{_range(what)}"
+        case "array" if "prefixItems" not in what:
+            return f"list of {what['minItems']} to {what['maxItems']}, each {_allowed(what['items'])}"
         case "array":
             return f"list of {len(what['prefixItems'])}, each {_allowed(what['prefixItems'][0])}"
         case "object":

@@ -12,14 +12,17 @@ from pydantic_core import PydanticCustomError
 from wavetank import motions
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, StillWater
+from wavetank.case.moving_wall import MovingWall
 from wavetank.case.numerics import Gauge, Numerics, Output, RunNoun, named
 from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.walls import FixedWall, Wall
+from wavetank.motions.extent import Extent, extent, times, values
 from wavetank.motions.mapping import STEEPEST, largest_stroke
 from wavetank.values.noun import Noun, Problem, SceneError, about
 from wavetank.values.quantities import Label, metres
 
+CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
 LOOKED_AT = 50  # times, at which derivatives are compared that a user has written
 DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
 
@@ -130,16 +133,24 @@ class Scene(Noun):
         if motion.start >= self.run.duration:
             allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
             yield Problem(("run", "duration"), self.run.duration, allowed)
-        stroke = self.stroke(motion)
-        if stroke >= largest_stroke(self.reach):
-            allowed = f"must be more than {STEEPEST * stroke:.4g} m, 4/3 of the paddle's largest distance from rest"
+        excursion = self.excursion(motion)
+        if excursion >= largest_stroke(self.reach):
+            allowed = f"must be more than {STEEPEST * excursion:.4g} m, 4/3 of the paddle's largest distance from rest"
             yield Problem(("wall", "reach"), self.reach, allowed)
+        if isinstance(self.wall, MovingWall) and self.wall.limits is not None:
+            yield from self.wall.limits.exceeded(self.extent(motion))
 
-    def stroke(self, motion: motions.Motion) -> float:
+    def excursion(self, motion: motions.Motion) -> float:
         """Return the paddle's largest distance from rest in the run [m]."""
-        end = min(self.run.duration, motion.duration)
-        positions = self.of_paddle(motion, "position")(np.linspace(0.0, end, 4001, dtype=np.float64))
-        return float(np.abs(positions).max())
+        return float(np.abs(values(self.of_paddle(motion, "position"), self._times(motion))).max())
+
+    def extent(self, motion: motions.Motion) -> Extent:
+        """Return the paddle's stroke, largest speed and acceleration in the run."""
+        return extent(motion, self._times(motion), self.wall.places(self.tank))
+
+    def _times(self, motion: motions.Motion) -> motions.Array:
+        """Return the times at which a motion is looked at [s]."""
+        return times(min(self.run.duration, motion.duration), CLOSE * (self.tank.depth / self.tank.gravity) ** 0.5)
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:

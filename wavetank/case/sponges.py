@@ -17,13 +17,14 @@ from wavetank.case.formulae import FormulaNoun, FormulaText
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, RingTank, SliceTank
 from wavetank.motions import Array
+from wavetank.motions.extent import values
 from wavetank.theory.airy import group_velocity, wave_number
 from wavetank.values.formula import Formula
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Duration, Length, Rate
 
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
-AT_ONCE, MOST = 4096, 2**18  # times: a sum of many waves takes memory for each; of a longer motion the first part
+MOST = 2**18  # times; of a longer motion the first part
 STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no paddle makes waves as short
 
 
@@ -133,7 +134,7 @@ def paddle_period(
     duration = min(duration, MOST * step)
     count = max(256, int(np.ceil(duration / step)))
     t: Array = duration / count * np.arange(count, dtype=np.float64)
-    velocities = np.concatenate([velocity(part) for part in np.array_split(t, -(-count // AT_ONCE))])
+    velocities = values(velocity, t)
     lines = np.abs(np.fft.rfft(velocities, axis=0)[1:]) ** 2
     power = np.cumsum(lines.reshape(len(lines), -1).sum(axis=1))
     upper_edges = np.arange(1, power.size + 1) + 0.5  # of the lines, in 1 / duration

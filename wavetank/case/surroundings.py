@@ -4,6 +4,7 @@ from typing import Protocol
 
 from wavetank.case.tanks import AnyTank
 from wavetank.motions import Array
+from wavetank.theory.wavemaker import Wavemaker
 
 
 class Lasting(Protocol):
@@ -16,6 +17,10 @@ class Lasting(Protocol):
 
 class Placed(Protocol):
     """A wall."""
+
+    @property
+    def maker(self) -> Wavemaker:
+        """Its shape, by which it makes waves."""
 
     def places(self, tank: AnyTank) -> Array | None:
         """Return the places y along it at which it is looked at [m], shape (N,); None where all are alike."""

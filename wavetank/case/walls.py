@@ -12,6 +12,7 @@ from wavetank.case.moving_wall import MovingWall
 from wavetank.case.paddles import PaddleMotion
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, RingTank
+from wavetank.theory.wavemaker import PISTON, Wavemaker
 from wavetank.values.noun import Noun, Problem
 
 
@@ -19,6 +20,7 @@ class FixedWall(Noun):
     """A wall that stands still."""
 
     moves: ClassVar[bool] = False
+    maker: ClassVar[Wavemaker] = PISTON  # one at rest
     type: Literal["fixed"] = "fixed"
 
     def paddle(self, tank: AnyTank) -> motions.Motion:
@@ -32,6 +34,10 @@ class FixedWall(Noun):
     def places(self, tank: AnyTank) -> None:
         """Return None: it is the same all along the wall."""
 
+    def doubts(self, tank: AnyTank) -> Iterator[str]:
+        """Yield nothing."""
+        yield from ()
+
 
 class PistonWall(MovingWall):
     """A vertical wall that moves as a whole."""
@@ -41,7 +47,11 @@ class PistonWall(MovingWall):
 
     def paddle(self, tank: AnyTank) -> motions.Motion:
         """Return the paddle's motion; raises ``SceneError`` if its file cannot be had or read."""
-        return self.motion.build(tank)
+        return self.motion.build(tank, self.maker)
+
+    def doubts(self, tank: AnyTank) -> Iterator[str]:
+        """Yield what is doubtful of the motion."""
+        yield from self.motion.doubts(tank, self.maker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""

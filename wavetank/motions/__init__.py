@@ -1,18 +1,22 @@
 """Paddle motions: X(t), or X(t, y) of segmented paddles, and their exact derivatives, in numpy and scipy alone."""
 
 from wavetank.motions.at_rest import AtRest
+from wavetank.motions.component_file import read_components
 from wavetank.motions.directional_focus import DirectionalFocus
 from wavetank.motions.fan import Fan
+from wavetank.motions.irregular import irregular
+from wavetank.motions.lines import Lines, Tabulated
 from wavetank.motions.motion import Array, Motion, SegmentedMotion
 from wavetank.motions.oblique_wave import ObliqueWave
 from wavetank.motions.programmed import Programmed
-from wavetank.motions.ramped import Ramped
+from wavetank.motions.ramped import Ramped, ramped
 from wavetank.motions.recorded import Recorded
 from wavetank.motions.reflected_focus import ReflectedFocus
 from wavetank.motions.segmented import PiecewiseLinear
 from wavetank.motions.sinusoid import Sinusoid
-from wavetank.motions.spectra import Gaussian, Jonswap, Spectrum
+from wavetank.motions.spectra import Gaussian, Jonswap, Spectrum, Tabled, Tma, read_spectrum
 from wavetank.motions.wave_group import WaveGroup
+from wavetank.motions.wave_motion import Sea, WaveMotion
 
 __all__ = [
     "Array",
@@ -21,6 +25,7 @@ __all__ = [
     "Fan",
     "Gaussian",
     "Jonswap",
+    "Lines",
     "Motion",
     "ObliqueWave",
     "PiecewiseLinear",
@@ -28,8 +33,17 @@ __all__ = [
     "Ramped",
     "Recorded",
     "ReflectedFocus",
+    "Sea",
     "SegmentedMotion",
     "Sinusoid",
     "Spectrum",
+    "Tabled",
+    "Tabulated",
+    "Tma",
     "WaveGroup",
+    "WaveMotion",
+    "irregular",
+    "ramped",
+    "read_components",
+    "read_spectrum",
 ]

@@ -73,7 +73,7 @@ class DirectionalFocus(SegmentedMotion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sum of the components' derivatives; memory is components times directions times places."""
-        phases = self.k_x * self.group.focus_x - np.multiply.outer(y - self.focus_y, self.k_y)
+        phases = self.group.phase + self.k_x * self.group.focus_x - np.multiply.outer(y - self.focus_y, self.k_y)
         amplitudes = np.multiply.outer(self.group.paddle_amplitudes, self.fan.shares * np.cos(self.fan.angles))
         along = np.einsum("njm,jm->jn", np.exp(1j * phases), amplitudes)
         in_time = np.exp(1j * np.multiply.outer(np.subtract(t, self.group.focus_time), self.group.omega))
@@ -83,7 +83,7 @@ class DirectionalFocus(SegmentedMotion):
     def target(self) -> PlaneWaves:
         """The waves to be made, by linear theory: without a ramp or side walls."""
         group, omega = self.group, self.group.omega[:, None] + 0.0 * self.k_x
-        phases = self.k_x * group.focus_x + self.k_y * self.focus_y - omega * group.focus_time
+        phases = group.phase + self.k_x * group.focus_x + self.k_y * self.focus_y - omega * group.focus_time
         return PlaneWaves(
             amplitudes=(self.crest_amplitudes * np.exp(-1j * phases)).ravel(),
             k_x=self.k_x.ravel(),

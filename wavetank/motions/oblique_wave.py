@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 
 from wavetank.motions.motion import Array, SegmentedMotion
-from wavetank.theory import airy, wavemaker
+from wavetank.theory import airy
 from wavetank.theory.plane_waves import PlaneWaves
+from wavetank.theory.wavemaker import PISTON
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +59,7 @@ class ObliqueWave(SegmentedMotion):
     @cached_property
     def paddle_amplitude(self) -> float:
         """The snake's amplitude a cos(theta) / c [m]."""
-        return float(self.amplitude * np.cos(self.angle) / wavemaker.piston_transfer(self.k, self.depth))
+        return float(self.amplitude * np.cos(self.angle) / PISTON.transfer(self.k, self.depth))
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sine's derivative."""

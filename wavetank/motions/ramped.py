@@ -56,3 +56,8 @@ class Ramped(Motion):
         s = np.clip(np.subtract(t, self.start) / self.ramp, 0.0, 1.0)
         factor, values = comb(order, n) * (_STEP[n](s) / self.ramp**n), self.motion.derivative(t, order - n, y)
         return (factor if np.ndim(values) == np.ndim(t) else np.asarray(factor)[..., None]) * values
+
+
+def ramped(motion: Motion, ramp: float, *, start: float = 0.0) -> Motion:
+    """Return a motion with its ramp [s], which may be none."""
+    return Ramped(motion, ramp, start) if ramp > 0 else motion

@@ -1,4 +1,4 @@
-"""Reads records: text files of two columns, time [s] and value, with ``#`` for comments."""
+"""Reads records of paddles: text files of two columns, time [s] and value, ``#`` for comments, or of named columns."""
 
 from pathlib import Path
 
@@ -6,17 +6,28 @@ from wavetank.errors import InputError
 from wavetank.motions.motion import Array
 from wavetank.values.columns import check_ascending, read_columns
 
+TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 
 
-def read_record(path: Path) -> tuple[Array, Array]:
-    """Return times [s] and values, shapes (N,), N >= 4, of a file of two columns separated by blanks or commas.
+def read_record(path: Path, *, column: str = "position [m]") -> tuple[Array, ...]:
+    """Return times [s] and values, shapes (N,), N >= 4, of a file of columns separated by blanks or commas.
 
-    Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not two finite numbers, if
-    times do not ascend, or if there are fewer than four rows.
+    There are two of them without names, or those of a run's ``paddle.csv``, which may be more: the first that goes by
+    ``column`` is taken, with the derivatives of a position if they are there.
+
+    Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not as many finite numbers, if
+    times do not ascend, if there are fewer than four rows, or no such column.
     """
-    _, values, lines = read_columns(path, columns=2, allowed=_ALLOWED)
+    names, values, lines = read_columns(path, allowed=_ALLOWED)
+    if not names and values.shape[1] > 2:
+        raise InputError(f"{path}: {values.shape[1]} columns received; {_ALLOWED}, or columns with names above.")
+    if names and not {TIME, column} <= {*names}:
+        raise InputError(f"{path}: columns {', '.join(names)} received; allowed are '{TIME}' and '{column}'.")
     if len(lines) < 4:
         raise InputError(f"{path}: {len(lines)} rows received; at least 4 are needed for a cubic spline.")
-    check_ascending(path, lines, values[:, 0])
-    return values[:, 0], values[:, 1]
+    wanted = names or (TIME, column)
+    t = values[:, wanted.index(TIME)]
+    check_ascending(path, lines, t)
+    whole = column == STATE[0] and {*STATE} <= {*names}
+    return t, *(values[:, wanted.index(name)] for name in (STATE if whole else (column,)))

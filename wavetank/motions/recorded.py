@@ -1,4 +1,7 @@
-"""A measured motion: one cubic spline through a record of positions or of velocities."""
+"""A measured motion: one cubic spline through a record of positions or of velocities, or one of degree 5 through both.
+
+The record that a run keeps of its paddle has positions, velocities and accelerations: the spline takes all of them.
+"""
 
 from dataclasses import dataclass
 from typing import Any
@@ -7,6 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PPoly
 
 from wavetank.errors import InputError
+from wavetank.motions.lines import hermite
 from wavetank.motions.motion import Array, Motion
 
 
@@ -14,15 +18,19 @@ from wavetank.motions.motion import Array, Motion
 class Recorded(Motion):
     """X(t) from one spline; before the record starts the paddle stands still where the record starts.
 
-    Build it with ``of_positions`` or ``of_velocities``. Asking for times beyond the record raises ``InputError``.
+    Build it with ``of_positions``, ``of_velocities`` or ``of_states``. Asking for times beyond the record raises
+    ``InputError``.
 
     Attributes
     ----------
     spline
         X(t) [m] as piecewise polynomials; its breakpoints are the record's times.
+    measured
+        Whether its rows have noise.
     """
 
     spline: PPoly
+    measured: bool = True
 
     @classmethod
     def of_positions(cls, t: Array, X: Array) -> "Recorded":
@@ -33,6 +41,11 @@ class Recorded(Motion):
     def of_velocities(cls, t: Array, velocity: Array) -> "Recorded":
         """Return the integral, zero at t[0], of the cubic spline through velocities [m/s] at t [s], shapes (N,)."""
         return cls(CubicSpline(t, velocity).antiderivative())
+
+    @classmethod
+    def of_states(cls, t: Array, X: Array, velocity: Array, acceleration: Array) -> "Recorded":
+        """Return the motion that has positions [m], velocities and accelerations at t [s], all of shape (N,)."""
+        return cls(hermite(t, X, velocity, acceleration), measured=False)
 
     @property
     def start(self) -> float:
@@ -45,9 +58,9 @@ class Recorded(Motion):
         return float(self.spline.x[-1])
 
     @property
-    def interval(self) -> float:
-        """The mean time between two rows of the record [s]."""
-        return float(np.mean(np.diff(self.spline.x)))
+    def interval(self) -> float | None:
+        """The mean time between two rows of the record [s], if it was measured."""
+        return float(np.mean(np.diff(self.spline.x))) if self.measured else None
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; raise ``InputError`` beyond the record."""

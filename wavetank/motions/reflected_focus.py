@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from wavetank.motions.directional_focus import DirectionalFocus, latest
 from wavetank.motions.motion import Array, SegmentedMotion
-from wavetank.theory import airy, wavemaker
+from wavetank.theory import airy
 from wavetank.theory.plane_waves import PlaneWaves
 
 Complex = NDArray[np.complex128]
@@ -63,7 +63,7 @@ class ReflectedFocus(SegmentedMotion):
     def crests(self) -> Complex:
         """C_jn [m], shape (components, modes), 0 for those that do not travel."""
         focus, width = self.focus, self.high - self.low
-        start = focus.crest_amplitudes * np.exp(1j * focus.k_y * (self.low - focus.focus_y))
+        start = focus.crest_amplitudes * np.exp(1j * (focus.k_y * (self.low - focus.focus_y) - focus.group.phase))
         sums = (self._mean(np.add.outer(focus.k_y, sign * self.across), width) for sign in (1.0, -1.0))
         twice = np.where(self.across > 0.0, 1.0, 0.5) * sum(sums)
         return np.asarray(np.einsum("jm,jmn->jn", start, twice) * (self.along > 0.0))
@@ -86,7 +86,7 @@ class ReflectedFocus(SegmentedMotion):
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sum of the components' derivatives."""
         group = self.focus.group
-        transfer = self.along / (group.k * wavemaker.piston_transfer(group.k, group.depth))[:, None]
+        transfer = self.along / (group.k * group.maker.transfer(group.k, group.depth))[:, None]
         motion = 1j * self.crests * transfer * np.exp(-1j * self.along * group.focus_x)
         in_time = np.exp(-1j * np.multiply.outer(np.subtract(t, group.focus_time), group.omega))
         return np.asarray(np.real((in_time * (-1j * group.omega) ** order) @ (motion @ self._shapes(y))))

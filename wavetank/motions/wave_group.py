@@ -1,31 +1,30 @@
-"""A piston motion whose waves meet, by linear theory, in one crest at a given place and time.
+"""A motion whose waves meet, by linear theory, in one crest at a given place and time.
 
 The group is a NewWave: components of amplitude A_j = A S(f_j) / sum S (equally spaced f_j) with crests together at
 (x_f, t_f), so that its shape there is the mean shape of a high crest in a sea of spectrum S,
 
-    eta(x, t) = sum A_j cos(k_j (x - x_f) - omega_j (t - t_f)).
+    eta(x, t) = sum A_j cos(k_j (x - x_f) - omega_j (t - t_f) - phase),
 
-A piston X = Re(a exp(-i omega t)) makes eta = Re(-i c a exp(i (k x - omega t))) (``wavetank.theory.wavemaker``), so
-
-    X(t) = sum A_j / c_j sin(omega_j (t - t_f) + k_j x_f).
+a crest with the phase 0, a trough with half a turn.
 
 Source: P. S. Tromans, A. R. Anaturk, P. Hagemeijer, "A new model for the kinematics of large ocean waves", ISOPE 1991.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from wavetank.motions.motion import Array, Motion
+from wavetank.motions.motion import Array
 from wavetank.motions.spectra import Spectrum
-from wavetank.theory import airy, wavemaker
-from wavetank.theory.plane_waves import PlaneWaves
+from wavetank.motions.wave_motion import WaveMotion
+from wavetank.theory import airy
+from wavetank.theory.plane_waves import PlaneWaves, waves_along
+from wavetank.theory.wavemaker import PISTON, Wavemaker
 
 
 @dataclass(frozen=True, kw_only=True)
-class WaveGroup(Motion):
+class WaveGroup(WaveMotion):
     """A focusing wave group.
 
     Attributes
@@ -42,6 +41,10 @@ class WaveGroup(Motion):
         Where [m from the paddle's rest position] and when [s] the crests meet.
     depth, gravity
         Still-water depth [m] and gravity [m/s^2].
+    phase
+        At the focus [rad]: 0 of a crest, pi of a trough.
+    maker
+        The paddle's shape.
     """
 
     amplitude: float
@@ -53,6 +56,8 @@ class WaveGroup(Motion):
     focus_time: float
     depth: float
     gravity: float
+    phase: float = 0.0
+    maker: Wavemaker = PISTON
 
     @cached_property
     def frequencies(self) -> Array:
@@ -78,11 +83,7 @@ class WaveGroup(Motion):
     @cached_property
     def paddle_amplitudes(self) -> Array:
         """A_j / c_j [m], shape (components,)."""
-        return np.asarray(self.crest_amplitudes / wavemaker.piston_transfer(self.k, self.depth))
-
-    @cached_property
-    def _phases(self) -> Array:
-        return np.asarray(self.k * self.focus_x - self.omega * self.focus_time)
+        return np.asarray(self.crest_amplitudes / self.maker.transfer(self.k, self.depth))
 
     @property
     def repetition(self) -> float:
@@ -100,15 +101,9 @@ class WaveGroup(Motion):
         travel = self.focus_x / airy.group_velocity(slowest, self.depth, self.gravity)
         return float(ramp + travel + 1.0 / self.spectrum.peak_frequency)
 
-    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the sum of the components' derivatives; memory for an array of times is components times its size."""
-        phases = np.multiply.outer(t, self.omega) + (self._phases + order * np.pi / 2.0)
-        return np.sin(phases) @ (self.paddle_amplitudes * self.omega**order)
-
     @cached_property
     def target(self) -> PlaneWaves:
         """The waves to be made, by linear theory: without a ramp and without evanescent modes."""
-        amplitudes, still = self.crest_amplitudes * np.exp(-1j * self._phases), np.zeros_like(self.k)
-        return PlaneWaves(
-            amplitudes=amplitudes, k_x=self.k, k_y=still, omega=self.omega, depth=self.depth, gravity=self.gravity
-        )
+        phases = np.full(self.components, self.phase)
+        where = {"x": self.focus_x, "time": self.focus_time, "depth": self.depth, "gravity": self.gravity}
+        return waves_along(self.frequencies, self.crest_amplitudes, phases, **where)

@@ -5,18 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.arrays import Vector
 from wavetank.observers.contract import Moment
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
-
-RATES = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # a motion's methods, with their units
-
-
-def columns(places: Vector | None) -> list[str]:
-    """Return the table's columns, of a paddle in segments for each place y along it [m]."""
-    at = [""] if places is None else [f"@y={y:.6g}" for y in places]
-    return ["t [s]", *(f"{name}{place} [{unit}]" for name, unit in RATES.items() for place in at)]
+from wavetank.records.paddle_table import RATES as RATES
 
 
 class PaddleMotion:
@@ -27,7 +19,7 @@ class PaddleMotion:
     rates
         These three, by name: functions of t [s] that return a number, or one for each place along the paddle.
     record
-        Where rows go, in the order of ``columns``.
+        Where rows go, in the order of ``records.paddle_table.columns``.
     """
 
     def __init__(self, rates: Mapping[str, Callable[[Any], Any]], *, record: Record, schedule: Schedule):

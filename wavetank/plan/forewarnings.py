@@ -25,7 +25,8 @@ HELD = 0.01  # what mesh and step may miss
 
 def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves) -> list[str]:
     """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective."""
-    return [*_predicted(scene), *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock), *_end(scene, clock)]
+    before = [*_predicted(scene), *scene.wall.doubts(scene.tank)]
+    return [*before, *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock), *_end(scene, clock)]
 
 
 def _predicted(scene: Scene) -> Iterator[str]:

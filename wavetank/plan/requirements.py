@@ -1,8 +1,8 @@
 """What a scene asks for: which waves there are, how far they travel, how steep they get, and the objects that follow.
 
 A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
-motion over the run (of a short one, and beyond it: ``WINDOW``) and c Biésel's transfer function
-(``reference/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
+motion over the run (of a short one, and beyond it: ``WINDOW``) and c the paddle's transfer function
+(``theory/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
 within the run; where there is no gauge, as far as it gets towards the far wall. At a gauge it is seen for the rest of
 the run: that is its share in the error. A standing wave is followed for the whole run.
 
@@ -29,10 +29,10 @@ from numpy.typing import NDArray
 from wavetank import case as nouns
 from wavetank.arrays import Vector
 from wavetank.case import Physics, Scene
-from wavetank.case.sponges import AT_ONCE
 from wavetank.errors import InputError
 from wavetank.motions import Motion
-from wavetank.theory import airy, standing_wave, wavemaker
+from wavetank.motions.extent import values
+from wavetank.theory import airy, standing_wave
 from wavetank.theory.conformal import SteadyWave
 
 FREE = 1 / 3  # of k a: what a piston's free second harmonic has beyond the bound one; at k d = 3 both are 0.83 k a
@@ -380,11 +380,11 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
     duration = min(looked_at(scene, motion), float(MOST_TIMES / (4 * highest)))
     count = 2 * int(np.ceil(2 * highest * duration)) + 64
     t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
-    positions = np.concatenate([motion.position(part) for part in np.array_split(t, -(-count // AT_ONCE))])
+    positions = values(motion.position, t)
     coefficients = np.fft.rfft(positions * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
     omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
     k = airy.wave_number(omega, tank.depth, tank.gravity)
-    return _Lines(omega, k, 1j * wavemaker.piston_transfer(k, tank.depth) * coefficients)
+    return _Lines(omega, k, 1j * scene.wall.maker.transfer(k, tank.depth) * coefficients)
 
 
 def looked_at(scene: Scene, motion: Motion) -> float:

@@ -17,7 +17,7 @@ from wavetank.runs.clock import Clock
 from wavetank.runs.memory import peak_memory
 from wavetank.runs.run import Run
 from wavetank.runs.waters import AnyWaves
-from wavetank.theory import airy, wavemaker
+from wavetank.theory import airy
 
 STEEPEST = 0.2  # k a, and a over the depth: steeper waves, which may break, are no measure
 TIMES = 1001  # of the second half of a run at which its paddle is looked at
@@ -107,7 +107,7 @@ def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:
     velocity = scene.of_paddle(motion, "velocity")(t).reshape(TIMES, -1)
     omega, g = 2 * np.pi / period, scene.tank.gravity
     k = float(airy.wave_number(omega, waves.depth, g))
-    amplitude = float(wavemaker.piston_transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
+    amplitude = float(scene.wall.maker.transfer(k, waves.depth)) * np.sqrt(2 * np.mean(velocity**2)) / omega
     amplitude = min(amplitude, STEEPEST / k, STEEPEST * waves.depth)
     phase = k * waves.plane.x
     run.clock = replace(run.clock, begin=float(t[np.argmax(velocity.mean(axis=1))]))

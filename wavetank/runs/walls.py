@@ -48,10 +48,10 @@ def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, pla
 def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
     motion, side = scene.motion(), footprint.side()
     wall = Piston(motion, plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
-    stroke, allowed = scene.stroke(motion), wall.largest_stroke
-    if stroke >= allowed:
+    excursion, allowed = scene.excursion(motion), wall.largest_stroke
+    if excursion >= allowed:
         limit = (
-            f"goes {stroke:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
+            f"goes {excursion:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
             f"dies out, which is {wall.reach:.4g} m on this mesh and before any wall that stands still"
         )
         raise SceneError([Problem(("wall", "motion"), None, limit)])

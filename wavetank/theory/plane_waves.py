@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from wavetank.theory.airy import wave_number
 from wavetank.theory.wave import Array, Wave, in_depth
 
 
@@ -58,3 +59,25 @@ class PlaneWaves(Wave):
 
     def _in_depth(self, z: ArrayLike) -> tuple[Array, Array]:
         return in_depth(self._k, np.asarray(z)[..., None], self.depth)
+
+
+def waves_along(
+    frequencies: ArrayLike,
+    amplitudes: ArrayLike,
+    phases: ArrayLike,
+    *,
+    depth: float,
+    gravity: float,
+    x: float = 0.0,
+    time: float = 0.0,
+) -> PlaneWaves:
+    """Return waves along x that are sum a cos(omega (t - time) + phase) at x.
+
+    Frequencies [Hz], amplitudes [m] and phases [rad] of one shape, (N,); x [m], time [s], depth [m], gravity [m/s²].
+    """
+    omega = np.asarray(2.0 * np.pi * np.asarray(frequencies, dtype=np.float64))
+    k = wave_number(omega, depth, gravity)
+    turned = np.exp(-1j * (k * x - omega * time + np.asarray(phases)))
+    return PlaneWaves(
+        amplitudes=amplitudes * turned, k_x=k, k_y=np.zeros_like(k), omega=omega, depth=depth, gravity=gravity
+    )

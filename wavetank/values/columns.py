@@ -60,11 +60,14 @@ def read_columns(
     return Columns(names, np.array(rows).reshape(len(rows), columns), tuple(numbers))
 
 
-def check_ascending(path: Path, lines: Sequence[int], times: Array) -> None:
-    """Raise ``InputError``, which names the line, for times that do not ascend."""
-    for before, time, number in zip(times, times[1:], lines[1:], strict=False):
-        if not time > before:
-            raise InputError(f"{path}, line {number}: time {time:g} received after {before:g}; times must ascend.")
+def check_ascending(
+    path: Path, lines: Sequence[int], values: Array, *, what: tuple[str, str] = ("time", "times")
+) -> None:
+    """Raise ``InputError``, which names the line, for values that do not ascend, of which there are one or many."""
+    for before, value, number in zip(values, values[1:], lines[1:], strict=False):
+        if not value > before:
+            received = f"{what[0]} {value:g} received after {before:g}"
+            raise InputError(f"{path}, line {number}: {received}; {what[1]} must ascend.")
 
 
 def _names(line: str) -> tuple[str, ...]:

@@ -72,10 +72,13 @@ class Noun(BaseModel):
     ----------
     formerly
         Keys that it has had, with what they are called now.
+    formerly_type
+        The type that it was before; empty if it has always had its own.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
     formerly: ClassVar[dict[str, str]] = {}
+    formerly_type: ClassVar[str] = ""
 
     def problems(self, scene: Any) -> Iterator[Problem]:
         """Yield what does not fit the rest of ``scene``, the ``Scene`` that it is a part of; by itself, nothing."""

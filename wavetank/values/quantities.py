@@ -40,6 +40,8 @@ Duration = Annotated[float, Field(ge=SHORTEST, le=1e9)]  # s, of runs, periods a
 Ramp = Annotated[float, Field(ge=0, le=1e9), AfterValidator(_none_or_some)]  # s
 Frequency = Annotated[float, Field(ge=1e-6, le=1e6)]  # Hz
 Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # 1/s
+Speed = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s
+Acceleration = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s^2
 Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
 Count = Annotated[int, Field(ge=1, le=10**9)]
 Share = Annotated[float, Field(ge=1e-9, lt=1)]  # of a whole

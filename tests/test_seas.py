@@ -1,0 +1,415 @@
+"""Waves as motions, against closed integrals of spectra, error bounds of splines, and linear wave theory."""
+
+import numpy as np
+import pytest
+from conftest import recorded
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import gamma as gamma_function
+
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
+from wavetank.cli import main
+from wavetank.errors import InputError
+from wavetank.motions import Gaussian, Jonswap, Lines, Ramped, Recorded, Sinusoid, Tabled, Tabulated, Tma, irregular
+from wavetank.motions.irregular import uniform
+from wavetank.motions.record_file import read_record
+from wavetank.records.directory import RunDirectory
+from wavetank.theory import airy
+from wavetank.theory.plane_waves import waves_along
+from wavetank.theory.second_order import Strokes, second_order
+from wavetank.theory.wavemaker import PISTON
+
+GRAVITY, DEPTH = 9.81, 1.0
+TANK = {"length": 20.0, "depth": DEPTH}
+
+
+def scene(motion, *, duration=20.0, limits=None, tank=TANK):
+    wall = {"type": "piston", "motion": motion} | ({} if limits is None else {"limits": limits})
+    return Scene.model_validate({"tank": tank, "wall": wall, "run": {"duration": duration}})
+
+
+def waves(motion):
+    """Return the linear waves that a noun means."""
+    case = scene(motion)
+    return case.wall.motion.waves(case.tank, case.wall.maker).target
+
+
+# ---------------------------------------------------------------- tables of sums
+def sea(count=300, seed=3):
+    f = np.linspace(0.3, 1.8, count)
+    amplitudes, phases = irregular(Jonswap(0.6), f, significant_height=0.1, seed=seed)
+    target = waves_along(f, amplitudes, phases, depth=DEPTH, gravity=GRAVITY)
+    return Lines(target.omega, 1j * target.amplitudes / PISTON.transfer(target.k_x, DEPTH))
+
+
+def test_a_table_misses_no_more_than_birkhoff_and_priver_say():
+    """Their bounds for the two-point polynomials of degree 5, with the largest sixth derivative there can be."""
+    lines = sea()
+    table, h = lines.tabulated(), lines.step
+    assert isinstance(table, Tabulated)
+    t = np.random.default_rng(0).uniform(0.0, 200.0, 2000)
+    sixth = np.abs(lines.b) @ lines.omega**6
+    for order, bound in enumerate((h**6 / 46080, np.sqrt(5) * h**5 / 30000, h**4 / 1920)):
+        missed = np.abs(table.derivative(t, order) - lines.derivative(t, order)).max()
+        size = np.abs(lines.b) @ lines.omega**order
+        assert missed < bound * sixth + 1e-12 * size
+        assert missed < 1e-6 * size  # 30 intervals in the shortest period
+
+
+def test_a_table_is_the_same_in_whatever_order_it_is_asked():
+    t = np.array([900.0, 0.1, 433.3, 77.0, 0.1, 900.0, 1500.0])
+    together = sea().tabulated().position(t)
+    table = sea().tabulated()
+    assert [table.position(float(one)) for one in t] == together.tolist()
+    assert table.position(t.reshape(7, 1)).shape == (7, 1)
+
+
+def test_the_table_of_places_is_the_table_of_each():
+    lines = sea(40)
+    several = Lines(lines.omega, np.outer(lines.b, [1.0, 2.0j])).tabulated()
+    t = np.linspace(0.0, 30.0, 50)
+    np.testing.assert_allclose(several.velocity(t)[:, 0], lines.tabulated().velocity(t), atol=1e-9)
+    assert several.velocity(1.0).shape == (2,)
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_a_derivative_of_a_ramped_table_is_the_slope_of_the_one_below(order):
+    motion, t, step = Ramped(sea().tabulated(), 3.0), np.array([1.3, 2.7, 4.1, 19.3]), 1e-4
+    slope = (motion.derivative(t + step, order) - motion.derivative(t - step, order)) / (2 * step)
+    np.testing.assert_allclose(motion.derivative(t, order + 1), slope, atol=2e-5 * np.abs(slope).max())
+
+
+# ---------------------------------------------------------------- spectra
+F = np.linspace(0.2, 40.0, 400_000)  # over fp: the tail beyond has 1e-7 of m0
+
+
+def moment(spectrum, n):
+    return float(spectrum.density(F) @ F**n) * (F[1] - F[0])
+
+
+def test_pierson_moskowitz_has_its_closed_moments():
+    """Of f^-5 exp(-5/4 f^-4): m0 = 1/5; m_n is (5/4)^(n/4 - 1) Gamma(1 - n/4) / 4."""
+    for n in (0, 1, 2):
+        exact = 1.25 ** (n / 4 - 1) * gamma_function(1 - n / 4) / 4
+        assert moment(Jonswap(1.0, 1.0), n) == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize("peak", [1.0, 3.3, 6.0])
+def test_jonswap_has_the_published_area_and_mean_periods(peak):
+    """DNV-RP-C205 (2010), 3.5.5: m0 over that of Pierson and Moskowitz; T_m02 and T_m01 over T_p."""
+    m0, m1, m2 = (moment(Jonswap(1.0, peak), n) for n in range(3))
+    assert 0.2 / m0 == pytest.approx(1 - 0.287 * np.log(peak), rel=0.01)
+    powers = peak ** np.arange(4)
+    assert np.sqrt(m0 / m2) == pytest.approx(powers @ [0.6673, 0.05037, -0.006230, 0.0003341], rel=0.005)
+    assert m0 / m1 == pytest.approx(powers @ [0.7303, 0.04936, -0.006556, 0.0003610], rel=0.005)
+
+
+def test_tma_is_jonswap_in_deep_water_and_by_thompson_and_vincent_in_shallow():
+    """In shallow water, omega (d / g)^(1/2) < 1, the factor is half its square within 4 % (J. Geophys. Res. 1983)."""
+    deep = Jonswap(0.5)
+    np.testing.assert_allclose(Tma(deep, 500.0, GRAVITY).density(F), deep.density(F), rtol=1e-6)
+    omega = np.linspace(0.05, 1.0, 20)
+    f = omega / (2 * np.pi) * np.sqrt(GRAVITY / DEPTH)
+    np.testing.assert_allclose(Tma(deep, DEPTH, GRAVITY).density(f), deep.density(f) * omega**2 / 2, rtol=0.04)
+
+
+def test_a_table_s_spectrum_is_straight_between_its_rows(tmp_path):
+    (tmp_path / "S.txt").write_text("# f S\n0.4 0.0\n0.5, 2.0\n1.0 0.0\n")
+    table = {"type": "table", "file": str(tmp_path / "S.txt")}
+    motion = {"type": "irregular", "significant_height": 0.1, "spectrum": table}
+    case = scene(motion, duration=10.0)
+    spectrum = case.wall.motion.spectrum.build(case.tank)
+    assert spectrum.peak_frequency == 0.5
+    np.testing.assert_array_equal(spectrum.density(np.array([0.3, 0.45, 0.75, 1.2])), [0.0, 1.0, 1.0, 0.0])
+    assert isinstance(spectrum, Tabled)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0.5 1\n0.4 1\n", "line 2: frequency 0.4 received after 0.5; frequencies must ascend"),
+        ("-0.5 1\n0.4 1\n", "line 1: -0.5 1 received; allowed are two finite numbers, a positive frequency"),
+        ("0.5 0\n0.6 0\n", "2 rows received; at least 2 are needed, and a density that is not 0"),
+        ("0.5 x\n0.6 0\n", "line 1: '0.5 x' received; allowed are two finite numbers"),
+    ],
+)
+def test_a_bad_spectrum_is_a_sentence(tmp_path, text, said):
+    (tmp_path / "S.txt").write_text(text)
+    case = tmp_path / "case.toml"
+    case.write_text(
+        "[tank]\nlength = 20.0\ndepth = 1.0\n[run]\nduration = 9.0\n[wall]\ntype = 'piston'\n[wall.motion]\n"
+        "type = 'irregular'\nsignificant_height = 0.05\nspectrum = {type = 'table', file = 'S.txt'}\n"
+    )
+    with pytest.raises(InputError, match=said) as error:
+        read_case(case)
+    assert "line 11: wall.motion.spectrum.file: " in str(error.value)
+
+
+# ---------------------------------------------------------------- seas
+def test_a_seed_is_the_same_sea_on_any_machine():
+    """The numbers are PCG64's of numpy 1.17 to 2.x."""
+    assert uniform(1, 3).tolist() == [0.5118216247002567, 0.9504636963259353, 0.14415961271963373]
+    assert uniform(2**40, 1).tolist() != uniform(2**40 + 1, 1).tolist()
+
+
+@pytest.mark.parametrize("spectrum", [Jonswap(0.6), Tma(Jonswap(0.6), 0.5, GRAVITY), Gaussian(0.6, 0.1)])
+def test_an_irregular_sea_has_its_height_and_its_spectrum(spectrum):
+    f = np.linspace(0.3, 1.8, 500)
+    amplitudes, phases = irregular(spectrum, f, significant_height=0.2, seed=5)
+    assert 4 * np.sqrt(amplitudes @ amplitudes / 2) == pytest.approx(0.2, rel=1e-14)
+    shape = amplitudes**2 / spectrum.density(f)
+    np.testing.assert_allclose(shape, shape[0], rtol=1e-12)
+    # phases are everywhere alike: their mean direction is that of 500 steps at random, 1 / 500^(1/2)
+    assert abs(np.exp(1j * phases).mean()) < 3 / np.sqrt(500)
+
+
+def test_random_amplitudes_are_rayleigh_s_about_the_spectrum_s():
+    """Over many seeds a² / a_spectrum² has mean 1 and variance 1."""
+    f = np.linspace(0.3, 1.8, 50)
+    smooth = irregular(Jonswap(0.6), f, significant_height=0.2, seed=0)[0]
+    ratios = np.array(
+        [irregular(Jonswap(0.6), f, significant_height=0.2, seed=n, random_amplitudes=True)[0] for n in range(200)]
+    )
+    squares = (ratios / smooth) ** 2  # 10^4 of them
+    assert squares.mean() == pytest.approx(1.0, abs=0.04) and squares.var() == pytest.approx(1.0, abs=0.12)
+
+
+REGULAR = {"type": "regular", "height": 0.04}
+K = 2 * np.pi / 3.0
+FREQUENCY = float(airy.angular_frequency(K, DEPTH, GRAVITY)) / (2 * np.pi)
+
+
+def test_regular_waves_by_period_frequency_or_length_are_the_same():
+    ways = ({"period": 1 / FREQUENCY}, {"frequency": FREQUENCY}, {"wave_length": 3.0})
+    motions = [scene(REGULAR | way).motion() for way in ways]
+    t = np.linspace(0.0, 20.0, 40)
+    for motion in motions:
+        assert motion.ramp == pytest.approx(2 / FREQUENCY)
+        np.testing.assert_allclose(motion.position(t), motions[0].position(t), atol=1e-12)
+    # c = H / S of a piston: the paddle goes H / (2 c) to either side, as a sine
+    expected = Sinusoid(0.02 / float(PISTON.transfer(K, DEPTH)), 1 / FREQUENCY)
+    late = t[t > motions[0].ramp]
+    np.testing.assert_allclose(motions[0].position(late), expected.position(late), atol=1e-12)
+
+
+def test_two_waves_are_the_sum_of_each():
+    pair = {"type": "bichromatic", "heights": [0.04, 0.03], "ramp": 2.0}
+    by_periods, t = {"periods": [2.0, 1.6]}, np.linspace(0.0, 20.0, 40)
+    both = scene(pair | by_periods).motion()
+    np.testing.assert_allclose(scene(pair | {"frequencies": [0.5, 0.625]}).motion().position(t), both.position(t))
+    each = [{"type": "regular", "height": H, "period": T, "ramp": 2.0} for H, T in ((0.04, 2.0), (0.03, 1.6))]
+    np.testing.assert_allclose(both.position(t), sum(scene(one).motion().position(t) for one in each), atol=1e-15)
+
+
+FOCUSED = {
+    "type": "focused",
+    "linear_crest": 0.1,
+    "focus_x": 8.0,
+    "focus_time": 17.0,
+    "spectrum": {"type": "jonswap", "peak_frequency": 0.65},
+    "highest_frequency": 1.2,
+}
+
+
+def test_a_trough_is_a_crest_upside_down():
+    crest, trough = (waves(FOCUSED | {"phase": phase}) for phase in (0.0, 180.0))
+    assert crest.elevation(8.0, 17.0) == pytest.approx(0.1)
+    x = np.linspace(0.0, 20.0, 30)
+    np.testing.assert_allclose(trough.elevation(x, 12.3), -crest.elevation(x, 12.3), atol=1e-15)
+    assert waves(FOCUSED | {"phase": 90.0}).elevation(8.0, 17.0) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_a_peak_by_its_period_is_that_by_its_frequency():
+    by_period = FOCUSED | {"spectrum": {"type": "jonswap", "peak_period": 1 / 0.65}}
+    assert waves(by_period).elevation(7.0, 15.0) == pytest.approx(waves(FOCUSED).elevation(7.0, 15.0), rel=1e-12)
+
+
+def test_components_of_a_file_meet_where_they_were_published_to():
+    """Vyzikas et al. 2018: a linear crest of 0.1516 m at x = 14.1 m, t = 64 s (the target was 0.154 m)."""
+    motion = {
+        "type": "components",
+        "file": "data:vyzikas_2018_focused_components/datwaves.txt",
+        "columns": ["amplitude", "omega", "phase", "other"],
+        "x": 14.1,
+        "time": 64.0,
+        "scale": 0.154 / 0.05,
+    }
+    try:
+        target = waves(motion)
+    except InputError:
+        pytest.skip("the components of Vyzikas et al. are not at hand")
+    t = np.linspace(62.0, 66.0, 401)
+    eta = target.elevation(14.1, t)
+    assert eta.max() == pytest.approx(0.1516, abs=2e-4) and t[eta.argmax()] == pytest.approx(64.0, abs=0.03)
+
+
+# ---------------------------------------------------------------- what is refused
+SEA = {"type": "irregular", "significant_height": 0.05, "spectrum": {"type": "tma", "peak_period": 2.0}}
+
+
+@pytest.mark.parametrize(
+    ("motion", "limits", "said"),
+    [
+        (REGULAR, None, "must have exactly one of the keys 'period' and 'frequency' and 'wave_length'"),
+        (REGULAR | {"period": 0.4}, None, "wall.motion.height = 0.04: must be below that of the highest wave"),
+        (
+            REGULAR | {"period": 20.0, "generation": "second-order", "height": 0.1},
+            None,
+            'wall.motion.generation = "second-order": must be linear: the theory ends far below a second harmonic of',
+        ),
+        ({"type": "bichromatic", "heights": [0.1, 0.1], "periods": [2, 2]}, None, "must have two waves of different"),
+        (REGULAR | {"period": 2.0}, {"stroke": 0.03}, "wall.limits.stroke = 0.03: is too little: this motion needs"),
+        (REGULAR | {"period": 2.0}, {"speed": 0.01}, "wall.limits.speed = 0.01: is too little: this motion needs"),
+        (REGULAR | {"period": 2.0}, {"acceleration": 0.1}, "wall.limits.acceleration = 0.1: is too little"),
+        (
+            SEA | {"components": 9},
+            None,
+            "wall.motion.components = 9: must be 26 or more: so few repeat the waves every 6.4 s",
+        ),
+        (FOCUSED | {"spectrum": {"type": "jonswap"}}, None, "one of the keys 'peak_frequency' and 'peak_period'"),
+    ],
+)
+def test_what_cannot_be_is_a_sentence(motion, limits, said):
+    with pytest.raises(Exception, match=".") as error:
+        scene(motion, limits=limits).motion()
+    assert said in str(error.value)
+
+
+def test_a_motion_of_an_old_name_is_told_the_new_one(tmp_path):
+    case = tmp_path / "case.toml"
+    case.write_text("[tank]\nlength = 8.0\ndepth = 1.0\n[run]\nduration = 1.0\n[wall]\ntype = 'piston'\n"
+                    "motion = {type = 'wave-group'}\n")  # fmt: skip
+    with pytest.raises(InputError, match=r"line 8: wall\.motion\.type = \"wave-group\": is called focused now"):
+        read_case(case)
+
+
+# ---------------------------------------------------------------- the paddle's signal out
+def test_the_file_for_a_wave_board_has_the_motion_and_says_what_it_needs(tmp_path, capsys):
+    out = tmp_path / "board.csv"
+    assert main(["motion", "cases/focusing.toml", "--rate", "50", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    case = read_case("cases/focusing.toml")
+    t, X, velocity, acceleration = read_record(out)
+    assert t.size == 24 * 50 + 1 and t[1] == 0.02
+    for order, values in enumerate((X, velocity, acceleration)):
+        np.testing.assert_allclose(values, case.motion().derivative(t, order), atol=1e-9)
+    stroke = float(said.split("stroke ")[1].split(" m")[0])
+    assert stroke == pytest.approx(np.ptp(X), rel=1e-3)
+    assert float(said.split("acceleration ")[1].split(" m")[0]) == pytest.approx(np.abs(acceleration).max(), rel=1e-3)
+    assert main(["motion", "cases/focusing.toml", "--out", str(out)]) == 2
+    assert "cannot be written (File exists)" in capsys.readouterr().err
+    assert main(["motion", "cases/focusing.toml", "--out", str(tmp_path / "b.txt"), "--format", "txt"]) == 0
+    t, X = read_record(tmp_path / "b.txt")
+    np.testing.assert_allclose(X, case.motion().position(t), atol=1e-9)
+
+
+def test_no_motion_is_a_sentence(capsys):
+    assert main(["motion", "cases/standing-wave.toml"]) == 2
+    assert "no paddle moves in it" in capsys.readouterr().err
+
+
+SHORT = ("run.duration=2.0", "numerics.dt=0.02", "numerics.cell_size=0.5", "numerics.vertical_order=4")
+
+
+def test_a_record_that_is_read_back_gives_the_same_run(tmp_path):
+    """From the file for the board, and from the table that the run itself keeps; rows at 100 Hz miss 1e-7 of it."""
+    board = tmp_path / "board.csv"
+    assert main(["motion", "cases/wavemaker.toml", "--out", str(board), "--set", "run.duration=2.0"]) == 0
+    recorded("cases/wavemaker.toml", SHORT, tmp_path / "first")
+    whole = RunDirectory(tmp_path / "first").snapshots().eta
+    for name, record in (("board", board), ("own", tmp_path / "first" / "paddle.csv")):
+        motion = f'wall.motion={{type="recorded", position="{record}"}}'
+        recorded("cases/wavemaker.toml", (*SHORT, motion), tmp_path / name)
+        again = RunDirectory(tmp_path / name).snapshots().eta
+        assert np.abs(again - whole).max() < 1e-6 * np.abs(whole).max()
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("0 1 2\n1 1 2\n2 1 2\n3 1 2\n", "3 columns received; allowed are two finite numbers"),
+        ("t [s],depth [m]\n0,1\n1,1\n", r"columns t \[s\], depth \[m\] received; allowed are 't \[s\]' and 'position"),
+    ],
+)
+def test_a_record_of_other_columns_is_a_sentence(tmp_path, text, said):
+    (tmp_path / "bad.csv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_record(tmp_path / "bad.csv")
+
+
+def test_a_record_of_states_has_them():
+    t = np.linspace(0.0, 5.0, 20)
+    motion = Recorded.of_states(t, np.sin(t), np.cos(t), -np.sin(t))
+    for order in range(3):
+        np.testing.assert_allclose(motion.derivative(t, order), np.sin(t + order * np.pi / 2), atol=1e-13)
+    assert motion.interval is None and motion.duration == 5.0
+
+
+# ---------------------------------------------------------------- second order
+def paddle(kd, amplitude=0.005):
+    omega = float(airy.angular_frequency(kd / DEPTH, DEPTH, GRAVITY))
+    return omega, 1j * amplitude / float(PISTON.transfer(kd / DEPTH, DEPTH))
+
+
+def added(omega, b, **more):
+    strokes = Strokes(np.atleast_1d(np.asarray(omega, float)), np.atleast_1d(b))
+    return second_order(strokes, PISTON, depth=DEPTH, gravity=GRAVITY, **more)
+
+
+@pytest.mark.parametrize("kd", [0.05, 0.1, 0.2])
+def test_in_long_waves_the_second_harmonic_of_the_paddle_is_madsen_s(kd):
+    """O. S. Madsen, J. Geophys. Res. 76, 1971: a n / tanh a / (2 d n) (3 / (4 sinh² kd) - n / 2), off by (k d)^4."""
+    omega, b = paddle(kd)
+    n = 0.5 * (1 + 2 * kd / np.sinh(2 * kd))
+    madsen = 0.005 * n / np.tanh(kd) * 0.005 / (2 * n) * (3 / (4 * np.sinh(kd) ** 2) - n / 2)
+    more = added(omega, b)
+    assert more.omega == pytest.approx([2 * omega])
+    assert more.b[0] / 1j == pytest.approx(madsen, rel=kd**4)
+
+
+@pytest.mark.parametrize("kd", [0.6, 1.5, 3.0])
+def test_a_wave_in_two_parts_is_the_wave(kd):
+    """Two lines at almost one frequency, half a wave each: their sums add up to the second harmonic of the whole."""
+    omega, b = paddle(kd)
+    apart = added(omega * np.array([1 - 1e-6, 1 + 1e-6]), np.full(2, b / 2))
+    assert apart.b[:3].sum() == pytest.approx(complex(added(omega, b).b[0]), rel=1e-4)
+    assert apart.omega[3] == pytest.approx(2e-6 * omega)
+
+
+@pytest.mark.parametrize("kd", [0.6, 1.5, 3.0])
+def test_more_modes_that_die_out_change_nothing(kd):
+    omega, b = paddle(kd)
+    more, fewer = added([omega, 1.3 * omega], [b, 0.3 * b], evanescent=120), added([omega, 1.3 * omega], [b, 0.3 * b])
+    np.testing.assert_allclose(fewer.b, more.b, atol=2e-3 * np.abs(more.b).max())
+
+
+@given(st.floats(0.3, 3.0), st.floats(1.05, 2.5), st.floats(0.0, 6.0))
+@settings(max_examples=20)
+def test_time_may_begin_anywhere(kd, ratio, shift):
+    """Motions that begin later by a shift: what is added does, too."""
+    omega, b = paddle(kd)
+    omegas, bs = omega * np.array([1.0, ratio]), np.array([b, 0.4 * b])
+    more, later = added(omegas, bs), added(omegas, bs * np.exp(1j * omegas * shift))
+    np.testing.assert_allclose(later.b, more.b * np.exp(1j * more.omega * shift), atol=1e-12 * np.abs(more.b).max())
+
+
+def test_a_frequency_and_its_double_meet_where_modes_are_alike():
+    """The difference of f and 2 f is f: the limit of frequencies near that."""
+    omega, b = paddle(1.0)
+    exact, near = (added([omega, factor * omega], [b, b]).b for factor in (2.0, 2.0 + 1e-5))
+    np.testing.assert_allclose(exact, near, rtol=1e-3)
+
+
+def test_second_order_generation_gathers_equal_frequencies():
+    motion = {"type": "irregular", "significant_height": 0.05, "components": 60, "highest_frequency": 1.5}
+    motion |= {"spectrum": {"type": "jonswap", "peak_frequency": 0.6}, "generation": "second-order"}
+    case = scene(motion)
+    wave = case.wall.motion.waves(case.tank, case.wall.maker)
+    lines = wave.second_order_lines
+    assert lines.omega.size == 60 + 59 + 119 and np.all(np.diff(lines.omega) > 0)  # the lines, 59 differences, 119 sums
+    t = np.linspace(3.0, 9.0, 5)
+    first = Strokes(wave.lines.omega, wave.lines.b)
+    more = second_order(first, PISTON, depth=DEPTH, gravity=GRAVITY)
+    expected = wave.position(t) + Lines(more.omega, more.b).position(t)
+    np.testing.assert_allclose(lines.position(t), expected, atol=1e-12)

@@ -1,0 +1,292 @@
+"""Motions of a paddle that moves as a whole, by the waves that it is to make."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, Strict, model_validator
+
+from wavetank import data, motions
+from wavetank.case.groups import KEY, FocusingWaves, SpectralWaves
+from wavetank.case.surroundings import Surroundings
+from wavetank.case.tanks import AnyTank
+from wavetank.motions.wave_motion import WaveMotion
+from wavetank.theory import airy
+from wavetank.theory.plane_waves import PlaneWaves, waves_along
+from wavetank.theory.stream_function import maximum_height
+from wavetank.theory.wavemaker import Wavemaker
+from wavetank.values.noun import FilePath, Noun, Problem, about, one_of
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
+
+STOKES_ENDS = 0.25  # of the wave: with a second harmonic as high its trough has a second crest; H L² / d³ = 26
+SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order
+MOST_PAIRS = 2000  # components: of so many there are 4 million pairs
+
+Heights = Annotated[tuple[Height, Height], Strict(False)]
+Periods = Annotated[tuple[Duration, Duration], Strict(False)]
+Frequencies = Annotated[tuple[Frequency, Frequency], Strict(False)]
+Column = Literal["frequency", "omega", "amplitude", "phase", "other"]
+
+
+class PaddleNoun(Noun):
+    """A motion of a paddle that moves as a whole."""
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the motion of a paddle of a shape; raises ``SceneError`` if a file it needs cannot be had or read."""
+        raise NotImplementedError
+
+    def doubts(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
+        """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
+        yield from ()
+
+
+class MadeWaves(PaddleNoun):
+    """Waves that the paddle makes through its transfer function."""
+
+    generation: Literal["linear", "second-order"] = Field(
+        default="linear",
+        description="with second-order the paddle adds what keeps it from making free waves at sums and differences of "
+        "frequencies",
+    )
+
+    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+        """Return the motion by linear theory, without its ramp."""
+        raise NotImplementedError
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        raise NotImplementedError
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the ramped motion, of many components from a table."""
+        waves = self.waves(tank, maker)
+        lines = waves.lines if self.generation == "linear" else waves.second_order_lines
+        return motions.ramped(lines.tabulated(), self.ramp_in(tank))
+
+    def second_order_problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield waves for which second-order generation has no meaning."""
+        if self.generation == "linear":
+            return
+        target = self.waves(scene.tank, scene.wall.maker).target
+        if target.omega.size > MOST_PAIRS:
+            allowed = f"must be linear: there are {target.omega.size} components, and it is for at most {MOST_PAIRS}"
+            yield Problem((*KEY, "generation"), self.generation, allowed)
+        elif target.k_x.min() * scene.tank.depth < SHALLOWEST:
+            allowed = f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more"
+            yield Problem((*KEY, "generation"), self.generation, allowed)
+        elif (second := bound_harmonic(target)) >= 1.0:
+            allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
+            yield Problem((*KEY, "generation"), self.generation, allowed)
+
+    def doubts(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
+        """Yield a sentence where second-order generation is beyond its theory."""
+        if self.generation == "linear":
+            return
+        if (second := bound_harmonic(self.waves(tank, maker).target)) > STOKES_ENDS:
+            yield (
+                f"second-order generation is beyond its theory: a second harmonic of {second:.2g} of the wave, where "
+                f"{STOKES_ENDS:g} is the most (H L^2 / d^3 of 26 in shallow water); free waves of higher order are left"
+            )
+
+
+def bound_harmonic(waves: PlaneWaves) -> float:
+    """Return Stokes' second harmonic over the first of a regular wave as high as these, at their mean wave number.
+
+    It is k a (3 - sigma²) / (4 sigma³), sigma = tanh(k d), and a = (2 m0)^(1/2): in shallow water 3 / 32 pi² of
+    Ursell's H L² / d³.
+    """
+    energy = np.abs(waves.amplitudes) ** 2
+    k, a = float(energy @ waves.k_x / energy.sum()), float(np.sqrt(energy.sum()))
+    sigma = float(np.tanh(k * waves.depth))
+    return k * a * (3.0 - sigma**2) / (4.0 * sigma**3)
+
+
+def _too_high(key: tuple[str | int, ...], height: float, frequency: float, tank: AnyTank) -> Iterator[Problem]:
+    """Yield a height [m] that no wave of a frequency [Hz] reaches."""
+    length = 2.0 * np.pi / float(airy.wave_number(2.0 * np.pi * frequency, tank.depth, tank.gravity))
+    if height >= (highest := maximum_height(length, tank.depth)):
+        allowed = f"must be below that of the highest wave, {highest:.4g} m at a length of {length:.4g} m"
+        yield Problem((*KEY, *key), height, allowed)
+
+
+class RegularMotion(MadeWaves):
+    """Regular waves."""
+
+    type: Literal["regular"] = "regular"
+    height: Height = Field(description="height H of the waves, crest above trough [m]")
+    period: Duration | None = Field(default=None, description="period T [s]; default: by frequency or wave length")
+    frequency: Frequency | None = Field(default=None, description="frequency f [Hz]; default: by period or wave length")
+    wave_length: Length | None = Field(
+        default=None, description="wave length, by linear theory [m]; default: by period or frequency"
+    )
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
+
+    _one_period = one_of("period", "frequency", "wave_length")
+
+    def frequency_in(self, tank: AnyTank) -> float:
+        """Return f [Hz]."""
+        if self.wave_length is not None:
+            k = 2.0 * np.pi / self.wave_length
+            return float(airy.angular_frequency(k, tank.depth, tank.gravity)) / (2.0 * np.pi)
+        return 1.0 / self.period if self.frequency is None else self.frequency  # type: ignore[operator]
+
+    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+        """Return the motion by linear theory, X = a / c sin(omega t)."""
+        f, a = np.array([self.frequency_in(tank)]), np.array([self.height / 2.0])
+        target = waves_along(f, a, np.zeros(1), depth=tank.depth, gravity=tank.gravity)
+        return motions.Sea(target, maker)
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        return 2.0 / self.frequency_in(tank) if self.ramp is None else self.ramp
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a height that no wave reaches, and what second-order generation cannot do."""
+        too_high = list(_too_high(("height",), self.height, self.frequency_in(scene.tank), scene.tank))
+        yield from too_high or self.second_order_problems(scene)
+
+
+class BichromaticMotion(MadeWaves):
+    """Two regular waves at once, which make groups."""
+
+    type: Literal["bichromatic"] = "bichromatic"
+    heights: Heights = Field(description="heights of both waves, crest above trough [m]")
+    periods: Periods | None = Field(default=None, description="their periods [s]; default: by frequencies")
+    frequencies: Frequencies | None = Field(default=None, description="their frequencies [Hz]; default: by periods")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the longer periods")
+
+    _one_pair = one_of("periods", "frequencies")
+
+    @model_validator(mode="after")
+    def _two(self) -> "BichromaticMotion":
+        if len(set(self.pair)) == 1:
+            raise ValueError("must have two waves of different periods (type regular makes one)")
+        return self
+
+    @property
+    def pair(self) -> tuple[float, float]:
+        """Both frequencies [Hz]."""
+        if self.frequencies is not None:
+            return self.frequencies
+        first, second = self.periods or (np.inf, np.inf)
+        return 1.0 / first, 1.0 / second
+
+    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+        """Return the motion by linear theory, with both crests at the paddle at t = 0."""
+        amplitudes = np.divide(self.heights, 2.0)
+        target = waves_along(self.pair, amplitudes, np.zeros(2), depth=tank.depth, gravity=tank.gravity)
+        return motions.Sea(target, maker)
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        return 2.0 / min(self.pair) if self.ramp is None else self.ramp
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield heights that no wave reaches, and what second-order generation cannot do."""
+        both = zip(range(2), self.heights, self.pair, strict=True)
+        too_high = [one for n, height, f in both for one in _too_high(("heights", n), height, f, scene.tank)]
+        yield from too_high or self.second_order_problems(scene)
+
+
+class IrregularMotion(SpectralWaves, MadeWaves):
+    """An irregular sea: the same waves of a seed on any machine, and on any number of ranks."""
+
+    highest_of_peak: ClassVar[float] = 3.0
+    type: Literal["irregular"] = "irregular"
+    significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
+    seed: int = Field(default=1, ge=0, le=2**53, description="which of all seas of the spectrum")
+    random_amplitudes: bool = Field(
+        default=False, description="amplitudes are random, too: Hm0 is then that of many seeds' mean"
+    )
+    highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
+    components: int = Field(default=1000, ge=2, le=10_000, description="number of components")
+
+    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+        """Return the motion by linear theory, with phases at the paddle."""
+        frequencies = self.frequencies(tank)
+        amplitudes, phases = motions.irregular(
+            self.spectrum.build(tank),
+            frequencies,
+            significant_height=self.significant_height,
+            seed=self.seed,
+            random_amplitudes=self.random_amplitudes,
+        )
+        target = waves_along(frequencies, amplitudes, phases, depth=tank.depth, gravity=tank.gravity)
+        return motions.Sea(target, maker)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any waves of a spectrum, a sea too high, and what second-order generation cannot do."""
+        found = list(super().problems(scene))
+        peak = self.spectrum.build(scene.tank).peak_frequency
+        found += _too_high(("significant_height",), self.significant_height, peak, scene.tank)
+        yield from found or self.second_order_problems(scene)
+
+
+class FocusedMotion(FocusingWaves, MadeWaves):
+    """Waves that meet, by linear theory, in one crest at (focus_x, focus_time)."""
+
+    formerly_type: ClassVar[str] = "wave-group"
+    type: Literal["focused"] = "focused"
+
+    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+        """Return the motion by linear theory."""
+        return self.group(tank, maker)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any focusing waves, and what second-order generation cannot do."""
+        found = list(super().problems(scene))
+        yield from found or self.second_order_problems(scene)
+
+
+class ComponentsMotion(MadeWaves):
+    """Waves by their components in a file: eta = scale sum a cos(omega (t - time) + phase) at x, by linear theory."""
+
+    type: Literal["components"] = "components"
+    file: FilePath = Field(description="file with a row for each component")
+    columns: Annotated[tuple[Column, ...], Strict(False)] = Field(
+        default=("frequency", "amplitude", "phase"),
+        min_length=3,
+        max_length=20,
+        description="what its columns are: frequency in Hz or omega in rad/s, amplitude in m, phase in rad, other",
+    )
+    x: Coordinate = Field(default=0.0, description="where the phases hold [m]")
+    time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="when they hold [s]")
+    scale: float = Field(default=1.0, ge=1e-12, le=1e12, description="factor of the amplitudes [-]")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods of the highest")
+
+    @model_validator(mode="after")
+    def _enough_columns(self) -> "ComponentsMotion":
+        if sorted({"amplitude", "phase"} & {*self.columns}) != ["amplitude", "phase"] or not (
+            ("frequency" in self.columns) ^ ("omega" in self.columns)
+        ):
+            raise ValueError("columns must have amplitude, phase, and one of frequency and omega")
+        named = [name for name in self.columns if name != "other"]
+        if len({*named}) < len(named):
+            raise ValueError("columns must each be named once, but for other")
+        return self
+
+    def components(self) -> tuple[motions.Array, motions.Array, motions.Array]:
+        """Return frequencies [Hz], amplitudes [m] and phases [rad], shape (N,), of components that are not 0.
+
+        Raises ``SceneError`` if the file cannot be had or read.
+        """
+        with about(*KEY, "file"):
+            return motions.read_components(data.resolve(self.file, Path()), self.columns)
+
+    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+        """Return the motion by linear theory."""
+        f, a, phase = self.components()
+        where = {"x": self.x, "time": self.time, "depth": tank.depth, "gravity": tank.gravity}
+        return motions.Sea(waves_along(f, self.scale * a, phase, **where), maker)
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        if self.ramp is not None:
+            return self.ramp
+        f, a, _ = self.components()
+        return 2.0 / float(f[np.abs(a).argmax()])
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield what second-order generation cannot do."""
+        yield from self.second_order_problems(scene)

@@ -1,0 +1,126 @@
+"""Motions that are sums of many sines, and the spline that they are tabulated in.
+
+A sum of N sines costs N sines at every stage of every step. ``Tabulated`` has it, block by block of time as they are
+asked for, as the polynomials of degree 5 that take the sum's position, velocity and acceleration at both ends of
+intervals h.
+Of X^(6), the sixth derivative, they miss at most
+
+    h^6 / 46080 in X,    5^(1/2) h^5 / 30000 in X',    h^4 / 1920 in X''.
+
+Source: G. Birkhoff and A. Priver, "Hermite interpolation errors for derivatives", J. Mathematics and Physics 46, 1967.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PPoly
+
+from wavetank.motions.motion import Array, Motion
+
+Complex = NDArray[np.complex128]
+
+MISSED = 1e-6  # of the acceleration's largest possible value, at most, by the table: of the position some 1e-10
+FEW = 8  # sines that are as soon summed
+BLOCK, MOST = 1024, 2**20  # intervals of a block; numbers of its table of phases
+KEPT = 4  # blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Lines(Motion):
+    """X = Re sum b_j exp(-i omega_j t).
+
+    Attributes
+    ----------
+    omega
+        Angular frequencies [rad/s], shape (N,).
+    b
+        Amplitudes [m], complex, shape (N,), or (N, M) for M fixed places along a paddle.
+    """
+
+    omega: Array
+    b: Complex
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the derivatives' sum; memory for an array of times is N times its size."""
+        phasors = np.exp(-1j * np.multiply.outer(t, self.omega))
+        return np.real((phasors * (-1j * self.omega) ** order) @ self.b)[()]
+
+    @property
+    def step(self) -> float:
+        """The interval h [s] of its table: h^4 / 1920 of the largest X^(6) is ``MISSED`` of the largest X''."""
+        size = np.abs(self.b).reshape(self.omega.size, -1).max(axis=1)
+        second, sixth = (float(size @ self.omega**order) for order in (2, 6))
+        return (1920 * MISSED * second / sixth) ** 0.25 if sixth > 0.0 else 1.0
+
+    def tabulated(self) -> Motion:
+        """Return the same from a table; few sines as they are."""
+        return self if self.omega.size <= FEW else Tabulated(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Tabulated(Motion):
+    """A sum of sines from a table of blocks of time, of which the last few are kept.
+
+    Attributes
+    ----------
+    lines
+        The sum.
+    """
+
+    lines: Lines
+    _blocks: dict[int, PPoly] = field(default_factory=dict, repr=False)
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the spline's derivative."""
+        times = np.asarray(t, dtype=np.float64)
+        flat = times.ravel()
+        which = np.floor(flat / self._span).astype(np.int64)
+        values = np.empty((flat.size, *self.lines.b.shape[1:]))
+        for block in np.unique(which):
+            here = which == block
+            values[here] = self._block(int(block))(flat[here], nu=order)
+        return values.reshape(times.shape + self.lines.b.shape[1:])[()]
+
+    @cached_property
+    def _intervals(self) -> int:
+        """Of a block."""
+        return int(np.clip(MOST // self.lines.omega.size, 16, BLOCK))
+
+    @cached_property
+    def _span(self) -> float:
+        """How long a block is [s]."""
+        return self._intervals * self.lines.step
+
+    @cached_property
+    def _turns(self) -> Complex:
+        """exp(-i omega t) at the knots of the first block, shape (knots, N)."""
+        knots = self.lines.step * np.arange(self._intervals + 1)
+        return np.asarray(np.exp(-1j * np.multiply.outer(knots, self.lines.omega)))
+
+    def _block(self, number: int) -> PPoly:
+        if number not in self._blocks:
+            if len(self._blocks) >= KEPT:
+                del self._blocks[next(iter(self._blocks))]
+            begin, omega, b = number * self._span, self.lines.omega, self.lines.b
+            turned = (np.exp(-1j * omega * begin) * b.T).T
+            rates = ((((-1j * omega) ** order) * turned.T).T for order in range(3))
+            values = [np.real(self._turns @ rate) for rate in rates]
+            self._blocks[number] = hermite(begin + self.lines.step * np.arange(self._intervals + 1), *values)
+        return self._blocks[number]
+
+
+def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> PPoly:
+    """Return the polynomials of degree 5 between times t [s], shape (N,), with these values there.
+
+    Position, velocity and acceleration in m, m/s, m/s², shape (N,) or (N, M). All three are continuous.
+    """
+    h = np.diff(t).reshape(-1, *(1,) * (X.ndim - 1))
+    v, a = velocity * np.ones_like(X), acceleration
+    moved, v0, v1, a0, a1 = np.diff(X, axis=0), h * v[:-1], h * v[1:], h**2 * a[:-1], h**2 * a[1:]
+    c3 = (20 * moved - 8 * v1 - 12 * v0 - 3 * a0 + a1) / (2 * h**3)
+    c4 = (-30 * moved + 14 * v1 + 16 * v0 + 3 * a0 - 2 * a1) / (2 * h**4)
+    c5 = (12 * moved - 6 * v1 - 6 * v0 - a0 + a1) / (2 * h**5)
+    return PPoly(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)

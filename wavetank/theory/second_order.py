@@ -1,0 +1,126 @@
+"""The paddle's motion to second order, which makes no free waves of its own at sums and differences of frequencies.
+
+A paddle that moves by linear theory alone makes, beside the waves wanted and what is bound to them, free waves of
+second order: it leaves its place of rest, and water that is bound to the waves does not move as the paddle does. To
+second order in the amplitudes, with phi = phi_1 + phi_2 and the paddle at f(z) (X_1 + X_2),
+
+    phi_2,tt + g phi_2,z = G at z = 0,    G = -2 grad phi_1 . grad phi_1,t + phi_1,t / g (phi_1,ttz + g phi_1,zz),
+    phi_2,x = f X_2' - X_1 (f phi_1,xx - f' phi_1,z) at x = 0.
+
+Let B be the bound part: it solves the first, a sum over pairs of modes (``wavemaker``) that travel or die out. What
+goes out as free waves of frequency Omega, Omega² = g K tanh K d, is the projection on cosh K (z + d) of what B leaves
+of the second; it vanishes for
+
+    X_2' m(K) = int [X_1 (f phi_1,xx - f' phi_1,z) + B_x] cosh K (z + d) / cosh K d dz.
+
+Of a pair of modes u, v with k = k_u + k_v and G = T exp(i (k x - Omega t)) the last is i k T / (g (k² - K²)): what
+could be resonant in B cancels. Modes at -omega_v have the wave number -k_v* and the conjugate amplitude: they give
+the differences of frequencies. The mean, Omega = 0, a closed tank holds by itself. Sums over modes that die out
+converge slowly because of k_v P_v alone, whose sum is the paddle's velocity at still water, -omega_v b_v.
+
+Source: H. A. Schaffer, "Second-order wavemaker theory for irregular waves", Ocean Engineering 23, 1996; the projection
+is written without his coefficients.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from wavetank.theory import airy
+from wavetank.theory.wave import Array
+from wavetank.theory.wavemaker import Complex, Wavemaker, modes, norm
+
+EVANESCENT = 24  # modes that die out, of each frequency: the next would change X_2 by less than 1e-3
+
+
+class Strokes(NamedTuple):
+    """X = Re sum b exp(-i omega t).
+
+    Attributes
+    ----------
+    omega
+        Angular frequencies [rad/s], positive, shape (N,).
+    b
+        Amplitudes [m], complex, shape (N,).
+    """
+
+    omega: Array
+    b: Complex
+
+
+@dataclass(frozen=True, eq=False)
+class _Modes:
+    """The modes of frequencies: omega [rad/s] and b [m], shape (N,); k [rad/m] and P [m²/s], shape (N, modes)."""
+
+    omega: Array
+    b: Complex
+    k: Complex
+    P: Complex
+
+    def of(self, which: slice) -> "_Modes":
+        """Return those of some frequencies."""
+        return _Modes(self.omega[which], self.b[which], self.k[which], self.P[which])
+
+    def mirrored(self) -> "_Modes":
+        """Return the same at the negative frequencies."""
+        return _Modes(-self.omega, self.b.conj(), -self.k.conj(), self.P.conj())
+
+
+def second_order(
+    first: Strokes, maker: Wavemaker, *, depth: float, gravity: float, evanescent: int = EVANESCENT
+) -> Strokes:
+    """Return X_2 of a motion X_1 of frequencies in ascending order: its sums of frequencies, then its differences.
+
+    N (N + 1) / 2 of the one and N (N - 1) / 2 of the other, in the order of ``numpy.tril_indices``.
+    """
+    water = _Water(maker, depth, gravity)
+    known = water.modes(first, evanescent)
+    sums, differences = list[Complex](), list[Complex]()
+    for last in range(first.omega.size):
+        one, others = known.of(slice(last, last + 1)), known.of(slice(last + 1))
+        halved = np.where(np.arange(last + 1) == last, 0.5, 1.0)  # with itself it is one pair, two with another
+        sums.append(halved * water.of_pairs(one, others))
+        if last:
+            differences.append(water.of_pairs(one, known.of(slice(last)).mirrored()))
+    n, m = np.tril_indices(first.omega.size)
+    total, difference = first.omega[n] + first.omega[m], (first.omega[n] - first.omega[m])[n > m]
+    return Strokes(np.concatenate([total, difference]), np.concatenate([*sums, *differences]))
+
+
+class _Water:
+    """Pairs of modes in a depth [m], before a paddle, under gravity [m/s²]."""
+
+    def __init__(self, maker: Wavemaker, depth: float, gravity: float):
+        self._maker, self._depth, self._g = maker, depth, gravity
+
+    def modes(self, first: Strokes, evanescent: int) -> _Modes:
+        """Return the modes of a motion."""
+        travelling = airy.wave_number(first.omega, self._depth, self._g)
+        dying = modes(first.omega, self._depth, self._g, count=evanescent)
+        k = np.concatenate([travelling[:, None] + 0j, 1j * dying], axis=1)
+        P = -(first.omega * first.b)[:, None] * self._maker.moment(k, self._depth) / (k * norm(k, self._depth))
+        return _Modes(first.omega, first.b, k, P)
+
+    def of_pairs(self, one: _Modes, others: _Modes) -> Complex:
+        """Return b of X_2 at the sums of one frequency and others, which are not 0; shape (others,)."""
+        total = one.omega + others.omega
+        K = airy.wave_number(np.abs(total), self._depth, self._g)
+        bound = self._bound(one, others, K) + self._bound(others, one, K)
+        left = one.b * self._seen(others, K) + others.b * self._seen(one, K)
+        return np.asarray(0.5 * (bound + left) / (-1j * total * self._maker.moment(K, self._depth)))
+
+    def _seen(self, of: _Modes, K: Array) -> Complex:
+        """Return what the paddle sees of modes where it is not at rest."""
+        return np.asarray((of.P * self._maker.displaced(of.k, K[:, None], self._depth)).sum(axis=1))
+
+    def _bound(self, u: _Modes, v: _Modes, K: Array) -> Complex:
+        """Return what goes with the pairs' bound waves."""
+        g, total = self._g, (u.omega + v.omega)[:, None, None]
+        k_u, k_v = u.k[:, :, None], v.k[:, None, :]
+        rise_u, rise_v = ((one.omega**2 / g)[:, None, None] for one in (u, v))  # phi_z / phi at z = 0
+        T = 1j * total * (rise_u * rise_v - k_u * k_v) - 1j * u.omega[:, None, None] * (k_v**2 - rise_v**2)
+        k, lead = k_u + k_v, (u.omega / g)[:, None, None]
+        pairs = 1j * k * T / (g * (k**2 - K[:, None, None] ** 2)) - lead * k_v
+        tail = -lead[:, 0, 0] * u.P.sum(axis=1) * v.omega * v.b
+        return np.asarray(((u.P[:, :, None] * pairs * v.P[:, None, :]).sum(axis=(1, 2))) + tail)
