@@ -32,6 +32,7 @@ def span(tank: AnyTank) -> tuple[float, float]:
 class ObliqueWaveMotion(Noun):
     """A regular wave that leaves the paddle at an angle; side walls reflect it."""
 
+    reads_file: ClassVar[bool] = False
     type: Literal["oblique-wave"] = "oblique-wave"
     formerly: ClassVar[dict[str, str]] = {"amplitude": "wave_amplitude"}
     wave_amplitude: Height = Field(description="amplitude a of the wave [m]")
@@ -175,7 +176,7 @@ class SegmentedPistonWall(MovingWall):
         return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a tank without a paddle of known width, segments too wide, and what is wrong with reach and motion."""
+        """Yield a tank without a paddle of known width, too many segments, and what is wrong with reach and motion."""
         if not np.isfinite(span(scene.tank)).all():
             allowed = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
             yield Problem(("wall", "type"), self.type, allowed)
@@ -188,6 +189,15 @@ class SegmentedPistonWall(MovingWall):
             least = (high - low) / SEGMENTS
             yield Problem(("wall", "segment"), self.segment, f"must be at least {least:.4g} m, for {SEGMENTS} segments")
             return
+        yield from () if self.reads_file else self.motion_problems(scene)
+
+    @property
+    def reads_file(self) -> bool:
+        """Whether what fits its motion is known only when a file has been read."""
+        return self.motion.reads_file
+
+    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield segments too wide for the waves, and what is wrong with the motion."""
         widest = self.motion.widest_segment(scene.tank)
         if self.segment is not None and self.segment > widest:
             allowed = (

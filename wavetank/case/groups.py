@@ -28,6 +28,11 @@ class SpectralWaves(Noun):
     components: int = Field(default=128, ge=2, le=10_000, description="number of components")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two peak periods")
 
+    @property
+    def reads_file(self) -> bool:
+        """Whether the spectrum is a file's."""
+        return isinstance(self.spectrum, TableSpectrum)
+
     def ramp_in(self, tank: AnyTank) -> float:
         """Return the ramp [s], default resolved."""
         return 2 / self.spectrum.build(tank).peak_frequency if self.ramp is None else self.ramp

@@ -39,7 +39,7 @@ class MovingWall(Noun):
         description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, at most ten depths",
     )
 
-    limits: Limits | None = Field(default=None, description="what the paddle's drive can do")
+    limits: Limits | None = Field(default=None, description="what the paddle's drive can do; default: all")
 
     def reach_in(self, tank: AnyTank) -> float:
         """Return the reach [m], default resolved."""
@@ -51,6 +51,15 @@ class MovingWall(Noun):
 
     def doubts(self, tank: AnyTank) -> Iterator[str]:
         """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
+        yield from ()
+
+    @property
+    def reads_file(self) -> bool:
+        """Whether what fits its motion is known only when a file has been read."""
+        return False
+
+    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield what is wrong with the motion; asked when a motion that reads a file is built, of others before."""
         yield from ()
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:

@@ -102,7 +102,10 @@ class Scene(Noun):
 
     @cached_property
     def _motion(self) -> motions.Motion:
-        motion = self.wall.paddle(self.tank)
+        wall = self.wall
+        if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
+            raise SceneError(problems)
+        motion = wall.paddle(self.tank)
         with about("wall", "motion"):
             motion.check(self.run.duration * (np.arange(LOOKED_AT, dtype=np.float64) + 0.5) / LOOKED_AT)
         if problems := list(self._motion_problems(motion)):

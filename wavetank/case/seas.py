@@ -32,6 +32,11 @@ Column = Literal["frequency", "omega", "amplitude", "phase", "other"]
 class PaddleNoun(Noun):
     """A motion of a paddle that moves as a whole."""
 
+    @property
+    def reads_file(self) -> bool:
+        """Whether what fits it is known only when a file has been read."""
+        return False
+
     def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the motion of a paddle of a shape; raises ``SceneError`` if a file it needs cannot be had or read."""
         raise NotImplementedError
@@ -265,6 +270,11 @@ class ComponentsMotion(MadeWaves):
         if len({*named}) < len(named):
             raise ValueError("columns must each be named once, but for other")
         return self
+
+    @property
+    def reads_file(self) -> bool:
+        """Whether what fits it is known only when a file has been read: yes."""
+        return True
 
     def components(self) -> tuple[motions.Array, motions.Array, motions.Array]:
         """Return frequencies [Hz], amplitudes [m] and phases [rad], shape (N,), of components that are not 0.

@@ -59,6 +59,15 @@ class PistonWall(MovingWall):
             yield Problem(("wall", "type"), self.type, "must be left out: a ring has no walls, hence no paddle")
             return
         yield from super().problems(scene)
+        yield from () if self.reads_file else self.motion_problems(scene)
+
+    @property
+    def reads_file(self) -> bool:
+        """Whether what fits its motion is known only when a file has been read."""
+        return self.motion.reads_file
+
+    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield what is wrong with the motion."""
         yield from self.motion.problems(scene)
 
 
