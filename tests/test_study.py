@@ -375,7 +375,7 @@ def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
 
 
 def test_a_study_without_a_finished_run_still_has_its_table(tmp_path):
-    with pytest.raises(RunError, match=r"no error could be measured.*numerics.dt = 0.5: must be below"):
+    with pytest.raises(RunError, match=r"nothing could be measured.*numerics.dt = 0.5: must be below"):
         run_study(tmp_path, ["dt=0.5"], reference="fine")
     assert "refused" in (tmp_path / "study.csv").read_text()
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from xarray import DataArray
 
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis import figures
@@ -13,7 +14,7 @@ from wavetank.postprocess.analysis.bound_free import beat_length, bound_and_free
 from wavetank.postprocess.analysis.groups import envelope, groupiness
 from wavetank.postprocess.analysis.harmonics import NUMBER, harmonics
 from wavetank.postprocess.analysis.record import Record
-from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, reflected_spectra, regular_reflection
+from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, Reflection, reflected_spectra, regular_reflection
 from wavetank.postprocess.analysis.spectra import sea_state, spectrum
 from wavetank.postprocess.analysis.speed import phase_speed, travel
 from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
@@ -124,21 +125,40 @@ def groups(record: Record) -> Result:
 
 
 def reflection(record: Record) -> Result:
-    """Incident and reflected waves by the gauges' least squares: of a sea, or with --period of regular waves."""
+    """Incident and reflected waves by least squares: of regular waves where a period is told, else of a sea."""
     return _regular(record) if record.told_period else _irregular(record)
 
 
+def reflection_coefficient(record: Record) -> float:
+    """Return reflected over incident amplitude: of regular waves where a period is told, else of a sea.
+
+    Raises ``InputError`` where the gauges cannot tell.
+    """
+    if record.told_period:
+        _, found = _told_apart(record)
+        if found.condition > WORST:
+            raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
+        return found.coefficient
+    return float(reflected_spectra(record.eta, depth=record.depth, gravity=record.gravity).attrs["coefficient"])
+
+
+def _told_apart(record: Record) -> tuple[DataArray, Reflection]:
+    """Return the first harmonic over gauge, and the waves that it is told to be."""
+    component = harmonics(record.eta, record.frequency, number=1).component[:, 0]
+    within = STEEP if component.size > 2 else 0.0
+    return component, regular_reflection(
+        component, record.frequency, depth=record.depth, gravity=record.gravity, within=within
+    )
+
+
 def _regular(record: Record) -> Result:
-    f, count = record.frequency, record.eta.sizes["gauge"]
-    component = harmonics(record.eta, f, number=1).component[:, 0]
-    within = STEEP if count > 2 else 0.0
-    found = regular_reflection(component, f, depth=record.depth, gravity=record.gravity, within=within)
+    component, found = _told_apart(record)
     said = f"rest {found.rest:.3g} m (rms); condition {found.condition:.3g}" + (
         ": gauges stand badly" if found.condition > WORST else ""
     )
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
-        [(1 / f, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
+        [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
         said,
         lambda path: figures.regular_reflection_figure(component, found, path, title=record.title),
     )

@@ -88,7 +88,8 @@ def read_record(
     along
         First and last place x [m] and how many of them, where a slice's surface is read instead of gauges.
     depth, period
-        Of the still water [m] and of the waves [s], where the source does not tell or others are meant.
+        Of the still water [m] and of the waves [s], where the source does not tell them, as a run does, or others are
+        meant.
 
     Raises ``InputError`` for what cannot be had.
     """
@@ -99,6 +100,7 @@ def read_record(
         tank = run.manifest.get("scene", {}).get("tank", {})
         told, gravity = depth or still_water(run) or tank.get("depth"), tank.get("gravity", GRAVITY)
         eta, title = _of_run(run, along), run.title or path.name
+        period = period or _period(run)
     elif along:
         raise InputError(f"{source}: --along reads the surface of a run; this is none.")
     else:
@@ -107,6 +109,14 @@ def read_record(
     if gauges:
         eta = records.chosen(eta, gauges)
     return Record(records.between(eta, start, end), title, period, told, gravity)
+
+
+def _period(run: RunDirectory) -> float | None:
+    """Return the period [s] that a run's paddle has; None where its motion has none."""
+    motion = (run.manifest.get("scene", {}).get("wall") or {}).get("motion") or {}
+    if motion.get("frequency"):
+        return 1 / float(motion["frequency"])
+    return motion.get("period")
 
 
 def _of_run(run: RunDirectory, along: tuple[float, float, int] | None) -> DataArray:

@@ -13,8 +13,17 @@ def study(
         typer.Option(metavar="KEY=VALUE,VALUE,...", help="values of a setting; several: all combinations"),
     ] = None,
     reference: Annotated[
-        str, typer.Option(metavar="fine|exact|none|RUN", help="what errors are measured against")
-    ] = "fine",
+        str | None,
+        typer.Option(
+            metavar="fine|exact|none|RUN",
+            help="what errors are measured against; default: fine, or none where only what is modelled is swept",
+        ),
+    ] = None,
+    response: Annotated[
+        list[str] | None,
+        typer.Option(metavar="[NAME=]EXPRESSION", help="a column: crest, run_up, hm0@5, hm0@5/hm0@1, reflection ..."),
+    ] = None,
+    start: Annotated[float | None, typer.Option(help="from when responses are told [s]")] = None,
     out: Annotated[Path | None, typer.Option(help="folder; default runs/ and the case's name with -study")] = None,
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
     mark: Annotated[
@@ -27,8 +36,9 @@ def study(
     """Run all combinations of some settings: error against cost.
 
     Each is run in a process of its own. Where a key changes what is modelled, a wave's height, say: highest crest and
-    deepest trough over that key. What has finished is not run again, and no run of another scene is replaced. Keys are
-    those of the case, or short: dt, dx, cells, n, p, order, integrator, tolerance.
+    deepest trough over that key, or each --response; of seeds (seed=1..20) means, their confidence, and quantiles. What
+    has finished is not run again, and no run of another scene is replaced. Keys are those of the case, or short: dt,
+    dx, cells, n, p, order, integrator, tolerance.
     """
     from mpi4py import MPI
 
@@ -45,6 +55,8 @@ def study(
         overrides=overrides or [],
         marked=mark or [],
         reference=reference,
+        asked=response or [],
+        start=start,
         at_once=at_once,
         yes=yes,
         console=console(),

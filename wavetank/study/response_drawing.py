@@ -8,34 +8,39 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from wavetank.postprocess.style import number_logarithms, picture
 from wavetank.study.look import EDGE, MARK, Look
 from wavetank.study.measures import CREST as CREST_ERROR
-from wavetank.study.responses import CREST, CREST_PLACE, TROUGH
+from wavetank.study.responses import CREST_TIME, responded
 from wavetank.study.sweep import Axis, unit
 from wavetank.study.table import Row, measured
 
-DRAWN = (CREST, TROUGH, CREST_PLACE)
 WIDEST = 3  # panels side by side
+MAPPED = 3  # values, at least, of each of two keys that make a map
+WRITTEN = 64  # cells of a map, at most, in which its numbers are written
 
 
 def draw_responses(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, title: str = "") -> Path:
-    """Draw crest, trough and the crest's place over the first physical axis, a panel each, and return ``path``.
+    """Draw each response but the crest's time over the first physical axis, a panel each, and return ``path``.
 
-    Where numerics are swept beside it errors are drawn, too; the other axes are colours and markers. Values that are no
-    numbers stand side by side. Raises ``StopIteration`` if no axis is physical.
+    Over two axes of numbers, three of each at least, they are maps. Where numerics are swept beside it errors are
+    drawn, too; the other axes are colours and markers. Values that are no numbers stand side by side. Raises
+    ``StopIteration`` if no axis is physical.
     """
+    names = [name for name in responded(row.responses for row in rows) if name != CREST_TIME]
+    if len(axes) == 2 and all(axis.physical and numeric(axis) and len(axis.values) >= MAPPED for axis in axes):
+        return _draw_maps(rows, axes, names, path, title=title)
     along = next(axis for axis in axes if axis.physical)
     look, numerics = Look(axes, along), any(not axis.physical for axis in axes)
-    names = [*DRAWN, *(name for name in measured(rows) if numerics and name != CREST_ERROR)]
-    down = -(-len(names) // WIDEST)
-    with picture(path, 1.0 + 4.2 * min(len(names), WIDEST), 0.8 + 3.8 * down) as figure:
-        panels = figure.subplots(down, min(len(names), WIDEST), squeeze=False).flat
-        one = f" [{unit(rows[0].combination.scene, along.key) or '-'}]" if _numeric(along) else ""
+    names += [name for name in measured(rows) if numerics and name != CREST_ERROR]
+    (down, across), size = panels_of(names)
+    with picture(path, *size) as figure:
+        panels = figure.subplots(down, across, squeeze=False).flat
         for panel, name in zip(panels, names, strict=False):
             _draw_panel(panel, rows, name, along, look)
-            panel.set(xlabel=f"{along.name}{one}", ylabel=name)
+            panel.set(xlabel=_label(rows, along), ylabel=name)
         for empty in list(panels):
             empty.set_axis_off()
         if handles := look.legend(rows):
@@ -44,9 +49,53 @@ def draw_responses(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, tit
     return path
 
 
+def panels_of(names: Sequence[str]) -> tuple[tuple[int, int], tuple[float, float]]:
+    """Return how many panels go down and across for some responses, and the picture's width and height [inch]."""
+    across, down = min(len(names), WIDEST), -(-len(names) // WIDEST)
+    return (down, across), (1.0 + 4.2 * across, 0.8 + 3.8 * down)
+
+
+def _label(rows: Sequence[Row], axis: Axis) -> str:
+    one = f" [{unit(rows[0].combination.scene, axis.key) or '-'}]" if numeric(axis) else ""
+    return f"{axis.name}{one}"
+
+
+def _draw_maps(rows: Sequence[Row], axes: Sequence[Axis], names: Sequence[str], path: Path, *, title: str) -> Path:
+    """Draw each response as a map over two axes of numbers, cells of runs that have none left white."""
+    across, up = ([float(value) for value in sorted(axis.values, key=float)] for axis in axes)
+    (down, wide), size = panels_of(names)
+    with picture(path, *size) as figure:
+        panels = figure.subplots(down, wide, squeeze=False).flat
+        for panel, name in zip(panels, names, strict=False):
+            values = np.full((len(up), len(across)), np.nan)
+            for row in rows:
+                x, y = (float(row.combination.values.get(axis.name, "nan")) for axis in axes)
+                if name in row.responses and x in across and y in up:
+                    values[up.index(y), across.index(x)] = row.responses[name]
+            cells = panel.pcolormesh(across, up, values, shading="nearest", cmap="viridis")
+            figure.colorbar(cells, ax=panel).set_label(name)
+            panel.grid(False)
+            if values.size <= WRITTEN:
+                _write(panel, across, up, values)
+            panel.set(xlabel=_label(rows, axes[0]), ylabel=_label(rows, axes[1]), xticks=across, yticks=up)
+        for empty in list(panels):
+            empty.set_axis_off()
+        figure.suptitle(title, fontsize=12, parse_math=False)
+    return path
+
+
+def _write(panel: Axes, across: Sequence[float], up: Sequence[float], values: NDArray[np.float64]) -> None:
+    """Write the numbers into the cells of a map, dark on bright ones."""
+    bright = np.nanmin(values) + 0.6 * np.ptp(values[np.isfinite(values)])
+    for (n, m), value in np.ndenumerate(values):
+        if np.isfinite(value):
+            colour = "black" if value > bright else "white"
+            panel.text(across[m], up[n], f"{value:.3g}", ha="center", va="center", fontsize=8, color=colour)
+
+
 def _draw_panel(panel: Axes, rows: Sequence[Row], name: str, along: Axis, look: Look) -> None:
     """Draw a response, or an error on a logarithmic axis, a line for each of the other settings."""
-    places = _places(along)
+    places = places_of(along)
     shown = [row for row in rows if _value(row, name) is not None and row.combination.values.get(along.name) in places]
     for line in dict.fromkeys(look.line(row) for row in shown if not row.mark):
         some = [row for row in shown if look.line(row) == line and not row.mark]
@@ -58,10 +107,10 @@ def _draw_panel(panel: Axes, rows: Sequence[Row], name: str, along: Axis, look: 
         if row.mark:
             place = places[row.combination.values[along.name]]
             panel.plot(place, _value(row, name) or 0.0, "*", color=MARK, ms=15, mec=EDGE, zorder=6)
-    if name not in DRAWN:
+    if name in measured(rows):
         panel.set_yscale("log")
         number_logarithms(panel.yaxis)
-    if not _numeric(along):
+    if not numeric(along):
         panel.set_xticks(range(len(along.values)), along.values)
 
 
@@ -71,14 +120,15 @@ def _value(row: Row, name: str) -> float | None:
     return row.responses.get(name) if error is None else abs(error)
 
 
-def _numeric(axis: Axis) -> bool:
+def numeric(axis: Axis) -> bool:
+    """Return whether all values of an axis are finite numbers."""
     try:
         return bool(np.isfinite([float(value) for value in axis.values]).all())
     except ValueError:
         return False
 
 
-def _places(axis: Axis) -> dict[str, float]:
+def places_of(axis: Axis) -> dict[str, float]:
     """Return where each value stands: at itself, or, if they are no numbers, side by side."""
-    numeric = _numeric(axis)
-    return {value: float(value) if numeric else float(n) for n, value in enumerate(axis.values)}
+    numbers = numeric(axis)
+    return {value: float(value) if numbers else float(n) for n, value in enumerate(axis.values)}

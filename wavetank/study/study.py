@@ -14,15 +14,17 @@ from wavetank.console import spelt
 from wavetank.errors import InputError, RunError
 from wavetank.records.directory import RunDirectory
 from wavetank.study.drawing import draw_study
+from wavetank.study.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
+from wavetank.study.ensemble_drawing import draw_ensembles
 from wavetank.study.measures import ExactReference, Reference, RunReference
 from wavetank.study.refinement import finest, refined, same_but_numerics
 from wavetank.study.response_drawing import draw_responses
-from wavetank.study.responses import responses
+from wavetank.study.responses import Response, responses, usual_responses
 from wavetank.study.runs import Outcome, Runner, cores
 from wavetank.study.sweep import Axis, Combination, combinations, marked_combination, parse_axes
 from wavetank.study.table import CPU, Row, costs, study_table, tabled, write_table
 
-TABLE, PICTURE = "study.csv", "study.png"
+TABLE, PICTURE, ENSEMBLES = "study.csv", "study.png", "ensemble.csv"
 FINE, EXACT, NONE = "fine", "exact", "none"
 WIDTH = 120  # characters the table needs, on whatever terminal
 
@@ -47,7 +49,11 @@ class Study:
     reference
         ``"fine"``: the finest combination refined once more, one for each group of scenes that differ in nothing but
         numerics; ``"exact"``: the scene's exact solution; ``"none"``: nothing, if a key is swept that changes what is
-        modelled; or the path of a run directory.
+        modelled, which is the default where nothing else is swept; or the path of a run directory.
+    asked
+        Responses to table, ``[NAME=]EXPRESSION`` each; default: of sweeps of what is modelled crest and trough.
+    start
+        From when [s] responses are told.
     at_once
         Runs at a time, each on one core; default: as many as there are cores.
     yes
@@ -64,7 +70,9 @@ class Study:
         out: Path,
         overrides: Sequence[str] = (),
         marked: Sequence[str] = (),
-        reference: str = FINE,
+        reference: str | None = None,
+        asked: Sequence[str] = (),
+        start: float | None = None,
         at_once: int | None = None,
         yes: bool = False,
         console: Console,
@@ -75,6 +83,13 @@ class Study:
         self._marked = [marked_combination(case, marked, overrides)] if marked else []
         self._groups = same_but_numerics(self._all)
         self._physical = any(axis.physical for axis in self._axes)
+        usual = usual_responses(self._swept[0].scene) if self._physical else []
+        self._asked = [Response(one) for one in asked] or usual
+        self._start, self._untold = start, dict[str, None]()
+        for response in self._asked:
+            for group in self._groups:
+                response.check(group[0].scene)
+        reference = reference or (NONE if all(axis.physical for axis in self._axes) else FINE)
         if reference == NONE and not self._physical:
             raise InputError(f"reference {NONE!r} received; without one there must be a sweep of what is modelled.")
         self._references = _references(reference, self._groups)
@@ -154,7 +169,9 @@ class Study:
             return Row(one, outcome, mark=mark)
         run = RunDirectory(self._runner.directory(one))
         errors = reference.errors(run) if reference else {}
-        return Row(one, outcome, errors, self._costs(one), mark, responses(run) if self._physical else {})
+        told, untold = responses(run, self._asked, start=self._start)
+        self._untold.update(dict.fromkeys(untold))
+        return Row(one, outcome, errors, self._costs(one), mark, told)
 
     def _write(self, rows: Sequence[Row]) -> None:
         beside = [Axis.of(name) for one in self._marked for name in one.values]
@@ -163,11 +180,24 @@ class Study:
         wide = Console(file=self._console.file, width=max(self._console.width, WIDTH), soft_wrap=True, markup=False)
         wide.print(study_table(rows, axes))
         self._console.print(f"wrote {self._out / TABLE}", highlight=False)
+        for cause in self._untold:
+            self._console.print(f"warning: {cause}", markup=False, highlight=False)
         if not tabled(rows):
-            causes = "; ".join(dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause))
-            raise RunError(f"no error could be measured: no run, or not its reference, has finished. {causes}")
+            causes = "; ".join([*dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause), *self._untold])
+            raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")
+        if any(axis.seeds for axis in self._axes) and (found := ensembles(rows, self._axes)):
+            self._write_ensembles(rows, found, wide)
+            return
         draw, title = draw_responses if self._physical else draw_study, rows[0].combination.scene.title
         self._console.print(f"wrote {draw(rows, self._axes, self._out / PICTURE, title=title)}", highlight=False)
+
+    def _write_ensembles(self, rows: Sequence[Row], found: Sequence[Ensemble], wide: Console) -> None:
+        write_ensembles(self._out / ENSEMBLES, found)
+        wide.print(ensemble_table(found))
+        self._console.print(f"wrote {self._out / ENSEMBLES}", highlight=False)
+        title = rows[0].combination.scene.title
+        drawn = draw_ensembles(rows, found, self._axes, self._out / PICTURE, title=title)
+        self._console.print(f"wrote {drawn}", highlight=False)
 
 
 def _references(reference: str, groups: Sequence[Sequence[Combination]]) -> list[Reference | None]:

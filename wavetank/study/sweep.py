@@ -25,6 +25,7 @@ SHORT_NAMES = {
 }
 UNITS = {"dt": "s", "dx": "m"}
 NUMERICAL = ("numerics", "output")  # tables of the case that change nothing of the water
+MOST = 1000  # values of FIRST..LAST
 READABLE = "=,.+-"  # characters a folder's name may have besides letters and digits; the others are escaped
 
 
@@ -63,6 +64,11 @@ class Axis:
         """Whether it changes what is modelled, not how it is computed."""
         return self.key.partition(".")[0] not in NUMERICAL
 
+    @property
+    def seeds(self) -> bool:
+        """Whether its values are seeds: of the same sea, others."""
+        return self.key.rpartition(".")[2] == "seed"
+
 
 @dataclass(frozen=True)
 class Combination:
@@ -98,14 +104,27 @@ def unit(scene: Scene, key: str) -> str:
 
 
 def parse_axis(text: str) -> Axis:
-    """Return the axis of ``KEY=VALUE,VALUE,...``; KEY is dotted or short. Raises ``InputError``."""
+    """Return the axis of ``KEY=VALUE,VALUE,...``; KEY is dotted or short, ``1..20`` all from 1 to 20.
+
+    Raises ``InputError``.
+    """
     name, _, values = text.partition("=")
-    given = tuple(value.strip() for value in values.split(","))
+    given = tuple(one for value in values.split(",") for one in _counted(value.strip()))
     if not name.strip() or not all(given):
         raise InputError(f"sweep {text!r} received; allowed is KEY=VALUE,VALUE,..., such as dt=0.02,0.04.")
     if len(set(given)) < len(given):
         raise InputError(f"sweep {text!r} received; its values must be different.")
     return Axis.of(name.strip(), *given)
+
+
+def _counted(value: str) -> list[str]:
+    """Return all whole numbers of ``FIRST..LAST``, or the value as it is."""
+    if (ends := re.fullmatch(r"(\d{1,9})\.\.(\d{1,9})", value)) is None:
+        return [value]
+    first, last = int(ends[1]), int(ends[2])
+    if not first <= last < first + MOST:
+        raise InputError(f"sweep of {value} received; allowed is FIRST..LAST, at most {MOST} whole numbers.")
+    return [str(one) for one in range(first, last + 1)]
 
 
 def parse_axes(texts: Sequence[str], overrides: Sequence[str] = ()) -> list[Axis]:

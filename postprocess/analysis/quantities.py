@@ -1,0 +1,111 @@
+"""Numbers that a run is known by, each by its name: of the run as a whole, or at a gauge."""
+
+from collections.abc import Callable
+from functools import cache, cached_property
+from typing import NamedTuple
+
+import numpy as np
+from xarray import DataArray, Dataset
+
+from wavetank.errors import InputError
+from wavetank.postprocess.analysis.groups import groupiness
+from wavetank.postprocess.analysis.harmonics import NUMBER, harmonics
+from wavetank.postprocess.analysis.kinds import reflection_coefficient
+from wavetank.postprocess.analysis.record import Record, read_record
+from wavetank.postprocess.analysis.records import chosen
+from wavetank.postprocess.analysis.spectra import sea_state, spectrum
+from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
+from wavetank.records.directory import SURFACE, RunDirectory
+from wavetank.records.surface import Surface
+
+
+class Findings:
+    """What is found in a run from a time [s] on, each when it is first asked for."""
+
+    def __init__(self, run: RunDirectory, *, start: float | None = None):
+        self._run, self._start = run, start
+        self.state, self.statistics = cache(self._state), cache(self._statistics)
+
+    @cached_property
+    def record(self) -> Record:
+        """The gauges' record."""
+        return read_record(str(self._run.path), start=self._start)
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The snapshots of a slice or ring; raises ``InputError`` where none is late enough."""
+        surface = self._run.snapshots()
+        late = surface.t >= (-np.inf if self._start is None else self._start)
+        if not late.any():
+            raise InputError(f"{self._run.path}: has no snapshot of the surface from {self._start:g} s on.")
+        return Surface(surface.t[late], surface.x[late], surface.eta[late], surface.psi[late])
+
+    @property
+    def highest(self) -> tuple[float, float, float]:
+        """The highest elevation of all snapshots [m], its place x [m] and time [s]; of a basin, of all steps."""
+        crest = self._run.manifest.get("highest_crest")
+        if crest and self._start is None and not (self._run.path / SURFACE).exists():
+            return crest["height"], crest["x"], crest["t"]
+        surface = self.surface
+        snapshot, point = np.unravel_index(np.argmax(surface.eta), surface.eta.shape)
+        return float(surface.eta.max()), float(surface.x[snapshot, point]), float(surface.t[snapshot])
+
+    def gauge(self, name: str) -> DataArray:
+        """Return the record at a gauge."""
+        return chosen(self.record.eta, [name])[0]
+
+    def _state(self, gauge: str) -> Dataset:
+        return sea_state(spectrum(self.gauge(gauge)))
+
+    def _statistics(self, gauge: str) -> dict[str, float]:
+        return height_statistics(zero_crossing_waves(self.gauge(gauge)))
+
+    def amplitude(self, gauge: str, harmonic: int) -> float:
+        """Return the amplitude [m] of a harmonic of the waves at a gauge."""
+        found = harmonics(self.gauge(gauge), self.record.frequency, number=harmonic)
+        return float(np.abs(found.component[harmonic - 1]))
+
+
+class OfRun(NamedTuple):
+    """A number of a run as a whole, and its unit."""
+
+    unit: str
+    of: Callable[[Findings], float]
+
+
+class AtGauge(NamedTuple):
+    """A number of the record at a gauge, and its unit."""
+
+    unit: str
+    of: Callable[[Findings, str], float]
+
+
+def _of_sea(name: str) -> Callable[[Findings, str], float]:
+    return lambda found, gauge: float(found.state(gauge)[name])
+
+
+def _of_waves(name: str) -> Callable[[Findings, str], float]:
+    return lambda found, gauge: found.statistics(gauge)[name]
+
+
+def _of_harmonic(n: int) -> Callable[[Findings, str], float]:
+    return lambda found, gauge: found.amplitude(gauge, n)
+
+
+OF_RUN = {
+    "crest": OfRun("m", lambda found: found.highest[0]),
+    "crest_x": OfRun("m", lambda found: found.highest[1]),
+    "crest_t": OfRun("s", lambda found: found.highest[2]),
+    "trough": OfRun("m", lambda found: float(found.surface.eta.min())),
+    "run_up": OfRun("m", lambda found: float(found.surface.eta[:, -1].max())),
+    "reflection": OfRun("-", lambda found: reflection_coefficient(found.record)),
+}
+AT_GAUGE = {
+    "crest": AtGauge("m", lambda found, gauge: float(found.gauge(gauge).max())),
+    "trough": AtGauge("m", lambda found, gauge: float(found.gauge(gauge).min())),
+    "groupiness": AtGauge("-", lambda found, gauge: float(groupiness(found.gauge(gauge)))),
+    **{name: AtGauge("m" if name == "hm0" else "s", _of_sea(name)) for name in ("hm0", "tp", "tm01", "tm02", "tm_10")},
+    **{name: AtGauge("m", _of_waves(name)) for name in ("h_mean", "h_1_3", "h_1_10", "h_max")},
+    **{name: AtGauge("s", _of_waves(name)) for name in ("t_mean", "t_1_3")},
+    **{f"a{n}": AtGauge("m", _of_harmonic(n)) for n in range(1, NUMBER + 1)},
+}

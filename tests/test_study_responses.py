@@ -1,0 +1,205 @@
+"""Studies of physics: responses by name and formula, ensembles of seeds, pictures, of waves that are known."""
+
+import csv
+import io
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from conftest import CHECKOUT
+from matplotlib.figure import Figure
+from pictures import faults
+from rich.console import Console
+from scipy import stats
+
+from wavetank.case.reading import read_case
+from wavetank.errors import InputError
+from wavetank.postprocess.analysis.quantities import AT_GAUGE, OF_RUN
+from wavetank.records.writer import RunWriter
+from wavetank.study.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
+from wavetank.study.ensemble_drawing import draw_ensembles
+from wavetank.study.response_drawing import draw_responses
+from wavetank.study.responses import Response, responses, usual_responses
+from wavetank.study.runs import Outcome
+from wavetank.study.study import Study
+from wavetank.study.sweep import Axis, Combination, combinations, parse_axes, parse_axis
+from wavetank.study.table import Row
+from wavetank.theory.airy import wave_number
+
+CASE = CHECKOUT / "cases" / "wavemaker.toml"
+PERIOD, OMEGA = 2.0, np.pi
+K = float(wave_number(OMEGA, 1.0, 9.81))
+NAMES = ("1", "2", "3")  # the case's gauges, at 5, 10 and 15 m
+
+
+def eta(x, t):
+    """Return regular waves of 5 cm, of which a tenth comes back, with a second harmonic; still before t = 8 s."""
+    waves = 0.05 * np.cos(K * x - OMEGA * t) + 0.005 * np.cos(K * x + OMEGA * t) + 0.004 * np.cos(2 * OMEGA * t)
+    return waves * (t >= 8.0)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A run directory with these waves."""
+    from wavetank.records.directory import RunDirectory
+
+    path, scene = tmp_path_factory.mktemp("runs") / "run", read_case(CASE)
+    x, places = np.linspace(0, 40, 401), np.array([gauge.x for gauge in scene.all_gauges])
+    with RunWriter(path, {"scene": scene.model_dump(mode="json")}) as writer:
+        gauges, surface = writer.gauges([(gauge.name, gauge.x) for gauge in scene.all_gauges]), writer.surface()
+        for t in np.arange(0, 24, 0.05):
+            gauges.append([t, *eta(places, t)])
+            surface.append(t, x, eta(x, t), 0 * x)
+        writer.finish("finished", {})
+    return RunDirectory(path)
+
+
+def of(run, *texts, start=8.0):
+    told, causes = responses(run, [Response(text) for text in texts], start=start)
+    assert not causes, causes
+    return list(told.values())
+
+
+def test_responses_are_those_of_the_waves(run):
+    """Oracle: the waves that the run was made of, from 8 s on."""
+    first = 0.05 * abs(1 + 0.1 * np.exp(-2j * K * 5.0))
+    a1, a2, ratio, reflection, run_up = of(run, "a1@1", "a2@1", "second=a2@1/a1@1", "reflection", "run_up")
+    assert (a1, a2, ratio) == pytest.approx((first, 0.004, 0.004 / first), rel=1e-4)
+    assert reflection == pytest.approx(0.1, rel=1e-3)  # its period is the paddle's, as the case says
+    late = np.arange(8, 24, 0.05)
+    assert run_up == pytest.approx(eta(40.0, late).max())
+    hm0, crest, trough = of(run, "hm0@2", "crest@3", "trough@3")
+    assert hm0 == pytest.approx(4 * np.std(eta(10.0, late)), rel=1e-6)
+    assert (crest, trough) == pytest.approx((eta(15.0, late).max(), eta(15.0, late).min()))
+    highest, where, when, lowest = responses(run, usual_responses(read_case(CASE)))[0].values()
+    assert highest == pytest.approx(eta(where, when)) and lowest < 0 < highest
+
+
+@pytest.mark.parametrize("name", [*OF_RUN, *(f"{name}@2" for name in AT_GAUGE)])
+def test_every_quantity_is_a_number_with_its_unit(run, name):
+    (value,) = of(run, name)
+    response = Response(name)
+    assert np.isfinite(value) and response.label == f"{name} [{response.quantities[0].unit}]"
+
+
+def test_formulae_name_their_columns():
+    assert Response("transmission [-] = hm0@2 / hm0@1").label == "transmission [-]"
+    assert Response("sqrt(crest@1**2 + 1e-3) - 0.5*pi*hm0@'a b'").label == "sqrt(crest@1**2 + 1e-3) - 0.5*pi*hm0@'a b'"
+    assert [one.gauge for one in Response("max(hm0@A.3, crest) - hm0@'a b'").quantities] == ["A.3", None, "a b"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("hm0", "'hm0' is no quantity; it is one of a gauge, hm0@GAUGE"),
+        ("crst", "'crst' is no quantity; did you mean 'crest'? allowed are: crest"),
+        ("run_up@1", "'run_up@1' is no quantity"),
+        ("2 + 2", "allowed are formulae of crest, crest_x"),
+        ("crest +", "invalid syntax"),
+        ("open(crest)", "is not a function of a formula"),
+        ("", "allowed are formulae of"),
+        ("hm0@9", "there is no gauge '9'; there are 1, 2, 3"),
+    ],
+)
+def test_responses_that_are_none_are_refused_before_anything_runs(tmp_path, text, said):
+    with pytest.raises(InputError) as error:
+        Study(CASE, ["tank.depth=1,2"], asked=[text], out=tmp_path / "out", console=Console(file=io.StringIO()))
+    assert said in str(error.value) and len(str(error.value).splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_what_a_run_does_not_tell_is_said(run):
+    told, causes = responses(run, [Response("h_max@1"), Response("crest")], start=23.5)
+    assert list(told) == ["crest [m]"] and len(causes) == 1
+    assert causes[0].startswith("h_max@1 [m]: 0 whole waves")
+
+
+# ---------------------------------------------------------------- what is swept
+def test_seeds_are_counted():
+    assert parse_axis("wall.motion.seed=1..4,9") == Axis("wall.motion.seed", ("1", "2", "3", "4", "9"))
+    assert Axis.of("wall.motion.seed").seeds and not Axis.of("tank.depth").seeds
+    for text in ("a.seed=4..1", "a.seed=1..99999", "a.seed=1..3,2"):
+        with pytest.raises(InputError, match="sweep"):
+            parse_axis(text)
+
+
+def test_without_numerics_there_is_no_reference_unless_asked_for(tmp_path):
+    def study(*sweeps, **others):
+        return Study(CASE, sweeps, out=tmp_path, console=Console(file=io.StringIO()), **others)
+
+    assert study("tank.depth=1,2")._references == [None, None]
+    assert study("tank.depth=1,2", "n=4,6")._references == study("tank.depth=1,2", reference="fine")._references == []
+
+
+# ---------------------------------------------------------------- ensembles
+def made(seeds: int, settings: dict[str, list[str]], response) -> tuple[list[Row], list[Axis]]:
+    """Return rows and axes of a study of seeds, with a response of the settings and the seed."""
+    axes = [Axis(key, tuple(values)) for key, values in settings.items()]
+    (first, *_), rows = combinations(CASE, parse_axes(["tank.depth=1.0"])), []
+    for *values, seed in product(*settings.values(), range(seeds)):
+        named = dict(zip(settings, values, strict=True)) | {"wall.motion.seed": str(seed)}
+        one: Combination = replace(first, name=str(named), values=named)
+        rows.append(Row(one, Outcome("finished"), responses={"hm0 [m]": response(named), "crest [m]": 0.1 * seed}))
+    return rows, [*axes, Axis("wall.motion.seed", tuple(map(str, range(seeds))))]
+
+
+def test_an_ensemble_has_its_mean_confidence_and_quantiles(tmp_path):
+    """Oracle: scipy.stats' t interval, numpy's quantiles; settings apart, failed and marked runs left out."""
+    rng = np.random.default_rng(1)
+    rows, axes = made(9, {"tank.depth": ["1", "2"]}, lambda named: float(named["tank.depth"]) + rng.normal())
+    rows[3] = replace(rows[3], responses={})
+    found = ensembles([*rows, replace(rows[0], mark="plan")], axes)
+    assert [(one.settings["tank.depth"], one.response, one.values.size) for one in found] == [
+        ("1", "hm0 [m]", 8), ("2", "hm0 [m]", 9), ("1", "crest [m]", 8), ("2", "crest [m]", 9),
+    ]  # fmt: skip
+    for one in found:
+        interval = stats.t.interval(0.95, one.values.size - 1, one.mean, stats.sem(one.values))
+        assert (one.mean - one.sure, one.mean + one.sure) == pytest.approx(interval)
+        assert one.quantiles == pytest.approx(np.quantile(one.values, (0.05, 0.5, 0.95)))
+    write_ensembles(tmp_path / "ensemble.csv", found)
+    with (tmp_path / "ensemble.csv").open() as file:
+        table = list(csv.DictReader(file))
+    assert (table[0]["tank.depth"], table[0]["runs"]) == ("1", "8")
+    assert float(table[1]["mean to"]) == pytest.approx(found[1].mean + found[1].sure, rel=1e-6)
+    assert ensemble_table(found).row_count == 4
+
+
+def test_one_run_has_no_confidence(tmp_path):
+    alone = Ensemble({}, "crest [m]", np.array([0.3]))
+    assert np.isnan(alone.sure) and alone.quantiles == (0.3, 0.3, 0.3)
+    write_ensembles(tmp_path / "ensemble.csv", [alone])
+    assert (tmp_path / "ensemble.csv").read_text().splitlines()[1] == "crest [m],1,0.3,,,,0.3,0.3,0.3"
+
+
+# ---------------------------------------------------------------- pictures
+@pytest.fixture
+def drawn(monkeypatch):
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path: figures.append(figure))
+    return figures
+
+
+@pytest.mark.parametrize("settings", [{}, {"tank.depth": ["1", "2", "4"]}, {"water.type": ["linear", "nonlinear"]}])
+def test_ensembles_are_drawn(drawn, tmp_path, settings):
+    rng = np.random.default_rng(1)
+    rows, axes = made(9, settings, lambda named: 1 + 0.1 * rng.normal())
+    draw_ensembles(rows, ensembles(rows, axes), axes, tmp_path / "study.png", title="A sea")
+    (figure,) = drawn
+    assert not faults(figure) and {panel.get_ylabel() for panel in figure.axes} == {"hm0 [m]", "crest [m]"}
+
+
+def test_two_keys_of_numbers_are_a_map(drawn, tmp_path):
+    """A run that has failed is a white cell; numbers stand at the keys' values."""
+    axes = parse_axes(["tank.depth=1,2,4", "wall.motion.period=2.0,1.5,1.0"])
+    rows = [
+        Row(one, Outcome("finished"), responses={"crest [m]": float(one.values["tank.depth"])} if n else {})
+        for n, one in enumerate(combinations(CASE, axes))
+    ]
+    draw_responses(rows, axes, tmp_path / "study.png", title="A map")
+    panel, bar = drawn[0].axes
+    assert (panel.get_xlabel(), panel.get_ylabel()) == ("tank.depth [m]", "wall.motion.period [s]")
+    assert bar.get_ylabel() == "crest [m]"
+    values = panel.collections[0].get_array().reshape(3, 3)
+    np.testing.assert_array_equal(np.ma.filled(values, np.nan), [[1, 2, 4], [1, 2, 4], [np.nan, 2, 4]])
+    assert len(panel.texts) == 8 and not faults(drawn[0])

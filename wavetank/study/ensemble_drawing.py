@@ -1,0 +1,72 @@
+"""The picture of an ensemble: every run, the mean with its confidence, and quantiles, over a key or over the seeds."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from wavetank.postprocess.style import BLUE, PALE_GREY, VERMILION, entry, picture
+from wavetank.study.ensemble import Ensemble
+from wavetank.study.response_drawing import numeric, panels_of, places_of
+from wavetank.study.sweep import Axis, unit
+from wavetank.study.table import Row
+
+RUN, MEAN, QUANTILE = PALE_GREY, BLUE, VERMILION
+
+
+def draw_ensembles(
+    rows: Sequence[Row], found: Sequence[Ensemble], axes: Sequence[Axis], path: Path, *, title: str = ""
+) -> Path:
+    """Draw each response over the first key that is no seed, or over the runs, and return ``path``.
+
+    Of more such keys each further setting is a point beside the others.
+    """
+    along = next((axis for axis in axes if not axis.seeds and axis.physical), None)
+    label = "run [-]"
+    if along:
+        label = f"{along.name} [{unit(rows[0].combination.scene, along.key) or '-'}]" if numeric(along) else along.name
+    names = list(dict.fromkeys(one.response for one in found))
+    with picture(path, *panels_of(names)[1]) as figure:
+        panels = figure.subplots(*panels_of(names)[0], squeeze=False).flat
+        for name, panel in zip(names, panels, strict=False):
+            some = [one for one in found if one.response == name]
+            if along:
+                _draw_over(panel, some, along)
+            else:
+                _draw_runs(panel, some[0])
+            panel.set(xlabel=label, ylabel=name)
+        for empty in list(panels):
+            empty.set_axis_off()
+        handles = [
+            entry("a run", color=RUN, marker=".", ls=""),
+            entry("mean, with its 95 % confidence", color=MEAN, marker="o"),
+            entry("5, 50 and 95 % quantiles", color=QUANTILE, ls="--"),
+        ]
+        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+        figure.suptitle(title, fontsize=12, parse_math=False)
+    return path
+
+
+def _draw_over(panel: Axes, found: Sequence[Ensemble], along: Axis) -> None:
+    places = places_of(along)
+    ordered = sorted(found, key=lambda one: places[one.settings[along.name]])
+    x = np.array([places[one.settings[along.name]] for one in ordered])
+    for at, one in zip(x, ordered, strict=True):
+        panel.plot(np.full(one.values.size, at), one.values, ".", color=RUN, ms=4, zorder=1)
+    sure = np.nan_to_num([one.sure for one in ordered])
+    panel.errorbar(x, [one.mean for one in ordered], sure, color=MEAN, marker="o", ms=5, capsize=4, ls="", zorder=3)
+    for quantile in np.array([one.quantiles for one in ordered]).T:
+        panel.plot(x, quantile, "--", marker="_", color=QUANTILE, lw=0.8, zorder=2)
+    if not numeric(along):
+        panel.set_xticks(range(len(along.values)), along.values)
+
+
+def _draw_runs(panel: Axes, one: Ensemble) -> None:
+    runs = 1 + np.arange(one.values.size)
+    panel.plot(runs, one.values, ".", color=RUN)
+    panel.axhline(one.mean, color=MEAN)
+    if np.isfinite(one.sure):
+        panel.axhspan(one.mean - one.sure, one.mean + one.sure, color=MEAN, alpha=0.15, lw=0)
+    for quantile in one.quantiles:
+        panel.axhline(quantile, color=QUANTILE, ls="--", lw=0.8)
