@@ -9,6 +9,7 @@ from wavetank.runs.closing import Outcome, closing
 SHORT = ("run.duration=0.4", "numerics.cells=8", "numerics.vertical_order=4", "numerics.dt=0.02")
 SPENT = {
     "ranks": 3,
+    "t": 10.0,
     "timings": {"stepping_s": 5.0, "stepping_cpu_s": 12.0},
     "numerics": {"steps_taken": 100, "dt": 0.1},
     "counters": {"interior_solves": 456},

@@ -19,9 +19,10 @@ from test_stateful import BASIN, SLICE
 from wavetank.errors import InputError
 from wavetank.recording import record_run
 from wavetank.records.checkpoint import read_checkpoint
-from wavetank.records.directory import MANIFEST, RunDirectory, unfinished
+from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.lock import LOCK
 from wavetank.records.place import Place
+from wavetank.records.whole import unfinished
 from wavetank.status import line, standing
 
 KILLING = str(Path(__file__).with_name("killing.py"))
@@ -105,6 +106,6 @@ def test_a_run_that_is_killed_at_any_stage_of_writing_loses_but_the_steps_since_
             if again:
                 assert forked(lambda part=part: gone_on(parts, part)) == 0
             same(tmp_path / "whole", part)
-            assert kept in (0.0, *RunDirectory(part).manifest.get("resumed", []))
+            assert kept in (0.0, *(one["from"] for one in RunDirectory(part).manifest["parts"]))
     print(f"{kills} kills at {len(stages.calls)} stages")
     assert kills > 100

@@ -16,11 +16,12 @@ from wavetank.observers.surface import SurfaceSnapshots
 def test_what_acts_at_equal_times_acts_at_the_steps_that_end_there(every, dt):
     """Though sums and products of such numbers are a little less or more."""
     schedule, apart = EveryTime(every), round(every / dt)
-    assert [step for step in range(1000) if schedule.due(step, dt)] == list(range(0, 1000, apart))
+    due = [step for step in range(1000) if schedule.due(step, step * dt, (step - 1) * dt)]
+    assert due == list(range(0, 1000, apart))
 
 
 def test_steps_that_do_not_end_there_are_the_first_beyond():
-    assert [step for step in range(12) if EveryTime(1.0).due(step, 0.3)] == [0, 4, 7, 10]
+    assert [step for step in range(12) if EveryTime(1.0).due(step, 0.3 * step, 0.3 * (step - 1))] == [0, 4, 7, 10]
 
 
 class Looking:

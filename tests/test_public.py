@@ -19,7 +19,7 @@ BLOCKS = re.findall(BLOCK, PAGE.read_text(), flags=re.DOTALL | re.MULTILINE)
 
 def test_what_is_public_is_there_when_it_is_asked_for():
     """And nothing that takes long to load before."""
-    assert dir(wt) == ["__version__", "open_run", "read_case", "run"] == sorted([*wt.__all__, "__version__"])
+    assert dir(wt) == ["__version__", "open_run", "read_case", "resume", "run"] == sorted([*wt.__all__, "__version__"])
     assert all(callable(getattr(wt, name)) for name in wt.__all__)
     with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
         wt.nothing  # noqa: B018

@@ -341,7 +341,7 @@ def test_a_run_that_was_killed_goes_on_in_a_study_from_its_checkpoint_and_costs_
         process.kill()
         process.wait()
     again, _ = run_study(tmp_path / "part", sweeps, changes, reference="exact")
-    assert RunDirectory(run).manifest["resumed"][0] >= 1.0
+    assert RunDirectory(run).manifest["parts"][1]["from"] >= 1.0
     assert again[0].errors == rows[0].errors
     first, second = ({name: row.costs[name] for name in ("steps", "interior solves")} for row in (again[0], rows[0]))
     assert first == second
@@ -359,16 +359,14 @@ def test_a_checkpoint_that_cannot_be_gone_on_from_does_not_hold_a_study_up(tmp_p
         writer.checkpoint("{}", [], places=np.zeros((1, 3)), about={"t": 1.0})
         writer.fail(StoppedError("t = 1 s: interrupted"))
     rows, _ = run_study(tmp_path, sweeps, reference="exact")
-    assert rows[0].outcome.status == "finished" and "resumed" not in RunDirectory(tmp_path / one.name).manifest
+    assert rows[0].outcome.status == "finished" and len(RunDirectory(tmp_path / one.name).manifest["parts"]) == 1
 
 
 def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
     """A kill, or a full disk, meets the old one or the new."""
     path = tmp_path / "study.csv"
     path.write_text("before")
-    monkeypatch.setattr(
-        "wavetank.records.directory.os.replace", lambda *names: (_ for _ in ()).throw(OSError(28, "full"))
-    )
+    monkeypatch.setattr("wavetank.records.whole.os.replace", lambda *names: (_ for _ in ()).throw(OSError(28, "full")))
     with pytest.raises(RecordError, match=r"study\.csv: cannot be written \(full\)"):
         write_table(path, [], [])
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["study.csv"]

@@ -5,6 +5,7 @@
     scene = wt.read_case("cases/focusing.toml", ["run.duration=30"])
     run = wt.run(scene, "runs/focusing")
     run.gauges, run.energy, run.paddle, run.surface      # xarray; wt.open_run("runs/focusing") has them later
+    wt.resume("runs/focusing", extend=10)                # and goes on
 
 What is not in ``__all__`` may change; what loads long, dolfinx first, is loaded when it is needed.
 """
@@ -14,13 +15,18 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from wavetank.case.reading import read_case
-    from wavetank.public import run
+    from wavetank.public import resume, run
     from wavetank.records.directory import open_run
 
 __version__ = "0.1.0"
-__all__ = ["open_run", "read_case", "run"]
+__all__ = ["open_run", "read_case", "resume", "run"]
 
-HOMES = {"open_run": "wavetank.records.directory", "read_case": "wavetank.case.reading", "run": "wavetank.public"}
+HOMES = {
+    "open_run": "wavetank.records.directory",
+    "read_case": "wavetank.case.reading",
+    "resume": "wavetank.public",
+    "run": "wavetank.public",
+}
 
 
 def __getattr__(name: str) -> Any:

@@ -34,7 +34,10 @@ from wavetank.status import status
 from wavetank.study.command import study
 
 # of use
-ORDER = ("new", "plan", "motion", "run", "status", "view", "compare", "analyse", "study", "data", "verify", "schema")
+ORDER = (
+    *("new", "plan", "motion", "run", "resume", "status"),
+    *("view", "compare", "analyse", "study", "data", "verify", "schema"),
+)
 
 
 class InOrderOfUse(TyperGroup):
@@ -135,6 +138,25 @@ def run(
     with located(case, overrides or []):
         draw = _draw if plots else None
         record_run(scene, place, comm=MPI.COMM_WORLD, console=console(), draw=draw, unasked=yes, resume=resume)
+
+
+@app.command(epilog=example("resume runs/focusing --extend 30"))
+def resume(
+    directory: Annotated[Path, typer.Argument(help="run directory; the case is kept there", metavar="RUN")],
+    overrides: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="with other numerics, or more records")
+    ] = None,
+    extend: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="so much longer than it was to be, also when finished")
+    ] = None,
+    plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
+    yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
+) -> None:
+    """Go on with a run from its last checkpoint; also under mpirun."""
+    from wavetank.recording import resume_run
+
+    told, draw = console(), _draw if plots else None
+    resume_run(directory, overrides or [], extend=extend, comm=MPI.COMM_WORLD, console=told, draw=draw, unasked=yes)
 
 
 def _list_cases() -> None:

@@ -10,7 +10,7 @@ from wavetank.case import Scene
 from wavetank.console import console
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.contract import Observer
-from wavetank.recording import record_run
+from wavetank.recording import record_run, resume_run
 from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
 from wavetank.runs.waters import AnyWaves
@@ -57,3 +57,33 @@ def run(
     )
     MPI.COMM_WORLD.Barrier()
     return RunDirectory(out)
+
+
+def resume(
+    directory: Path | str,
+    changes: Sequence[str] = (),
+    *,
+    extend: float | None = None,
+    observers: Sequence[Callable[[AnyWaves], Observer]] = (),
+    integrator: Integrator[Any] | None = None,
+) -> RunDirectory:
+    """Go on with a run from its last checkpoint, and return its run directory; also under mpirun.
+
+    Raises as ``run`` does.
+
+    Parameters
+    ----------
+    directory
+        The run directory, which keeps the scene.
+    changes
+        Of the scene, as ``read_case`` takes them: other numerics, a longer duration, more gauges.
+    extend
+        How much longer it is to be [s]; a finished run goes on only by this.
+    observers, integrator
+        Those of the run, where it was given some.
+    """
+    comm = MPI.COMM_WORLD
+    own = {"observers": observers, "integrator": integrator}
+    resume_run(directory, changes, extend=extend, comm=comm, console=console(), **own)
+    comm.Barrier()
+    return RunDirectory(directory)

@@ -10,8 +10,8 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.case import Scene
-from wavetank.errors import BreakdownError, RunError
-from wavetank.fe.agreed import on_first
+from wavetank.errors import BreakdownError, InputError, RunError
+from wavetank.fe.agreed import agreed, from_first, on_first
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.breaking import BreakingNews
 from wavetank.observers.contract import Judge, Observer
@@ -29,14 +29,13 @@ from wavetank.records.paddle_table import columns as paddle_columns
 from wavetank.records.place import Place
 from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
-from wavetank.resuming import KeptRun
+from wavetank.resuming import GoingOn, KeptRun, kept_scene
 from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary
 from wavetank.runs.closing import Outcome, closing
-from wavetank.runs.memory import peak_memory
+from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
-from wavetank.runs.spent import Spent
 from wavetank.runs.waters import AnyWaves, told_of_bed
-from wavetank.stateful import Stateful
+from wavetank.values.noun import SceneError
 from wavetank.water.breakdown import cause
 from wavetank.water.breaking import BreakingDissipation
 from wavetank.water.waves import NonlinearWaves
@@ -128,21 +127,24 @@ def record_run(
     with ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
-        asked, (scene, doubts) = scene, planned(scene, comm)
+        kept = GoingOn(writer, comm, warn=warnings.add) if resume else None
+        asked, (scene, doubts) = scene, kept.planned(scene) if kept else planned(scene, comm)
         if not unasked:
             check_affordable(scene, comm)
         with mesh_told(asked, scene):
-            run, waves = build_run(scene, comm, integrator)
+            run, waves = build_run(scene, comm, integrator, beginning=kept.beginning if kept else None)
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
             warnings.add(doubt)
-        built, spent = time.monotonic(), Spent(comm)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]
         run.observers += [observer(waves) for observer in observers]
-        beside: dict[str, Stateful] = {**series, "spent": spent}
-        kept = KeptRun(asked, scene, run=run, plane=waves.plane, beside=beside, writer=writer, warn=warnings.add)
-        if resume:
-            log.say(f"going on from t = {kept.go_on():.6g} s")
+        if kept:
+            log.say(kept.take(run, waves, scene=scene, fields=series))
+        earlier, counting_on = (kept.about["parts"], not kept.anew) if kept else ([], False)
+        parts = Parts(run, waves, began=began, earlier=earlier, counting_on=counting_on)
+        keeping = KeptRun(
+            asked, scene, run=run, waves=waves, fields=series, parts=parts, writer=writer, warnings=warnings.sentences
+        )
 
         def note() -> None:
             for judge in (one for one in run.observers if isinstance(one, Judge)):
@@ -150,9 +152,7 @@ def record_run(
                     warnings.add(sentence)
             for breaking in (one for one in _breaking(run) if one.began):
                 log.say(f"{breaking.story}; {100 * breaking.part_taken:.2g} % of the energy was taken")
-            figures = _figures(run, waves)
-            figures["timings"] = {"set_up_s": built - began, **spent.held()}
-            figures["memory"] = {"peak_mib": comm.allreduce(peak_memory() / 2**20)}
+            figures = parts.figures() | _broken(run)
             outcome = Outcome.of(run)
             if writer is not None:
                 writer.note(figures | outcome.figures)
@@ -163,7 +163,8 @@ def record_run(
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
-            on_first(comm, lambda: _begin(writer, log, asked=asked, planned=scene, going_on=resume))
+            begun = {"parts": parts.so_far()} | _chosen(asked, scene)
+            on_first(comm, lambda: _begin(writer, log, begun, going_on=resume))
             if writer is not None:
                 at_the_end.enter_context(_said(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
@@ -171,11 +172,46 @@ def record_run(
                 if line:
                     log.say(line)
             with _failure_kept(writer), _progress(run, waves, log, writer) as progress:
-                interruption.before = kept.write
-                run.observers += [kept.from_time_to_time(scene.run.checkpoint_every), *progress, interruption]
-                _execute(run, waves, note)
+                interruption.before = keeping.write
+                run.observers += [keeping.from_time_to_time(scene.run.checkpoint_every), *progress, interruption]
+                _execute(run, waves, note, keep=keeping.write)
                 if writer is not None:
                     writer.finish("finished", {})
+
+
+def resume_run(
+    directory: Path | str,
+    changes: Sequence[str] = (),
+    *,
+    extend: float | None = None,
+    comm: MPI.Comm,
+    console: Console,
+    **options: Any,
+) -> None:
+    """Go on with the run in a directory, which keeps its scene; collective. A finished one is left as it is.
+
+    Raises as ``record_run``, which takes the other options, and ``kept_scene``.
+
+    Parameters
+    ----------
+    directory
+        The run directory.
+    changes
+        ``KEY=VALUE``, such as ``"numerics.dt=0.01"``.
+    extend
+        How much longer it is to be [s]; then a finished one goes on, too.
+    comm, console, options
+        As ``record_run`` takes them.
+    """
+    path = Path(directory)
+    scene = agreed(comm, lambda: kept_scene(path, changes, extend=extend))
+    if not changes and extend is None and from_first(comm, lambda: RunDirectory(path).status) == "finished":
+        console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
+        return
+    try:
+        record_run(scene, path, comm=comm, console=console, resume=True, **options)
+    except SceneError as error:
+        raise InputError("\n".join(f"{path}: {problem}." for problem in error.problems)) from error
 
 
 def _observe(
@@ -209,11 +245,16 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle)
 
 
-def _begin(writer: RunWriter | None, log: RunLog, *, asked: Scene, planned: Scene, going_on: bool) -> None:
-    """Begin the directory, with what has been planned of the scene that was asked for."""
+def _chosen(asked: Scene, planned: Scene) -> dict[str, Any]:
+    """Return what the manifest says of water and numerics that were planned."""
+    given, chosen = (one.model_dump(mode="json", include={"water", "numerics"}) for one in (asked, planned))
+    return {} if chosen == given else {"planned": chosen}
+
+
+def _begin(writer: RunWriter | None, log: RunLog, begun: dict[str, Any], *, going_on: bool) -> None:
+    """Begin the directory, with what is known by now."""
     if writer is not None:
-        given, chosen = (one.model_dump(mode="json", include={"water", "numerics"}) for one in (asked, planned))
-        writer.begin({} if chosen == given else {"planned": chosen})
+        writer.begin(begun)
         log.open(writer.path / LOG, going_on=going_on)
         log.say(f"writing {writer.path}")
 
@@ -259,10 +300,11 @@ def _progress(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) 
         yield [bar, standing]
 
 
-def _execute(run: Run, waves: AnyWaves, note: Callable[[], None]) -> None:
-    """Step to the end, and take note of what that has cost, however it ends; say why a step failed; collective."""
+def _execute(run: Run, waves: AnyWaves, note: Callable[[], None], *, keep: Callable[[], None]) -> None:
+    """Step to the end and keep it; note what that has cost, however it ends, and say why a step failed; collective."""
     try:
         run.execute()
+        keep()
     except RunError as error:
         note()
         if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
@@ -280,30 +322,11 @@ def _breaking(run: Run) -> list[BreakingDissipation]:
     return [one for one in run.filters if isinstance(one, BreakingDissipation)]
 
 
+def _broken(run: Run) -> dict[str, Any]:
+    """Return what the manifest says of the waves that broke."""
+    return {"breaking": breaking[0].figures} if (breaking := _breaking(run)) else {}
+
+
 def _cost(waves: AnyWaves) -> tuple[int, int]:
     counters = waves.potential.counters
     return counters.solves, counters.iterations
-
-
-def _figures(run: Run, waves: AnyWaves) -> dict[str, Any]:
-    """Return what the manifest says of a run's numerics and counters, as far as it got."""
-    stages, solves = waves.stages.counters, waves.potential.counters
-    return {
-        "numerics": {
-            "integrator": run.integrator.name,
-            "dt": run.clock.dt,
-            "steps": run.clock.steps,
-            "steps_taken": run.step,
-            "degrees_of_freedom": waves.plane.size,
-            "largest_frequency": waves.largest_frequency,
-        },
-        "counters": {
-            "interior_solves": solves.solves,
-            "interior_iterations": solves.iterations,
-            "factorisations": solves.factorisations,
-            "stage_solves": stages.solves,
-            "stage_evaluations": stages.evaluations,
-            "newton_solves": stages.newton_solves,
-        },
-        **({"breaking": breaking[0].figures} if (breaking := _breaking(run)) else {}),
-    }

@@ -1,126 +1,299 @@
-"""A run's checkpoints: written from time to time, and gone on from, on any number of ranks."""
+"""A run's checkpoints: written from time to time, and gone on from, on any ranks, with other numerics, too."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+from mpi4py import MPI
+from pydantic import ValidationError
+
+from wavetank.arrays import Vector
 from wavetank.case import Scene
+from wavetank.case.numerics import Numerics
+from wavetank.case.reading import changed_scene
 from wavetank.errors import InputError, RunError
 from wavetank.fe.agreed import agreed, on_first
 from wavetank.fe.by_place import found, gathered
-from wavetank.fe.plane import Plane
 from wavetank.observers.checkpoints import Checkpoints
-from wavetank.records.checkpoint import Checkpoint, read_checkpoint
-from wavetank.records.directory import RunDirectory
+from wavetank.plan.planned import Planned, planned
+from wavetank.records.checkpoint import Checkpoint
+from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
+from wavetank.runs.build import Beginning
+from wavetank.runs.clock import Clock
+from wavetank.runs.kept_surface import KeptSurface
+from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
-from wavetank.stateful import Stateful, apart, give_back, held_by, together
+from wavetank.runs.waters import AnyWaves
+from wavetank.stateful import apart, together
 from wavetank.values.noun import Problem, SceneError
 
-FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("numerics", "dt")}  # the step itself is compared
+FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
+RECORDED = {"output", "gauges", "gauge_lines"}  # of which other keys and more gauges are allowed
+SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
+STEPPING = {"cells", "cell_size", "order", "vertical_order", "integrator"}  # what a step follows from
 
 
 class KeptRun:
-    """A run with its records; all methods are collective.
+    """A run with its records, of which checkpoints are written; all methods are collective.
 
     Parameters
     ----------
-    scene, planned
-        What was asked for, and with what has been planned of it.
-    beside
-        What remembers something beside the run, by name, no arrays: the series that all ranks write, say.
+    asked, computed
+        The scene that was asked for, and with what has been planned of it.
+    fields
+        The series that all ranks write, by their names.
+    parts
+        Of the run, so far.
     writer
         Of the run directory; None on all ranks but the first.
-    warn
-        Takes a sentence for whoever reads the results.
+    warnings
+        For whoever reads the results, so far: one may be added.
     """
 
     def __init__(
         self,
-        scene: Scene,
-        planned: Scene,
+        asked: Scene,
+        computed: Scene,
         *,
         run: Run,
-        plane: Plane,
-        beside: Mapping[str, Stateful],
+        waves: AnyWaves,
+        fields: Mapping[str, VtuSeries],
+        parts: Parts,
         writer: RunWriter | None,
-        warn: Callable[[str], None],
+        warnings: list[str],
     ):
-        self._scene, self._chosen = (one.model_dump(mode="json") for one in (scene, planned))
-        self._run, self._plane, self._beside, self._writer, self._warn = run, plane, beside, writer, warn
+        self._scene, self._chosen = (one.model_dump(mode="json") for one in (asked, computed))
+        self._run, self._waves, self._fields, self._parts = run, waves, fields, parts
+        self._writer, self._warnings = writer, warnings
+        self._written = -1  # the last step of which there is one
 
-    def from_time_to_time(self, every: float) -> Checkpoints:
-        """Return the observer that writes a checkpoint every so many seconds of computing; the last to observe."""
-        return Checkpoints(self._plane.comm, self.write, every=every)
+    def from_time_to_time(self, every: float | None) -> Checkpoints:
+        """Return the observer that writes checkpoints; the last to observe."""
+        return Checkpoints(self._waves.plane.comm, self.write, every=every)
 
     def write(self) -> None:
-        """Write a checkpoint; one that cannot be written is warned of, for the run's records are there."""
+        """Write one, if there is none of this step; one that cannot be written is warned of: the records are there."""
+        if self._written == self._run.step:
+            return
+        self._written = self._run.step
         try:
             self._write()
         except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
-            self._warn(f"the run cannot be resumed from here on: {str(error).removesuffix('.')}")
+            sentence = f"the run cannot be resumed from here on: {str(error).removesuffix('.')}"
+            self._warnings += [] if sentence in self._warnings else [sentence]
 
     def _write(self) -> None:
-        text, arrays = apart(self._run.held())
-        whole, places = gathered(self._plane, arrays)
-        stands = {"t": self._run.t, "step": self._run.step, "dt": self._run.clock.dt}
-        about = stands | {"scene": self._scene, "chosen": self._chosen, "beside": held_by(self._beside)}
+        run, waves, clock = self._run, self._waves, self._run.clock
+        text, arrays = apart({"surface": self._surface(), "run": run.held()})
+        whole, places = gathered(waves.plane, arrays)
+        about = {
+            "t": run.t,
+            "step": run.step,
+            "clock": {"dt": clock.dt, "begin": clock.begin, "first": clock.first},
+            "mass": waves.total_mass(run.state.q),
+            "scene": self._scene,
+            "chosen": self._chosen,
+            "parts": self._parts.so_far(),
+            "warnings": list(self._warnings),
+            "fields": {name: series.held() for name, series in self._fields.items()},
+        }
 
         def put() -> None:
             if self._writer is not None:
                 self._writer.checkpoint(text, whole, places=places, about=about)
 
-        on_first(self._plane.comm, put)
+        for series in self._fields.values():
+            agreed(waves.plane.comm, series.sync)
+        on_first(waves.plane.comm, put)
 
-    def go_on(self) -> float:
-        """Take back what the last checkpoint has, and return its time [s].
+    def _surface(self) -> dict[str, Any]:
+        """Return elevation [m] and potential [m²/s] of the surface, and where that is in the laboratory [m]."""
+        state, waves = self._run.state, self._waves
+        elevation = waves.elevation(state.q, state.p, self._run.t)
+        x, y = np.ascontiguousarray(waves.wall.to_physical(waves.plane.places).T)
+        return {"x": x, "y": y, "elevation": elevation, "potential": np.array(state.p)}
 
-        Raises ``InputError`` where there is none, ``SceneError`` where it is another scene's.
-        """
-        comm = self._plane.comm
-        kept = on_first(comm, self._read)
-        about, text = comm.bcast((kept.about, kept.held) if kept else None)
-        arrays, places = (kept.arrays, kept.places) if kept else ([], self._plane.coordinates())
+
+class GoingOn:
+    """A run's last checkpoint, and what another run takes of it.
+
+    With the same numerics that is all that it held; with others the surface, and sums that outlive them.
+
+    Parameters
+    ----------
+    writer
+        Of the run directory; None on all ranks but the first.
+    warn
+        Takes a sentence for whoever reads the results.
+
+    Raises ``InputError``, on all ranks, where there is none.
+
+    Attributes
+    ----------
+    about
+        What is told of it.
+    anew
+        Whether the run goes on with other numerics; known once it has been ``planned``.
+    """
+
+    def __init__(self, writer: RunWriter | None, comm: MPI.Comm, *, warn: Callable[[str], None]):
+        self._writer, self._comm, self._warn = writer, comm, warn
+        self._kept = on_first(comm, self._read)
+        told = (self._kept.about, self._kept.held, len(self._kept.arrays)) if self._kept else None
+        self.about, self._text, self._count = comm.bcast(told)
+        self.anew = False
         try:
-            agreed(comm, lambda: self._check(about))
-            self._run.take(together(text, found(self._plane, arrays, places)))
-            agreed(comm, lambda: self._take_records(about))
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(
-                f"the checkpoint is of another run, or another version of this program: {error!r}."
-            ) from None
-        return self._run.t
+            self._before, self._chosen = (Scene.model_validate(self.about[name]) for name in ("scene", "chosen"))
+        except (KeyError, ValidationError) as error:
+            raise _foreign(error) from None
 
     def _read(self) -> Checkpoint:
         assert self._writer is not None
-        kept, damaged = read_checkpoint(self._writer.path)
-        for sentence in (*RunDirectory(self._writer.path).manifest.get("warnings", []), *damaged):
+        kept, useless = self._writer.last_checkpoint()
+        for sentence in (*kept.about.get("warnings", []), *useless):
             self._warn(sentence)
         return kept
 
-    def _take_records(self, about: dict[str, Any]) -> None:
-        give_back(self._beside, about["beside"])
-        if self._writer is not None:
-            self._writer.take(about["records"])
-            before = RunDirectory(self._writer.path).manifest.get("resumed", [])
-            self._writer.note({"resumed": [*before, about["t"]]})
+    # ------------------------------------------------------------------------------------------ the scene
+    def planned(self, asked: Scene) -> Planned:
+        """Return the scene to go on with, of the one that is asked for; collective.
 
-    def _check(self, about: dict[str, Any]) -> None:
-        """Raise ``SceneError`` unless the run is that of the checkpoint; it may be longer."""
-        changes = {
-            path: (now, f"must be {before!r}, as in the run that is to go on")
-            for mine, its in ((self._scene, about["scene"]), (self._chosen, about["chosen"]))
-            for path, before, now in differences(its, mine)
-            if path not in FREE
-        }
-        if self._run.clock.dt != about["dt"]:
-            changes["numerics", "dt"] = (self._run.clock.dt, f"must be {about['dt']!r}, as in the run that is to go on")
-        if self._run.clock.steps < about["step"]:
-            changes["run", "duration"] = (
-                self._run.clock.end,
-                f"must be {about['t']:g} s or more: the run has come there",
-            )
-        if changes:
-            raise SceneError([Problem(path, now, allowed) for path, (now, allowed) in changes.items()])
+        Raises ``SceneError`` for what cannot change while a run goes on.
+        """
+        agreed(self._comm, lambda: self._check(asked))
+        water, output = self._chosen.water, asked.output
+        if output.surface_every is None:  # by default it follows from the duration
+            output = output.model_copy(update={"surface_every": self._chosen.surface_every})
+        kept = asked.model_copy(update={"water": water, "output": output})
+        mine, its = asked.numerics, self._before.numerics
+        same = mine.model_dump() == its.model_dump()
+        self.anew = not same or asked.run.on_breaking != self._before.run.on_breaking
+        if self.anew and asked.run.duration <= self.about["t"] * (1 + 1e-9):
+            allowed = f"must be more than {self.about['t']:g} s, where the run is; --extend SECONDS is so much more"
+            raise SceneError([Problem(("run", "duration"), asked.run.duration, allowed)])
+        if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
+            return Planned(kept.model_copy(update={"numerics": self._numerics(mine, its)}))
+        return planned(kept, self._comm)
+
+    def _numerics(self, mine: Numerics, its: Numerics) -> Numerics:
+        """Return those that were chosen, with what is named now and was not, or otherwise."""
+        chosen = self._chosen.numerics
+        named = mine.model_fields_set if its.open else set(Numerics.model_fields)
+        changes = {key: getattr(mine, key) for key in named if getattr(mine, key) != getattr(its, key)}
+        changes |= {other: None for key, other in SIZES.items() if changes.get(key) is not None}
+        follows = its.dt is None and bool(changes.keys() & STEPPING)
+        dt = None if follows else self.about["clock"]["dt"]
+        return chosen.model_copy(update={"dt": dt} | changes)
+
+    def _check(self, asked: Scene) -> None:
+        """Raise ``SceneError`` unless the scene is that of the checkpoint, but for what may change."""
+        before, now = (one.model_dump(mode="json") for one in (self._before, asked))
+        problems = [
+            Problem(path, value, f"must be {former!r}, as in the run that is to go on")
+            for path, former, value in differences(before, now)
+            if path not in FREE and path[0] not in {"numerics", "water", *RECORDED}
+        ]
+        if asked.water is not None and asked.physics != self._chosen.physics:
+            allowed = f"must be {self._chosen.physics!r}, as in the run that is to go on"
+            problems.append(Problem(("water", "type"), asked.physics, allowed))
+        gone = [gauge.name for gauge in self._before.all_gauges if gauge not in asked.all_gauges]
+        if gone:
+            allowed = f"must be all that there were, and may be more: {', '.join(gone)} missing, or in another place"
+            problems.append(Problem(("gauges",), [gauge.name for gauge in asked.all_gauges], allowed))
+        if asked.run.duration < self.about["t"] * (1 - 1e-9):
+            allowed = f"must be {self.about['t']:g} s or more: the run has come there"
+            problems.append(Problem(("run", "duration"), asked.run.duration, allowed))
+        if problems:
+            raise SceneError(problems)
+
+    # ------------------------------------------------------------------------------------------ the run
+    @property
+    def beginning(self) -> Beginning | None:
+        """Where a run with other numerics begins; None of one that goes on as it was."""
+        return Beginning(self.about["t"], self.about["step"], self._surface.on) if self.anew else None
+
+    @property
+    def _surface(self) -> KeptSurface:
+        values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
+        places: Vector = np.zeros((0, 3))
+        if self._kept is not None:
+            surface = together(self._text, self._kept.arrays)["surface"]
+            values, places = (surface["elevation"], surface["potential"]), self._kept.places
+        return KeptSurface(self._chosen, self.about["t"], self.about["mass"], values=values, places=places)
+
+    def take(self, run: Run, waves: AnyWaves, *, scene: Scene, fields: Mapping[str, VtuSeries]) -> str:
+        """Let a run take what was held, and its records go on; return what there is to say; collective.
+
+        Raises ``InputError`` where it is another run's.
+        """
+        try:
+            told = self._carry(run, waves, scene) if self.anew else self._take(run, waves, scene)
+        except (KeyError, TypeError, ValueError) as error:
+            raise _foreign(error) from None
+        for name, series in fields.items():
+            if name in self.about["fields"]:
+                series.take(self.about["fields"][name])
+        agreed(self._comm, self._take_records)
+        return told
+
+    def _take_records(self) -> None:
+        if self._writer is not None:
+            self._writer.take(self.about["records"])
+
+    def _take(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
+        """Take all of it: the run is the one that wrote it."""
+        clock = self.about["clock"]
+        left, until = scene.run.duration - clock["begin"], scene.motion().duration - clock["begin"]
+        run.clock = Clock.covering(left, clock["dt"], until=until).after(clock["begin"], clock["first"])
+        arrays, places = (self._kept.arrays, self._kept.places) if self._kept else ([], np.zeros((0, 3)))
+        run.take(together(self._text, found(waves.plane, arrays, places))["run"])
+        return f"going on from t = {run.t:.6g} s"
+
+    def _carry(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
+        """Take what outlives other numerics: the run has begun with the surface."""
+        run.carry(together(self._text, [np.zeros(0)] * self._count)["run"])
+        mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0
+        former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))
+        former["numerics"]["dt"] = self.about["clock"]["dt"]
+        now["numerics"]["dt"] = run.clock.dt
+        changes = [f"{'.'.join(path)} = {value}" for path, _, value in differences(former, now) if path[-1] in CHANGED]
+        return f"going on from t = {run.t:.6g} s with {', '.join(changes)}; the mass changes by {mass:.1g} of it"
+
+
+CHANGED = {*Numerics.model_fields, "on_breaking"}
+
+
+def _foreign(error: Exception) -> InputError:
+    return InputError(f"the checkpoint is of another run, or another version of this program: {error!r}.")
+
+
+def kept_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Scene:
+    """Return the scene that a run directory keeps, with ``KEY=VALUE`` changes, longer by ``extend`` [s].
+
+    Raises ``InputError`` where none is, and for a scene that cannot be.
+    """
+    directory = RunDirectory(run)
+    content = directory.manifest.get("scene")
+    if not isinstance(content, dict) or not isinstance(content.get("run"), dict):
+        raise InputError(f"{directory.path}: its {MANIFEST} tells no scene to go on with.")
+    if extend is not None:
+        if any(change.partition("=")[0].strip() == "run.duration" for change in changes):
+            raise InputError("--extend and run.duration: give one of them; the one is added, the other is all of it.")
+        changes = [*changes, f"run.duration={float(content['run']['duration']) + extend!r}"]
+    content = _given(content)
+    for key, other in SIZES.items():
+        if any(change.partition("=")[0].strip() == f"numerics.{key}" for change in changes):
+            content.get("numerics", {}).pop(other, None)
+    return changed_scene(directory.path / MANIFEST, content, changes)
+
+
+def _given(content: dict[str, Any]) -> dict[str, Any]:
+    """Return what a scene says, without keys that it leaves out."""
+    said = ((key, _given(value) if isinstance(value, dict) else value) for key, value in content.items())
+    return {key: value for key, value in said if value is not None}
 
 
 def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:

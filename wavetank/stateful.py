@@ -30,6 +30,14 @@ class Stateful(Protocol):
         """Take back what has been held, in place of what is remembered; collective."""
 
 
+@runtime_checkable
+class Carrying(Protocol):
+    """What remembers something that outlives a change of numerics."""
+
+    def carry(self, held: Held) -> None:
+        """Take that of what has been held with others; collective."""
+
+
 def named(parts: Iterable[object]) -> dict[str, Stateful]:
     """Return those parts that remember something by the names of their kinds, the second of a kind as "kind 2"."""
     found: dict[str, Stateful] = {}
@@ -53,6 +61,13 @@ def give_back(parts: Mapping[str, Stateful], held: Held) -> None:
         raise InputError(f"what was held by {holders} cannot be taken back by {takers}.")
     for name, part in parts.items():
         part.take(held[name])
+
+
+def carry_over(parts: Mapping[str, object], held: Held) -> None:
+    """Let those parts that were there already take what outlives a change of numerics; collective."""
+    for name, part in parts.items():
+        if isinstance(part, Carrying) and name in held:
+            part.carry(held[name])
 
 
 def apart(held: Held) -> tuple[str, list[Vector]]:

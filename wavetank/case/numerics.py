@@ -36,8 +36,9 @@ class RunNoun(Noun):
     on_breaking: Literal["stop", "dissipate", "ignore"] = Field(
         default="stop", description="what to do when a wave breaks; ignore: do not look"
     )
-    checkpoint_every: Duration = Field(
-        default=60.0, description="time of computing between checkpoints, from which a run can be resumed [s]"
+    checkpoint_every: Duration | None = Field(
+        default=None,
+        description="time of computing between checkpoints, from which a run goes on [s]; default: 60, less at first",
     )
 
 

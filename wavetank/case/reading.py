@@ -33,7 +33,15 @@ def read_case(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
     """
     path = Path(path)
     text = _read(path)
-    content = _parse(path, text)
+    return _scene(path, text, _parse(path, text), overrides)
+
+
+def changed_scene(path: Path, content: dict[str, Any], overrides: Sequence[str]) -> Scene:
+    """Return the scene of what a file that is no case says of one, with overrides; raises as ``read_case`` does."""
+    return _scene(path, "", content, overrides)
+
+
+def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[str]) -> Scene:
     overridden = [set_key(content, override) for override in overrides]
     try:
         scene = Scene.model_validate(content, context={"folder": path.resolve().parent})

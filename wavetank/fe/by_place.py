@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from wavetank.arrays import Vector
@@ -33,8 +34,19 @@ def found(plane: Plane, arrays: Sequence[Vector], places: Vector) -> list[Vector
     """
     comm = plane.comm
     places, count = comm.bcast((places, len(arrays)))
-    distances, rows = cKDTree(places).query(plane.coordinates())
-    farthest = comm.allreduce(float(np.max(distances, initial=0.0)), op=MPI.MAX)
-    if len(places) != plane.size or farthest > SAME * plane.cell_size:
+    rows = _rows(plane, places)
+    if rows is None:
         raise InputError(f"{plane.size} degrees of freedom: must be those of the checkpoint, {len(places)}, in place.")
     return [np.ascontiguousarray(comm.bcast(arrays[n] if comm.rank == 0 else None)[..., rows]) for n in range(count)]
+
+
+def at_the_same(plane: Plane, places: Vector) -> bool:
+    """Return whether the degrees of freedom are in those places of the first rank, (N, 3) [m]; collective."""
+    return _rows(plane, plane.comm.bcast(places)) is not None
+
+
+def _rows(plane: Plane, places: Vector) -> NDArray[np.intp] | None:
+    """Return which of the places this rank's degrees of freedom are in; None where some are in others; collective."""
+    distances, rows = cKDTree(places).query(plane.coordinates())
+    farthest = plane.comm.allreduce(float(np.max(distances, initial=0.0)), op=MPI.MAX)
+    return rows if len(places) == plane.size and farthest <= SAME * plane.cell_size else None

@@ -7,7 +7,7 @@ from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.wrapper import Wrapper, mapped
-from wavetank.stateful import Held, give_back, held_by, named
+from wavetank.stateful import Held, carry_over, give_back, held_by, named
 
 
 class Filter(Protocol):
@@ -54,3 +54,7 @@ class Filtered(Wrapper[S]):
         """Take back what has been held."""
         super().take(held)
         give_back(named(self.filters), {name: one for name, one in held.items() if name != "scheme"})
+
+    def carry(self, held: Held) -> None:
+        """Take what of the filters outlives a change of numerics."""
+        carry_over(named(self.filters), held)

@@ -70,3 +70,5 @@ class BreakingNews:
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         self._said = held["said"]
+
+    carry = take

@@ -45,3 +45,5 @@ class HighestCrest:
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         self._own = Crest(**held)
+
+    carry = take

@@ -40,7 +40,10 @@ TRUE = 0.01  # of the energy: a balance that is farther off is told
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 
 # what a budget remembers:
-SUMS = "t", "supplied", "total", "wall", "mass", "energy", "off", "lost", "nothing", "taken", "given"
+SUMS = (
+    *("t", "supplied", "total", "wall", "mass"),
+    *("energy", "off", "lost", "nothing", "taken", "given", "dissipated", "earlier"),
+)
 
 ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
     2: (1 / 2, 1 / 2),
@@ -77,6 +80,7 @@ class EnergyBudget:
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
+        self._dissipated = self._earlier = 0.0  # in all, and by what took it before the numerics changed
         self._taken = self._given = 0.0  # the most ever dissipated, and the most that came back of it
 
     def observe(self, moment: Moment) -> None:
@@ -88,7 +92,7 @@ class EnergyBudget:
             self._total, self._wall, self._mass = now.total, now.wall, self._waves.total_mass(moment.q)
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
         work = self._supplied - (now.wall - self._wall)
-        dissipated = sum(sink.energy_taken for sink in self._sinks)
+        self._dissipated = dissipated = self._earlier + self._by_sinks()
         balance = now.total - self._total - work + dissipated
         self._taken = max(self._taken, dissipated)
         self._given = max(self._given, self._taken - dissipated)
@@ -98,6 +102,9 @@ class EnergyBudget:
         mass = self._waves.total_mass(moment.q)
         self._lost = max(self._lost, abs(mass - self._mass))
         self._record.append([moment.t, now.kinetic, now.potential, now.total, work, dissipated, balance, mass])
+
+    def _by_sinks(self) -> float:
+        return sum(sink.energy_taken for sink in self._sinks)
 
     def _energies(self, moment: Moment) -> Energies:
         """Return the energies at (q, p) from those at the last known point and their derivatives there."""
@@ -151,3 +158,8 @@ class EnergyBudget:
         for name in SUMS:
             setattr(self, f"_{name}", held[name])
         self._rates = list(held["rates"])
+
+    def carry(self, held: Held) -> None:
+        """Take the sums; what was dissipated stays so, whatever dissipates now, and steps are of another length."""
+        self.take(held)
+        self._rates, self._earlier = self._rates[:1], self._dissipated - self._by_sinks()

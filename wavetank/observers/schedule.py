@@ -9,8 +9,8 @@ class EverySteps:
 
     every: int = 1
 
-    def due(self, step: int, dt: float = 0.0) -> bool:
-        """Return whether to act at this step."""
+    def due(self, step: int, t: float = 0.0, before: float = 0.0) -> bool:
+        """Return whether to act at this step, at t [s]; the one before it was at another time."""
         return step % self.every == 0
 
 
@@ -20,9 +20,9 @@ class EveryTime:
 
     every: float
 
-    def due(self, step: int, dt: float) -> bool:
-        """Return whether to act at this step."""
-        return step == 0 or int(step * dt / self.every + 1e-9) > int((step - 1) * dt / self.every + 1e-9)
+    def due(self, step: int, t: float, before: float) -> bool:
+        """Return whether to act at this step, at t [s]; the one before it was at another time."""
+        return step == 0 or int(t / self.every + 1e-9) > int(before / self.every + 1e-9)
 
 
 Schedule = EverySteps | EveryTime

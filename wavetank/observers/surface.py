@@ -5,8 +5,11 @@ from typing import Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.fe.by_place import SAME
+from wavetank.fe.points import Points
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.schedule import Schedule
+from wavetank.stateful import Held
 
 
 class SurfaceRecord(Protocol):
@@ -17,7 +20,7 @@ class SurfaceRecord(Protocol):
 
 
 class SurfaceSnapshots:
-    """Elevation [m] and surface potential [m²/s] against x [m].
+    """Elevation [m] and surface potential [m²/s] against x [m], at the places of the mesh on which the run began.
 
     Parameters
     ----------
@@ -27,9 +30,10 @@ class SurfaceSnapshots:
 
     def __init__(self, waves: ObservedWaves, *, record: SurfaceRecord | None, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
-        reference = self._gather(waves.plane.x)
+        comm, reference = waves.plane.comm, self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")
-        self._reference = reference[self._order]
+        self._reference: Vector = comm.bcast(reference[self._order])
+        self._points: Points | None = None  # where those are not the places of this mesh
 
     def _gather(self, owned: Vector) -> Vector:
         parts = self._waves.plane.comm.gather(owned)
@@ -37,8 +41,33 @@ class SurfaceSnapshots:
 
     def observe(self, moment: Moment) -> None:
         """Append one snapshot; collective."""
-        eta = self._gather(self._waves.elevation(moment.q, moment.p, moment.t))
-        psi = self._gather(moment.p)
+        eta = self._sorted(self._waves.elevation(moment.q, moment.p, moment.t))
+        psi = self._sorted(moment.p)
         if self._record is not None:
-            x = self._waves.wall.to_physical(np.column_stack([self._reference, np.zeros_like(self._reference)]))[:, 0]
-            self._record.append(moment.t, x, eta[self._order], psi[self._order])
+            x = self._waves.wall.to_physical(self._places)[:, 0]
+            self._record.append(moment.t, x, eta, psi)
+
+    @property
+    def _places(self) -> Vector:
+        return np.column_stack([self._reference, np.zeros_like(self._reference)])
+
+    def _sorted(self, owned: Vector) -> Vector:
+        """Return values at the places in the order of x, on the first rank, of values at the degrees of freedom."""
+        if self._points is None:
+            return self._gather(owned)[self._order]
+        self._field.set(owned)
+        return self._points.evaluate(self._field)
+
+    def held(self) -> Held:
+        """Return the places in the mesh [m]."""
+        return {"x": self._reference.tolist()}
+
+    def take(self, held: Held) -> None:
+        """Look at these places; collective."""
+        plane, x = self._waves.plane, np.array(held["x"])
+        if x.shape == self._reference.shape and np.allclose(x, self._reference, rtol=0.0, atol=SAME * plane.cell_size):
+            return
+        self._reference, self._field = x, plane.function("on the surface")
+        self._points = Points(plane, plane.chart.place(self._places))
+
+    carry = take

@@ -5,8 +5,9 @@
 
 Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
 
-    about.json    the run's id, as in its manifest; the scene, the step size, where it stands, its records' sizes
-    held.json     all that the run holds (``wavetank/stateful.py``), {"array": n} in the place of its n-th array
+    about.json    the run's id, as in its manifest; its scene and parts, where it stands, how far its records had grown
+    held.json     the surface, and all that the run holds (``wavetank/stateful.py``), {"array": n} in the place of its
+                  n-th array
     places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
     0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
 
@@ -15,7 +16,7 @@ It is written beside the last one, forced to the disk, and takes its place in on
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -26,7 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
-from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory, unfinished
+from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
+from wavetank.records.whole import sync, unfinished
 
 KEPT = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
 UNREADABLE = (OSError, BadZipFile, KeyError, ValueError, TypeError, EOFError, NotImplementedError)  # what zip may meet
@@ -72,7 +74,7 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint) -> int:
         if _is_whole(path):  # else the one before it is the only one to go on from
             os.replace(path, run / CHECKPOINT_BEFORE)
         os.replace(temporary, path)
-        _keep_names(run)
+        sync(run)
     except OSError:
         with suppress(OSError):
             temporary.unlink()
@@ -88,30 +90,40 @@ def _is_whole(path: Path) -> bool:
         return False
 
 
-def _keep_names(folder: Path) -> None:
-    """See to it that the names in a folder outlive a power cut, where its file system can."""
-    with suppress(OSError):
-        number = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(number)
-        finally:
-            os.close(number)
+def _nothing(about: dict[str, Any]) -> str:
+    return ""
 
 
-def read_checkpoint(run: Path) -> tuple[Checkpoint, list[str]]:
-    """Return the newest checkpoint of a run directory that is whole, and a sentence for each that is damaged.
+def read_checkpoint(run: Path, why_not: Callable[[dict[str, Any]], str] = _nothing) -> tuple[Checkpoint, list[str]]:
+    """Return the newest checkpoint of a run directory that can be used, and a sentence for each that cannot.
 
     Raises ``InputError`` if there is none.
+
+    Parameters
+    ----------
+    run
+        The directory.
+    why_not
+        Says of what is told about one why it cannot be used; nothing where it can.
     """
-    damaged = list[str]()
+    useless = list[str]()
     for name in KEPT:
-        try:
-            return _read(run / name), damaged
-        except FileNotFoundError:
-            continue
-        except UNREADABLE as error:
-            damaged.append(f"{run / name} cannot be used ({error})")
-    raise InputError(f"{run}: holds no checkpoint to go on from{''.join(f'; {one}' for one in damaged)}.")
+        kept = read_kept(run / name)
+        if isinstance(kept, Checkpoint) and not (why := why_not(kept.about)):
+            return kept, useless
+        if kept is not None:
+            useless.append(f"{run / name} cannot be used ({why if isinstance(kept, Checkpoint) else kept})")
+    raise InputError(f"{run}: holds no checkpoint to go on from{''.join(f'; {one}' for one in useless)}.")
+
+
+def read_kept(path: Path) -> Checkpoint | str | None:
+    """Return what is in a file, all checksums right; why it cannot be had, of what cannot; None if none is there."""
+    try:
+        return _read(path)
+    except FileNotFoundError:
+        return None
+    except UNREADABLE as error:
+        return str(error)
 
 
 def last_checkpoint(run: Path) -> float | None:

@@ -21,9 +21,7 @@ ever written.
 
 import csv
 import json
-import os
 from collections.abc import Iterator
-from contextlib import suppress
 from io import BytesIO, StringIO
 from pathlib import Path
 from socket import gethostname
@@ -49,24 +47,6 @@ CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while 
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
 PICTURES = ("surface.png", "gauges.png", "energy.png", "view.png", "compare.*", "compare-*.*", "analysis-*.*")  # later
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
-
-
-def replace(path: Path, *content: bytes | memoryview) -> None:
-    """Write a file in one step: a reader, or a kill, meets the old one or the new one, never half of it."""
-    temporary = unfinished(path)
-    try:
-        with temporary.open("wb") as file:
-            file.writelines(content)
-        os.replace(temporary, path)
-    except OSError:
-        with suppress(OSError):
-            temporary.unlink()
-        raise
-
-
-def unfinished(path: Path) -> Path:
-    """Return where a file is written until it replaces the one at ``path``."""
-    return path.with_name(f".{path.name}")
 
 
 def index_file(run: Path, name: str) -> Path:
@@ -169,10 +149,11 @@ class RunDirectory:
 
     # ------------------------------------------------------------ as arrays
     def gauge_series(self) -> list[GaugeSeries]:
-        """Return each gauge's record."""
+        """Return each gauge's record, from when it was there."""
         found = self._gauges()
         each = zip(found.names, found.x, found.eta, found.y, strict=True)
-        return [GaugeSeries(name, x, found.t, eta, "computed", y) for name, x, eta, y in each]
+        there = [(name, x, eta, y, ~np.isnan(eta)) for name, x, eta, y in each]
+        return [GaugeSeries(name, x, found.t[when], eta[when], "computed", y) for name, x, eta, y, when in there]
 
     def budget(self) -> dict[str, NDArray[np.float64]]:
         """Return the energy budget: each column, shape (rows,), by its name with units."""
@@ -194,8 +175,9 @@ class RunDirectory:
         """
         variables = self._stations()
         elevation = variables["elevation"]
-        place = {"coordinates": "x y"}
-        variables["elevation"] = elevation._replace(attributes={**elevation.attributes, **place})
+        missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there
+        said = {**elevation.attributes, "coordinates": "x y", **missing}
+        variables["elevation"] = elevation._replace(attributes=said)
         try:
             return netcdf(variables, conventions(self.manifest) | {"featureType": "timeSeries"})
         except ValueError:
@@ -269,7 +251,8 @@ class RunDirectory:
         complete = text[: text.rfind("\n") + 1]  # a killed run may have cut the last line
         header, *rows = list(csv.reader(StringIO(complete))) or [["t"]]
         try:
-            return header, np.array([[float(value) for value in row] for row in rows]).reshape(len(rows), len(header))
+            values = [[float(value or "nan") for value in row] for row in rows]
+            return header, np.array(values).reshape(len(rows), len(header))
         except ValueError:
             where = self.path / file
             raise InputError(f"{where}: rows of {len(header)} numbers must follow the header; some do not.") from None

@@ -6,19 +6,39 @@ import os
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from io import StringIO
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import RecordError, RunError
+from wavetank.records.whole import replace
 from wavetank.stateful import Held
+
+INDEX = ".xdmf"  # of a file that has one
 
 
 def _csv_line(cells: Iterable[str]) -> bytes:
     line = StringIO()
     csv.writer(line, lineterminator="\n").writerow(cells)
     return line.getvalue().encode()
+
+
+def lacks(path: Path, held: Held) -> bool:
+    """Return whether less is there of a file, or of its index, than was held; raises ``OSError``."""
+    if not path.exists():
+        return True
+    if "rows" in held:
+        return _end(path, held["rows"]) is None
+    return path.stat().st_size < held["size"] or ("index" in held and lacks(path.with_suffix(INDEX), held["index"]))
+
+
+def _end(path: Path, rows: int) -> int | None:
+    """Return where the rows of a table end that follow its header [bytes]; None where there are fewer."""
+    with path.open("rb") as file:
+        ends = [len(line) for line in islice(file, 1 + rows) if line.endswith(b"\n")]
+    return sum(ends) if len(ends) == 1 + rows else None
 
 
 class GrowingFile:
@@ -43,11 +63,12 @@ class GrowingFile:
         return {"size": os.fstat(self._file.fileno()).st_size}
 
     def take(self, held: Held) -> None:
-        """Go on from there, once it is opened; raises ``RecordError`` where less is there."""
+        """Go on from there, once it is opened."""
         self._kept = held["size"]
-        there = self._path.stat().st_size if self._path.exists() else 0
-        if there < self._kept:
-            raise RecordError(f"{self._path}: is shorter, {there} bytes, than when the checkpoint was written.")
+
+    def sync(self) -> None:
+        """See to it that all that has been written outlives a power cut; raises ``OSError``."""
+        os.fsync(self._file.fileno())
 
     def _check(self, row: NDArray[np.float64]) -> None:
         if not np.all(np.isfinite(row)):
@@ -78,17 +99,41 @@ class GrowingFile:
 
 
 class TableWriter(GrowingFile):
-    """A CSV table that grows by rows of finite numbers, with as many digits as reading them back exactly needs."""
+    """A CSV table that grows by rows of finite numbers, with as many digits as reading them back exactly needs.
+
+    One that goes on may have more columns than it had: they are empty in its earlier rows.
+    """
 
     def __init__(self, path: Path, columns: Sequence[str]):
         super().__init__(path)
-        self._columns = columns
+        self._columns, self._rows = columns, 0
 
     def open(self) -> None:
-        """Make the file, with the names of its columns; raises ``OSError``, ``RunError``."""
+        """Make the file, with the names of its columns, or go on; raises ``OSError``, ``RunError``."""
+        if self._kept:
+            self._widen()
         super().open()
         if not self._kept:
             self.write(_csv_line(self._columns))
+
+    def _widen(self) -> None:
+        """Replace a file that has other columns, what it had under its name."""
+        with self._path.open(newline="", encoding="utf-8") as file:
+            header, *rows = islice(csv.reader(file), 1 + self._rows)
+        if header != list(self._columns):
+            cells = (dict(zip(header, row, strict=True)) for row in rows)
+            lines = (_csv_line(row.get(name, "") for name in self._columns) for row in cells)
+            content = b"".join([_csv_line(self._columns), *lines])
+            replace(self._path, content)
+            self._kept = len(content)
+
+    def held(self) -> Held:
+        """Return how many rows there are."""
+        return {"rows": self._rows}
+
+    def take(self, held: Held) -> None:
+        """Go on after these, once it is opened."""
+        self._rows, self._kept = held["rows"], _end(self._path, held["rows"]) or 0
 
     def append(self, row: Sequence[float]) -> None:
         """Append one row, time [s] first, a value for each column.
@@ -102,3 +147,4 @@ class TableWriter(GrowingFile):
             raise ValueError(f"{self._path.name}: row of shape {values.shape} received; it has {width} columns.")
         self._check(values)
         self.write(_csv_line(repr(float(value)) for value in values))
+        self._rows += 1

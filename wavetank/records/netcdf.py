@@ -23,7 +23,7 @@ class Variable(NamedTuple):
 
     dimensions: tuple[str, ...]
     values: NDArray[Any]
-    attributes: Mapping[str, str]
+    attributes: Mapping[str, str | np.float64]
 
 
 def conventions(manifest: Mapping[str, Any]) -> dict[str, str]:
@@ -65,7 +65,7 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
         return content.getvalue()
 
 
-def _tell(named: Any, attributes: Mapping[str, str]) -> None:
+def _tell(named: Any, attributes: Mapping[str, str | np.float64]) -> None:
     """Give a file, or a variable of one, its attributes."""
-    for name, text in attributes.items():
-        setattr(named, name, text.encode())
+    for name, value in attributes.items():
+        setattr(named, name, value.encode() if isinstance(value, str) else value)

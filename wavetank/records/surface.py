@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.records.growing import GrowingFile
+from wavetank.records.growing import INDEX, GrowingFile
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable, netcdf
 from wavetank.stateful import Held
 
@@ -59,7 +59,7 @@ class SurfaceWriter(GrowingFile):
     def __init__(self, path: Path, attributes: Mapping[str, str]):
         super().__init__(path)
         self._attributes = attributes
-        self._index = GrowingFile(path.with_suffix(".xdmf"))
+        self._index = GrowingFile(path.with_suffix(INDEX))
         self._points = self._snapshots = self._begin = 0
 
     def open(self) -> None:
@@ -70,12 +70,17 @@ class SurfaceWriter(GrowingFile):
             self._tell()
             self._index.write(TAIL.encode(), over=len(TAIL))  # the next snapshot had been written over it
 
+    def sync(self) -> None:
+        """See to it that both outlive a power cut; raises ``OSError``."""
+        super().sync()
+        self._index.sync()
+
     def held(self) -> Held:
         """Return how far both files have grown, and what stands where."""
         return super().held() | {"index": self._index.held()} | {name: getattr(self, name) for name in STANDS}
 
     def take(self, held: Held) -> None:
-        """Go on from there, once they are opened; raises ``RecordError`` where less is there."""
+        """Go on from there, once they are opened."""
         super().take(held)
         self._index.take(held["index"])
         for name in STANDS:

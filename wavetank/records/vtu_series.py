@@ -22,7 +22,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.errors import RecordError, RunError
-from wavetank.records.directory import FIELDS, index_file, replace
+from wavetank.records.directory import FIELDS, index_file
+from wavetank.records.whole import replace, sync
 from wavetank.stateful import Held
 
 Array = NDArray[Any]
@@ -106,17 +107,21 @@ class VtuSeries:
         self._run, self._name, self._comm = run, name, comm
         self._snapshots: list[tuple[float, str]] = []
         self._folder: os.stat_result | None = None  # once a snapshot has been written to it
+        self._new: list[Path] = []  # files of this rank that a power cut may still take
 
     def held(self) -> Held:
         """Return the snapshots so far."""
         return {"snapshots": [list(one) for one in self._snapshots]}
 
     def take(self, held: Held) -> None:
-        """Go on after those; raises ``RecordError`` where one is not there."""
+        """Go on after those."""
         self._snapshots = [(t, file) for t, file in held["snapshots"]]
-        missing = [file for _, file in self._snapshots if not (self._run / file).exists()]
-        if missing:
-            raise RecordError(f"{self._run / missing[0]}: is no longer there, and the checkpoint counts on it.")
+
+    def sync(self) -> None:
+        """See to it that what this rank has written outlives a power cut."""
+        for path in self._new:
+            sync(path)
+        self._new.clear()
 
     def append(self, t: float, points: Array, *, cells: VtkCells, arrays: Arrays) -> None:
         """Write a snapshot at t [s]: this rank's points (x, y, z) [m], shape (N, 3), its cells and arrays; collective.
@@ -131,12 +136,16 @@ class VtuSeries:
             self._check(t, [points, *arrays.values()])
             self._check_folder()
             (self._run / FIELDS).mkdir(exist_ok=True)
-            replace(self._run / f"{stem}_{self._comm.rank:04d}.vtu", *_piece(len(points), described, cells))
+            piece = self._run / f"{stem}_{self._comm.rank:04d}.vtu"
+            replace(piece, *_piece(len(points), described, cells))
+            self._new.append(piece)
 
         def write_index() -> None:
             if self._comm.rank == 0:
-                replace(self._run / f"{stem}.pvtu", _pieces(Path(stem).name, described, self._comm.size))
-                replace(index_file(self._run, self._name), _index(self._snapshots))
+                whole, index = self._run / f"{stem}.pvtu", index_file(self._run, self._name)
+                replace(whole, _pieces(Path(stem).name, described, self._comm.size))
+                replace(index, _index(self._snapshots))
+                self._new += [whole, self._run / FIELDS, index]
 
         self._together(write_piece)
         self._snapshots.append((t, f"{stem}.pvtu"))
@@ -166,6 +175,18 @@ class VtuSeries:
         for met in self._comm.allgather(failure):
             if met is not None:
                 raise met
+
+
+def missing(run: Path, held: Held) -> str:
+    """Return the first file that is not there of a series as it was held; nothing where all are."""
+    for _, file in held["snapshots"]:
+        whole = run / file
+        if not whole.exists():
+            return str(file)
+        for piece in ElementTree.fromstring(whole.read_bytes()).iter("Piece"):
+            if not (whole.parent / piece.attrib["Source"]).exists():
+                return f"{FIELDS}/{piece.attrib['Source']}"
+    return ""
 
 
 def _document(kind: str) -> tuple[ElementTree.Element, ElementTree.Element]:

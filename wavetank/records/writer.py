@@ -11,7 +11,7 @@ from uuid import uuid4
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError
-from wavetank.records.checkpoint import Checkpoint, write_checkpoint
+from wavetank.records.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from wavetank.records.directory import (
     CHECKPOINT,
     GAUGES,
@@ -21,16 +21,16 @@ from wavetank.records.directory import (
     SURFACE,
     RunDirectory,
     recorded,
-    replace,
-    unfinished,
 )
 from wavetank.records.environment import now
-from wavetank.records.growing import GrowingFile, TableWriter
+from wavetank.records.growing import GrowingFile, TableWriter, lacks
 from wavetank.records.lock import LOCK, RunLock, is_held
 from wavetank.records.netcdf import conventions
 from wavetank.records.place import Place
 from wavetank.records.series import column
 from wavetank.records.surface import SurfaceWriter
+from wavetank.records.vtu_series import missing
+from wavetank.records.whole import replace, unfinished
 from wavetank.stateful import Held
 
 R = TypeVar("R", bound=GrowingFile)
@@ -54,13 +54,15 @@ class RunWriter:
     """
 
     def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
-        self._manifest, self._resume = {"status": "running", "id": uuid4().hex, **manifest}, resume
         self._records: list[GrowingFile] = []
         self._has_gauges = self._begun = False
         place = place if isinstance(place, Place) else Place(place)
+        self._resume = resume
+        identity: str | None = uuid4().hex
         if resume:
             place = Place(place.path, overwrite=True)
-            self._manifest["id"] = RunDirectory(place.path).manifest.get("id")
+            identity = RunDirectory(place.path).manifest.get("id")
+        self._manifest: dict[str, Any] = {"status": "running", "id": identity, **manifest}
         try:
             self.path, self._lock, self._made = _claimed(place)
         except OSError as error:
@@ -79,7 +81,7 @@ class RunWriter:
             for old in [] if self._resume else list(recorded(self.path)):
                 old.unlink()
             self._lock.reserve(room)
-            self._write_manifest(self._manifest)
+            self._write_manifest(self._manifest, lasting=True)
             self._begun = True
             for record in self._records:
                 record.open()
@@ -159,14 +161,31 @@ class RunWriter:
     def checkpoint(self, text: str, arrays: Sequence[Vector], *, places: Vector, about: dict[str, Any]) -> int:
         """Write what the run holds, taken apart, and where its records are; return the size in bytes.
 
-        Raises ``RunError`` if it cannot be written.
+        The records are forced to the disk before. Raises ``RunError`` if it cannot be written.
         """
         self._check_held()
-        about = about | {"id": self._manifest["id"], "records": self.held()}
+        about |= {"id": self._manifest["id"], "records": self.held()}
         try:
+            for record in self._records:
+                record.sync()
             return write_checkpoint(self.path, Checkpoint(about, text, arrays, places))
         except OSError as error:
             raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
+
+    def last_checkpoint(self) -> tuple[Checkpoint, list[str]]:
+        """Return the newest one to go on from, and a sentence for each that cannot be used.
+
+        Raises ``InputError`` if there is none.
+        """
+        return read_checkpoint(self.path, self._why_not)
+
+    def _why_not(self, about: dict[str, Any]) -> str:
+        """Return why the run cannot go on from a checkpoint, nothing where it can."""
+        for name, held in about["records"].items():
+            if lacks(self.path / name, held):
+                return f"it counts on more than there is in {name}"
+        lost = (missing(self.path, held) for held in about.get("fields", {}).values())
+        return next((f"it counts on {file}, which is no longer there" for file in lost if file), "")
 
     def note(self, figures: dict[str, Any]) -> None:
         """Take figures into the manifest, with its last word, whichever that will be."""
@@ -185,7 +204,8 @@ class RunWriter:
             self._write_netcdf()
         try:
             self._lock.reserve(0)
-            self._write_manifest(self._manifest | {"status": status, "finished": now(), **figures})
+            last = self._manifest | {"status": status, "finished": now(), **figures}
+            self._write_manifest(last, lasting=True)
         except OSError as error:
             raise RunError(f"{self.path}: cannot be written ({error.strerror}).") from None
 
@@ -212,10 +232,10 @@ class RunWriter:
         except ValueError:  # JSON has no word for it
             raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
 
-    def _write_manifest(self, manifest: dict[str, Any]) -> None:
+    def _write_manifest(self, manifest: dict[str, Any], *, lasting: bool = False) -> None:
         """Replace the manifest, which tells when."""
         manifest["written"] = now()
-        replace(self.path / MANIFEST, self._text(manifest))
+        replace(self.path / MANIFEST, self._text(manifest), lasting=lasting)
         self._manifest = manifest
 
 

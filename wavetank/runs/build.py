@@ -63,6 +63,22 @@ class Records(NamedTuple):
     paddle: Record | None = None
 
 
+class Beginning(NamedTuple):
+    """Where a run begins that others have computed up to there.
+
+    Attributes
+    ----------
+    t, step
+        The time [s], and the number of steps that it took.
+    surface
+        Returns (elevation [m], surface potential [m²/s]) at the degrees of freedom of waves; collective.
+    """
+
+    t: float
+    step: int
+    surface: Callable[[AnyWaves], tuple[Vector, Vector]]
+
+
 def initial_state(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
     """Return (Q, psi) of the scene's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
     comm, (x, y) = waves.plane.comm, waves.plane.places.T
@@ -76,7 +92,12 @@ def initial_state(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
 
 
 def build_clock(
-    scene: Scene, largest_frequency: float, integrator: Integrator[Any], *, moving: float | None = None
+    scene: Scene,
+    largest_frequency: float,
+    integrator: Integrator[Any],
+    *,
+    moving: float | None = None,
+    begin: float = 0.0,
 ) -> Clock:
     """Return the scene's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
 
@@ -84,14 +105,16 @@ def build_clock(
     that is faster, and a relative frequency error below 1e-4 for waves of a quarter of the largest frequency, and
     divides the duration. Twice the limit leaves no noise behind waves that run freely; where a steep one runs up a wall
     1.4 does not, and 1.75 does (docs/extremes.md). A given step is kept: its last one ends beyond the
-    duration, or before it where a recorded motion ends. Raises ``InputError`` for an unstable step.
+    duration, or before it where a recorded motion ends. What of the duration lies before ``begin`` [s] is not counted.
+    Raises ``InputError`` for an unstable step.
     """
+    duration = scene.run.duration - begin
     limit = integrator.stability_limit / largest_frequency
     if scene.numerics.dt is None:
         coefficient, power = integrator.frequency_error
         accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
         steep = 1.4 * min(integrator.stability_limit, ITERATES) / (moving or largest_frequency)
-        return Clock.dividing(scene.run.duration, min(0.6 * limit, accurate, steep))
+        return Clock.dividing(duration, min(0.6 * limit, accurate, steep))
     if scene.numerics.dt > limit:
         allowed = (
             f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "
@@ -99,15 +122,17 @@ def build_clock(
         )
         raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     with about("numerics", "dt"):
-        return Clock.covering(scene.run.duration, scene.numerics.dt, until=scene.motion().duration)
+        return Clock.covering(duration, scene.numerics.dt, until=scene.motion().duration - begin)
 
 
-def build_run(scene: Scene, comm: MPI.Comm, integrator: Integrator[Any] | None = None) -> tuple[Run, AnyWaves]:
+def build_run(
+    scene: Scene, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: Beginning | None = None
+) -> tuple[Run, AnyWaves]:
     """Return the run of a scene, nothing recorded yet, and the waves in it; collective.
 
     It is observed only by what stops it where a wave breaks, if the scene is to stop there; its integrator is the
-    scene's, or the one given. Raises ``InputError`` for numerics that cannot work, or that are still to be planned
-    (``wavetank.plan.planned``).
+    scene's, or the one given; it begins with the scene's initial state, unless others have come further. Raises
+    ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.plan.planned``).
     """
     if scene.numerics.accuracy is not None:
         raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
@@ -119,18 +144,21 @@ def build_run(scene: Scene, comm: MPI.Comm, integrator: Integrator[Any] | None =
     if scene.sponge is not None:
         with about("sponge"):
             integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, footprint, waves))
-    start = initial_state(scene, waves)
-    moving = _moving(waves, start)
-    clock = agreed(comm, lambda: build_clock(scene, waves.largest_frequency, integrator, moving=moving))
+    largest = waves.largest_frequency  # of a wall at rest
+    t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
+    waves.set_time(t)
+    start = waves.state(*beginning.surface(waves), t) if beginning else initial_state(scene, waves)
+    moving = _moving(waves, start, t)
+    clock = agreed(comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step))
     filters = build_filters(scene, waves, clock.dt)
     return Run(waves, integrator, _stopping(scene, waves), start=start, clock=clock, filters=filters), waves
 
 
-def _moving(waves: AnyWaves, start: tuple[Vector, Vector]) -> float:
-    """Return the largest frequency on the surface as it moves at the start [rad/s]; collective."""
+def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:
+    """Return the largest frequency on the surface as it moves at the start, t [s], in rad/s; collective."""
     if isinstance(waves, LinearWaves):
         return waves.largest_frequency
-    waves.surface.update(*start, 0.0)
+    waves.surface.update(*start, t)
     return ShortWaves(waves).largest_frequency(waves.surface)
 
 
@@ -138,11 +166,12 @@ def summary(scene: Scene, run: Run, waves: AnyWaves) -> str:
     """Return what a run is, in a line."""
     unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
     bound = f" of {limit:g}" if limit < inf else ", stable at any"
+    steps = run.clock.steps - run.clock.first
     cells = waves.plane.mesh.topology.index_map(waves.plane.mesh.topology.dim).size_global
     water = "linear water, " if isinstance(waves, LinearWaves) else ""
     return (
         f"{scene.title or 'untitled'}: {water}{cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
-        f"{unknowns} unknowns; {run.clock.steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
+        f"{unknowns} unknowns; {steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
         f"dt omega_max = {run.clock.dt * waves.largest_frequency:.2f}{bound})"
     )
 

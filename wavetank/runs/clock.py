@@ -1,6 +1,6 @@
-"""When the steps of a run are: t_n = t_0 + n dt, n = 0 ... steps, made once and never accumulated."""
+"""When the steps of a run are: t_n = t_0 + (n - n_0) dt, n = n_0 ... steps, made once and never accumulated."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, inf
 
 from wavetank.errors import InputError
@@ -17,14 +17,17 @@ class Clock:
     dt
         The step [s].
     steps
-        How many.
+        The number of the last.
     begin
         t_0 [s], of a run 0.
+    first
+        n_0: the number of steps before, which were others.
     """
 
     dt: float
     steps: int
     begin: float = 0.0
+    first: int = 0
 
     @property
     def end(self) -> float:
@@ -33,7 +36,11 @@ class Clock:
 
     def time(self, step: int) -> float:
         """Return t_n [s]."""
-        return self.begin + step * self.dt
+        return self.begin + (step - self.first) * self.dt
+
+    def after(self, t: float, step: int) -> "Clock":
+        """Return as many steps, after others that have come to t [s]."""
+        return replace(self, begin=t, first=step, steps=step + self.steps - self.first)
 
     @classmethod
     def dividing(cls, duration: float, longest: float) -> "Clock":

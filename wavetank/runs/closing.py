@@ -49,7 +49,7 @@ def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str],
     outcome
         What has come out.
     spent
-        What the manifest says of ranks, steps, solves and times.
+        What the manifest says of ranks, time, steps, solves and costs.
     warnings
         The worst first.
     path
@@ -59,7 +59,7 @@ def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str],
     """
     crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
     place = f"x = {crest.x:.4g} m" if flat else f"x = {crest.x:.4g} m, y = {crest.y:.4g} m"
-    simulated = steps * spent["numerics"]["dt"]
+    simulated = spent["t"]
     costs = [
         f"{timings['stepping_cpu_s']:.3g} CPU s on {spent['ranks']} {'rank' if spent['ranks'] == 1 else 'ranks'}",
         f"{steps} steps",

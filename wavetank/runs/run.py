@@ -11,7 +11,7 @@ from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.observers.contract import Moment, Observer
 from wavetank.observers.energy import Sink
 from wavetank.runs.clock import Clock
-from wavetank.stateful import Held, Stateful, give_back, held_by, named
+from wavetank.stateful import Held, Stateful, carry_over, give_back, held_by, named
 
 
 class Run:
@@ -22,7 +22,7 @@ class Run:
     clock
         When its steps are.
     start
-        Coordinates and momenta at t = 0.
+        Coordinates and momenta when the clock begins.
     filters
         What acts on the state between steps.
     """
@@ -40,7 +40,7 @@ class Run:
         self.system, self.integrator, self.observers = system, integrator, list(observers)
         self.clock, self.filters = clock, filters
         self._stepper = Filtered(integrator, filters)
-        self.step = 0
+        self.step = clock.first
         self.state = integrator.start(*start)
         self._begun = False  # whether the present step has been observed
 
@@ -85,11 +85,19 @@ class Run:
         self.state = type(self.state)(**held["state"])
         give_back(self._parts, held["parts"])
 
+    def carry(self, held: Held) -> None:
+        """Go on, at the next ``execute``, from the start, which is a moment that another run has held, and recorded.
+
+        What outlives a change of numerics is taken of it.
+        """
+        self._begun = True
+        carry_over(self._parts, held["parts"])
+
     def _observe(self) -> None:
         state = self.state
         moment = Moment(self.step, self.t, state.q, state.p, state.known, state.q_jump)
         for observer in self.observers:
-            if observer.schedule.due(self.step, self.clock.dt):
+            if observer.schedule.due(self.step, self.t, self.clock.time(self.step - 1)):
                 observer.observe(moment)
 
 

@@ -12,7 +12,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 from scipy.special import stdtrit
 
-from wavetank.records.directory import replace
+from wavetank.records.whole import replace
 from wavetank.study.responses import responded
 from wavetank.study.sweep import Axis
 from wavetank.study.table import Row

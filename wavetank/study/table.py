@@ -11,7 +11,7 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from wavetank.errors import RecordError
-from wavetank.records.directory import replace
+from wavetank.records.whole import replace
 from wavetank.study.measures import Errors
 from wavetank.study.responses import Responses, responded
 from wavetank.study.runs import Outcome

@@ -157,6 +157,10 @@ class BreakingDissipation(Smoothing):
         self._breaking = [SteepCrest(*crest) for crest in held["breaking"]]
         self._watch.take(held["watch"])
 
+    def carry(self, held: Held) -> None:
+        """Take all of it: crests know nothing of the mesh."""
+        self.take(held)
+
     @property
     def story(self) -> str:
         """How many waves broke, and where the first did, as the beginning of a sentence; nothing if none has."""

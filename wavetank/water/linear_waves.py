@@ -119,6 +119,9 @@ class LinearWaves:
         return total
 
     # ------------------------------------------------------------------------------------------ the state's flow
+    def set_time(self, t: float) -> None:
+        """Nothing moves: at any time the wall stands where it does."""
+
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
         """Set the water column h of a state and find G psi, each unless it is the one last found; collective."""
         self._set_column(q)

@@ -1,0 +1,277 @@
+"""`wavetank resume`: a run goes on from its directory alone, longer, with more records, or with other numerics.
+
+What it becomes is held against the run that was not interrupted, or that has had those numerics from the start.
+"""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from test_checkpoint import ending, record, record_until, same
+from test_stateful import SLICE
+
+import wavetank as wt
+from wavetank.case import Scene
+from wavetank.cli import main
+from wavetank.errors import InputError
+from wavetank.records import whole
+from wavetank.records.checkpoint import read_kept
+from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
+from wavetank.runs.kept_surface import KeptSurface
+from wavetank.runs.waters import build_waves
+
+DT = SLICE["numerics"]["dt"]
+
+
+@pytest.fixture(scope="module")
+def uninterrupted(tmp_path_factory) -> Path:
+    """Return the directory of a run of 0.5 s."""
+    out = tmp_path_factory.mktemp("runs") / "whole"
+    record(SLICE, out, {})
+    return out
+
+
+@pytest.fixture(scope="module")
+def broken_off(tmp_path_factory) -> Path:
+    """Return that of one that broke off at 0.35 s, with a checkpoint of 0.2 s."""
+    out = tmp_path_factory.mktemp("runs") / "part"
+    record_until(SLICE, out, {}, 4, 7)
+    return out
+
+
+@pytest.fixture
+def part(broken_off, tmp_path) -> Path:
+    """Return a copy of it."""
+    return Path(shutil.copytree(broken_off, tmp_path / "part"))
+
+
+def resumed(run: Path, *options: str) -> RunDirectory:
+    """Return what the command makes of a run directory."""
+    assert main(["resume", str(run), "--no-plots", *options]) == 0
+    return RunDirectory(run)
+
+
+def contents(run: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in run.rglob("*") if path.is_file()}
+
+
+def test_the_directory_alone_is_enough(uninterrupted, part, capsys):
+    run = resumed(part)
+    same(uninterrupted, part)
+    assert "going on from t = 0.2 s\n" in capsys.readouterr().out
+    first, second = run.manifest["parts"]
+    assert (first["from"], first["to"], first["steps"]) == (0.0, 4 * DT, 4)
+    assert (second["from"], second["to"], second["steps"]) == (4 * DT, run.manifest["t"], 6)
+    for figure in ("timings", "counters"):
+        both = {name: first[figure][name] + second[figure][name] for name in first[figure]}
+        assert run.manifest[figure] == both
+    before = contents(part)
+    assert resumed(part).status == "finished" and contents(part) == before
+    assert f"{part} has finished; --extend SECONDS goes on with it" in capsys.readouterr().out
+
+
+def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
+    """From its very end, from Python; the step stays."""
+    record(SLICE, tmp_path / "run", {"duration": 0.3})
+    run = wt.resume(tmp_path / "run", extend=0.2)
+    same(uninterrupted, tmp_path / "run")
+    assert run.manifest["scene"]["run"]["duration"] == 0.5
+    assert [part["steps"] for part in run.manifest["parts"]] == [6, 4]
+
+
+def test_more_gauges_from_now_on_and_other_intervals(uninterrupted, part):
+    """Of what was recorded before nothing is lost; a gauge has a record from when it was there."""
+    now = 'gauges=[{name="1", x=1.0}, {name="new", x=4.0}, {name="2", x=2.5}]'
+    run = resumed(part, "--set", now, "--set", "output.surface_every=0.05", "--set", "output.gauges_every=2")
+    whole = RunDirectory(uninterrupted)
+    (t, *_), (first, new, second) = (one := run._gauges()).eta.T.shape, one.eta
+    kept = np.isin(whole._gauges().t, one.t)
+    assert list(one.t) == [DT * n for n in (0, 1, 2, 3, 4, 6, 8, 10)] and t == 8
+    for mine, its in ((first, whole._gauges().eta[0]), (second, whole._gauges().eta[1])):
+        np.testing.assert_array_equal(mine, its[kept])
+    assert np.isnan(new[:5]).all() and np.isfinite(new[5:]).all()
+    assert (part / GAUGES).read_text().splitlines()[5].split(",")[2] == ""
+    series = {gauge.name: gauge for gauge in run.gauge_series()}
+    assert series["new"].t.size == 3 and series["1"].t.size == 8
+    assert np.isnan(run.gauges.sel(gauge="new").values[:5]).all()
+    import xarray
+
+    np.testing.assert_array_equal(xarray.load_dataset(part / "gauges.nc", engine="scipy").elevation, one.eta)
+    assert run.snapshots().t == pytest.approx([0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5])
+    elevations = whole.snapshots()
+    np.testing.assert_array_equal(run.snapshots().eta[-1], elevations.eta[-1])
+
+
+def test_a_run_goes_on_with_another_step(part, tmp_path, capsys):
+    """As one with that step from the start does, to what the first steps missed; the budget is one."""
+    record(SLICE | {"numerics": SLICE["numerics"] | {"dt": DT / 2}}, tmp_path / "fine", {})
+    run = resumed(part, "--set", "numerics.dt=0.025")
+    assert "going on from t = 0.2 s with numerics.dt = 0.025; the mass changes by" in capsys.readouterr().out
+    assert run.status == "finished"
+    gauges, fine = run._gauges(), RunDirectory(tmp_path / "fine")._gauges()
+    assert gauges.t == pytest.approx([*DT * np.arange(5), *(0.2 + DT / 2 * np.arange(1, 13))])
+    for eta, its in zip(gauges.eta, fine.eta, strict=True):
+        there = np.interp(gauges.t, fine.t, its)
+        assert np.abs(eta - there)[-12:].max() < 0.02 * np.abs(its).max()
+    energy = {name.partition(" ")[0]: column for name, column in run.budget().items()}
+    off = np.abs(np.diff(energy["balance"]))
+    assert off[4:].max() < off[:4].max()  # it does not jump where the step changes
+    assert np.ptp(energy["mass"]) < 1e-12 * energy["mass"][0]
+    assert [one["numerics"]["dt"] for one in run.manifest["parts"]] == [0.05, 0.025]
+    assert run.manifest["numerics"]["steps_taken"] == 4 + 12
+    assert "with numerics.dt = 0.025" in (part / "run.log").read_text()
+
+
+def test_and_from_there_again_as_if_it_had_not_been_interrupted(part, tmp_path):
+    """Steps are counted on, and schedules keep to the time."""
+    shutil.copytree(part, tmp_path / "again")
+    change = ("--set", "numerics.dt=0.025")
+    whole = resumed(part, *change)
+    with ending(written=8, after=11):
+        assert main(["resume", str(tmp_path / "again"), "--no-plots", *change]) == 1
+    again = resumed(tmp_path / "again")
+    same(part, tmp_path / "again")
+    assert [one["steps"] for one in again.manifest["parts"]] == [4, 4, 8] and whole.snapshots().t.size == 6
+
+
+SLOSHING = {
+    "tank": {"length": 2.0, "depth": 1.0},
+    "initial": {"type": "standing-wave", "wave_amplitude": 0.02},
+    "gauges": [0.0, 0.7],
+    "run": {"duration": 0.8},
+    "numerics": {"cells": 6, "vertical_order": 3, "dt": 0.05},
+}
+
+
+@pytest.fixture(scope="module")
+def sloshing(tmp_path_factory) -> tuple[Path, Path]:
+    """Return the directories of an uninterrupted run, and of one that broke off half way."""
+    folder = tmp_path_factory.mktemp("sloshing")
+    record(SLOSHING, folder / "whole", {})
+    record_until(SLOSHING, folder / "part", {}, 8, 9)
+    return folder / "whole", folder / "part"
+
+
+@pytest.mark.parametrize(
+    ("changes", "points"),
+    [
+        (["numerics.cells=9", "numerics.dt=0.025"], 28),
+        (["numerics.order=2", "numerics.vertical_order=5", "numerics.cell_size=0.2"], 21),
+        (["numerics.integrator=gauss-legendre-4", "numerics.tolerance=1e-8", "numerics.edge_penalty=0"], 19),
+    ],
+    ids=["cells", "orders", "integrator"],
+)
+def test_a_run_goes_on_on_another_mesh_or_with_another_scheme(sloshing, tmp_path, changes, points, capsys):
+    """As it would have, to what either misses; the surface is recorded where it was."""
+    part = Path(shutil.copytree(sloshing[1], tmp_path / "part"))
+    run = resumed(part, *(word for change in changes for word in ("--set", change)))
+    said, usual = capsys.readouterr().out, RunDirectory(sloshing[0])
+    assert all(f"{change.replace('=', ' = ')}" in said for change in changes if "e-" not in change)
+    assert run.status == "finished" and run.manifest["numerics"]["degrees_of_freedom"] == points
+    gauges, its = run._gauges(), usual._gauges()
+    assert np.abs(gauges.eta[:, -1] - its.eta[:, -1]).max() < 2e-3 * np.abs(its.eta).max()
+    surface, before = run.snapshots(), usual.snapshots()
+    np.testing.assert_array_equal(surface.x[-1], before.x[-1])
+    assert np.abs(surface.eta[-1] - before.eta[-1]).max() < 2e-3 * np.abs(before.eta).max()
+    assert run.manifest["errors"]["mass"] < 1e-6
+
+
+def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
+    """The paddle stands elsewhere then than at rest, and the mesh with it."""
+    coarse, fine = (Scene.model_validate(SLICE | {"numerics": SLICE["numerics"] | {"cells": n}}) for n in (24, 31))
+    t, k = 0.35, 1.5
+    values = []
+    for scene in (coarse, fine):
+        waves = build_waves(scene, MPI.COMM_SELF)
+        waves.set_time(t)
+        x = waves.wall.to_physical(waves.plane.places)[:, 0]
+        values.append((np.cos(k * x), np.sin(k * x)))
+    assert x[0] > 0.02
+    places = build_waves(coarse, MPI.COMM_SELF).plane.coordinates()
+    found = KeptSurface(coarse, t, 1.0, values=values[0], places=places).on(waves)
+    for mine, exact in zip(found, values[1], strict=True):
+        assert np.abs(mine - exact).max() < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--set", "tank.depth=0.7"], "tank.depth = 0.7: must be 0.6, as in the run that is to go on"),
+        (["--set", "gauges=[1.0]"], "must be all that there were, and may be more: 2 missing"),
+        (["--set", "run.duration=0.1"], "run.duration = 0.1: must be 0.2 s or more: the run has come there"),
+        (["--set", "sponge.length=1"], "sponge.length = 1.0: must be 2.0, as in"),
+        (["--set", "numerics.dt=2"], "numerics.dt = 2.0: must be below"),
+        (["--set", "numerics.steps=2"], "numerics.steps = 2: is an unknown key"),
+        (["--set", "run.duration=1", "--extend", "1"], "give one of them"),
+        (["--set", "wall.reach=1.0"], "wall.reach = 1.0: must be 2.0, as in"),
+    ],
+)
+def test_what_cannot_change_is_refused_and_nothing_is_touched(part, options, said, capsys):
+    before = contents(part)
+    assert main(["resume", str(part), *options]) == 2
+    error = capsys.readouterr().err
+    assert said in error and str(part) in error or "--extend" in error
+    assert error.count("\n") == 1 and contents(part) == before
+
+
+def test_what_is_no_run_is_refused(tmp_path, capsys):
+    assert main(["resume", str(tmp_path / "none")]) == 2
+    assert "is no run directory" in capsys.readouterr().err and not (tmp_path / "none").exists()
+    (tmp_path / "manifest.json").write_text("{}")
+    with pytest.raises(InputError, match="tells no scene to go on with"):
+        wt.resume(tmp_path)
+
+
+# ---------------------------------------------------------------- checkpoints that cannot be used
+def test_where_records_are_shorter_than_it_counts_on_the_one_before_is_taken(uninterrupted, part):
+    """As after a power cut, or of another file system: it is said, and nothing is missing in the end."""
+    table = part / ENERGY
+    lines = table.read_text().splitlines(keepends=True)
+    table.write_text("".join(lines[:4]) + "0.15,0.0")
+    assert read_kept(part / CHECKPOINT_BEFORE).about["t"] == 0.0
+    run = resumed(part)
+    told = f"{part / CHECKPOINT} cannot be used (it counts on more than there is in {ENERGY})"
+    assert told in run.manifest["warnings"]
+    run.manifest["warnings"].remove(told)
+    same(uninterrupted, part)
+
+
+def test_a_checkpoint_of_another_run_is_not_taken(part, uninterrupted, capsys):
+    shutil.copy(uninterrupted / CHECKPOINT, part / CHECKPOINT)
+    run = resumed(part)
+    assert f"{part / CHECKPOINT} cannot be used (it is of another run)" in run.manifest["warnings"]
+    assert "going on from t = 0 s" in capsys.readouterr().out
+    same(uninterrupted, part)
+
+
+def test_records_are_on_the_disk_before_the_checkpoint_that_counts_on_them(tmp_path, monkeypatch):
+    """Each file that is forced to the disk, by its name, in this order."""
+    forced, fsync = [], os.fsync
+
+    def told(number):
+        forced.append(Path(os.readlink(f"/proc/self/fd/{number}")).name)
+        fsync(number)
+
+    monkeypatch.setattr(whole.os, "fsync", told)
+    record(SLICE, tmp_path / "run", {"duration": 0.1})
+    checkpoint = [place for place, name in enumerate(forced) if name == f".{CHECKPOINT}"][-1]
+    tables = {GAUGES, ENERGY, "paddle.csv", "surface.nc", "surface.xdmf"}
+    fields = {file.name for file in (tmp_path / "run" / "fields").iterdir()} | {"velocity.pvd", "fields"}
+    assert tables | fields <= set(forced[:checkpoint])
+    assert forced[-2:] == [".manifest.json", "run"]
+
+
+def test_a_mended_table_is_told_by_its_rows(tmp_path):
+    """A checkpoint of before a gauge was added is still good when the run is killed right after."""
+    record_until(SLICE, tmp_path / "run", {}, 4, 7)
+    shutil.copytree(tmp_path / "run", tmp_path / "usual")
+    more = ["--set", 'gauges=[{name="1", x=1.0}, {name="2", x=2.5}, {name="3", x=4.0}]']
+    with ending(written=99, after=5):
+        assert main(["resume", str(tmp_path / "run"), "--no-plots", *more]) == 1
+    assert RunDirectory(tmp_path / "run").status != "finished"
+    killed, usual = resumed(tmp_path / "run"), resumed(tmp_path / "usual", *more)
+    same(tmp_path / "usual", tmp_path / "run")
+    assert killed._gauges().names == usual._gauges().names == ("1", "2", "3")
