@@ -7,7 +7,7 @@ import ufl
 from mpi4py import MPI
 from test_basin import Segments, basin
 
-from wavetank.errors import ConvergenceError
+from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.halo import Halo
@@ -37,11 +37,15 @@ WATERS = {
     "few layers, many fields": lambda: basin(2.0, 0.6, (5, 3), order=2, n=1, motion=Segments(), depth=hilly),
     "triangles": lambda: basin(2.0, 0.6, (3, 2), kind="triangles", order=2, n=3, motion=Segments(), depth=hilly),
 }
+STILL = {
+    "still quadrilaterals": lambda: basin(2.0, 0.6, (5, 3), order=3, n=3, angle=0.3),
+    "still triangles": lambda: basin(2.0, 0.6, (3, 2), kind="triangles", order=2, n=3),
+}
 
 
 def moved(name):
     """Return waves with their wall and surface somewhere, and potentials, a smooth one and one like no other."""
-    waves = WATERS[name]()
+    waves = (WATERS | STILL)[name]()
     x, y = waves.plane.places.T
     waves.set_time(0.7)
     waves.h.set(waves.bed.still + 0.06 * np.cos(3.0 * x + y))
@@ -51,7 +55,7 @@ def moved(name):
 
 
 def differences(name):
-    """Return how far A x, its parts and the derivative by the column are from what dolfinx makes of K; collective."""
+    """Return how far A x and the derivative by the column are from what dolfinx makes of K; collective."""
     waves, potentials = moved(name)
     phi, comm, n = waves.phi, waves.plane.comm, waves.vertical.n
     kinetic = waves.densities.kinetic(phi.function, waves.vertical) * waves.plane.dx
@@ -65,37 +69,38 @@ def differences(name):
     for x in potentials:
         phi.owned[:] = x
         phi.function.x.scatter_forward()
-        A_x = by_phi.assemble().reshape(-1, n + 1).copy()
-        found += [apart(waves.operator.apply(x), A_x), apart(waves.operator.apply_surface(x), A_x[:, n])]
-        found.append(apart(waves.operator.derivative(x), by_h.assemble()))
-        inner = waves.operator.apply_interior(np.ascontiguousarray(x[:, :n]))
-        found.append(apart(inner + waves.operator.apply_coupling(x[:, n]), A_x[:, :n]))
+        A_x = by_phi.assemble().reshape(-1, n + 1)
+        found += [apart(waves.operator.apply(x), A_x), apart(waves.operator.derivative(x), by_h.assemble())]
         total = energy.assemble()
         found.append(abs(0.5 * waves.plane.sum(x * waves.operator.apply(x)) / total - 1))
     return found
 
 
 def averaged(name):
-    """Return how far products and diagonals of the layer averaged are from those of its matrices; collective."""
+    """Return how far products and diagonals of still water's decoupled modes are from those of matrices; collective."""
     waves, (x, _) = moved(name)
-    plane, operator, matrices = waves.plane, waves.operator, LayerMatrices(waves.densities.layer, waves.plane)
-    averages, eigenvalues = operator.averages(), 1.0 + np.arange(x.shape[1], dtype=float)
+    waves.h.set(waves.bed.still)
+    plane, layer, matrices = waves.plane, waves.layer, LayerMatrices(waves.densities.layer, waves.plane)
+    eigenvalues, means = 1.0 + np.arange(x.shape[1], dtype=float), layer.assemble()
     S_u, S_w = (
         sparse.csr_matrix((entries, matrices.columns, matrices.row_pointers)) for entries in matrices.assemble()
     )
     reached = Halo(matrices.numbering, x.shape[1]).fetch(x)
-    whole = S_u @ reached + (S_w @ reached) * eigenvalues
-    found = []
+    whole, found = S_u @ reached + (S_w @ reached) * eigenvalues, []
     for many in (x.shape[1] - 1, x.shape[1]):
-        product = operator.each_mode(averages, eigenvalues[:many], np.ascontiguousarray(x[:, :many]))
+        modes = layer.modes(eigenvalues[:many])
+        modes.take(means)
+        product = modes.product(x[:, :many].astype(np.float32))
         found.append(np.abs(product - whole[:, :many]).max(initial=0.0) / np.abs(whole).max(initial=1.0))
-    diagonals = np.column_stack([S_u.diagonal()[: plane.owned], S_w.diagonal()[: plane.owned]])
-    return [*found, np.abs(operator.diagonals(averages) / diagonals - 1).max(initial=0.0)]
+        diagonals = S_u.diagonal()[: plane.owned, None] + S_w.diagonal()[: plane.owned, None] * eigenvalues[:many]
+        found.append(np.abs(modes.inverse_diagonals * diagonals - 1).max(initial=0.0))
+    return found
 
 
-@pytest.mark.parametrize("name", WATERS)
-def test_the_average_over_the_depth_is_that_of_its_matrices(name):
-    assert max(averaged(name)) < 1e-12
+@pytest.mark.parametrize("name", ["still quadrilaterals", "still triangles"])
+def test_decoupled_modes_of_still_water_are_those_of_its_matrices(name):
+    """In single precision; over a flat bed, where their quadrature is exact."""
+    assert max(averaged(name)) < 5e-6
 
 
 @pytest.mark.parametrize("name", WATERS)
@@ -106,19 +111,20 @@ def test_products_and_derivative_are_those_of_the_energy(name):
 @pytest.mark.parametrize("name", ["quadrilaterals", "triangles"])
 def test_three_ranks_have_the_same(on_ranks, name):
     assert max(max(found) for found in on_ranks(differences, name)) < 1e-12
-    assert max(max(found) for found in on_ranks(averaged, name)) < 1e-12
+    assert max(max(found) for found in on_ranks(averaged, f"still {name}")) < 5e-6
 
 
 def test_what_has_no_code_is_named():
     waves, _ = moved("ring")
-    with pytest.raises(NotImplementedError, match="Exp has no C code"):
+    with pytest.raises(WavetankError, match="an energy with Exp in UFL: no code"):
         symbols(ufl.exp(waves.h.function), {waves.h.function: "h"})
 
 
-def test_a_column_that_is_negative_between_its_nodes_has_no_minimum():
-    """On several ranks PETSc says so; compiled solves must, too."""
+@pytest.mark.parametrize("inside", [0.05, 0.098])
+def test_a_column_that_is_negative_between_its_nodes_has_no_minimum(inside):
+    """At the middle of cells it is inside - (0.5 - inside) / 4, of a cubic through 0.5 m at their ends."""
     waves = ring(3, 3)
     column = np.full(waves.plane.owned, 0.5)
-    column[waves.plane.V.dofmap.list[:, 2:]] = 0.05
+    column[waves.plane.V.dofmap.list[:, 2:]] = inside
     with pytest.raises(ConvergenceError, match="not positive everywhere"):
         waves.evaluate(waves.mass.apply(column), np.cos(waves.plane.x), 0.0)

@@ -161,13 +161,13 @@ static void precondition(const Chain *c, int modes, const double *r, double *z)
    what the wall adds, [dof][number]; flow is the last column of A phi, [dof]. The residual's energy falls below
    tolerance² that of phi. Returns the iterations, -1 after ``most`` of them, -2 where A or the modes are not positive; ``steps`` has the length of each and how
    much of its direction the next keeps. */
-static int find_interior(const Cells *cells, const double *hessians, const Chain *c, const double *wall, double *phi,
+static int find_interior(const Cells *cells, const Layers *layers, const double *hessians, const Chain *c, const double *wall, double *phi,
                   double *flow, double tolerance, int most, double *steps, double *work)
 {
     const long all = (long)c->dofs * NUMBERS, interior = (long)c->dofs * MODES;
     double *p = work, *Ap = p + all, *r = Ap + all, *z = r + interior;
     memset(Ap, 0, sizeof(double) * all);
-    product(cells, hessians, phi, Ap);
+    product(cells, layers, hessians, phi, Ap);
     const double kinetic = inner(all, phi, Ap);
     for (long i = 0; i < c->dofs; ++i) {
         flow[i] = Ap[i * NUMBERS + MODES];
@@ -187,7 +187,7 @@ static int find_interior(const Cells *cells, const double *hessians, const Chain
             for (int m = 0; m < MODES; ++m)
                 p[i * NUMBERS + m] = z[i * MODES + m] + beta * p[i * NUMBERS + m];
         memset(Ap, 0, sizeof(double) * all);
-        product(cells, hessians, p, Ap);
+        product(cells, layers, hessians, p, Ap);
         const double bend = inner(all, p, Ap), alpha = rz / bend;
         if (!(bend > 0.0))
             return -2;

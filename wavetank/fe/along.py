@@ -9,11 +9,13 @@ from scipy.linalg import eigvalsh_tridiagonal
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.layers import LANES, LayerEnergy, LayerOperator, source
+from wavetank.fe.cells import source
+from wavetank.fe.layers import LANES, LayerEnergy, LayerOperator
 from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
 
 MOST = 200  # iterations
+NO_MINIMUM = "the interior potential has no minimum: the water column is not positive everywhere"
 DECLARATIONS = """
 typedef struct {
     int dofs, cut, groups;
@@ -22,8 +24,8 @@ typedef struct {
     double *L, *column, *reduced, *corner, *work;
 } Chain;
 void decouple(const Cells *, const double *hessians, Chain *);
-int find_interior(const Cells *, const double *hessians, const Chain *, const double *wall, double *phi, double *flow,
-                  double tolerance, int most, double *steps, double *work);
+int find_interior(const Cells *, const Layers *, const double *hessians, const Chain *, const double *wall,
+                  double *phi, double *flow, double tolerance, int most, double *steps, double *work);
 """
 
 
@@ -97,7 +99,7 @@ class Minimum:
 
     def factor(self) -> None:
         """Make a preconditioner of the operator as it is."""
-        self._modes.update(self._operator.hessians)
+        self._modes.update(self._operator.state)
 
     def find(self, phi: Vector, wall: Vector) -> int:
         """Set the interior columns of phi, shape (dofs, n+1), from what they are; return the iterations.
@@ -109,7 +111,8 @@ class Minimum:
         self._wall[:], self.flow = wall, np.empty_like(self.flow)
         iterations: int = call.find_interior(
             operator.cells,
-            at(operator.hessians),
+            operator.layers,
+            at(operator.state),
             self._modes.struct,
             at(self._wall),
             at(phi),
@@ -122,8 +125,8 @@ class Minimum:
         self._last = max(0, iterations)
         if iterations == -1:
             raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
-        if iterations < 0 or not np.isfinite(self.flow.sum()):
-            raise ConvergenceError("the interior potential has no minimum: the water column is not positive everywhere")
+        if iterations < 0 or not operator.least > 0.0 or not np.isfinite(self.flow.sum()):
+            raise ConvergenceError(NO_MINIMUM)
         return iterations
 
     @property

@@ -108,6 +108,8 @@ def _build(kept: Path, build: Callable[[Path], object]) -> None:
     try:
         build(scratch)
         os.replace(scratch, kept)
+    except WavetankError:
+        raise  # what is to be compiled is not C
     except Exception as error:  # whatever a compiler may meet; other ranks wait for a word of it
         reason = str(error).strip().removesuffix(".") or type(error).__name__
         raise WavetankError(

@@ -6,8 +6,10 @@ w, the slope of surface and bed, is left out. With still water over a flat bed n
 
 from math import sqrt
 
+import numpy as np
 import ufl
 from dolfinx import fem
+from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_form, owned_rows
@@ -61,15 +63,39 @@ class LayerMatrices:
 
 
 class InterlacedModes:
-    """All problems in one sparse matrix, rows ordered (degree of freedom, mode)."""
+    """All problems in one sparse matrix, rows ordered (degree of freedom, mode): LU on slices, in basins BoomerAMG."""
 
     def __init__(self, layer: LayerMatrices, eigenvalues: Vector):
         self._eigenvalues, plane = eigenvalues, layer.plane
         columns = layer.numbering.local_to_global(layer.columns)
         self._rows = SparseRows(columns, layer.row_pointers, size=plane.size, comm=plane.comm, copies=eigenvalues.size)
-        self.matrix = self._rows.matrix
+        self._ksp = PETSc.KSP().create(plane.comm)
+        self._ksp.setOperators(self._rows.matrix)
+        self._ksp.setType("richardson")
+        self._ksp.setNormType(PETSc.KSP.NormType.NONE)
+        _choose_factorisation(self._ksp.getPC(), plane)
+        self._in, self._out = self._rows.matrix.createVecs()
 
     def take(self, averages: Averages) -> None:
         """Take over S_u and S_w; collective."""
         S_u, S_w = averages
         self._rows.set(S_u[:, None] + S_w[:, None] * self._eigenvalues)
+        self._ksp.setUp()
+
+    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
+        """Return a for r, both of shape (owned, m), on a slice in one cycle; collective."""
+        self._ksp.setTolerances(max_it=cycles)
+        self._in.array = right.ravel()
+        self._ksp.solve(self._in, self._out)
+        return np.array(self._out.array_r).reshape(right.shape)
+
+
+def _choose_factorisation(pc: PETSc.PC, plane: Plane) -> None:
+    if plane.mesh.topology.dim == 2:
+        pc.setType("hypre")
+        return
+    pc.setType("lu")
+    if plane.comm.size > 1:
+        pc.setFactorSolverType("mumps")
+    else:
+        pc.setFactorOrdering("natural")

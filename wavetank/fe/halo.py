@@ -4,14 +4,15 @@ A vertex that one rank owns may have a cell of another rank that touches none of
 rows reach into that cell, the ghosts of a finite-element space do not; the matrix's own numbering of columns does.
 """
 
+from typing import Any
+
 import numpy as np
 from dolfinx import common, la
-
-from wavetank.arrays import Vector
+from numpy.typing import DTypeLike, NDArray
 
 
 class Halo:
-    """Room for values of several components, with the exchange between ranks.
+    """Room for values of several components, with the exchange between ranks; on one rank there is none.
 
     Parameters
     ----------
@@ -19,29 +20,32 @@ class Halo:
         Of the degrees of freedom, the owned ones first, then the others.
     components
         m.
+    real
+        What they are.
     """
 
-    def __init__(self, numbering: common.IndexMap, components: int):
-        self._vector = la.vector(numbering, components)
-        self._rows: Vector = self._vector.array.reshape(-1, components)
-        self._owned = numbering.size_local
+    def __init__(self, numbering: common.IndexMap, components: int, real: DTypeLike = np.float64):
+        self._owned, self.size = numbering.size_local, numbering.size_local + numbering.num_ghosts
+        self._alone = numbering.size_local == numbering.size_global
+        if not self._alone:
+            self._vector = la.vector(numbering, components, dtype=real)
+            self._rows: NDArray[Any] = self._vector.array.reshape(-1, components)
 
-    @property
-    def size(self) -> int:
-        """The number of degrees of freedom, owned and others."""
-        return len(self._rows)
-
-    def fetch(self, owned: Vector) -> Vector:
+    def fetch(self, owned: NDArray[Any]) -> NDArray[Any]:
         """Return the values of all, shape (size, m), for those owned, (owned, m); collective.
 
-        The array is reused by the next call.
+        The array is reused by the next call, or is the one given.
         """
+        if self._alone:
+            return np.ascontiguousarray(owned)
         self._rows[: self._owned] = owned
         self._vector.scatter_forward()
         return self._rows
 
-    def collect(self, rows: Vector) -> Vector:
+    def collect(self, rows: NDArray[Any]) -> NDArray[Any]:
         """Return the sums over ranks at those owned, shape (owned, m), of parts at all, (size, m); collective."""
+        if self._alone:
+            return rows
         self._rows[:] = rows
         self._vector.scatter_reverse(la.InsertMode.add)
         return np.array(self._rows[: self._owned])

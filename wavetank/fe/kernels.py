@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from wavetank.fe.compiled import COMPILER_FLAGS, compiled, loaded
 
-FLAGS = [*COMPILER_FLAGS, "-fopenmp-simd", "-Wno-psabi", "-Wno-unused-variable"]
+FLAGS = [*COMPILER_FLAGS, "-fno-finite-math-only", "-fopenmp-simd", "-Wno-psabi", "-Wno-unused-variable"]
+KINDS = {np.dtype(np.int32): "int *", np.dtype(np.float64): "double *", np.dtype(np.float32): "float *"}
 
 
 class Kernel:
@@ -28,6 +29,8 @@ class Kernel:
         What tells the code from any other.
     source
         Returns the code; asked where it is not kept.
+    real
+        What REAL stands for in declarations; arrays of a struct become that.
     flags
         Of the compiler.
     """
@@ -40,8 +43,11 @@ class Kernel:
         key: str,
         source: Callable[[], str],
         comm: MPI.Comm,
+        real: str = "double",
         flags: Sequence[str] = FLAGS,
     ):
+        declarations = declarations.replace("REAL", real)
+
         def build(folder: Path) -> None:
             builder = cffi.FFI()
             builder.cdef(declarations)
@@ -51,20 +57,20 @@ class Kernel:
         folder = compiled(comm, f"{name} {declarations} {key} {flags}", build=build)
         module = loaded(comm, lambda: _module(folder / f"{name}{EXTENSION_SUFFIXES[0]}"), folder)
         self.call, self._ffi = module.lib, module.ffi
+        self._real = np.dtype(np.float32 if real == "float" else np.float64)
 
     def pointer(self, array: NDArray[Any]) -> Any:
-        """Return where an array's numbers are, of doubles or of ints."""
-        return self._ffi.from_buffer("int *" if array.dtype == np.int32 else "double *", array)
+        """Return where an array's numbers are, of doubles, floats or ints."""
+        return self._ffi.from_buffer(KINDS[array.dtype], array)
 
     def struct(self, kind: str, parts: dict[str, Any]) -> Any:
         """Return a struct of numbers and of arrays, which live as long as it does."""
-        kept = {name: _plain(part) for name, part in parts.items() if isinstance(part, np.ndarray)}
+        kept = {name: self._plain(part) for name, part in parts.items() if isinstance(part, np.ndarray)}
         struct = self._ffi.new(f"{kind} *", {**parts, **{name: self.pointer(array) for name, array in kept.items()}})
         return self._ffi.gc(struct, lambda _, kept=kept: kept.clear())
 
-
-def _plain(array: NDArray[Any]) -> NDArray[Any]:
-    return np.ascontiguousarray(array, dtype=np.int32 if array.dtype.kind == "i" else np.float64)
+    def _plain(self, array: NDArray[Any]) -> NDArray[Any]:
+        return np.ascontiguousarray(array, dtype=np.int32 if array.dtype.kind == "i" else self._real)
 
 
 @cache

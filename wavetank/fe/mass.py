@@ -1,7 +1,11 @@
-"""Matrices on the horizontal space and their inverses, above all the mass matrix M_J."""
+"""Matrices on the horizontal space and their inverses, above all the mass matrix M_J.
+
+Along a slice it is a matrix, factored; in basins it is neither assembled nor stored: a product goes through the
+quadrature points (``mass.c``), which takes a tenth of the time of a sparse matrix at p = 4, and of its memory.
+"""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import ufl
@@ -10,9 +14,23 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
+from wavetank.fe.cells import DECLARATION, Cells, defined, source
+from wavetank.fe.conjugate_gradients import conjugate_gradients
+from wavetank.fe.density import Density
 from wavetank.fe.forms import compile_form, owned_rows
+from wavetank.fe.halo import Halo
+from wavetank.fe.kernels import Kernel
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
+
+LANES = 8  # cells at a time
+ROUND_OFF = 1e-15  # of a solution, in its energy
+DECLARATIONS = """
+void weigh(const Cells *, const double *constants, const double *fields, double *weights);
+void multiply(const Cells *, const double *weights, const double *x, double *y);
+void diagonal(const Cells *, const double *weights, double *y);
+void cellwise(const Cells *, const double *K, const double *scale, const double *x, double *y);
+"""
 
 
 class HorizontalMatrix:
@@ -75,14 +93,98 @@ class HorizontalMatrix:
         return np.array(self._rows.matrix.getDiagonal().array_r)
 
 
-class MassMatrix(HorizontalMatrix):
-    """M_J = int J u v dX; assembled anew only when told that J has changed.
+class MassMatrix(Protocol):
+    """M_J = int J u v dX; found anew only when told that J has changed. All of it is collective."""
 
-    Parameters
-    ----------
-    J
-        Jacobian of the wall mapping, in UFL.
+    def update(self) -> None:
+        """Take over what J depends on as it is."""
+
+    def apply(self, values: Vector) -> Vector:
+        """Return the product with owned values x, shape (owned,)."""
+
+    def solve(self, right: Vector) -> Vector:
+        """Return the solution for owned values r, shape (owned,)."""
+
+    def diagonal(self) -> Vector:
+        """Return the owned diagonal entries, shape (owned,)."""
+
+
+def mass_matrix(plane: Plane, J: Any) -> MassMatrix:
+    """Return M_J for the Jacobian of the wall's mapping, in UFL; collective."""
+    if plane.mesh.topology.dim == 2:
+        return PointwiseMass(plane, J)
+    return HorizontalMatrix(plane, lambda u, v: J * u * v * plane.dx)
+
+
+class PointwiseMass:
+    """M_J of a basin without a matrix; see ``MassMatrix``.
+
+    It is inverted to round-off by conjugate gradients, preconditioned by the inverses of the cells' own matrices M_c,
+
+        sum over cells of  W_c M_c^-1 W_c,     W_c = diag(M_c) / diag(M_J),
+
+    with J and the Jacobian's determinant in M_c at their mean. The condition number is 1.5 at p = 2 and falls with p;
+    with the diagonal alone it is 4.5 to 6.
     """
 
+    most = 200  # iterations
+
     def __init__(self, plane: Plane, J: Any):
-        super().__init__(plane, lambda u, v: J * u * v * plane.dx)
+        cells = Cells(plane, 3 * plane.order, lanes=LANES)
+        self._density = Density(ufl.as_ufl(J), plane)
+        self._comm, self._halo = plane.comm, Halo(plane.V.dofmap.index_map, 1)
+        sizes = {"REAL": "double", **cells.sizes, "FIELDS": self._density.fields}
+        code = defined({**sizes, "MOST": max(1, self._density.fields)}) + source("cells.c") + source("mass.c")
+        self._kernel = Kernel(
+            "mass",
+            DECLARATION + DECLARATIONS,
+            key=f"{self._density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
+            source=lambda: self._density.put_in(code, {"DENSITY": lambda density: {"density": density}}),
+            comm=plane.comm,
+        )
+        self._cells = self._kernel.struct("Cells", cells.parts)
+        self._weights = np.empty((cells.parts["batches"], len(cells.points), LANES))
+        of_cell = cells.values.T @ (cells.weights[:, None] * cells.values)
+        self._of_cells = np.diag(of_cell)[:, None] * np.linalg.inv(of_cell) * np.diag(of_cell)
+        self._size = float(np.sum(cells.parts["weights"]))
+        self.update()
+
+    def update(self) -> None:
+        """See ``MassMatrix``."""
+        at, density = self._kernel.pointer, self._density
+        self._kernel.call.weigh(self._cells, at(density.constants()), at(density.rows()), at(self._weights))
+        diagonal = np.zeros((self._halo.size, 1))
+        self._kernel.call.diagonal(self._cells, at(self._weights), at(diagonal))
+        self._diagonal, self._means = self._halo.collect(diagonal), self._weights.sum(axis=1) / self._size
+
+    def _product(self, x: Vector) -> Vector:
+        at, y = self._kernel.pointer, np.zeros((self._halo.size, 1))
+        self._kernel.call.multiply(self._cells, at(self._weights), at(self._halo.fetch(x)), at(y))
+        return self._halo.collect(y)
+
+    def _precondition(self, r: Vector) -> Vector:
+        at, x, y = self._kernel.pointer, self._halo.fetch(r / self._diagonal), np.zeros((self._halo.size, 1))
+        self._kernel.call.cellwise(self._cells, at(self._of_cells), at(self._means), at(x), at(y))
+        return np.asarray(self._halo.collect(y) / self._diagonal)
+
+    def apply(self, values: Vector) -> Vector:
+        """See ``MassMatrix``."""
+        return self._product(values[:, None])[:, 0]
+
+    def solve(self, right: Vector) -> Vector:
+        """See ``MassMatrix``."""
+        found, residual = np.zeros((right.size, 1)), np.array(right[:, None])
+        conjugate_gradients(
+            self._product,
+            self._precondition,
+            found,
+            residual,
+            within=lambda energy: ROUND_OFF**2 * energy,
+            comm=self._comm,
+            most=self.most,
+        )
+        return found[:, 0]
+
+    def diagonal(self) -> Vector:
+        """See ``MassMatrix``."""
+        return np.array(self._diagonal[:, 0])

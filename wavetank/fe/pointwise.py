@@ -30,6 +30,8 @@ from ufl.classes import (
     Zero,
 )
 
+from wavetank.errors import WavetankError
+
 
 def symbols(density: Any, names: Mapping[Any, str]) -> Any:
     """Return a scalar density as an expression of SymPy's.
@@ -74,7 +76,9 @@ def _value(o: Any, component: tuple[int, ...], at: Mapping[Any, int], names: Map
         case IndexSum():
             (index,) = parts[1]
             return sum(_value(parts[0], component, {**at, index: k}, names) for k in range(o.dimension()))
-    raise NotImplementedError(f"{type(o).__name__} has no C code")
+    raise WavetankError(
+        f"an energy with {type(o).__name__} in UFL: no code is made of that (wavetank/fe/pointwise.py)."
+    )
 
 
 def named(name: str, *component: int) -> Any:
@@ -83,9 +87,22 @@ def named(name: str, *component: int) -> Any:
 
 
 def statements(outputs: Mapping[str, Any]) -> str:
-    """Return C statements that set ``outputs`` to expressions of SymPy's; ``zero`` is added, as their kind."""
-    shared, values = sympy.cse(list(outputs.values()), symbols=sympy.numbered_symbols("t_"), optimizations="basic")
-    lines = [f"const __auto_type {name} = {_code(value)};" for name, value in shared]
+    """Return C statements that set ``outputs`` to expressions of SymPy's; ``zero`` is added, as their kind.
+
+    What is divided by has its reciprocal in a statement of its own, which compilers take out of loops.
+    """
+    values, inverses = [sympy.sympify(value) for value in outputs.values()], dict[Any, Any]()
+
+    def times_inverse(base: Any, exponent: Any) -> Any:
+        return inverses.setdefault(base, sympy.Symbol(f"i_{len(inverses)}", real=True)) ** -exponent
+
+    def divides(e: Any) -> bool:
+        return bool(e.is_Pow and e.exp.is_Integer and e.exp < 0)
+
+    values = [value.replace(divides, lambda e: times_inverse(*e.args)) for value in values]
+    shared, values = sympy.cse(values, symbols=sympy.numbered_symbols("t_"), optimizations="basic")
+    lines = [f"const __auto_type {name} = 1.0 / ({_code(base)});" for base, name in inverses.items()]
+    lines += [f"const __auto_type {name} = {_code(value)};" for name, value in shared]
     lines += [f"{name} = {_code(value)} + zero;" for name, value in zip(outputs, values, strict=True)]
     return "\n".join(lines)
 

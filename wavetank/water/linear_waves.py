@@ -28,8 +28,8 @@ from dolfinx import fem
 from wavetank.arrays import Vector
 from wavetank.fe.decoupled import LayerMatrices
 from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.mass import MassMatrix
-from wavetank.fe.modes import Layer, ModeSolver
+from wavetank.fe.mass import mass_matrix
+from wavetank.fe.modes import Layer
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.affine_stages import DirectStage
@@ -89,7 +89,7 @@ class LinearWaves:
             WaterEnergy(h=self.h.function, d=d, gravity=g, mapping=wall.mapping).potential() * plane.dx, plane.comm
         )
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
-        self.mass = MassMatrix(plane, wall.mapping.J(0.0))
+        self.mass = mass_matrix(plane, wall.mapping.J(0.0))
         self.layer: Layer
         self.potential, self.layer = self._interior(still, tolerance)
         self.still = self.layer.assemble()
@@ -272,7 +272,7 @@ class DirectPotential:
         self.counters = SolveCounters(factorisations=1)
         self._plane = plane = matrices.plane
         self._b = vertical.moment(0, vertical.values, vertical.values)[:-1, -1]
-        self._solver, still = ModeSolver(matrices.modes(vertical.eigenvalues), plane), matrices.assemble()
+        self._solver, still = matrices.modes(vertical.eigenvalues), matrices.assemble()
         self._solver.take(still)
         self._field = plane.function("surface potential")
         size = (plane.owned, self._field.rows.shape[0])

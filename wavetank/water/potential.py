@@ -10,13 +10,13 @@ from dataclasses import asdict, dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.along import Minimum, along
+from wavetank.fe.along import NO_MINIMUM, Minimum, along
+from wavetank.fe.conjugate_gradients import Steps, condition_number, conjugate_gradients
 from wavetank.fe.layers import LayerEnergy, LayerOperator
-from wavetank.fe.modes import Layer, choose_factorisation, layer_of
+from wavetank.fe.modes import Layer, layer_of
 from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.recall import Recall
 from wavetank.fe.vertical import VerticalBasis
@@ -122,73 +122,63 @@ class InteriorPotential:
 
 
 class Krylov:
-    """The minimum by PETSc, on any mesh and number of ranks.
+    """The minimum by conjugate gradients, preconditioned by the decoupled modes; on any mesh and number of ranks.
 
     Parameters
     ----------
     operator, layer
         A(h), and what its preconditioner is made of.
     tolerance
-        Of the residual in the preconditioner's energy norm, relative to the right-hand side.
+        Of the error's energy, relative to that of the potential; its square root.
     """
 
+    most = 200  # iterations
+
     def __init__(
-        self,
-        operator: LayerOperator,
-        layer: Layer,
-        plane: Plane,
-        vertical: VerticalBasis,
-        *,
-        tolerance: float,
+        self, operator: LayerOperator, layer: Layer, plane: Plane, vertical: VerticalBasis, *, tolerance: float
     ):
-        self._operator, self._layer, self._n = operator, layer, vertical.n
+        self._operator, self._layer, self._plane, self._tolerance = operator, layer, plane, tolerance
         self._modes = layer.modes(vertical.eigenvalues)
-        self._ksp = self._solver(plane, tolerance)
-        self._right, self._solution = self._modes.matrix.createVecs()
+        self._preconditioned = np.zeros((plane.owned, vertical.n + 1))
+        self._steps: Steps = []
         self.flow: Vector = np.zeros(plane.owned)
-
-    def _solver(self, plane: Plane, tolerance: float) -> PETSc.KSP:
-        shell = PETSc.Mat().createPython(self._modes.matrix.getSizes(), context=self, comm=plane.comm)
-        shell.setUp()
-        ksp = PETSc.KSP().create(plane.comm)
-        ksp.setOperators(shell, self._modes.matrix)
-        ksp.setType("cg")
-        ksp.setNormType(PETSc.KSP.NormType.NATURAL)
-        ksp.setTolerances(rtol=tolerance, atol=1e-50, divtol=1e30, max_it=500)
-        ksp.setInitialGuessNonzero(True)
-        ksp.setComputeSingularValues(True)
-        choose_factorisation(ksp.getPC(), plane)
-        return ksp
-
-    def mult(self, matrix: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply A_II: what PETSc calls for the shell matrix."""
-        y.array = self._operator.apply_interior(x.array_r.reshape(-1, self._n)).ravel()
 
     def factor(self) -> None:
         """See ``Minimiser``."""
         self._modes.take(self._layer.assemble())
 
+    def _precondition(self, residual: Vector) -> Vector:
+        """Return what the modes make of the interior's residual, and zero for the surface's."""
+        self._preconditioned[:, :-1] = self._modes.solve(residual[:, :-1])
+        return self._preconditioned
+
     def find(self, phi: Vector, wall: Vector) -> int:
         """See ``Minimiser``."""
-        n = self._n
-        self._right.array = (-self._operator.apply_coupling(phi[:, n]) - wall[:, :n]).ravel()
-        self._solution.array = phi[:, :n].ravel()
-        self._ksp.solve(self._right, self._solution)
-        iterations: int = self._ksp.getIterationNumber()
-        if self._ksp.getConvergedReason() < 0:
-            raise ConvergenceError(
-                f"the interior potential did not converge in {iterations} iterations (residual "
-                f"{self._ksp.getResidualNorm():.3g})"
+        image = self._operator.apply(phi)
+        energy = self._plane.sum(phi * image if self._operator.least > 0.0 else np.full(1, np.nan))
+        if np.isnan(energy):
+            raise ConvergenceError(NO_MINIMUM)
+        residual = -image
+        residual[:, :-1] -= wall[:, :-1]
+        try:
+            self._steps = conjugate_gradients(
+                self._operator.apply,
+                self._precondition,
+                phi,
+                residual,  # its last column has no share in any energy, and follows A phi
+                within=lambda first: self._tolerance**2 * (energy + first),
+                comm=self._plane.comm,
+                most=self.most,
             )
-        phi[:, :n] = self._solution.array_r.reshape(-1, n)
-        self.flow = self._operator.apply_surface(phi)
-        return iterations
+        except ConvergenceError as error:
+            raise ConvergenceError(f"the interior potential: {error}") from None
+        self.flow = -residual[:, -1]
+        return len(self._steps)
 
     @property
     def condition_number(self) -> float:
         """See ``Minimiser``."""
-        largest, smallest = self._ksp.computeExtremeSingularValues()
-        return float(largest / smallest) if smallest > 0 else 1.0
+        return condition_number(self._steps)
 
 
 class Interior(NamedTuple):
@@ -205,10 +195,11 @@ def interior_of(
     """Return what a layer's energy makes, the fields being as they are; on slices of one rank compiled as a whole."""
     if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
         operator = along(energy, plane, vertical, column=column)
-        layer, minimum = layer_of(energy, operator, plane), Minimum(operator, plane, vertical, tolerance=tolerance)
+        layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)
+        minimum = Minimum(operator, plane, vertical, tolerance=tolerance)
         operator.update()
         return Interior(operator, layer, minimum)
     operator = LayerOperator(energy, plane, vertical, column=column)
     operator.update()
-    layer = layer_of(energy, operator, plane)
+    layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)
     return Interior(operator, layer, Krylov(operator, layer, plane, vertical, tolerance=tolerance))

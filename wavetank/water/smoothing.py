@@ -1,6 +1,7 @@
 """Implicit smoothing of the water's state: symmetric, exactly mass-conserving, its energy counted."""
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,10 +32,19 @@ class Smoothing:
     """
 
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form]):
-        plane, J = waves.plane, waves.wall.mapping.J(waves.densities.eta)
-        self._waves, self._form = waves, HorizontalMatrix(plane, form)
-        self._implicit = HorizontalMatrix(plane, lambda u, v: J * u * v * plane.dx + form(u, v))
+        self._waves, self._of = waves, form
         self.energy_taken = 0.0
+
+    @cached_property
+    def _form(self) -> HorizontalMatrix:
+        """N, made where it is first needed; collective."""
+        return HorizontalMatrix(self._waves.plane, self._of)
+
+    @cached_property
+    def _implicit(self) -> HorizontalMatrix:
+        """M_J + N; collective."""
+        plane, J = self._waves.plane, self._waves.wall.mapping.J(self._waves.densities.eta)
+        return HorizontalMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v))
 
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""

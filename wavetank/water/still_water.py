@@ -4,18 +4,19 @@ Both serve every kind of waves: nonlinear ones as preconditioner and estimate, l
 """
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.fe.decoupled import Averages
 from wavetank.fe.mass import MassMatrix
-from wavetank.fe.modes import Layer, ModeSolver
+from wavetank.fe.modes import Layer, Modes
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Stage
 from wavetank.water.bed import Bed
+
+CYCLES = 2  # of multigrid: the second is cheap against the evaluations of an implicit stage that it saves
 
 
 class WavesOverStillWater(Protocol):
@@ -36,7 +37,7 @@ class WavesOverStillWater(Protocol):
     bed: Bed
     depth: float
     gravity: float
-    still: Averages
+    still: Any
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi, shape (owned,); collective."""
@@ -51,14 +52,14 @@ class StillWaterWaves:
 
     def __init__(self, waves: WavesOverStillWater):
         self._waves, self._still = waves, waves.still
-        self._solvers: dict[float, tuple[ModeSolver, Vector]] = {}
+        self._solvers: dict[float, tuple[Modes, Vector]] = {}
 
-    def _solver(self, weight: float) -> tuple[ModeSolver, Vector]:
+    def _solver(self, weight: float) -> tuple[Modes, Vector]:
         key = round(abs(weight), 12)
         if key not in self._solvers:
             waves = self._waves
             eigenvalues, modes = waves.vertical.robin_modes(waves.depth / (weight**2 * waves.gravity))
-            solver = ModeSolver(waves.layer.modes(eigenvalues), waves.plane)
+            solver = waves.layer.modes(eigenvalues)
             solver.take(self._still)
             self._solvers[key] = solver, modes[-1]
         return self._solvers[key]
@@ -69,7 +70,7 @@ class StillWaterWaves:
         r_q, r_psi = np.split(residual, 2)
         solver, surface = self._solver(a)
         right = mass.apply(r_psi) / (a**2 * g) - r_q / a
-        psi = solver.solve(np.asarray(np.outer(right, surface))) @ surface
+        psi = solver.solve(np.asarray(np.outer(right, surface)), cycles=CYCLES) @ surface
         return np.concatenate([mass.apply(r_psi - psi) / (a * g), psi])
 
 

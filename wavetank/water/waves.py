@@ -20,7 +20,7 @@ from mpi4py import MPI
 from wavetank.arrays import Vector
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.mass import MassMatrix
+from wavetank.fe.mass import mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
@@ -117,7 +117,7 @@ class NonlinearWaves:
         self.h.function.x.array[:] = self.depth
         g = fem.Constant(plane.mesh, gravity)
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
-        self.mass = MassMatrix(plane, wall.mapping.J(energy.eta))
+        self.mass = mass_matrix(plane, wall.mapping.J(energy.eta))
         self.columns = wall.columns(energy, self.mass)
         self.operator, self.layer, minimum = interior_of(
             energy.layer, plane, self.vertical, column=self.h, tolerance=tolerances.interior

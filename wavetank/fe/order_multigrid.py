@@ -1,0 +1,232 @@
+"""One cycle of multigrid in the order p for the decoupled modes of a basin (``modes.py``).
+
+Chebyshev-Jacobi smoothing at order p, without matrices (``modes.c``), around one cycle of an algebraic multigrid on
+elements of order 1. As what conjugate gradients are preconditioned with need not be exact, numbers are of single
+precision, and quadrature is exact only where coefficients are constant in each cell.
+"""
+
+import numpy as np
+import scipy.sparse as sparse
+from dolfinx.fem.petsc import interpolation_matrix
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector
+from wavetank.fe.cells import DECLARATION, Cells, defined, source
+from wavetank.fe.decoupled import LEVELS, Averages, LayerMatrices
+from wavetank.fe.halo import Halo
+from wavetank.fe.kernels import FLAGS, Kernel
+from wavetank.fe.layers import LAYERS, LayerDensity, LayerEnergy
+from wavetank.fe.plane import Plane
+
+Singles = NDArray[np.float32]
+
+LANES = 16  # cells at a time
+FEW = 4  # modes at a time
+NOTHING = 1e-30  # of single precision
+DECLARATIONS = """
+void average(const Cells *, const Layers *, const float *fields, float *out);
+void multiply(const Cells *, const float *averages, const float *lambda, int many, const float *x, float *y);
+void diagonals(const Cells *, const float *averages, float *y);
+void smooth(long size, const float *inverse_diagonals, float keep, float take, const float *Ad, float *r, float *d,
+            float *x);
+void spread(long rows, const int *pointers, const int *columns, const float *entries, int many, const float *x,
+            float *y);
+"""
+
+
+class LayerMeans:
+    """The averages of a basin's layer at quadrature points, and its matrices on elements of order 1.
+
+    Parameters
+    ----------
+    energy, density
+        e(u, w, zeta), in UFL, and what is known of it at a point.
+    vertical_order
+        n: there are to be n modes, or one more.
+    """
+
+    def __init__(self, energy: LayerEnergy, density: LayerDensity, plane: Plane, *, vertical_order: int):
+        self.plane, self._density = plane, density
+        self.linear = LayerMatrices(energy, Plane(plane.mesh, 1))
+        cells = Cells(plane, 2 * plane.order + 1, lanes=LANES)
+        sizes = {
+            "REAL": "float",
+            **cells.sizes,
+            **density.sizes,
+            "NUMBERS": vertical_order + 1,
+            "LEVELS": len(LEVELS),
+            "MOST": max(FEW, density.fields),
+            "FEW": FEW,
+            "NOTHING": f"{NOTHING}f",
+        }
+        code = defined(sizes) + source("cells.c") + source("layer.c") + source("modes.c")
+        self.kernel = Kernel(
+            "modes",
+            DECLARATION + LAYERS + DECLARATIONS,
+            key=f"{density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
+            source=lambda: density.put_in(code, {"HESSIAN": density.second}),
+            comm=plane.comm,
+            real="float",
+            flags=[*FLAGS, "-fsingle-precision-constant"],
+        )
+        self.cells = self.kernel.struct("Cells", cells.parts)
+        self._constants = density.constants().astype(np.float32)
+        levels = {"zeta": np.array(LEVELS), "weights": np.full(len(LEVELS), 1 / len(LEVELS))}
+        self._layers = self.kernel.struct("Layers", {**levels, "constants": self._constants})
+        self._shape = cells.parts["batches"], len(cells.points), density.sizes["MEANS"], LANES
+
+    def assemble(self) -> "Means":
+        """See ``Layer``."""
+        return self.averages(), self.linear.assemble()
+
+    def averages(self) -> Singles:
+        """Return the second derivatives by u and by w alone at the points, averaged over the depth."""
+        self._constants[:] = self._density.constants()
+        out, at = np.empty(self._shape, dtype=np.float32), self.kernel.pointer
+        self.kernel.call.average(self.cells, self._layers, at(self._density.rows().astype(np.float32)), at(out))
+        return out
+
+    def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
+        """See ``Layer``."""
+        return OrderMultigrid(self, eigenvalues)
+
+
+Means = tuple[Singles, Averages]  # at the points, and on elements of order 1
+
+
+class OrderMultigrid:
+    """The decoupled problems of some modes; see ``Modes``.
+
+    Attributes
+    ----------
+    inverse_diagonals
+        Of their matrices, shape (owned, m).
+    """
+
+    steps = 2  # of smoothing, before and after
+    spread = 8.0  # largest over smallest of the eigenvalues that smoothing takes down
+    lanczos = 10  # steps, which see the largest eigenvalue to a few per cent
+    margin = 1.1  # over what they see
+
+    def __init__(self, layer: LayerMeans, eigenvalues: Vector):
+        self._plane, self._kernel, self._cells = layer.plane, layer.kernel, layer.cells
+        self._eigenvalues = eigenvalues.astype(np.float32)
+        numbering = layer.plane.V.dofmap.index_map
+        self._halo, self._one = (Halo(numbering, many, np.float32) for many in (eigenvalues.size, 2))
+        self._coarse = LinearModes(layer, eigenvalues)
+
+    def take(self, averages: Means) -> None:
+        """See ``Modes``."""
+        self._averages, linear = averages
+        at, y = self._kernel.pointer, np.zeros((self._one.size, 2), dtype=np.float32)
+        self._kernel.call.diagonals(self._cells, at(self._averages), at(y))
+        of_u, of_w = self._one.collect(y).T
+        self.inverse_diagonals = 1.0 / (of_u[:, None] + of_w[:, None] * self._eigenvalues)
+        largest = self.margin * self._largest_eigenvalue()
+        self._bounds = largest / self.spread, largest
+        self._coarse.take(linear)
+
+    def _largest_eigenvalue(self) -> float:
+        """Return the largest of all modes, with Jacobi's preconditioner, by Lanczos' method; collective."""
+        scale, modes = np.sqrt(self.inverse_diagonals), self._eigenvalues.size
+
+        def inner(a: Vector, b: Vector) -> Vector:
+            return np.asarray(self._plane.comm.allreduce((a * b).sum(axis=0)))
+
+        v = np.repeat(np.sin(1e5 * self._plane.coordinates() @ [1.0, np.sqrt(2.0), 0.0])[:, None], modes, axis=1)
+        v, before = (v / np.sqrt(inner(v, v))).astype(np.float32), np.zeros(v.shape, dtype=np.float32)
+        beta: Vector = np.zeros(modes, dtype=np.float32)
+        projected = np.zeros((modes, self.lanczos, self.lanczos))
+        for k in range(self.lanczos):
+            w = scale * self.product(scale * v) - beta * before
+            projected[:, k, k] = alpha = inner(w, v)
+            w -= alpha * v
+            before, beta = v, np.sqrt(inner(w, w))
+            if k + 1 == self.lanczos or beta.min() < 1e-4:  # the latter: a mesh of few cells is exhausted
+                break
+            projected[:, k, k + 1] = projected[:, k + 1, k] = beta
+            v = w / beta
+        return float(np.linalg.eigvalsh(projected).max())
+
+    def product(self, x: Singles) -> Singles:
+        """Return (S_u + Lambda_j S_w) x_j, shape (owned, m), of single precision; collective."""
+        many, at = self._eigenvalues.size, self._kernel.pointer
+        y = np.zeros((self._halo.size, many), dtype=np.float32)
+        x = self._halo.fetch(x)
+        self._kernel.call.multiply(self._cells, at(self._averages), at(self._eigenvalues), many, at(x), at(y))
+        return self._halo.collect(y)
+
+    def _smooth(self, r: Singles, x: Singles) -> Singles:
+        """Improve x by the Chebyshev semi-iteration; return by what, its product r still has to lose; collective.
+
+        Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1.
+        """
+        lowest, largest = self._bounds
+        centre, radius = (largest + lowest) / 2, (largest - lowest) / 2
+        ratio, keep, take = radius / centre, 0.0, 1 / centre
+        direction, image = np.zeros_like(r), np.zeros_like(r)
+        at = self._kernel.pointer
+        for step in range(self.steps):
+            if step:
+                image = self.product(direction)
+            diagonals = at(self.inverse_diagonals)
+            self._kernel.call.smooth(r.size, diagonals, keep, take, at(image), at(r), at(direction), at(x))
+            after = 1.0 / (2 * centre / radius - ratio)
+            keep, take, ratio = after * ratio, 2 * after / radius, after
+        return direction
+
+    def _cycle(self, r: Singles) -> tuple[Singles, Singles]:
+        """Return what a cycle makes of a residual, and what its product is still to be taken from ``r`` of."""
+        x = np.zeros_like(r)
+        r -= self.product(self._smooth(r, x))
+        correction = self._coarse.correction(r)
+        x += correction
+        r -= self.product(correction)
+        return x, self._smooth(r, x)
+
+    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
+        """See ``Modes``."""
+        r: Singles = right.astype(np.float32)
+        x, last = self._cycle(r)
+        for _ in range(cycles - 1):
+            r -= self.product(last)
+            more, last = self._cycle(r)
+            x += more
+        return np.asarray(x, dtype=np.float64)
+
+
+class LinearModes:
+    """The problems on elements of order 1, and one cycle of algebraic multigrid for it.
+
+    Nothing of PETSc's is made twice: what Python lets go of there is kept, on several ranks, until all of them collect.
+    """
+
+    def __init__(self, layer: LayerMeans, eigenvalues: Vector):
+        linear, fine, self._kernel = layer.linear, layer.plane, layer.kernel
+        numbering = linear.plane.V.dofmap.index_map
+        self._halo = Halo(numbering, eigenvalues.size, np.float32)
+        interpolation = interpolation_matrix(linear.plane.V, fine.V)
+        interpolation.assemble()
+        pointers, columns, weights = interpolation.getValuesCSR()
+        here = numbering.global_to_local(columns.astype(np.int64))
+        self._prolongation = sparse.csr_matrix(
+            (weights.astype(np.float32), here, pointers), shape=(fine.owned, self._halo.size)
+        )
+        self._restriction = self._prolongation.T.tocsr()
+        self._modes = linear.modes(eigenvalues)
+
+    def take(self, averages: Averages) -> None:
+        """Take over S_u and S_w on elements of order 1; collective."""
+        self._modes.take(averages)
+
+    def correction(self, residual: Singles) -> Singles:
+        """Return what elements of order 1 make of a residual, both of shape (owned, m); collective."""
+        coarse = self._modes.solve(self._halo.collect(self._spread(self._restriction, residual)))
+        return self._spread(self._prolongation, self._halo.fetch(coarse.astype(np.float32)))
+
+    def _spread(self, matrix: sparse.csr_matrix, x: Singles) -> Singles:
+        rows, many, at = matrix.shape[0], x.shape[1], self._kernel.pointer
+        y = np.zeros((rows, many), dtype=np.float32)
+        parts = at(matrix.indptr), at(matrix.indices), at(matrix.data)
+        self._kernel.call.spread(rows, *parts, many, at(x), at(y))
+        return y
