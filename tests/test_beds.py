@@ -14,6 +14,7 @@ from wavetank.case import Scene, SceneError
 from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
 from wavetank.values.python_file import load
 
 RANDOM = np.random.default_rng(5)
@@ -381,6 +382,49 @@ def test_a_case_s_formula_is_refused_where_it_stands(tmp_path, text, sentence):
     message = refused(read_case, path)
     assert sentence in message
     assert message.count("\n") == 0
+
+
+BASIN = {"type": "basin", "layout": {"type": "rectangle", "length": 8.0, "width": 4.0, "origin": [2.0, 0.0]}}
+DEPTHS = [  # tank, wall, bed, depth, what is said of it
+    ({"length": 8.0}, "piston", "0.4 - 0.02 * x", 0.8, "must be the bed's depth at the paddle, 0.4 m, to 1 %"),
+    ({"length": 8.0}, "piston", "0.8", 0.4, "must be the bed's depth at the paddle, 0.8 m, to 1 %"),
+    ({"length": 8.0}, "piston", "0.403 - 0.02 * x", 0.4, ""),  # as a survey may find it
+    (BASIN, "piston", "0.4 - 0.02 * x + 0.01 * y", 0.5, "must be the bed's depth at the paddle, 0.36 to 0.4 m, to 1 %"),
+    (BASIN, "piston", "0.4 - 0.02 * x + 0.01 * y", 0.38, ""),
+    (BASIN, "fixed", "0.4 - 0.02 * x", 0.28, ""),
+    (BASIN, "fixed", "0.4 - 0.02 * x", 0.5, "must be a depth of the bed, 0.2 to 0.36 m, to 1 %"),
+]
+
+
+def depth_refused(tank, wall, bed, depth, comm):
+    """Return what is said of a depth over a bed by formula; nothing of one that is taken."""
+    from wavetank.runs.footprints import build_footprint
+    from wavetank.runs.waters import check_depth
+
+    motion = {"motion": {"type": "at-rest"}} if wall == "piston" else {}
+    tank = tank | {"depth": depth, "bed": {"type": "formula", "depth": bed}}
+    scene = Scene.model_validate({"tank": tank, "wall": {"type": wall, **motion}, "run": {"duration": 1.0}})
+    footprint = build_footprint(scene, comm)
+    try:
+        check_depth(scene, footprint, Plane(footprint.mesh, 2, footprint.chart))
+    except SceneError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize(("tank", "wall", "bed", "depth", "said"), DEPTHS)
+def test_a_depth_that_is_not_the_beds_where_waves_are_made_is_refused(tank, wall, bed, depth, said):
+    found = depth_refused(tank, wall, bed, depth, MPI.COMM_SELF)
+    assert found == (said and f"tank.depth = {depth}: {said}.")
+
+
+def refused_together():
+    return depth_refused(*DEPTHS[0][:4], MPI.COMM_WORLD)
+
+
+def test_a_depth_is_refused_by_all_ranks_alike(on_ranks):
+    """Only one of them has the paddle."""
+    assert set(on_ranks(refused_together)) == {refused_together()} == {f"tank.depth = 0.8: {DEPTHS[0][-1]}."}
 
 
 def test_a_file_that_cannot_be_used_is_refused_where_it_stands(tmp_path):

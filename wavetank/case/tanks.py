@@ -16,7 +16,7 @@ class _Filled(Noun):
 
     fewest_cells: ClassVar[int] = 1
     usual_cell: ClassVar[float] = 0.2  # in depths
-    depth: Length = Field(description="still-water depth d [m]")
+    depth: Length = Field(description="still-water depth d [m]; over a bed, that at the paddle, to 1 %")
     gravity: Gravity = Field(default=9.81, description="gravity g [m/s^2]")
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.charts import Chart, Straight
@@ -79,6 +80,12 @@ class Plane:
         """The owned degrees of freedom's distances along the tank [m], shape (owned,)."""
         x: Vector = self.places[:, 0]
         return x
+
+    def at(self, facets: mesh.MeshTags) -> NDArray[np.int32]:
+        """Return which of the owned degrees of freedom stand on the facets tagged 1, shape (N,); collective."""
+        self.mesh.topology.create_connectivity(facets.dim, self.mesh.topology.dim)
+        found: NDArray[np.int32] = fem.locate_dofs_topological(self.V, facets.dim, facets.find(1))
+        return found[found < self.owned]
 
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""

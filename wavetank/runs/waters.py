@@ -7,15 +7,18 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.case import Physics, Scene
+from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
 from wavetank.runs.footprints import Footprint, build_footprint
 from wavetank.runs.walls import build_wall, kind_of
-from wavetank.values.noun import about
+from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.bed import Depth, FlatBed, VaryingBed
+from wavetank.water.footprint import Ring
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 AnyWaves = NonlinearWaves | LinearWaves
+NOMINAL = 0.01  # of the depth: what a bed may differ from it where waves are made, as measured ones do
 
 
 def build_waves(scene: Scene, comm: MPI.Comm) -> AnyWaves:
@@ -27,11 +30,28 @@ def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
     """Return a footprint with the scene's water in it; collective."""
     with about("tank", "bed"):
         plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart)
+        check_depth(scene, footprint, plane)
         return WATERS[scene.physics].build(scene, footprint, plane)
 
 
 def _depth(scene: Scene) -> float | Depth:
     return scene.tank.depth if scene.tank.bed is None else scene.tank.bed.build()
+
+
+def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
+    """Raise ``SceneError`` if the tank's depth is not the bed's at the paddle, or is nowhere its; collective."""
+    depth = _depth(scene)
+    if not callable(depth):
+        return
+    at, where = plane.places, "a depth of the bed"
+    if scene.wall.moves and not isinstance(footprint, Ring):
+        at, where = at[plane.at(footprint.side().facets)], "the bed's depth at the paddle"
+    found = agreed(plane.comm, lambda: depth(*at.T))
+    low = plane.comm.allreduce(float(np.min(found, initial=np.inf)), op=MPI.MIN)
+    high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
+    if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
+        depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
+        raise SceneError([Problem(("tank", "depth"), scene.tank.depth, f"must be {where}, {depths}, to 1 %")])
 
 
 def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
