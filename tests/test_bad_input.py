@@ -230,6 +230,7 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "generation = 'second-order'\n",
     "record": SLICE + RUN + "[initial]\ntype = 'solitary-wave'\nheight = 0.2\nx = 8.0\n"
     "[wall]\ntype = 'piston'\nmotion = {type = 'recorded', position = 'paddle.txt'}\n",
+    "going on": SLICE + "[initial]\ntype = 'run'\ndirectory = 'earlier'\nt = 2.0\n" + RUN,
     "ring": SLICE.replace("[tank]", "[tank]\ntype = 'ring'") + RUN
     + "[initial]\ntype = 'stream-function'\nsteepness = 0.1\nwaves = 4\n",
     "beds": SLICE + "bed = {type = 'gridded', file = 'bed.csv'}\n[initial]\ntype = 'standing-wave'\n"

@@ -34,6 +34,7 @@ from wavetank.runs.build import Records, build_observers, build_run, build_watch
 from wavetank.runs.closing import Outcome, closing
 from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
+from wavetank.runs.starts import told_of_start
 from wavetank.runs.waters import AnyWaves, told_of_bed
 from wavetank.values.noun import SceneError
 from wavetank.water.breakdown import cause
@@ -168,7 +169,8 @@ def record_run(
             if writer is not None:
                 at_the_end.enter_context(_said(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
-            for line in (summary(scene, run, waves), told_of_bed(scene, waves)):
+            start = "" if resume else told_of_start(scene, waves, run.state.q)
+            for line in (summary(scene, run, waves), told_of_bed(scene, waves), start):
                 if line:
                     log.say(line)
             with _failure_kept(writer), _progress(run, waves, log, writer) as progress:

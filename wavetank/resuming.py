@@ -9,7 +9,7 @@ from mpi4py import MPI
 from pydantic import ValidationError
 
 from wavetank.arrays import Vector
-from wavetank.case import Scene
+from wavetank.case import Scene, StillWater
 from wavetank.case.numerics import Numerics
 from wavetank.case.reading import changed_scene
 from wavetank.errors import InputError, RunError
@@ -33,7 +33,6 @@ from wavetank.values.noun import Problem, SceneError
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
 RECORDED = {"output", "gauges", "gauge_lines"}  # of which other keys and more gauges are allowed
 SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
-STEPPING = {"cells", "cell_size", "order", "vertical_order", "integrator"}  # what a step follows from
 
 
 class KeptRun:
@@ -175,18 +174,17 @@ class GoingOn:
             allowed = f"must be more than {self.about['t']:g} s, where the run is; --extend SECONDS is so much more"
             raise SceneError([Problem(("run", "duration"), asked.run.duration, allowed)])
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
-            return Planned(kept.model_copy(update={"numerics": self._numerics(mine, its)}))
-        return planned(kept, self._comm)
+            found = Planned(kept.model_copy(update={"numerics": self._numerics(mine, its)}))
+        else:
+            found = planned(kept, self._comm)
+        return found._replace(scene=found.scene.model_copy(update={"initial": StillWater()}))  # it has begun elsewhere
 
     def _numerics(self, mine: Numerics, its: Numerics) -> Numerics:
         """Return those that were chosen, with what is named now and was not, or otherwise."""
-        chosen = self._chosen.numerics
         named = mine.model_fields_set if its.open else set(Numerics.model_fields)
-        changes = {key: getattr(mine, key) for key in named if getattr(mine, key) != getattr(its, key)}
-        changes |= {other: None for key, other in SIZES.items() if changes.get(key) is not None}
-        follows = its.dt is None and bool(changes.keys() & STEPPING)
-        dt = None if follows else self.about["clock"]["dt"]
-        return chosen.model_copy(update={"dt": dt} | changes)
+        changed = {key for key in named if getattr(mine, key) != getattr(its, key)}
+        chosen = self._chosen.numerics.model_copy(update={"dt": self.about["clock"]["dt"]})
+        return mine.over(chosen, named=changed if its.dt is None else changed | {"dt"})
 
     def _check(self, asked: Scene) -> None:
         """Raise ``SceneError`` unless the scene is that of the checkpoint, but for what may change."""

@@ -14,6 +14,7 @@ from wavetank.case.directional import (
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, SolitaryWave, StandingWave, StillWater, StreamFunctionWave
 from wavetank.case.initial_formula import FormulaSurface
+from wavetank.case.initial_run import RunState
 from wavetank.case.numerics import Gauge, IntegratorName, Numerics, Output, RunNoun
 from wavetank.case.paddles import (
     AtRestMotion,
@@ -78,6 +79,7 @@ __all__ = [
     "RegularMotion",
     "RingTank",
     "RunNoun",
+    "RunState",
     "Scene",
     "SceneError",
     "SegmentedPistonWall",

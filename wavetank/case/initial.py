@@ -9,6 +9,7 @@ from pydantic import Field
 
 from wavetank import motions
 from wavetank.case.initial_formula import FormulaSurface
+from wavetank.case.initial_run import RunState
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank
 from wavetank.errors import InputError
@@ -142,6 +143,6 @@ class SolitaryWave(KnownWave):
 
 
 Initial = Annotated[
-    StillWater | StandingWave | StreamFunctionWave | SolitaryWave | FormulaSurface,
+    StillWater | StandingWave | StreamFunctionWave | SolitaryWave | FormulaSurface | RunState,
     Field(discriminator="type", description="the state at t = 0"),
 ]

@@ -1,6 +1,6 @@
 """How it is computed, for how long, and what is recorded."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
@@ -47,7 +47,8 @@ HIGHEST_VERTICAL_ORDER = 16
 IntegratorName = Literal["simpson-4", "third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
 
 
-CHOSEN = frozenset({"cells", "cell_size", "order", "vertical_order", "dt", "integrator"})  # by a plan
+STEPPING = frozenset({"cells", "cell_size", "order", "vertical_order", "integrator"})  # what a step follows from
+CHOSEN = STEPPING | {"dt"}  # by a plan
 
 
 class Numerics(Noun):
@@ -82,6 +83,16 @@ class Numerics(Noun):
     def open(self) -> bool:
         """Whether a plan has to choose: an accuracy is asked for, or nothing named that a plan would choose."""
         return self.accuracy is not None or not self.model_fields_set & CHOSEN
+
+    def over(self, others: "Numerics", *, named: Set[str]) -> "Numerics":
+        """Return the others, but for the keys that are named; the step stays where nothing of it is."""
+        changes: dict[str, Any] = {key: getattr(self, key) for key in named}
+        for one, other in (("cells", "cell_size"), ("cell_size", "cells")):
+            if changes.get(one) is not None:
+                changes[other] = None
+        if named & STEPPING:
+            changes = {"dt": None} | changes
+        return others.model_copy(update=changes)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield too few cells for the tank, or a number of them for a basin."""

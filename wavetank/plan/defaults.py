@@ -14,6 +14,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.case import BasinTank, Scene
 from wavetank.case.initial import StillWater
+from wavetank.case.initial_run import RunState
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.case.sponges import paddle_period
 from wavetank.errors import InputError
@@ -83,9 +84,10 @@ def _of_motion(scene: Scene) -> float:
 
 def _of_start(scene: Scene) -> float:
     """Return the shortest wave number of the initial elevation [rad/m]; 0 of still water."""
-    if isinstance(scene.initial, StillWater):
+    initial = scene.initial
+    if isinstance(initial, StillWater | RunState):  # the latter has that run's numerics
         return 0.0
-    lines = _lines(scene, lambda x, y: scene.initial.surface(scene.tank, x, y)[0])
+    lines = _lines(scene, lambda x, y: initial.surface(scene.tank, x, y)[0])
     return max((_shortest(eta, x, missing=1 - POWER) for x, eta in lines), default=0.0)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.case.initial import StillWater
+from wavetank.case.initial_run import RunState
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
@@ -56,12 +57,13 @@ def _bed(scene: Scene, waves: AnyWaves) -> Iterator[str]:
 
 
 def _start(scene: Scene, waves: AnyWaves) -> Iterator[str]:
-    if isinstance(scene.initial, StillWater):
+    initial = scene.initial
+    if isinstance(initial, StillWater | RunState):
         return
     for which, what in enumerate(("elevation", "surface potential")):
 
         def part(x: Vector, y: Vector, which: int = which) -> Vector:
-            return scene.initial.surface(scene.tank, x, y)[which]
+            return initial.surface(scene.tank, x, y)[which]
 
         missed, whole = misfit(waves.plane, part)
         if rms(waves.plane, missed) > HELD * (size := rms(waves.plane, whole)):

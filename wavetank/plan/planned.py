@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 from mpi4py import MPI
 
-from wavetank.case import BasinTank, Scene
+from wavetank.case import BasinTank, RunState, Scene
 from wavetank.errors import InputError
 from wavetank.fe.agreed import from_first
 from wavetank.meshes import MeshFile
 from wavetank.plan.defaults import DEFAULT, resolved
 from wavetank.plan.plan import Plan, UnreachableError, make_plan
-from wavetank.values.noun import SceneError
+from wavetank.runs.starts import with_its_numerics
+from wavetank.values.noun import SceneError, about
 
 LESS = (0.03, 0.1)  # accuracies that are tried where the default one cannot be had
 
@@ -34,6 +35,9 @@ def planned(scene: Scene, comm: MPI.Comm) -> Planned:
 
 
 def _planned(scene: Scene) -> Planned:
+    if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
+        with about("initial"):
+            return Planned(with_its_numerics(scene, scene.initial))
     if scene.numerics.accuracy is not None:
         return Planned(make_plan(scene, scene.numerics.accuracy).applied_to(scene))
     plan = default_plan(scene)

@@ -16,7 +16,7 @@ It is written beside the last one, forced to the disk, and takes its place in on
 
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
@@ -128,10 +128,14 @@ def read_kept(path: Path) -> Checkpoint | str | None:
 
 def last_checkpoint(run: Path) -> float | None:
     """Return the time of the newest checkpoint that can be opened [s], if there is one."""
+    return next((float(about["t"]) for _, about in kept(run)), None)
+
+
+def kept(run: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Yield the files of the checkpoints that can be opened, the newest first, and what is told of each."""
     for name in KEPT:
         with suppress(*UNREADABLE), ZipFile(run / name) as archive:
-            return float(_about(archive, run)["t"])
-    return None
+            yield run / name, _about(archive, run)
 
 
 def _about(archive: ZipFile, run: Path) -> dict[str, Any]:

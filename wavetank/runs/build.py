@@ -31,6 +31,7 @@ from wavetank.runs.clock import Clock
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.run import Run
 from wavetank.runs.sponges import build_sponge
+from wavetank.runs.starts import initial_surface
 from wavetank.runs.waters import AnyWaves, fill
 from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
@@ -81,9 +82,9 @@ class Beginning(NamedTuple):
 
 def initial_state(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
     """Return (Q, psi) of the scene's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
-    comm, (x, y) = waves.plane.comm, waves.plane.places.T
+    comm = waves.plane.comm
     with about("initial"):
-        eta, psi = agreed(comm, lambda: scene.initial.surface(scene.tank, x, y))
+        eta, psi = initial_surface(scene, waves)
         state = waves.state(eta, psi)
         lowest = comm.allreduce(float(np.min(waves.bed.still + eta, initial=np.inf)), op=MPI.MIN)
         if not lowest > 0.0:
