@@ -57,7 +57,7 @@ def analyse(
     from wavetank.postprocess.compare import write_rows
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
-    results = {kind: known.KINDS[kind](record) for kind in asked}
+    results = {kind: known.analysed(kind, record) for kind in asked}
     _make(folder)
     terminal = console(least=WIDTH)
     for kind, found in results.items():

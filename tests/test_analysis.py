@@ -164,8 +164,8 @@ def test_means_of_the_highest_waves():
 
 
 def test_a_narrow_sea_is_rayleighs_and_its_waves_are_counted_as_often_as_expected():
-    f = np.linspace(0.95, 1.05, 400)
-    t = np.arange(0, 4000.0, 0.1)
+    f = np.linspace(0.95, 1.05, 150)
+    t = np.arange(0, 1500.0, 0.1)
     eta = sea(f, np.full(f.size, 0.05 / 4 * np.sqrt(2 / f.size)))
     found = zero_crossing_waves(recorded(eta, t=t)[0])
     for values, expected in (
@@ -173,9 +173,9 @@ def test_a_narrow_sea_is_rayleighs_and_its_waves_are_counted_as_often_as_expecte
         (found.crest, lambda c: rayleigh_crests(c, 0.05)),
     ):
         told = exceedance(values)
-        # some 4000 waves in groups of ten: as 400 that are independent
-        assert np.abs(told.values - expected(told.value.values)).max() < 1.6 / np.sqrt(400)
-    assert height_statistics(found)["h_1_3"] == pytest.approx(0.05, rel=0.03)
+        # some 1500 waves in groups of ten: as 150 that are independent
+        assert np.abs(told.values - expected(told.value.values)).max() < 1.4 / np.sqrt(150)
+    assert height_statistics(found)["h_1_3"] == pytest.approx(0.05, rel=0.05)
 
 
 def test_forristalls_distributions_are_those_of_the_papers():

@@ -23,6 +23,10 @@ from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.motions.record_file import read_record
 from wavetank.plan.plan import UnreachableError
+from wavetank.postprocess.analysis import kinds
+from wavetank.postprocess.analysis.record import Record
+from wavetank.postprocess.analysis.records import elevation
+from wavetank.records.series import GaugeSeries
 from wavetank.values.noun import Problem, SceneError
 from wavetank.values.python_file import load
 
@@ -199,6 +203,45 @@ def test_an_environment_that_cannot_be_written_names_the_variable_that_says_wher
     assert done.returncode == 2
     said = f"env: the environment is to be in /proc/nothing{cache}, as {variable} says, and cannot be written there;"
     assert done.stderr.startswith(said) and done.stderr.count("\n") == 1
+
+
+# ---------------------------------------------------------------- records of one's own
+RECORDS = {
+    "still": lambda x, t: 0 * t,
+    "at a level": lambda x, t: 0 * t + 0.3,
+    "still at one gauge": lambda x, t: np.sin(3 * t - x) * (x > 1),
+    "a step": lambda x, t: 1.0 * (t > 5 + x),
+    "a ramp": lambda x, t: 1.0 * t,
+    "a pulse": lambda x, t: 1.0 * (np.abs(t - 10 - x) < 0.06),
+    "in phase": lambda x, t: np.sin(3 * t),
+    "steep": lambda x, t: 100 * np.sin(3 * t - x),
+    "of 1e-300 m": lambda x, t: 1e-300 * np.sin(3 * t - x),
+    "of 1e150 m": lambda x, t: 1e150 * np.sin(3 * t - x),
+    "as fast as its steps": lambda x, t: (-1.0) ** np.round(10 * t),
+    "noise": lambda x, t: np.random.default_rng(int(x)).standard_normal(t.size),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "x", "y"),
+    [
+        *((name, (1.0, 2.0, 3.0), 0.0) for name in RECORDS),
+        ("noise", (1.0,), 0.0),
+        ("noise", (1.0, math.nan), 0.0),
+        ("noise", (1.0, 1.0), 5.0),
+    ],
+)
+def test_whatever_a_record_holds_is_analysed_or_refused_in_a_sentence(name, x, y):
+    """No other error, and no warning, which would be one here."""
+    t = np.arange(0, 20, 0.1)
+    gauges = [GaugeSeries(f"{n}", at, t, RECORDS[name](n + 1, t), "made", n * y) for n, at in enumerate(x)]
+    for kind in kinds.KINDS:
+        for period in (None, 2.0):
+            try:
+                found = kinds.analysed(kind, Record(elevation(gauges), "made", period, 1.0))
+                assert found.rows and all(len(row) == len(found.columns) for row in found.rows)
+            except InputError as error:
+                assert str(error).endswith(".") and "\n" not in str(error)
 
 
 # ---------------------------------------------------------------- every key, with every kind of nonsense

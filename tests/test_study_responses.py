@@ -112,7 +112,7 @@ def test_responses_that_are_none_are_refused_before_anything_runs(tmp_path, text
 def test_what_a_run_does_not_tell_is_said(run):
     told, causes = responses(run, [Response("h_max@1"), Response("crest")], start=23.5)
     assert list(told) == ["crest [m]"] and len(causes) == 1
-    assert causes[0].startswith("h_max@1 [m]: 0 whole waves")
+    assert causes[0].startswith("h_max@1 [m]: gauge 1: 0 whole waves")
 
 
 # ---------------------------------------------------------------- what is swept

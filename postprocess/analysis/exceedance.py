@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from xarray import DataArray
 
+from wavetank.errors import InputError
 from wavetank.theory.airy import wave_number
 from wavetank.theory.wave import Array
 
@@ -46,10 +47,13 @@ def forristall_crests(
 
     α and β follow from the steepness S1 = 2π Hm0 / (g Tm01²) and Ursell's number Ur = Hm0 / (k1² d³), k1 that of Tm01;
     where both vanish it is Rayleigh's. Lengths are in m, the period in s; seas are ``"long"``- or ``"short"``-crested.
+    Raises ``InputError`` for seas so steep that β is not positive.
     """
     alphas, betas = CRESTS[crested]
     S = 2 * np.pi * hm0 / (gravity * tm01**2)
     k = float(wave_number(2 * np.pi / tm01, depth, gravity))
     Ur = 0.0 if np.isinf(depth) else hm0 / (k**2 * depth**3)
     alpha, beta = np.dot(alphas, [1, S, Ur]), np.dot(betas, [1, S, Ur, Ur**2])
+    if beta <= 0:
+        raise InputError(f"steepness {S:.3g}, Ursell's number {Ur:.3g}: Forristall's crests are for gentler seas.")
     return np.asarray(np.exp(-(np.divide(crest, alpha * hm0) ** beta)))

@@ -1,6 +1,6 @@
 """Pictures of analyses, one function for each kind."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,6 @@ from xarray import DataArray, Dataset
 from wavetank.postprocess.analysis.along import Along
 from wavetank.postprocess.analysis.exceedance import (
     exceedance,
-    forristall_crests,
     forristall_heights,
     rayleigh_crests,
     rayleigh_heights,
@@ -64,16 +63,15 @@ def spectrum_figure(S: DataArray, path: Path, *, title: str) -> Path:
 def heights_figure(
     waves: Sequence[tuple[DataArray, Dataset]],
     states: Dataset,
+    second: Callable[[Array], Array] | None,
     path: Path,
     *,
     title: str,
-    depth: float | None,
-    gravity: float,
 ) -> Path:
     """Draw how often heights and crests are exceeded, over Hm0, beside Rayleigh's and Forristall's; return ``path``.
 
-    ``waves`` are gauges with their waves, ``states`` their sea states. The crests' distribution is that of long-crested
-    seas of the gauges' mean steepness; without a depth it is left out.
+    ``waves`` are gauges with their waves, ``states`` their sea states, ``second`` is how often crests over Hm0 are
+    exceeded by Forristall, where that is known.
     """
     with picture(path, 11, 5.6) as figure:
         panels, shown = figure.subplots(1, 2, sharey=True), _shown(len(waves))
@@ -83,14 +81,12 @@ def heights_figure(
                 told = exceedance(values / float(states.hm0[n]))
                 label = _label(gauge) if panel is panels[0] else None
                 panel.plot(told.value, told, ".", ms=5, color=colour, label=label)
-        heights, crests = (np.linspace(0, 1.02 * _largest(panel), 200) for panel in panels)
+        heights, crests = (np.linspace(0, 1.02 * _largest(panel), 200, dtype=np.float64) for panel in panels)
         panels[0].plot(heights, rayleigh_heights(heights, 1.0), "--", color=INK, label="Rayleigh")
         panels[0].plot(heights, forristall_heights(heights, 1.0), "-", color=INK, label="Forristall")
         panels[1].plot(crests, rayleigh_crests(crests, 1.0), "--", color=INK)
-        if depth is not None:
-            hm0, tm01 = float(states.hm0.mean()), float(states.tm01.mean())
-            second = forristall_crests(crests * hm0, hm0, tm01=tm01, depth=depth, gravity=gravity)
-            panels[1].plot(crests, second, "-", color=INK)
+        if second:
+            panels[1].plot(crests, second(crests), "-", color=INK)
         least = 0.5 / (1 + max(found.begin.size for _, found in waves))
         panels[0].set(yscale="log", ylim=(least, 1.1), xlabel="height over Hm0 [-]", ylabel="share that is higher [-]")
         panels[1].set(xlabel="crest over Hm0 [-]")

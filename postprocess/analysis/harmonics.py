@@ -49,19 +49,25 @@ def harmonics(eta: DataArray, frequency: float, *, number: int = NUMBER) -> Data
     )
 
 
+def resolved(eta: DataArray, frequency: float) -> int:
+    """Return how many harmonics of a frequency [Hz] a record's steps resolve: one at least, and four at most."""
+    step = float(eta.time[-1] - eta.time[0]) / (eta.time.size - 1)
+    return max(1, min(NUMBER, int(0.49 / (frequency * step))))
+
+
 def _columns(t: NDArray[np.float64], frequency: float, number: int) -> NDArray[np.float64]:
     """Return 1, cos ωt, sin ωt, cos 2ωt ... at times of shape (N,), shape (N, 1 + 2 number)."""
     phases = 2 * np.pi * frequency * np.outer(t, 1 + np.arange(number))
     return np.column_stack([np.ones(t.size), np.stack([np.cos(phases), np.sin(phases)], axis=2).reshape(t.size, -1)])
 
 
-def fundamental(eta: DataArray, *, number: int = NUMBER) -> float:
+def fundamental(eta: DataArray) -> float:
     """Return the frequency [Hz], near the spectrum's peak, whose harmonics leave the least of all gauges."""
     S = spectrum(eta, segment=WHOLE)
     S = S.mean([dim for dim in S.dims if dim != "frequency"])
     near, length = float(peak_frequency(S)), float(eta.time[-1] - eta.time[0])
     t, values = eta.time.values, eta.transpose("time", ...).values.reshape(eta.time.size, -1)
-    most = max(1, min(number, int(0.49 / (near * (t[1] - t[0]) * (1 + NEAR)))))
+    most = resolved(eta, near * (1 + NEAR))
 
     def left(frequency: float) -> float:
         columns = _columns(t, frequency, most)

@@ -11,14 +11,17 @@ from xarray import DataArray
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis import figures
 from wavetank.postprocess.analysis.bound_free import beat_length, bound_and_free
+from wavetank.postprocess.analysis.exceedance import forristall_crests
 from wavetank.postprocess.analysis.groups import envelope, groupiness
-from wavetank.postprocess.analysis.harmonics import NUMBER, harmonics
+from wavetank.postprocess.analysis.harmonics import harmonics, resolved
 from wavetank.postprocess.analysis.record import Record
+from wavetank.postprocess.analysis.records import waving
 from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, Reflection, reflected_spectra, regular_reflection
 from wavetank.postprocess.analysis.spectra import sea_state, spectrum
 from wavetank.postprocess.analysis.speed import phase_speed, travel
 from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
 from wavetank.theory.airy import wave_number
+from wavetank.theory.wave import Array
 
 COHERENT = 0.9  # less has no phase speed
 STEEP = 0.05  # of the wave number: within which that of regular waves is looked for, where gauges allow
@@ -67,22 +70,27 @@ def heights(record: Record) -> Result:
     units = {"waves": "-", "t_mean": "s", "t_1_3": "s"}
     columns = ("gauge", "x [m]", *(f"{name} [{units.get(name, 'm')}]" for name in statistics[0]), "Hm0 [m]")
     rows = _rows(record, [[*one.values()] for one in statistics], states.hm0)
-    depth, gravity, title = record.depth_if_known, record.gravity, record.title
+    hm0, tm01, depth = float(states.hm0.mean()), float(states.tm01.mean()), record.depth_if_known
+
+    def crests(relative: Array) -> Array:
+        return forristall_crests(relative * hm0, hm0, tm01=tm01, depth=depth or np.inf, gravity=record.gravity)
+
     said = "" if depth else "Forristall's crests are left out: the depth is not known (--depth)"
+    try:
+        crests(np.ones(1))
+    except InputError as error:
+        said = f"they are left out; {error}"
+    drawn = None if said else crests
     return Result(
-        columns,
-        rows,
-        said,
-        lambda path: figures.heights_figure(waves, states, path, title=title, depth=depth, gravity=gravity),
+        columns, rows, said, lambda path: figures.heights_figure(waves, states, drawn, path, title=record.title)
     )
 
 
 def harmonic(record: Record) -> Result:
     """Amplitudes and phases of the waves' harmonics."""
-    found = harmonics(record.eta, record.frequency)
-    A = found.component.values
-    columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in range(1, NUMBER + 1))]
-    columns += [*(f"phase{n} [rad]" for n in range(1, NUMBER + 1)), "rest [m]"]
+    found = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency))
+    A, numbers = found.component.values, found.harmonic.values
+    columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in numbers), *(f"phase{n} [rad]" for n in numbers), "rest [m]"]
     rows = _rows(record, np.abs(A), np.angle(A), found.rest)
     said = f"T = {1 / record.frequency:.6g} s" + ("" if record.told_period else ", as found in the record (--period)")
     return Result(columns, rows, said, lambda path: figures.harmonics_figure(found, path, title=record.title))
@@ -134,6 +142,7 @@ def reflection_coefficient(record: Record) -> float:
 
     Raises ``InputError`` where the gauges cannot tell.
     """
+    waving(record.eta)
     if record.told_period:
         _, found = _told_apart(record)
         if found.condition > WORST:
@@ -197,6 +206,12 @@ def speed(record: Record) -> Result:
             found, told, path, title=record.title, depth=record.depth, gravity=record.gravity
         ),
     )
+
+
+def analysed(kind: str, record: Record) -> Result:
+    """Return the result of an analysis of one of ``KINDS``; raises ``InputError`` for a gauge without waves, too."""
+    waving(record.eta)
+    return KINDS[kind](record)
 
 
 KINDS: dict[str, Callable[[Record], Result]] = {

@@ -12,7 +12,7 @@ from wavetank.postprocess.analysis.groups import groupiness
 from wavetank.postprocess.analysis.harmonics import NUMBER, harmonics
 from wavetank.postprocess.analysis.kinds import reflection_coefficient
 from wavetank.postprocess.analysis.record import Record, read_record
-from wavetank.postprocess.analysis.records import chosen
+from wavetank.postprocess.analysis.records import chosen, waving
 from wavetank.postprocess.analysis.spectra import sea_state, spectrum
 from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
 from wavetank.records.directory import SURFACE, RunDirectory
@@ -52,7 +52,7 @@ class Findings:
 
     def gauge(self, name: str) -> DataArray:
         """Return the record at a gauge."""
-        return chosen(self.record.eta, [name])[0]
+        return waving(chosen(self.record.eta, [name])[0])
 
     def _state(self, gauge: str) -> Dataset:
         return sea_state(spectrum(self.gauge(gauge)))

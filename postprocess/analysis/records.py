@@ -13,6 +13,7 @@ from wavetank.records.series import GaugeSeries
 from wavetank.records.surface import Surface
 
 FEWEST = 8  # times of a record
+SMALLEST, LARGEST = 1e-9, 1e4  # m; between them are the heights of waves
 EVEN = 1e-3  # of a step: times that differ by less are equally spaced
 
 
@@ -104,9 +105,24 @@ def time_step(eta: DataArray) -> float:
     return float(steps.mean())
 
 
+def waving(eta: DataArray) -> DataArray:
+    """Return a record that has waves at every gauge; raise ``InputError`` for one that has none that make sense."""
+    for gauge, size in zip(np.atleast_1d(eta.gauge.values), np.atleast_1d(np.ptp(eta.values, axis=-1)), strict=True):
+        if not SMALLEST < size < LARGEST:
+            t = eta.time.values[[0, -1]]
+            why = f"its elevation varies by {size:.3g} m from {t[0]:g} to {t[1]:g} s"
+            raise InputError(f"gauge {gauge}: {why}; waves from {SMALLEST:g} to {LARGEST:g} m are analysed.")
+    return eta
+
+
 def places(eta: DataArray) -> NDArray[np.float64]:
-    """Return where the gauges stand, x [m]; raise ``InputError`` where that is not known, or two stand at one place."""
+    """Return where the gauges stand, x [m].
+
+    Raises ``InputError`` where that is not known, where two stand at one place, and for gauges beside one another.
+    """
     x = np.asarray(eta.x.values, dtype=float)
+    if np.ptp(eta.y.values):
+        raise InputError("the gauges must stand in a row along x, at one y; choose --gauges.")
     if np.isnan(x).any() or np.unique(x).size < x.size:
         unknown = [str(name) for name, at in zip(eta.gauge.values, x, strict=True) if np.isnan(at)]
         why = f"that of {unknown[0]} is not known" if unknown else "two are at one"

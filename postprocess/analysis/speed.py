@@ -12,6 +12,7 @@ from wavetank.theory.airy import wave_number
 from wavetank.theory.wave import Array
 
 AROUND = 6  # samples on either side of the best delay, through which a spline goes
+STILL = 1e-6  # rad; of less turn between two gauges no speed is told
 FINER = 200  # places on it between two samples
 
 
@@ -46,13 +47,13 @@ def _alike(a: Array, b: Array, lag: int) -> float:
 def travel(eta: DataArray) -> Dataset:
     """Return ``distance`` [m], ``delay`` [s] and ``speed`` [m/s] from each gauge to the next along x, over ``pair``.
 
-    Raises ``InputError`` for fewer than two gauges.
+    Without a delay the speed is not a number. Raises ``InputError`` for fewer than two gauges.
     """
     ordered = _ordered(eta)
     x, names = places(ordered), [str(name) for name in ordered.gauge.values]
     delays = np.array([delay(ordered[n], ordered[n + 1]) for n in range(x.size - 1)])
-    with np.errstate(divide="ignore"):
-        found = {"distance": (np.diff(x), "m"), "delay": (delays, "s"), "speed": (np.diff(x) / delays, "m s-1")}
+    speed = np.divide(np.diff(x), delays, out=np.full(delays.size, np.nan), where=delays != 0)
+    found = {"distance": (np.diff(x), "m"), "delay": (delays, "s"), "speed": (speed, "m s-1")}
     return Dataset(
         {name: ("pair", values, {"units": unit}) for name, (values, unit) in found.items()},
         {"pair": [f"{one}-{other}" for one, other in zip(names, names[1:], strict=False)]},
@@ -77,9 +78,10 @@ def phase_speed(eta: DataArray, *, depth: float, gravity: float = 9.81, segment:
     apart = np.diff(x)[:, None]
     turned = -np.angle(cross)  # k x, but for whole turns
     turned += 2 * np.pi * np.round((k * apart - turned) / (2 * np.pi))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        speed = 2 * np.pi * f * apart / turned
-        coherence = np.abs(cross) ** 2 / (own[:-1] * own[1:])
+    moved = np.abs(turned) > STILL
+    speed = np.divide(2 * np.pi * f * apart, turned, out=np.full(turned.shape, np.nan), where=moved)
+    both = own[:-1] * own[1:]
+    coherence = np.divide(np.abs(cross) ** 2, both, out=np.zeros(both.shape), where=both > 0)
     names = [str(name) for name in ordered.gauge.values]
     found = {"speed": (speed, "m s-1"), "coherence": (coherence, "1"), "density": (np.abs(cross), "m2 Hz-1")}
     return Dataset(

@@ -39,7 +39,7 @@ def zero_crossing_waves(eta: DataArray) -> Dataset:
     found = {"period": (period, "s"), "crest": (crest, "m"), "trough": (trough, "m"), "height": (crest - trough, "m")}
     return Dataset(
         {name: ("begin", values, {"units": unit}) for name, (values, unit) in found.items()},
-        {"begin": ("begin", begin, {"units": "s"})},
+        {"begin": ("begin", begin, {"units": "s"}), "gauge": eta.gauge.values},
     )
 
 
@@ -51,7 +51,8 @@ def height_statistics(found: Dataset) -> dict[str, float]:
     """
     heights = found.height.values
     if heights.size < FEWEST:
-        raise InputError(f"{heights.size} whole waves in the record; at least {FEWEST} are needed.")
+        gauge = str(found.gauge.values)
+        raise InputError(f"gauge {gauge}: {heights.size} whole waves in the record; at least {FEWEST} are needed.")
     highest = np.argsort(heights)[::-1]
     third, tenth = (highest[: -(-heights.size // n)] for n in (3, 10))
     return {
