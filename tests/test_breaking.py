@@ -93,6 +93,39 @@ def test_velocity_over_speed_is_that_of_the_exact_wave_on_any_current(current, n
         assert expected - 0.01 < crest.overtaking < expected + 0.1 * (current > 0.0) + 0.01
 
 
+def passing(speed, *, plateau=0.0):
+    """Return a lone crest, twice as long ahead as behind, before and after 0.01 s at a speed; a current everywhere."""
+    x = np.linspace(0.0, 12.0, 1201)
+
+    def at(t):
+        s = x - 6.0 - speed * t
+        w = np.where(s < 0.0, 0.5, 1.0)
+        eta = 0.4 * np.exp(-((s / w) ** 2))
+        return Profile(x, eta, -2 * s / w**2 * eta, speed * eta + plateau)
+
+    return at(0.0), at(0.01)
+
+
+@pytest.mark.parametrize(("speed", "steepest"), [(2.0, 1.0), (-2.0, 0.5)])
+def test_the_front_is_the_side_ahead_and_the_current_that_of_the_water_around(speed, steepest):
+    """Oracles: a Gaussian's steepest slope, (2/e)^(1/2) of height over width; still water around, or a plateau's."""
+    for plateau in (0.0, 0.35 * speed):
+        before, after = passing(speed, plateau=plateau)
+        (one,) = steep_crests(before, after, time=0.01, front=0.1, cell=0.1)
+        assert one.front == pytest.approx(np.sqrt(2 / np.e) * 0.4 / steepest, rel=0.01)
+        assert one.current == pytest.approx(plateau, abs=1e-3) and one.speed == pytest.approx(speed, rel=0.01)
+        assert not steep_crests(before, after, time=0.01, front=0.1, cell=1.5)  # its upper half is 1.25 m wide
+
+
+def test_a_surface_with_another_potential_moves_otherwise():
+    waves, _ = dissipation(cells=12)
+    flow, x = SurfaceFlow(waves), waves.plane.x
+    q, p = waves.state(0 * x, np.sin(2 * np.pi * x / 12.0))
+    for times in (1.0, 2.0):
+        flow.update(q, times * p, 0.0)
+        assert flow.largest_velocity == pytest.approx(times * 2 * np.pi / 12.0, rel=1e-2)
+
+
 def test_peaks_are_those_of_scipy():
     """Oracle: scipy.signal.find_peaks, which takes a second to load; noise, waves, and places that cells share."""
     random, x = np.random.default_rng(1), np.linspace(0.0, 40.0, 300)

@@ -15,7 +15,7 @@ from wavetank.records.directory import RunDirectory
 
 CASES = sorted((CHECKOUT / "cases").glob("*.toml"))
 TWICE = ("numerics.dt=0.01", "run.duration=0.02", "numerics.tolerance=1e-9")
-COARSE = ("numerics.cell_size=1.0", "numerics.order=2", "numerics.vertical_order=2")
+COARSE = ("numerics.cell_size=2.0", "numerics.order=2", "numerics.vertical_order=2")
 MASS = {1: "mass [m^2]", 2: "mass [m^3]"}
 
 

@@ -17,7 +17,8 @@ from wavetank.cli import ORDER, app, main
 from wavetank.records.directory import RunDirectory
 
 DRIVEN = ["cases/wavemaker.toml", "wall.motion.paddle_amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
-DRIVEN += ["tank.length=3.5", "run.duration=0.3", "numerics.vertical_order=4", "numerics.tolerance=1e-11"]
+DRIVEN += ["tank.length=3.5", "run.duration=0.3", "numerics.dt=0.03", "numerics.vertical_order=4"]
+DRIVEN += ["numerics.tolerance=1e-11"]
 COARSE = ["--set", "numerics.cells=12", "--set", "numerics.vertical_order=4"]
 
 

@@ -125,6 +125,7 @@ def test_the_step_keeps_its_two_form_on_a_nonseparable_system(scheme):
     assert np.abs(wrong.T @ scheme.form @ wrong - scheme.form).max() > 1e-5
 
 
+@pytest.mark.slow  # in numbers each scheme does above
 def test_the_step_keeps_its_two_form_in_symbols():
     """All but Suzuki's scheme and those in means and jumps, which symbols do not hold."""
     found = [row.symbolic for row in symplecticity.rows()]
@@ -270,6 +271,7 @@ def test_the_third_order_scheme_in_means_and_jumps_for_every_weight():
     assert mean_jump.form_defects() == [0, 0, 0]
 
 
+@pytest.mark.slow  # algebra; in numbers its errors have their order, and what alternates grows as it should
 def test_the_mean_has_its_local_error_and_modified_equation_on_a_forced_nonlinear_system():
     """By exact rational arithmetic, against derivatives along the flow."""
     *lower, fifth = mean_jump.local_error()
@@ -277,6 +279,7 @@ def test_the_mean_has_its_local_error_and_modified_equation_on_a_forced_nonlinea
     assert fifth == mean_jump.modified_term() and not fifth.is_zero_matrix
 
 
+@pytest.mark.slow
 def test_what_alternates_obeys_the_parasitic_equation_and_stays_out_of_the_mean():
     left = mean_jump.alternating_part()
     assert left.mean.is_zero_matrix and left.jump.is_zero_matrix

@@ -22,6 +22,8 @@ from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.runs.clock import Clock
 from wavetank.runs.run import Run
+from wavetank.water.breaking import BreakingDissipation, BreakingWatch
+from wavetank.water.crests import SteepCrest
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.footprint import Slice
@@ -163,6 +165,30 @@ def test_a_smooth_surface_is_smooth_to_the_penalty_wherever_the_paddle_stands(ma
         sizes.append(8.0 / cells)
         changes.append(np.abs(penalty.momentum(psi) - psi).max())
     assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
+
+
+def test_an_even_slope_has_no_kink_where_the_mapping_has(make_tank):
+    """Elements of order 2 do not hold the shape of the mapping: it is in physical space that kinks are looked for."""
+    tank = make_tank(length=4.0, cells=8, order=2, n=2, motion=Sinusoid(0.5, 4.0), reach=2.0)
+    tank.set_time(1.0)  # X_p = 0.5 m
+    x = tank.wall.to_physical(tank.plane.places)[:, 0]
+    penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=0.01, threshold=0.0)
+    assert penalty.needed(*tank.state(0 * x, x, 1.0), 1.0)
+    assert np.abs(penalty.momentum(x) - x).max() < 1e-12
+
+
+def test_viscosity_is_where_the_crest_is_in_the_laboratory(make_tank):
+    """Oracle: short waves are flattened about the crest's own place; the reference tank has it 0.25 m beside."""
+    tank = make_tank(length=4.0, cells=32, n=2, motion=Sinusoid(0.5, 4.0), reach=4.0)
+    breaking = BreakingDissipation(tank, BreakingWatch(tank, SurfaceFlow(tank), length=None), dt=1e-3)
+    tank.set_time(1.0)  # X_p = 0.5 m
+    x = tank.wall.to_physical(tank.plane.places)[:, 0]
+    psi = np.cos(2 * np.pi * x / 0.4)
+    one = SteepCrest(x=1.7, height=0.2, velocity=1.8, current=0.0, speed=2.0, mean=1.0, front=0.5)
+    breaking.place([one])
+    taken = np.abs(breaking.momentum(psi) - psi)
+    assert np.sum(x * taken) / np.sum(taken) == pytest.approx(one.x, abs=0.03)
+    assert taken[np.abs(x - one.x) > 1.2].max() < 1e-3 * taken.max()
 
 
 def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):

@@ -15,10 +15,8 @@ from wavetank.theory.wavemaker import PISTON
 GRAVITY, AMPLITUDE = 9.81, 2e-4
 
 
-SLOW = pytest.mark.slow  # of linear waves all three are tested in tests/test_linear_model.py
-
-
-@pytest.mark.parametrize("kd", [pytest.param(0.6, marks=SLOW), 1.5, pytest.param(3.0, marks=SLOW)])
+@pytest.mark.slow  # test_linear_model.py: of linear waves all three hold, and small nonlinear ones become linear
+@pytest.mark.parametrize("kd", [0.6, 1.5, 3.0])
 def test_height_to_stroke_is_biesels(make_tank, kd):
     omega = float(angular_frequency(kd, 1.0, GRAVITY))
     period = 2 * np.pi / omega

@@ -105,8 +105,8 @@ class Cells:
         sum_(l > p) (2 l + 1) j_l(kappa)² (Abramowitz and Stegun 1964, 10.1.47).
         """
         kappa = np.asarray(k, dtype=float) * self.size / 2
-        degrees = range(self.order + 1, self.order + 13)
-        share = sum((2 * degree + 1) * spherical_jn(degree, kappa) ** 2 for degree in degrees)
+        degrees = np.arange(self.order + 1, self.order + 13)
+        share = spherical_jn(degrees, kappa[..., None]) ** 2 @ (2 * degrees + 1)
         return np.asarray(np.sqrt(np.minimum(share, 1.0)))
 
     @cached_property
@@ -207,13 +207,11 @@ class _Oscillators(OnOneRank):
 
 def amplification(scheme: Integrator[Any], x: Vector) -> Vector:
     """Return the matrices by which a step maps the state of an oscillator with omega dt = x, shape (N, m, m)."""
-    system, zero = _Oscillators(x), np.zeros_like(x)
-    kind = type(scheme.start(zero, zero))
-    size = len(scheme.start(zero, zero))
-    columns = [
-        np.array(scheme.step(system, kind(*(zero + (i == j) for i in range(size))), 0.0, 1.0)) for j in range(size)
-    ]
-    return np.array(columns).transpose(2, 1, 0)
+    start = scheme.start(np.zeros_like(x), np.zeros_like(x))
+    size = len(start)
+    units = type(start)(*np.repeat(np.eye(size), x.size, axis=1))  # one after the other, each of all oscillators
+    columns = np.array(scheme.step(_Oscillators(np.tile(x, size)), units, 0.0, 1.0))
+    return columns.reshape(size, size, x.size).transpose(2, 0, 1)
 
 
 class StepErrors(NamedTuple):
@@ -234,7 +232,7 @@ class StepErrors(NamedTuple):
 def step_errors(scheme: Integrator[Any], x: ArrayLike) -> StepErrors:
     """Return the errors at omega dt = x, positive, any shape."""
     flat = np.asarray(x, dtype=float).ravel()
-    factors, modes = np.linalg.eig(amplification(scheme, flat).astype(complex))
+    factors, modes = np.linalg.eig(amplification(scheme, flat))
     principal = np.argmin(np.abs(factors - np.exp(-1j * flat)[:, None]), axis=1)
     rows = np.arange(flat.size)
     angle = -np.angle(factors[rows, principal])

@@ -85,7 +85,7 @@ class ErrorModel:
 
     def _part(self, frequency: Vector, bounded: Vector) -> ErrorPart:
         """Return the part of relative errors per component and harmonic, shape (N, M); ``nan`` is a wave lost."""
-        frequency = np.minimum(np.nan_to_num(np.abs(frequency), nan=1.0), 1.0)
+        frequency = np.fmin(np.abs(frequency), 1.0)  # what is nan among it, too
         return ErrorPart(self._radians * (frequency @ self._weights), np.sqrt(bounded**2 @ self._ratios**2))
 
     def mesh(self, order: int, cells: int, vertical_order: int) -> Mesh:
