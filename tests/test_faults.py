@@ -1,22 +1,28 @@
 """Faults: whatever ends a run, what is there can be read, and it goes on as if nothing had happened (the oracle)."""
 
 import io
+import json
 import os
 import random
 import signal
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from killing import Stages, doom
 from mpi4py import MPI
+from ranks import begun, members
 from rich.console import Console
-from test_checkpoint import same, scene
+from test_checkpoint import OUTPUT, same, scene
 from test_stateful import BASIN, SLICE
 
-from wavetank.errors import InputError
+from wavetank.errors import BreakdownError, InputError
+from wavetank.observers.contract import Moment
+from wavetank.observers.schedule import EverySteps
 from wavetank.recording import record_run
 from wavetank.records.checkpoint import read_checkpoint
 from wavetank.records.directory import MANIFEST, RunDirectory
@@ -28,19 +34,19 @@ from wavetank.status import line, standing
 KILLING = str(Path(__file__).with_name("killing.py"))
 
 
-def recorded(parts: dict, out: Path | Place, *, resume: bool = False) -> None:
-    """Record a run with a checkpoint after each step."""
-    every = scene(parts, checkpoint_every=1e-6)
-    record_run(every, out, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), resume=resume)
+def recorded(parts: dict, out: Path | Place, *, resume: bool = False, every: float = 1e-6) -> None:
+    """Record a run with a checkpoint after each step, or every so many seconds."""
+    kept = scene(parts, checkpoint_every=every)
+    record_run(kept, out, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), resume=resume)
 
 
-def gone_on(parts: dict, out: Path) -> None:
+def gone_on(parts: dict, out: Path, every: float = 1e-6) -> None:
     """Go on with a run as its user does: anew where it has come to no checkpoint."""
     try:
-        recorded(parts, out, resume=True)
+        recorded(parts, out, resume=True, every=every)
     except InputError as error:
         assert "no checkpoint" in str(error) or "no run directory" in str(error)
-        recorded(parts, Place(out, overwrite=True))
+        recorded(parts, Place(out, overwrite=True), every=every)
 
 
 def forked(action: Callable[[], None], call: int = 0) -> int:
@@ -109,3 +115,112 @@ def test_a_run_that_is_killed_at_any_stage_of_writing_loses_but_the_steps_since_
             assert kept in (0.0, *(one["from"] for one in RunDirectory(part).manifest["parts"]))
     print(f"{kills} kills at {len(stages.calls)} stages")
     assert kills > 100
+
+
+# ---------------------------------------------------------------- what is no number
+class Spoilt:
+    """An observer that puts what is no number into the state, on the last rank."""
+
+    def __init__(self, part: str, comm: MPI.Comm):
+        self.schedule, self._part, self._last = EverySteps(), part, comm.rank == comm.size - 1
+
+    def observe(self, moment: Moment) -> None:
+        if moment.step == 3 and self._last:
+            getattr(moment, self._part)[0] = np.nan
+
+
+def spoilt(parts: dict, out: Path, part: str) -> str:
+    """Return why a run ends whose state is spoilt; collective."""
+    comm = MPI.COMM_WORLD
+    with pytest.raises(BreakdownError) as error:
+        spoiling = [lambda waves: Spoilt(part, comm)]
+        record_run(scene(parts), out, comm=comm, console=Console(file=io.StringIO()), observers=spoiling)
+    return str(error.value)
+
+
+CAUSE = "the state that the step began with holds what is no number, such as an observer"
+
+
+@pytest.mark.parametrize("part", ["q", "p"])
+def test_of_a_number_that_is_none_the_true_cause_is_said(part, tmp_path):
+    assert CAUSE in spoilt(SLICE, tmp_path, part)
+    run = RunDirectory(tmp_path)
+    assert run.status == "broke down" and CAUSE in run.manifest["cause"]
+    assert run.gauge_series()[0].t.size == 4  # not that of the spoilt state
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", ["q", "p"])
+def test_of_a_number_that_is_none_on_one_rank_all_say_the_true_cause(part, tmp_path, on_ranks):
+    said = on_ranks(spoilt, BASIN, tmp_path, part)
+    assert len(set(said)) == 1 and CAUSE in said[0]
+
+
+# ---------------------------------------------------------------- processes
+def spelt(value: object) -> str:
+    """Return a value of a case as TOML, tables inline."""
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {spelt(one)}" for key, one in value.items()) + " }"
+    return f"[{', '.join(map(spelt, value))}]" if isinstance(value, list) else json.dumps(value)
+
+
+@pytest.fixture
+def basin(tmp_path) -> list[str]:
+    """Return the arguments by which a case of a basin is run, a checkpoint after each step."""
+    case = tmp_path / "basin.toml"
+    run = {"run": BASIN["run"] | {"checkpoint_every": 1e-6}, "output": OUTPUT}
+    case.write_text("".join(f"{key} = {spelt(value)}\n" for key, value in (BASIN | run).items()))
+    return ["run", str(case), "--no-plots", "--out"]
+
+
+@pytest.mark.slow
+def test_where_one_of_two_ranks_is_killed_both_end_and_the_run_goes_on(basin, tmp_path):
+    """Again and again, at random calls by which either touches files: the oracle is the run that nothing has ended."""
+    launched = ["mpirun", "-n", "2", sys.executable, KILLING]
+    subprocess.run([*launched, "0", "0", *basin, str(tmp_path / "whole")], check=True, capture_output=True)
+    rng, kills, runs = random.Random(11), 0, 0
+    while kills < 40:
+        part, again = tmp_path / f"part-{runs}", []
+        runs += 1
+        while True:
+            doomed = [str(rng.randrange(2)), str(rng.randrange(1, 1500)), *basin, str(part), *again]
+            with begun([*launched, *doomed], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+                out, errors = process.communicate()
+                assert not members(process.pid)
+            if process.returncode == 0:
+                break
+            if "wavetank: " in errors:
+                assert process.returncode == 2 and errors.count("wavetank: ") == 1, errors
+                assert "no checkpoint" in errors or "no run directory" in errors
+                again = ["--overwrite"]
+                continue
+            assert "Killed" in errors and "Traceback" not in errors, errors
+            kills += 1
+            readable(part)
+            again = ["--resume"]
+        same(tmp_path / "whole", part)
+    print(f"{kills} kills in {runs} runs")
+
+
+@pytest.mark.slow
+def test_a_thousand_periods_that_are_killed_ten_times_equal_those_that_are_not(tmp_path):
+    """Of a regular wave in a ring, bit for bit."""
+    parts = {
+        "tank": {"type": "ring", "length": 2 * np.pi, "depth": 1.0},
+        "initial": {"type": "stream-function", "steepness": 0.2},
+        "gauges": [0.0, 3.0],
+        "run": {"duration": 2300.0},
+        "numerics": {"cells": 6, "vertical_order": 2, "dt": 0.1},
+    }
+    rng, kills = random.Random(3), 0
+    assert forked(lambda: recorded(parts, tmp_path / "whole", every=1.0)) == 0
+    while kills < 10:
+        assert (
+            forked(lambda: gone_on(parts, tmp_path / "part", every=1.0), rng.randrange(100, 40_000)) == -signal.SIGKILL
+        )
+        readable(tmp_path / "part")
+        kills += 1
+    assert forked(lambda: gone_on(parts, tmp_path / "part", every=1.0)) == 0
+    same(tmp_path / "whole", tmp_path / "part")
+    print(RunDirectory(tmp_path / "part").manifest["resumed"])
+    assert RunDirectory(tmp_path / "part").manifest["numerics"]["steps_taken"] == 23_000

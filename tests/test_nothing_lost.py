@@ -241,7 +241,7 @@ def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     if not (tmp_path / "code").exists():
         pytest.skip("no file system can be mounted here")
-    assert (tmp_path / "code").read_text() == "1\n"
+    assert (tmp_path / "code").read_text() == "1\n" and done.stderr.count("\n") == 1
     manifest = RunDirectory(tmp_path / "run").manifest
     assert manifest["status"] == "failed" and "No space left on device" in manifest["cause"] in done.stderr
     assert RunDirectory(tmp_path / "run").gauge_series()[0].t.size > 100
@@ -285,6 +285,27 @@ def test_a_run_goes_on_whatever_becomes_of_its_output(tmp_path, output):
     assert RunDirectory(tmp_path / "run").status == "finished"
     said = (tmp_path / "run" / LOG).read_text()
     assert "490 unknowns" in said and "iterations a step" in said and said.endswith("finished\n")
+
+
+def test_the_output_of_any_command_may_be_closed(tmp_path, monkeypatch):
+    with RunWriter(tmp_path / "run", {"scene": {"title": "A run"}}) as writer:
+        gauges = writer.gauges([("1", 1.0)])
+        for n in range(20):
+            gauges.append([0.1 * n, 0.01 * n * (19 - n)])
+    run = str(tmp_path / "run")
+    for command in (["status", run], ["compare", run, "--with", run], ["data", "list"], ["schema"], ["--version"]):
+        reading, writing = os.pipe()
+        os.close(reading)
+        with open(writing, "w") as closed, monkeypatch.context() as patched:
+            patched.setattr("sys.stdout", closed)
+            assert main(command) == 0
+
+
+def test_a_name_that_is_no_text_stops_no_library(monkeypatch):
+    """Bytes that are no UTF-8, as Python gives them to programs: dolfinx reads all arguments."""
+    monkeypatch.setattr("sys.argv", ["wavetank", "run", "F\udce4lle.toml"])
+    assert main(["--version"]) == 0
+    assert [word.encode() for word in sys.argv] == [b"wavetank", b"run", b"F\\udce4lle.toml"]
 
 
 def test_a_reader_that_stands_still_is_not_waited_for():

@@ -230,6 +230,30 @@ def test_a_manifest_that_cannot_be_written_leaves_an_earlier_run_alone(complete_
     assert {path: path.read_bytes() for path in complete_run.iterdir()} == before
 
 
+def test_a_disk_that_is_full_when_a_run_begins_leaves_an_earlier_one_or_says_so(complete_run, monkeypatch):
+    """Where not even the manifest can be written; and where that can, and the first table no more."""
+    before = {path: path.read_bytes() for path in complete_run.iterdir()}
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    writer = RunWriter(Place(complete_run, overwrite=True), {})
+    with monkeypatch.context() as patched, pytest.raises(InputError, match="No space"):
+        patched.setattr("wavetank.records.whole.os.replace", full)
+        writer.begin()
+    writer.release()
+    assert {path: path.read_bytes() for path in complete_run.iterdir()} == before
+    with monkeypatch.context() as patched:
+        patched.setattr("wavetank.records.growing.GrowingFile.write", full)
+        writer = RunWriter(Place(complete_run, overwrite=True), {})
+        writer.table("energy.csv", COLUMNS)
+        with pytest.raises(InputError, match="No space"):
+            writer.begin()
+    run = RunDirectory(complete_run)
+    assert run.status == "failed" and "No space" in run.manifest["cause"]
+    writer.release()
+
+
 @pytest.mark.parametrize("content", [b"", b"[1, 2]", b'{"status": ', b"\xff"])
 def test_an_unreadable_manifest_is_bad_input(tmp_path, content):
     (tmp_path / "manifest.json").write_bytes(content)

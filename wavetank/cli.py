@@ -238,6 +238,7 @@ def main(arguments: list[str] | None = None) -> int:
     os.environ.setdefault("PETSC_OPTIONS", "-no_signal_handler")  # a closed pipe or Ctrl-C is Python's to report
     given, ranks = sys.argv[1:] if arguments is None else arguments, _ranks()
     debug = "--debug" in given
+    sys.argv = [word.encode(errors="backslashreplace").decode() for word in sys.argv]  # dolfinx reads them as UTF-8
     try:
         app([word for word in given if word != "--debug"])
     except WavetankError as error:

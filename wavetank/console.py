@@ -1,6 +1,7 @@
 """Where messages go: nothing that becomes of standard output stops or delays what is computed."""
 
 import os
+import signal
 import sys
 import time
 from contextlib import suppress
@@ -45,6 +46,8 @@ class Unhurried(TextIOBase):
     def __init__(self, stream: TextIO):
         self._stream, self._descriptor = stream, stream.fileno()
         self._texts: Queue[bytes] = Queue(PENDING)
+        with suppress(ValueError):  # of a thread that is not the main one
+            signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as Python does, and PETSc, where a program loads it, undoes
         Thread(target=self._pass_on, daemon=True).start()
 
     @property

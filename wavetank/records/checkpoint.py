@@ -67,7 +67,9 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint) -> int:
                 for name, values in (("places", checkpoint.places), *enumerate(checkpoint.arrays)):
                     content = BytesIO()
                     np.save(content, values)
-                    archive.writestr(f"{name}.npy", content.getbuffer())
+                    archive.writestr(
+                        f"{name}.npy", content.getvalue()
+                    )  # a view of it would outlive a full disk's error
             file.flush()
             os.fsync(file.fileno())
             size = os.fstat(file.fileno()).st_size

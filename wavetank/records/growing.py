@@ -54,9 +54,12 @@ class GrowingFile:
         return self._path.name
 
     def open(self) -> None:
-        """Make the file, or go on where it was when that was held; raises ``OSError``."""
-        self._file = self._path.open("r+b" if self._kept else "wb")
-        self._file.truncate(self._kept)
+        """Make the file, or go on where it was when that was held; raises ``RecordError``."""
+        try:
+            self._file = self._path.open("r+b" if self._kept else "wb")
+            self._file.truncate(self._kept)
+        except OSError as error:
+            raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
 
     def held(self) -> Held:
         """Return how far it has grown."""
@@ -109,7 +112,7 @@ class TableWriter(GrowingFile):
         self._columns, self._rows = columns, 0
 
     def open(self) -> None:
-        """Make the file, with the names of its columns, or go on; raises ``OSError``, ``RunError``."""
+        """Make the file, with the names of its columns, or go on; raises ``RecordError``."""
         if self._kept:
             self._widen()
         super().open()

@@ -63,7 +63,7 @@ class SurfaceWriter(GrowingFile):
         self._points = self._snapshots = self._begin = 0
 
     def open(self) -> None:
-        """Make both files, or go on with them; raises ``OSError``."""
+        """Make both files, or go on with them; raises ``RecordError``."""
         super().open()
         self._index.open()
         if self._snapshots:

@@ -69,24 +69,30 @@ class RunWriter:
             raise InputError(f"{place.path}: cannot be written ({error.strerror}).") from None
 
     def begin(self, more: dict[str, Any] | None = None) -> Self:
-        """Replace what an earlier run has left, unless it goes on, and write the manifest, with what is known by now.
+        """Write the manifest, with what is known by now, and replace what an earlier run has left, unless it goes on.
 
-        Raises ``InputError`` if it cannot be written, ``RunError`` for a number in it that is not finite, and where the
-        directory is another's by now.
+        Raises ``InputError`` or ``RecordError`` if they cannot be written, ``RunError`` for a number in it that is not
+        finite, and where the directory is another's by now.
         """
         self._check_held()
         self._manifest |= more or {}
         room = ROOM + len(self._text(self._manifest))
         try:
+            self._lock.reserve(room)
+            self._write_manifest(self._manifest, lasting=True)  # first: what a full disk does not take replaces nothing
+            self._begun = True
             for old in [] if self._resume else list(recorded(self.path)):
                 old.unlink()
-            self._lock.reserve(room)
-            self._write_manifest(self._manifest, lasting=True)
-            self._begun = True
             for record in self._records:
                 record.open()
         except OSError as error:
-            raise InputError(f"{self.path}: cannot be written ({error.strerror}).") from None
+            refused = InputError(f"{self.path}: cannot be written ({error.strerror}).")
+            if self._begun:
+                self.fail(refused)
+            raise refused from None
+        except RecordError as error:
+            self.fail(error)
+            raise
         return self
 
     @property

@@ -1,5 +1,7 @@
 """Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
 
+from math import isfinite
+
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.stage_solver import ITERATES
 from wavetank.water.short_waves import ShortWaves
@@ -11,6 +13,11 @@ FLAT = 0.05  # slope, of waves that no theory calls steep
 
 def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, limit: float) -> str:
     """Return in words why a step dt [s] from a state failed; ``limit`` is the scheme's, of omega dt; collective."""
+    if not isfinite(waves.plane.sum(q) + waves.plane.sum(p)):
+        return (
+            "the state that the step began with holds what is no number, such as an observer, a filter or a motion of "
+            "one's own can make of it, or the step before, where it was too long or the waves too steep for the mesh"
+        )
     flow = waves.surface
     flow.update(q, p, t)
     frequency, limit = ShortWaves(waves).largest_frequency(flow), min(limit, ITERATES)

@@ -169,6 +169,8 @@ class NonlinearWaves:
         self.h.set(self.columns.solve(q))
         self._check_column(t)
         self.level = self.plane.sum(p) / self.plane.size
+        if not np.isfinite(self.level):
+            raise BreakdownError(f"t = {t:.6g} s: the surface's potential is no longer a number")
         self.phi.owned[:, -1] = p - self.level
         self.phi.function.x.scatter_forward()
         self.operator.update()
@@ -216,14 +218,16 @@ class NonlinearWaves:
 
     def _check_column(self, t: float) -> None:
         column = np.concatenate([self.h.owned, [np.inf]])  # a rank may own nothing
+        column[np.isnan(column)] = -np.inf  # which is less than all numbers on other ranks
         least = int(np.argmin(column))
         place = (*map(float, self.plane.places[least]),) if least < self.plane.owned else (0.0, 0.0)
         still = float(np.append(np.zeros(self.plane.owned) + self.bed.still, 0.0)[least])
         lowest, x, y, still = self.plane.comm.allreduce((float(column[least]), *place, still), op=MPI.MIN)
         if not lowest > 0.0:
-            what = "the surface reaches the bed" if lowest <= 0.0 else "the surface is no longer a number"
+            what = f"the surface reaches the bed (lowest water column {lowest:.3g} m)"
+            what = what if np.isfinite(lowest) else "the surface is no longer a number"
             where = f"x = {x:.4g} m" if self.plane.mesh.topology.dim == 1 else f"x = {x:.4g} m, y = {y:.4g} m"
-            what = f"t = {t:.6g} s, {where}: {what} (lowest water column {lowest:.3g} m)"
+            what = f"t = {t:.6g} s, {where}: {what}"
             if still < SHALLOW * self.depth:
                 shallow = f"still water is only {still:.3g} m deep there, and troughs must not fall dry"
                 raise RunError(f"{what}: {shallow}; tank.bed.minimum_depth keeps a bed below them")
