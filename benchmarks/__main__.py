@@ -6,13 +6,14 @@ import pstats
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import scaling
+from benchmarks import beside, scaling
 from benchmarks.direct import DirectMinimum
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS
@@ -113,11 +114,11 @@ def where_the_time_goes(steps: int) -> None:
 
 
 GROUPS = {
-    "horizontal sparse products": ("csr_matvec", "products.py", "built-in method product_"),
-    "the operator": ("layers",),
-    "KSP's own: preconditioners, mass matrix, vectors": ("'solve' of 'petsc4py.PETSc.KSP'",),
-    "assembling the preconditioner": ("_assemble_matrix_csr",),
-    "assembling derivatives": ("_assemble_vector_array",),
+    "interior solves": ("find_interior",),
+    "a state's second derivatives, the column's derivative": ("built-in method layers.hessians", "layers.derivative"),
+    "the stages' preconditioner": ("solve_surface", "still_water.py"),
+    "the mass matrix": ("'solve' of 'petsc4py.PETSc.KSP'", "mass.py", "_assemble_matrix_csr", "setValuesCSR"),
+    "forms of the wall": ("_assemble_vector_array", "forms.py"),
     "start values": ("recall.py", "start_values.py", "lstsq"),
 }
 
@@ -129,11 +130,13 @@ def main() -> None:
         "mesh": lambda asked: against_the_mesh(asked.steps),
         "profile": lambda asked: where_the_time_goes(asked.steps),
         "scaling": lambda asked: scaling.report(largest=asked.largest),
+        "beside": lambda asked: asked.other and beside.report(asked.other, CONSOLE),
     }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=list(benchmarks), action="append", help="may be given several times")
     parser.add_argument("--steps", type=int, default=40)
     parser.add_argument("--largest", action="store_true", help="scaling up to 10^7 unknowns: minutes and 10 GB")
+    parser.add_argument("--other", type=Path, help="another checkout, beside which cases are run")
     arguments = parser.parse_args()
     for name in arguments.only or benchmarks:
         benchmarks[name](arguments)

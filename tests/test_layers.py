@@ -55,11 +55,12 @@ def moved(name):
 
 
 def differences(name):
-    """Return how far A x and the derivative by the column are from what dolfinx makes of K; collective."""
+    """Return how far A x and the derivative by the column are from what dolfinx makes of K + V; collective."""
     waves, potentials = moved(name)
     phi, comm, n = waves.phi, waves.plane.comm, waves.vertical.n
     kinetic = waves.densities.kinetic(phi.function, waves.vertical) * waves.plane.dx
-    by_phi, by_h = (VectorForm(ufl.derivative(kinetic, by)) for by in (phi.function, waves.h.function))
+    both = kinetic + waves.densities.potential() * waves.plane.dx
+    by_phi, by_h = (VectorForm(ufl.derivative(both, by)) for by in (phi.function, waves.h.function))
     energy, found = ScalarForm(kinetic, comm), []
 
     def apart(ours, theirs):

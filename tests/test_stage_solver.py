@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.hamiltonian.contract import Stage
-from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
+from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
 from wavetank.hamiltonian.start_values import Extrapolation
 
 
@@ -17,7 +17,7 @@ def stage(t=0.0, dt=0.1):
 def test_a_linear_stage_is_solved_exactly():
     matrix = np.array([[0.0, 1.0], [-1.0, 0.0]])
     known = np.array([1.0, 2.0])
-    z = SnesStages.serial(1).pair.solve(stage(), lambda z: z - known - 0.4 * matrix @ z, known)
+    z = IteratedStages.serial(1).pair.solve(stage(), lambda z: z - known - 0.4 * matrix @ z, known)
     assert np.allclose(z, np.linalg.solve(np.eye(2) - 0.4 * matrix, known), rtol=1e-13)
 
 
@@ -25,7 +25,7 @@ def test_newton_takes_over_where_the_accelerated_iteration_does_not_converge():
     size = 40
     stiff = np.diag(np.linspace(-3.0, 60.0, size)) + 0.3
     known = np.ones(size)
-    solver = SnesStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-12)
+    solver = AndersonStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-12)
     z = solver.solve(stage(), lambda z: z - known + stiff @ z + 0.1 * z**3, known)
     assert np.abs(z - known + stiff @ z + 0.1 * z**3).max() < 1e-9
     assert solver.counters.newton_solves == 1
@@ -34,14 +34,14 @@ def test_newton_takes_over_where_the_accelerated_iteration_does_not_converge():
 def test_coupled_stages_are_solved_to_the_tolerance_of_the_same_stage_alone():
     """A pair's solver, coupled, against one for both pairs at once: as many evaluations, fewer than to round-off."""
     known = np.array([1.0, 2.0, 3.0, 4.0])
-    pair, both = (SnesStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-3) for size in (2, 4))
+    pair, both = (AndersonStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-3) for size in (2, 4))
     for solver in (coupled := pair.coupled(2), both):
         solver.solve(stage(), lambda z: z - known - 1e-3 * np.sin(z), known)
     assert coupled.counters.evaluations == both.counters.evaluations
 
 
 def test_failure_names_time_stage_and_residual():
-    solver = SnesStageSolver(MPI.COMM_SELF, np.ones(1), tolerance=1e-12)
+    solver = AndersonStageSolver(MPI.COMM_SELF, np.ones(1), tolerance=1e-12)
     with pytest.raises(ConvergenceError, match=r"t = 2\.5 s: the stage 'z' did not converge: residual .* wanted .*"):
         solver.solve(stage(t=2.5), lambda z: z**2 + 1.0, np.ones(1))
 
@@ -51,15 +51,31 @@ def test_an_error_within_the_residual_reaches_the_caller():
         raise RunError("the surface reaches the bed")
 
     with pytest.raises(RunError, match="reaches the bed"):
-        SnesStages.serial(1).coordinate.solve(stage(), breaks, np.ones(1))
+        IteratedStages.serial(1).coordinate.solve(stage(), breaks, np.ones(1))
 
 
 def test_extrapolation_is_exact_for_polynomials_and_starts_anew_after_a_gap():
-    earlier = Extrapolation(lambda v: float(np.abs(v).max()), (2,))
-    for step in range(8):
-        predicted = earlier.predict(0.1 * step, 0.1)
-        earlier.record(0.1 * step, np.array([1.0, step**3]))
-    assert predicted is not None and abs(predicted[1] - 7**3) < 1e-9
-    assert earlier.predict(5.0, 0.1) is None
-    earlier.record(5.0, np.zeros(2))
-    assert earlier.predict(4.9, -0.1) is None
+    """From zero, and beyond a leap that misses a part of the change."""
+    for leap in (None, np.array([0.5, 0.0])):
+        earlier, zero = Extrapolation(lambda rows: np.abs(rows).max(axis=1), (2,)), np.zeros(2)
+        for step in range(8):
+            predicted = earlier.predict(0.1 * step, 0.1, start=zero, leap=leap)
+            earlier.record(0.1 * step, np.array([1.0 + step, step**3]))
+        assert np.abs(predicted - [8.0, 7**3]).max() < 1e-9
+        for t, dt in ((5.0, 0.1), (4.9, -0.1)):
+            start = np.full(2, t)
+            assert earlier.predict(t, dt, start=start, leap=leap) is start
+            earlier.record(t, zero)
+
+
+def test_what_an_iteration_leaves_is_measured_once_in_a_while_and_saves_evaluations_between():
+    """Against the closed solution; of the linear stage an iteration leaves a thousandth of the error."""
+    solver, known = AndersonStageSolver(MPI.COMM_SELF, np.ones(2), tolerance=1e-5), np.array([1.0, 2.0])
+    costs = []
+    for step in range(20):
+        before = solver.counters.evaluations
+        moment, right = stage(t=0.1 * step), known * np.exp(step)
+        z = solver.solve(moment, lambda z, right=right: 1.001 * z - right, right)
+        costs.append(solver.counters.evaluations - before)
+        assert np.allclose(z, right / 1.001, rtol=1e-5)
+    assert costs[0] == 2 and set(costs[1:]) == {1, 2} and costs.count(2) <= 4

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.hamiltonian.oscillators import Counted, Harmonic, NonSeparable
-from wavetank.hamiltonian.stage_solver import SnesStages
+from wavetank.hamiltonian.stage_solver import IteratedStages
 from wavetank.integrators import GaussLegendre4
 from wavetank.runs.clock import Clock
 from wavetank.runs.run import Run
@@ -65,14 +65,14 @@ def run_linear(system: Any, scheme: Scheme, steps: int) -> Row:
 
 def oscillator_rows() -> list[Row]:
     """Return both oscillators with every scheme at four steps; implicit stages are iterated on both, to 1e-10."""
-    linear = Harmonic(stages=SnesStages.serial(1, tolerance=1e-10))
+    linear = Harmonic(stages=IteratedStages.serial(1, tolerance=1e-10))
     rows = []
     for scheme in (*all_schemes(), simpson()):
         for factor in FACTORS:
             steps = round(factor * COARSEST[scheme.integrator.order])
             rows.append(run_linear(linear, scheme, steps))
             if scheme.integrator.order > 1:  # Euler is nowhere near the others
-                rows.append(run_nonseparable(NonSeparable(SnesStages.serial(1, tolerance=1e-10)), scheme, steps))
+                rows.append(run_nonseparable(NonSeparable(IteratedStages.serial(1, tolerance=1e-10)), scheme, steps))
     return rows
 
 

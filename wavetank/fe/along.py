@@ -21,9 +21,10 @@ typedef struct {
     int dofs, cut, groups;
     const int *order, *row;
     const double *lambda;
-    double *L, *column, *reduced, *corner, *work;
+    double *L, *column, *reduced, *corner;
 } Chain;
 void decouple(const Cells *, const double *hessians, Chain *);
+void solve_chain(const Chain *, double *x);
 int find_interior(const Cells *, const Layers *, const double *hessians, const Chain *, const double *wall,
                   double *phi, double *flow, double tolerance, int most, double *steps, double *work);
 """
@@ -32,6 +33,27 @@ int find_interior(const Cells *, const Layers *, const double *hessians, const C
 def along(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
     """Return the operator of a slice or ring, with what is compiled for solves; see ``LayerOperator``."""
     return LayerOperator(energy, plane, vertical, column=column, more=(source("along.c"), DECLARATIONS))
+
+
+class Chains:
+    """A layer averaged over the depth, along a slice or ring; see ``Layer``.
+
+    Parameters
+    ----------
+    operator
+        Made by ``along``.
+    """
+
+    def __init__(self, operator: LayerOperator, plane: Plane):
+        self._operator, self._plane = operator, plane
+
+    def assemble(self) -> Vector:
+        """Return the operator's state, of which chains make averages themselves."""
+        return self._operator.state.copy()
+
+    def modes(self, eigenvalues: Vector) -> "Chain":
+        """See ``Layer``."""
+        return Chain(self._operator, self._plane, eigenvalues)
 
 
 class Chain:
@@ -50,6 +72,7 @@ class Chain:
         ring = plane.mesh.geometry.dim == 2
         order = np.roll(np.argsort(plane.x, kind="stable"), -1 if ring else 0)  # a ring is cut at a vertex
         groups, rows = -(-eigenvalues.size // LANES), plane.size - ring
+        self._rows = np.zeros((plane.size, groups * LANES))
         self.struct = operator.kernel.struct(
             "Chain",
             {
@@ -59,18 +82,24 @@ class Chain:
                 "order": order,
                 "row": np.argsort(order),
                 "lambda": np.pad(eigenvalues, (0, groups * LANES - eigenvalues.size), mode="edge"),
-                "L": np.zeros((groups, rows, plane.order + 1, LANES)),
-                "column": np.zeros((groups, rows, LANES)),
-                "reduced": np.zeros((groups, rows, LANES)),
+                "L": np.zeros((rows + plane.order, plane.order + 1, groups, LANES)),
+                "column": np.zeros((rows, groups, LANES)),
+                "reduced": np.zeros((rows, groups, LANES)),
                 "corner": np.zeros((groups, LANES)),
-                "work": np.zeros((plane.size, LANES)),
             },
         )
 
-    def update(self, hessians: Vector) -> None:
-        """Take over the operator with these second derivatives."""
+    def take(self, averages: Vector) -> None:
+        """Take over the operator with this state."""
         kernel = self._operator.kernel
-        kernel.call.decouple(self._operator.cells, kernel.pointer(hessians), self.struct)
+        kernel.call.decouple(self._operator.cells, kernel.pointer(averages), self.struct)
+
+    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
+        """Return a for r, both of shape (dofs, m), exactly."""
+        modes, kernel = right.shape[1], self._operator.kernel
+        self._rows[:, :modes] = right
+        kernel.call.solve_chain(self.struct, kernel.pointer(self._rows))
+        return self._rows[:, :modes].copy()
 
 
 class Minimum:
@@ -92,14 +121,15 @@ class Minimum:
     def __init__(self, operator: LayerOperator, plane: Plane, vertical: VerticalBasis, *, tolerance: float):
         self._operator, self._tolerance = operator, tolerance
         self._modes = Chain(operator, plane, vertical.eigenvalues)
-        self._work = np.empty((plane.size, 4 * vertical.n + 2))
+        modes = LANES * -(-vertical.n // LANES)
+        self._work = np.empty((plane.size, 2 * (modes + vertical.n + 1)))
         self._steps, self._last = np.empty((MOST + 1, 2)), 0
         self._wall = np.empty((plane.size, vertical.n + 1))
         self.flow: Vector = np.zeros(plane.size)
 
     def factor(self) -> None:
         """Make a preconditioner of the operator as it is."""
-        self._modes.update(self._operator.state)
+        self._modes.take(self._operator.state)
 
     def find(self, phi: Vector, wall: Vector) -> int:
         """Set the interior columns of phi, shape (dofs, n+1), from what they are; return the iterations.

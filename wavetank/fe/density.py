@@ -40,6 +40,8 @@ class Density:
         others = [one for one in extract_coefficients(e) if one not in inputs and one is not first]
         self._fields: list[fem.Function] = [*([first] if first is not None else []), *others]
         self._constants = [one for one in extract_constants(e) if one not in inputs]
+        index_map = plane.V.dofmap.index_map
+        self._values, self._size = [one.x.array for one in self._fields], index_map.size_local + index_map.num_ghosts
         self.fields = len(self._fields)
         self._names = dict(inputs)
         self._names |= {one: f"f{n}" for n, one in enumerate(self._fields)}
@@ -52,10 +54,9 @@ class Density:
 
     def rows(self) -> Vector:
         """Return the fields as they are at all degrees of freedom that this rank sees, shape (size, fields)."""
-        index_map = self._plane.V.dofmap.index_map
-        rows = np.empty((index_map.size_local + index_map.num_ghosts, self.fields))
-        for n, field in enumerate(self._fields):
-            rows[:, n] = field.x.array
+        rows = np.empty((self._size, self.fields))
+        for n, values in enumerate(self._values):
+            rows[:, n] = values
         return rows
 
     def constants(self) -> Vector:

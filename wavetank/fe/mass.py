@@ -33,6 +33,9 @@ void cellwise(const Cells *, const double *K, const double *scale, const double 
 """
 
 
+Bilinear = Callable[[Any, Any], ufl.Form]  # of trial and test function
+
+
 class HorizontalMatrix:
     """A symmetric matrix on the horizontal space, near enough to a mass matrix to be inverted like one.
 
@@ -40,12 +43,18 @@ class HorizontalMatrix:
     ----------
     form
         The bilinear form in UFL, given trial and test function.
+    moving
+        A further form, the only one that changes, on some of the first one's cells; default: the first one changes.
     """
 
-    def __init__(self, plane: Plane, form: Callable[[Any, Any], ufl.Form]):
-        self._plane = plane
-        self._form = compile_form(form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)))
-        self._matrix = fem.create_matrix(self._form)
+    def __init__(self, plane: Plane, form: Bilinear, *, moving: Bilinear | None = None):
+        self._plane, trial, test = plane, ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)
+        whole = self._form = compile_form(form(trial, test))
+        self._matrix = fem.create_matrix(whole)
+        self._standing = np.zeros_like(self._matrix.data)
+        if moving is not None:
+            fem.assemble_matrix(self._matrix, whole)
+            self._standing, self._form = self._matrix.data.copy(), compile_form(moving(trial, test))
         _, columns, pointers = owned_rows(self._matrix)  # forms on facets reach farther than the space's ghosts
         columns = self._matrix.index_map(1).local_to_global(columns)
         self._rows = SparseRows(columns, pointers, size=plane.size, comm=plane.comm)
@@ -69,7 +78,7 @@ class HorizontalMatrix:
 
     def update(self) -> None:
         """Assemble it for the present values of what the form depends on; collective."""
-        self._matrix.data[:] = 0.0
+        self._matrix.data[:] = self._standing
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
         self._rows.set(owned_rows(self._matrix)[0])
@@ -109,11 +118,15 @@ class MassMatrix(Protocol):
         """Return the owned diagonal entries, shape (owned,)."""
 
 
-def mass_matrix(plane: Plane, J: Any) -> MassMatrix:
-    """Return M_J for the Jacobian of the wall's mapping, in UFL; collective."""
+def mass_matrix(plane: Plane, J: Any, *, carried: ufl.Measure | None = None) -> MassMatrix:
+    """Return M_J for the Jacobian of the wall's mapping, in UFL; collective.
+
+    ``carried`` is the measure over the cells that the wall carries, where J can differ from 1; None where it stands.
+    """
     if plane.mesh.topology.dim == 2:
         return PointwiseMass(plane, J)
-    return HorizontalMatrix(plane, lambda u, v: J * u * v * plane.dx)
+    moving = carried and (lambda u, v: (J - 1) * u * v * carried)
+    return HorizontalMatrix(plane, lambda u, v: u * v * plane.dx, moving=moving)
 
 
 class PointwiseMass:

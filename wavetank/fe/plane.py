@@ -8,7 +8,7 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.fe.charts import Chart, Straight
 from wavetank.fe.forms import ScalarForm
 
@@ -45,6 +45,12 @@ class Plane:
         """The communicator of the mesh."""
         comm: MPI.Comm = self.mesh.comm
         return comm
+
+    def over(self, cells: NDArray[np.int32]) -> ufl.Measure:
+        """Return the measure over some of this rank's cells, ghosts among them, by number."""
+        dim = self.mesh.topology.dim
+        tags = mesh.meshtags(self.mesh, dim, np.sort(cells), np.ones(len(cells), dtype=np.int32))
+        return ufl.Measure("dx", domain=self.mesh, subdomain_data=tags, metadata=self.dx.metadata())(1)
 
     def function(self, name: str) -> "Field":
         """Return a new scalar field, zero everywhere."""
@@ -89,38 +95,44 @@ class Plane:
 
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""
-        return float(self.comm.allreduce(float(np.sum(values))))
+        return summed(self.comm, float(np.sum(values)))
 
 
 class Field:
-    """A dolfinx function seen as an array of rows, one per degree of freedom (owned ones first, then ghosts)."""
+    """A dolfinx function seen as an array of rows, one per degree of freedom (owned ones first, then ghosts).
+
+    Attributes
+    ----------
+    rows
+        All values this rank sees, shape (owned + ghosts, components); a view.
+    owned
+        The values this rank owns, shape (owned,); a view.
+    """
 
     def __init__(self, function: fem.Function):
         self.function = function
-        self._bs: int = function.function_space.dofmap.index_map_bs
-        self._owned: int = function.function_space.dofmap.index_map.size_local
+        self._alone = function.function_space.mesh.comm.size == 1
+        dofmap = function.function_space.dofmap
+        array: Vector = function.x.array
+        self.rows: Vector = array.reshape(-1, dofmap.index_map_bs)
+        self.owned: Vector = self._own(self.rows[: dofmap.index_map.size_local])
 
-    @property
-    def rows(self) -> Vector:
-        """All values this rank sees, shape (owned + ghosts, components); a view."""
-        array: Vector = self.function.x.array
-        return array.reshape(-1, self._bs)
-
-    @property
-    def owned(self) -> Vector:
-        """The values this rank owns, shape (owned,); a view."""
-        return self.rows[: self._owned, 0]
+    def _own(self, rows: Vector) -> Vector:
+        return rows[:, 0]
 
     def set(self, owned: Vector) -> None:
         """Take over the owned values and fetch the ghosts; collective."""
         self.owned[...] = owned
-        self.function.x.scatter_forward()
+        self.fetch()
+
+    def fetch(self) -> None:
+        """Fetch the ghosts; collective."""
+        if not self._alone:
+            self.function.x.scatter_forward()
 
 
 class LayeredField(Field):
-    """A field of several values per degree of freedom."""
+    """A field of several values per degree of freedom, owned ones of shape (owned, components)."""
 
-    @property
-    def owned(self) -> Vector:
-        """The values this rank owns, shape (owned, components); a view."""
-        return self.rows[: self._owned]
+    def _own(self, rows: Vector) -> Vector:
+        return rows

@@ -39,9 +39,9 @@ class VerticalBasis:
     Attributes
     ----------
     zeta, weights
-        Gauss nodes and weights on [0, 1], exact for every product in the energy, shape (n+2,).
+        Gauss nodes and weights on [0, 1], exact for every product in the energy, of degree 2 n, shape (n+1,).
     values, slopes
-        P_j(zeta_q) and P_j'(zeta_q), shape (n+2, n+1); the last column belongs to the surface potential.
+        P_j(zeta_q) and P_j'(zeta_q), shape (n+1, n+1); the last column belongs to the surface potential.
     eigenvalues
         Lambda of the n interior modes, ascending, shape (n,).
     """
@@ -49,7 +49,7 @@ class VerticalBasis:
     def __init__(self, n: int):
         self.n = n
         self.nodes = gauss_lobatto_legendre(n)
-        self.zeta, self.weights = gauss_legendre(n + 2)
+        self.zeta, self.weights = gauss_legendre(n + 1)
         coefficients = np.linalg.inv(legendre.legvander(2.0 * self.nodes - 1.0, n))
         values, slopes = self._legendre(self.zeta)
         values, slopes = values @ coefficients, slopes @ coefficients

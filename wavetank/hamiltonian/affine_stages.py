@@ -28,7 +28,9 @@ class DirectStage:
     def __init__(self, inverse: Preconditioner = identity):
         self._inverse, self.counters = inverse, StageCounters()
 
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+    def solve(
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+    ) -> Vector:
         """Return z with residual(z) = 0, shape (n,); collective if the inverse is."""
         self.counters += StageCounters(solves=1, evaluations=1)
         return start - self._inverse(stage, residual(start))
@@ -54,7 +56,9 @@ class AffineStage:
     def __init__(self, systems: int = 1):
         self._systems = systems
 
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+    def solve(
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+    ) -> Vector:
         """Return z with residual(z) = 0, shape (n,)."""
         blocks = start.size // self._systems
         units = np.repeat(np.eye(blocks), self._systems, axis=1)

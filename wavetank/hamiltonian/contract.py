@@ -39,11 +39,14 @@ class Stage(NamedTuple):
 class StageSolver(Protocol):
     """Solves the implicit stages in which one set of unknowns takes part."""
 
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+    def solve(
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+    ) -> Vector:
         """Return z with ``residual(z) = 0``; collective.
 
         ``start`` is the integrator's own start value; the solver may replace it by a better one extrapolated from
-        earlier steps. The residual is written so that its derivative is close to the identity: z - c - a f(z).
+        earlier steps, of which it may know that they lead a step on by ``leap``, dt times the slope between them. The
+        residual is written so that its derivative is close to the identity: z - c - a f(z).
         Raises ``ConvergenceError`` naming time, stage and residual.
         """
 

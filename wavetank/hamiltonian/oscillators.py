@@ -11,11 +11,11 @@ from scipy.special import ellipj, ellipk, ellipkinc
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.affine_stages import AffineStage, DirectStage
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stages, StageSolver
-from wavetank.hamiltonian.stage_solver import SnesStages
+from wavetank.hamiltonian.stage_solver import IteratedStages
 
 
-def _stages() -> SnesStages:
-    return SnesStages.serial(1)
+def _stages() -> IteratedStages:
+    return IteratedStages.serial(1)
 
 
 @dataclass(frozen=True)

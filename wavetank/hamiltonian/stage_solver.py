@@ -1,13 +1,18 @@
-"""Implicit stages by PETSc SNES: accelerated fixed-point iteration first, Newton-Krylov where it does not contract.
+"""Implicit stages by accelerated fixed-point iteration, and by Newton-Krylov where that does not contract.
 
 A stage z = c + a f(z) is handed over as its residual r(z) = z - c - a f(z). With the system's own preconditioner P
 (the identity, or the still-water wave operator for the coupled stage of (23)) the equation solved is P^-1 r(z) = 0,
 in unknowns scaled to metres, so that the norm that is judged is close to the error of the surface itself. It is judged
 against the waves there are, not against the depth of the water below them: a stage of small waves is as accurate,
-relative to these, as one of large waves. Anderson mixing needs one evaluation of f an iteration; each is an elliptic
-solve on the tank.
+relative to these, as one of large waves.
+
+Anderson mixing needs one evaluation of f an iteration, each an elliptic solve on the tank. An iteration takes the
+error down by a factor that hardly changes from one step to the next: where it is known, the iterate whose error it
+predicts to be small enough is the solution, and no evaluation goes to confirm that. So the solution is a point at which
+f need not have been evaluated; a scheme has its slope there from the stage itself, f = (z - c) / a.
 """
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
@@ -15,7 +20,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.start_values import Extrapolation
@@ -27,6 +32,9 @@ Size = Callable[[], float]
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 MEMORY = 0.95  # of the waves' size, from one step to the next: a standing wave has moments without elevation
 ROUND_OFF = 30 * np.finfo(float).eps  # of the solution, below which no residual is asked for
+MIXED = 5  # earlier iterates that take part in an iteration
+SAFETY = 2.0  # on what an iteration is known to leave of the error
+CONFIRMED = 8  # solves after which what is known is measured anew
 
 
 def identity(stage: Stage, residual: Vector) -> Vector:
@@ -51,7 +59,7 @@ class StageCounters:
         )
 
 
-class SnesStageSolver:
+class AndersonStageSolver:
     """Solves stages with one kind of unknowns (coordinates, momenta, or both).
 
     Parameters
@@ -85,118 +93,136 @@ class SnesStageSolver:
         precondition: Preconditioner = identity,
     ):
         self._counters = StageCounters()
-        self._error: WavetankError | None = None
         self._comm, self._scale, self._shape = comm, scale.ravel(), scale.shape
-        self._tolerance, self._asked = tolerance, size
-        self._size = size or (lambda: self._rms(self._x.array_r * self._scale))
+        self._tolerance, self._size = tolerance, size
         self._floor, self._precondition = floor, precondition
         self._extrapolations: dict[str, Extrapolation] = {}
         self._sizes: dict[str, float] = {}
-        self._coupled: dict[int, SnesStageSolver] = {}
-        self._x = PETSc.Vec().createMPI((scale.size, None), comm=comm)
-        self._root_of_length = float(np.sqrt(self._x.getSize()))
-        self._anderson = self._snes("anderson")
-        self._anderson.setOptionsPrefix("stage_")
-        options = PETSc.Options()
-        options["stage_snes_anderson_m"] = 5
-        self._anderson.setFromOptions()
-        self._newton = self._snes("newtonls")
-        self._newton.setUseMF(True)
-        krylov = self._newton.getKSP()
-        krylov.setType("gmres")
-        krylov.setTolerances(rtol=1e-3, max_it=60)
-        krylov.getPC().setType("none")
+        self._left: dict[str, tuple[float, int]] = {}  # of an error by an iteration, and how many solves ago
+        self._coupled: dict[int, AndersonStageSolver] = {}
+        self._root_of_length = float(np.sqrt(comm.allreduce(scale.size)))
 
-    def coupled(self, copies: int) -> "SnesStageSolver":
+    def coupled(self, copies: int) -> "AndersonStageSolver":
         """Return the solver for that many such stages which depend on each other, each preconditioned alone."""
         if copies not in self._coupled:
             self._coupled[copies] = self._copied(copies)
         return self._coupled[copies]
 
-    def _copied(self, copies: int) -> "SnesStageSolver":
+    def _copied(self, copies: int) -> "AndersonStageSolver":
 
         def precondition(stage: Stage, residual: Vector) -> Vector:
-            return np.concatenate([self._precondition(stage, part) for part in np.split(residual, copies)])
+            return np.concatenate([self._precondition(stage, part) for part in residual.reshape(copies, -1)])
 
-        return SnesStageSolver(
+        return AndersonStageSolver(
             self._comm,
             np.concatenate(copies * [np.atleast_2d(self._scale.reshape(self._shape))]),
             tolerance=self._tolerance,
-            size=self._asked,
+            size=self._size,
             floor=self._floor,
             precondition=precondition,
         )
 
-    def _snes(self, kind: str) -> PETSc.SNES:
-        snes = PETSc.SNES().create(self._comm)
-        snes.setType(kind)
-        snes.setFunction(self._evaluate, self._x.duplicate())
-        return snes
-
-    def _evaluate(self, snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
+    def _evaluate(self, z: Vector) -> Vector:
         self._counters.evaluations += 1
-        try:
-            residual = self._precondition(self._stage, self._residual(x.array_r * self._scale))
-        except WavetankError as error:  # PETSc forgets what was raised below it
-            self._error = error
-            raise
-        out.array = residual / self._scale
+        return self._precondition(self._stage, self._residual(z))
 
-    def _rms(self, z: Vector) -> float:
-        total = self._comm.allreduce(float(np.sum((z / self._scale) ** 2)))
-        return float(np.sqrt(total)) / self._root_of_length
+    def _norms(self, rows: Vector) -> Vector:
+        """Return the root mean squares of vectors in scaled units, (k,) of shape (k, n); collective."""
+        scaled = rows / self._scale
+        total = summed(self._comm, np.einsum("ki,ki->k", scaled, scaled))
+        return np.asarray(np.sqrt(total) / self._root_of_length)
 
-    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector) -> Vector:
+    def _norm(self, z: Vector) -> float:
+        return float(self._norms(z[None])[0])
+
+    def solve(
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+    ) -> Vector:
         """Return z with residual(z) = 0, shape (n,); collective.
 
         Raises ``ConvergenceError`` naming time, stage and residual.
         """
         earlier = self._earlier(stage.name)
-        predicted = earlier.predict(stage.t, stage.dt)
-        guess = start if predicted is None else predicted
+        guess = earlier.predict(stage.t, stage.dt, start=start, leap=leap)
         self._stage, self._residual = stage, residual
-        target = self._target(guess)
         self._counters.solves += 1
-        if not self._run(self._anderson, guess, target):
+        solution = self._iterated(guess)
+        if solution is None:
             self._counters.newton_solves += 1
-            if not self._run(self._newton, guess, target):
-                self._fail(stage, target)
-        solution: Vector = self._x.array_r * self._scale
+            solution = self._newton(guess)
         earlier.record(stage.t, solution)
-        self._sizes[stage.name] = max(self._size(), MEMORY * self._sizes[stage.name])
+        self._sizes[stage.name] = max(self._distance(solution), MEMORY * self._sizes[stage.name])
         return solution
+
+    def _iterated(self, z: Vector) -> Vector | None:
+        """Return the solution by Anderson's mixing from z on, or None where it does not converge; collective."""
+        name, norm, mixing = self._stage.name, np.nan, Mixing(self._comm, self._scale)
+        left, age = self._left.get(name, (np.inf, 0))
+        left = left if age < CONFIRMED else np.inf
+        for iteration in range(self.max_iterations):
+            residual = self._evaluate(z)
+            before, norm = norm, self._norm(residual)
+            if iteration == 0:
+                self._sizes.setdefault(name, self._distance(z))
+                target, age = self._target(z), age + 1
+            else:
+                left = norm / before if before else 0.0
+            if iteration == 1:
+                self._left[name], age = (left, 0), 0
+            if not np.isfinite(norm):
+                return None
+            z = mixing.next(z, residual)
+            if norm <= target or SAFETY * left * norm <= target:
+                if name in self._left:
+                    self._left[name] = self._left[name][0], age
+                return z
+        return None
 
     def _earlier(self, stage: str) -> Extrapolation:
         if stage not in self._extrapolations:
-            self._extrapolations[stage] = Extrapolation(self._rms, self._shape)
+            self._extrapolations[stage] = Extrapolation(self._norms, self._shape)
         return self._extrapolations[stage]
 
+    def _distance(self, z: Vector) -> float:
+        """Return how far from rest the point last evaluated is, or z [scaled units]; collective."""
+        return self._size() if self._size else self._norm(z)
+
     def _target(self, guess: Vector) -> float:
-        """Return the norm to which a residual is to fall [scaled units]; collective."""
-        if self._stage.name not in self._sizes:
-            self._x.array = guess / self._scale
-            self._evaluate(self._anderson, self._x, self._x.duplicate())
-            self._sizes[self._stage.name] = self._size()
+        """Return the root mean square to which a residual is to fall [scaled units]; collective."""
         wanted = self._tolerance * self._sizes[self._stage.name]
-        return float(max(wanted, ROUND_OFF * max(self._rms(guess), self._floor)) * self._root_of_length)
+        return float(max(wanted, ROUND_OFF * max(self._norm(guess), self._floor)))
 
-    def _run(self, snes: PETSc.SNES, guess: Vector, target: float) -> bool:
-        snes.setTolerances(rtol=self._tolerance, atol=target, stol=0.0, max_it=self.max_iterations)
-        self._x.array = guess / self._scale
-        self._error = None
+    def _newton(self, guess: Vector) -> Vector:
+        """Return the solution by PETSc's Newton-Krylov method; collective."""
+        target, error = self._target(guess), list[WavetankError]()
+        x = PETSc.Vec().createMPI((guess.size, None), comm=self._comm)
+
+        def evaluate(snes: PETSc.SNES, x: PETSc.Vec, out: PETSc.Vec) -> None:
+            try:
+                out.array = self._evaluate(x.array_r * self._scale) / self._scale
+            except WavetankError as raised:  # PETSc forgets what was raised below it
+                error.append(raised)
+                raise
+
+        snes = PETSc.SNES().create(self._comm)
+        snes.setType("newtonls")
+        snes.setFunction(evaluate, x.duplicate())
+        snes.setUseMF(True)
+        snes.getKSP().setType("gmres")
+        snes.getKSP().setTolerances(rtol=1e-3, max_it=60)
+        snes.getKSP().getPC().setType("none")
+        atol = target * self._root_of_length
+        snes.setTolerances(rtol=self._tolerance, atol=atol, stol=0.0, max_it=self.max_iterations)
+        x.array = guess / self._scale
+        where = f"t = {self._stage.t:.6g} s: the stage '{self._stage.name}'"
         try:
-            snes.solve(None, self._x)
+            snes.solve(None, x)
         except PETSc.Error:
-            where = f"t = {self._stage.t:.6g} s: the stage '{self._stage.name}'"
-            raise self._error or ConvergenceError(f"{where} could not be evaluated") from None
-        return bool(snes.getConvergedReason() > 0)
-
-    def _fail(self, stage: Stage, target: float) -> None:
-        unit = self._root_of_length
-        raise ConvergenceError(
-            f"t = {stage.t:.6g} s: the stage '{stage.name}' did not converge: residual "
-            f"{self._newton.getFunctionNorm() / unit:.3g}, wanted {target / unit:.3g}"
-        )
+            raise next(iter(error), ConvergenceError(f"{where} could not be evaluated")) from None
+        if not snes.getConvergedReason() > 0:
+            found = snes.getFunctionNorm() / self._root_of_length
+            raise ConvergenceError(f"{where} did not converge: residual {found:.3g}, wanted {target:.3g}")
+        return np.asarray(x.array_r * self._scale)
 
     @property
     def counters(self) -> StageCounters:
@@ -208,6 +234,7 @@ class SnesStageSolver:
         return {
             "counters": asdict(self._counters),
             "sizes": dict(self._sizes),
+            "left": {stage: list(known) for stage, known in self._left.items()},
             "earlier": held_by(self._extrapolations),
             "coupled": {str(copies): one.held() for copies, one in self._coupled.items()},
         }
@@ -215,6 +242,7 @@ class SnesStageSolver:
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         self._counters, self._sizes = StageCounters(**held["counters"]), dict(held["sizes"])
+        self._left = {stage: (left, age) for stage, (left, age) in held["left"].items()}
         self._extrapolations.clear()
         give_back({stage: self._earlier(stage) for stage in held["earlier"]}, held["earlier"])
         self._coupled.clear()
@@ -222,24 +250,53 @@ class SnesStageSolver:
             self.coupled(int(copies)).take(one)
 
 
+class Mixing:
+    """Anderson's: the iterates of z - r(z), combined as their residuals r come closest to zero.
+
+    Parameters
+    ----------
+    scale
+        Of the unknowns, shape (n,): residuals are judged in it.
+    """
+
+    def __init__(self, comm: MPI.Comm, scale: Vector):
+        self._comm, self._scale = comm, scale
+        self._last: tuple[Vector, Vector] | None = None
+        self._steps: deque[tuple[Vector, Vector]] = deque(maxlen=MIXED)  # of z - r and of r / scale
+
+    def next(self, z: Vector, residual: Vector) -> Vector:
+        """Return the iterate after z, shape (n,); collective."""
+        image, scaled = z - residual, residual / self._scale
+        if self._last is not None:
+            self._steps.append((image - self._last[0], scaled - self._last[1]))
+        self._last = image, scaled
+        if not self._steps:
+            return image
+        images, residuals = (np.array(part) for part in zip(*self._steps, strict=True))
+        stacked = np.vstack([residuals, scaled])
+        gram = summed(self._comm, stacked @ stacked.T)
+        weights = np.linalg.lstsq(gram[:-1, :-1], gram[:-1, -1], rcond=1e-15)[0]
+        return np.asarray(image - weights @ images)
+
+
 @dataclass(frozen=True)
-class SnesStages:
+class IteratedStages:
     """The stage solvers of a system; see ``wavetank.hamiltonian.contract.Stages``."""
 
-    coordinate: SnesStageSolver
-    momentum: SnesStageSolver
-    pair: SnesStageSolver
+    coordinate: AndersonStageSolver
+    momentum: AndersonStageSolver
+    pair: AndersonStageSolver
 
-    def coupled(self, pairs: int) -> SnesStageSolver:
+    def coupled(self, pairs: int) -> AndersonStageSolver:
         """Return the solver for that many pairs at once, made when first asked for."""
         return self.pair.coupled(pairs)
 
     @classmethod
-    def serial(cls, size: int, *, tolerance: float = 1e-14) -> "SnesStages":
+    def serial(cls, size: int, *, tolerance: float = 1e-14) -> "IteratedStages":
         """Return solvers for a system of ``size`` coordinates on this process alone, e.g. an oscillator."""
         one, two = np.ones(size), np.ones((2, size))
         coordinate, momentum, pair = (
-            SnesStageSolver(MPI.COMM_SELF, scale, tolerance=tolerance) for scale in (one, one, two)
+            AndersonStageSolver(MPI.COMM_SELF, scale, tolerance=tolerance) for scale in (one, one, two)
         )
         return cls(coordinate, momentum, pair)
 

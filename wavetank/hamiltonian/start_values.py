@@ -1,13 +1,11 @@
 """Start values for the iterations: what has just been solved says where the next solution lies.
 
-``Extrapolation`` continues the values of one stage polynomially in time; the degree is the one that would have
-predicted the newest value best, so that it follows the smoothness of the motion by itself.
+``Extrapolation`` starts from a leap over a step, where the slope in its middle is known, and continues what this misses
+by polynomially in time; the degree is the one that would have predicted the newest value best, so that it follows the
+smoothness of the motion by itself.
 """
 
-from collections import deque
 from collections.abc import Callable
-from functools import cache
-from math import comb
 
 import numpy as np
 
@@ -15,59 +13,63 @@ from wavetank.arrays import Vector
 from wavetank.stateful import Held
 
 
-@cache
-def extrapolating(count: int) -> Vector:
-    """Return the weights of ``count`` values at equal steps, the newest last, for the polynomial's value a step on."""
-    return np.array([(-1) ** (count - 1 - i) * comb(count, i) for i in range(count)], dtype=float)
-
-
 class Extrapolation:
-    """Polynomial extrapolation in time of one stage's values.
+    """Extrapolation in time of one stage's values.
+
+    A value is expected where the scheme itself starts from, or a leap beyond the value before; and beyond that by what
+    earlier values were, continued by their backward differences: what ``count`` values predict is the sum of that many
+    differences of the newest, the value itself the first of them, and misses the next by that one's difference of order
+    ``count``.
 
     Parameters
     ----------
-    norm
-        The norm in which predictions are judged; collective.
+    norms
+        The norms of vectors, (k,) of shape (k, n), by which predictions are judged; collective.
     shape
         In which a value, of shape (n,), is held.
     most
-        How many earlier values are kept; the degree is below that.
+        How many earlier values take part; the degree is below that.
     """
 
-    def __init__(self, norm: Callable[[Vector], float], shape: tuple[int, ...], *, most: int = 6):
-        self._norm, self._shape = norm, shape
-        self._values: deque[Vector] = deque(maxlen=most)
+    def __init__(self, norms: Callable[[Vector], Vector], shape: tuple[int, ...], *, most: int = 6):
+        self._norms, self._shape, self._most = norms, shape, most
+        self._last: Vector = np.zeros(shape).ravel()  # value
+        self._base: Vector = self._last  # where the next is expected
+        self._differences: Vector = self._last[None][:0]  # of what the newest was beyond that, lowest order first
         self._t = self._dt = np.nan  # of the newest value, and between them
         self._count = 0  # values that take part in the next prediction
 
-    def predict(self, t: float, dt: float) -> Vector | None:
-        """Return the value expected at t [s], or None if the earlier values do not lead there in steps of dt."""
-        if not self._values or dt != self._dt or abs(t - self._t - dt) > 1e-6 * abs(dt):
-            self._values.clear()
-            self._count, self._dt = 0, dt
-            return None
-        return self._combine(self._count)
+    def predict(self, t: float, dt: float, *, start: Vector, leap: Vector | None) -> Vector:
+        """Return the value expected at t [s], from a start and from what the values change by in a step before it.
 
-    def _combine(self, count: int) -> Vector:
-        return np.asarray(extrapolating(count) @ np.array(list(self._values)[-count:]))
+        If the earlier values do not lead there in steps of dt it is the start.
+        """
+        if not len(self._differences) or dt != self._dt or abs(t - self._t - dt) > 1e-6 * abs(dt):
+            self._differences = self._differences[:0]
+            self._base, self._count, self._dt = start, 0, dt
+            return start
+        self._base = start if leap is None else self._last + leap
+        return np.asarray(self._base + self._differences[: self._count].sum(axis=0))
 
     def record(self, t: float, value: Vector) -> None:
-        """Add the value found at t [s] and choose how many values the next prediction uses."""
-        errors = [self._norm(self._combine(count) - value) for count in range(1, len(self._values) + 1)]
-        self._count = 1 + int(np.argmin(errors)) if errors else 1
-        if self._count == len(errors):
-            self._count += 1  # the longest was best: let it grow
-        self._t = t
-        self._values.append(value.copy())
-        self._count = min(self._count, len(self._values))
+        """Add the value found at t [s], for which there has been a prediction, and choose how many the next uses."""
+        differences = np.empty((1 + len(self._differences), value.size))
+        differences[0] = value - self._base
+        for order, before in enumerate(self._differences):
+            differences[order + 1] = differences[order] - before
+        self._t, self._last, self._differences = t, value, differences[: self._most]
+        missed = self._norms(differences[1:])
+        best = 1 + int(np.argmin(missed)) if missed.size else 1
+        self._count = min(best + (best == missed.size), len(self._differences))  # where the longest was best, it grows
 
     def held(self) -> Held:
-        """Return the earlier values, the oldest first, and what has been found of them."""
-        values = np.array(self._values).reshape(len(self._values), *self._shape)
-        return {"t": self._t, "dt": self._dt, "count": self._count, "values": values}
+        """Return the newest value and what has been found of it and the earlier ones."""
+        differences, last = self._differences.reshape(-1, *self._shape), self._last.reshape(self._shape)
+        times = {"t": self._t, "dt": self._dt, "count": self._count}
+        return {**times, "last": last.copy(), "differences": differences.copy()}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         self._t, self._dt, self._count = held["t"], held["dt"], held["count"]
-        self._values.clear()
-        self._values.extend(value.ravel() for value in held["values"])
+        self._last = held["last"].ravel()
+        self._differences = held["differences"].reshape(-1, self._last.size)

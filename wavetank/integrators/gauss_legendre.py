@@ -17,6 +17,7 @@ from wavetank.integrators.states import Point
 ROOT = 3**0.5 / 6
 C = (1 / 2 - ROOT, 1 / 2 + ROOT)
 A = np.array([[1 / 4, 1 / 4 - ROOT], [1 / 4 + ROOT, 1 / 4]])
+INVERSE = np.linalg.inv(A)
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class GaussLegendre4:
         now = np.concatenate(state)
 
         def flows(z: Vector) -> Vector:
-            q_1, p_1, q_2, p_2 = np.split(z, 4)
+            q_1, p_1, q_2, p_2 = z.reshape(4, -1)
             first, second = flow(system, q_1, p_1, t + C[0] * dt), flow(system, q_2, p_2, t + C[1] * dt)
             return np.array([np.concatenate(first), np.concatenate(second)])
 
@@ -50,6 +51,7 @@ class GaussLegendre4:
             return z - (now + dt * A @ flows(z)).ravel()
 
         stage = Stage("all of the step", t, dt, dt / 4)
-        slopes = flows(system.stages.coupled(2).solve(stage, residual, np.concatenate([now, now])))
+        stages = system.stages.coupled(2).solve(stage, residual, np.concatenate([now, now]))
+        slopes = INVERSE @ (stages.reshape(2, -1) - now) / dt
         q, p = np.split(now + dt / 2 * (slopes[0] + slopes[1]), 2)
         return Point(q, p)

@@ -37,12 +37,12 @@ class ModifiedMidpoint:
         q, p = state
 
         def residual(z: Vector) -> Vector:
-            q_half, p_half = np.split(z, 2)
+            q_half, p_half = z.reshape(2, -1)
             dq, dp = flow(system, q_half, p_half, t + dt / 2)
             return np.concatenate([q_half - q - dt / 2 * dq, p_half - p - dt / 2 * dp])
 
         stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 2)
         half = system.stages.pair.solve(stage, residual, np.concatenate([q, p]))
-        q_half, p_half = np.split(half, 2)
+        q_half, p_half = half.reshape(2, -1)
         dq, dp = flow(system, q_half, p_half, t + dt / 2)
         return Point(q + dt * dq, p + dt * dp)

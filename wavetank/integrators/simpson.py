@@ -54,7 +54,7 @@ class MeanAndJumps(NamedTuple):
     @classmethod
     def of(cls, *pairs: Vector) -> Self:
         """Return the state of mean, jumps and minus trace, (q, p) as one vector each."""
-        return cls(*(part for pair in pairs for part in np.split(pair, 2)))
+        return cls(*(part for pair in pairs for part in pair.reshape(2, -1)))
 
     @property
     def pairs(self) -> tuple[Vector, ...]:
@@ -100,7 +100,7 @@ class Simpson4:
         """Return the state at t + dt; collective."""
 
         def f(z: Vector, t: float) -> Vector:
-            q, p = np.split(z, 2)
+            q, p = z.reshape(2, -1)
             return np.concatenate(flow(system, q, p, t))
 
         z, d, *_ = state.pairs
@@ -111,8 +111,8 @@ class Simpson4:
             return z_half - known - dt / 4 * f(z_half, t + dt / 2)
 
         stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4)
-        z_half = system.stages.pair.solve(stage, residual, z + d / 2 + dt / 2 * f_0)
-        f_half = f(z_half, t + dt / 2)
+        z_half = system.stages.pair.solve(stage, residual, z + d / 2 + dt / 2 * f_0, leap=dt * f_0)
+        f_half = (z_half - known) / (dt / 4)
         minus = z + d / 2 + dt * f_half
         f_1 = f(minus, t + dt)
         smooth = dt / 6 * (f_0 - 2 * f_half + f_1)

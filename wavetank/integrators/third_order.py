@@ -53,13 +53,13 @@ class ThirdOrder:
         p_known = (1 - 3 / 2 * alpha) * p_plus + 3 / 2 * alpha * p_minus + dt / 4 * dp
 
         def residual(z: Vector) -> Vector:
-            q, p = np.split(z, 2)
+            q, p = z.reshape(2, -1)
             dq_half, dp_half = flow(system, q, p, t + dt / 2)
             return np.concatenate([q - q_known - dt / 4 * dq_half, p - p_known - dt / 4 * dp_half])
 
         start = np.concatenate([q_plus + dt / 2 * dq, p_plus + dt / 2 * dp])
         half = system.stages.pair.solve(Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4), residual, start)
-        q_half, p_half = np.split(half, 2)
+        q_half, p_half = half.reshape(2, -1)
         dq, dp = flow(system, q_half, p_half, t + dt / 2)
         q_half, p_half = q_known + dt / 4 * dq, p_known + dt / 4 * dp  # keeps what the flow keeps, e.g. mass, exactly
         q_minus_new, p_minus_new = q_plus + dt * dq, p_plus + dt * dp

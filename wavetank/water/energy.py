@@ -122,6 +122,10 @@ class WaterEnergy:
         along, rise = self._flow(u, w, zeta)
         return 0.5 * self.mapping.J(zeta * self.h - self.d) * (self.h * ufl.inner(along, along) + rise**2 / self.h)
 
+    def column(self, u: Any, w: Any, zeta: Any) -> Any:
+        """Return e with the potential energy, which all heights have the same share of."""
+        return self.layer(u, w, zeta) + self.potential()
+
     def kinetic(self, phi: Any, vertical: VerticalBasis) -> Any:
         """Return int e dzeta by Gauss quadrature, exact for polynomials of the basis."""
         rule = zip(vertical.weights, vertical.zeta, vertical.values, vertical.slopes, strict=True)

@@ -33,7 +33,7 @@ from wavetank.fe.modes import Layer
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.affine_stages import DirectStage
-from wavetank.hamiltonian.stage_solver import SnesStageSolver, StageCounters
+from wavetank.hamiltonian.stage_solver import AndersonStageSolver, StageCounters
 from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
 from wavetank.water.energy import POTENTIAL, Energies, Part, WaterEnergy
@@ -318,8 +318,8 @@ class LinearStages:
 
     coordinate: DirectStage
     momentum: DirectStage
-    pair: DirectStage | SnesStageSolver
-    iterative: SnesStageSolver
+    pair: DirectStage | AndersonStageSolver
+    iterative: AndersonStageSolver
 
     @classmethod
     def of(cls, waves: LinearWaves, *, tolerance: float, direct: bool) -> "LinearStages":
@@ -328,12 +328,12 @@ class LinearStages:
         ``tolerance`` is that of the latter.
         """
         inverse, sizes = StillWaterWaves(waves), np.stack(scales(waves))
-        iterative = SnesStageSolver(
+        iterative = AndersonStageSolver(
             waves.plane.comm, sizes, tolerance=tolerance, size=waves.size, floor=waves.depth, precondition=inverse
         )
         return cls(DirectStage(), DirectStage(), DirectStage(inverse) if direct else iterative, iterative)
 
-    def coupled(self, pairs: int) -> SnesStageSolver:
+    def coupled(self, pairs: int) -> AndersonStageSolver:
         """Return the solver for that many pairs at once, as Gauss-Legendre's scheme has them; made when first asked."""
         return self.iterative.coupled(pairs)
 
@@ -343,7 +343,7 @@ class LinearStages:
         return sum((solver.counters for solver in self._solvers.values()), StageCounters())
 
     @property
-    def _solvers(self) -> dict[str, DirectStage | SnesStageSolver]:
+    def _solvers(self) -> dict[str, DirectStage | AndersonStageSolver]:
         """All of them, by their names, once each."""
         return {name: one for name, one in vars(self).items() if name != "pair" or one is not self.iterative}
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.along import NO_MINIMUM, Minimum, along
+from wavetank.fe.along import NO_MINIMUM, Chains, Minimum, along
 from wavetank.fe.conjugate_gradients import Steps, condition_number, conjugate_gradients
 from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.modes import Layer, layer_of
@@ -98,7 +98,7 @@ class InteriorPotential:
             self._fresh_iterations = iterations
         elif iterations > self._fresh_iterations + self.patience:
             self._fresh_iterations = None
-        self._phi.function.x.scatter_forward()
+        self._phi.fetch()
         if inputs is not None:
             self._recall.record(inputs, interior.ravel())
         return self.minimiser.flow
@@ -195,10 +195,8 @@ def interior_of(
     """Return what a layer's energy makes, the fields being as they are; on slices of one rank compiled as a whole."""
     if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
         operator = along(energy, plane, vertical, column=column)
-        layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)
-        minimum = Minimum(operator, plane, vertical, tolerance=tolerance)
         operator.update()
-        return Interior(operator, layer, minimum)
+        return Interior(operator, Chains(operator, plane), Minimum(operator, plane, vertical, tolerance=tolerance))
     operator = LayerOperator(energy, plane, vertical, column=column)
     operator.update()
     layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)

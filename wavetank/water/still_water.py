@@ -52,6 +52,7 @@ class StillWaterWaves:
 
     def __init__(self, waves: WavesOverStillWater):
         self._waves, self._still = waves, waves.still
+        self._uniform = waves.mass.apply(np.ones(waves.plane.owned))  # the masses of a metre everywhere
         self._solvers: dict[float, tuple[Modes, Vector]] = {}
 
     def _solver(self, weight: float) -> tuple[Modes, Vector]:
@@ -67,11 +68,13 @@ class StillWaterWaves:
     def __call__(self, stage: Stage, residual: Vector) -> Vector:
         """Return the preconditioned residual, shape (2 owned,); collective."""
         a, g, mass = stage.weight, self._waves.gravity, self._waves.mass
-        r_q, r_psi = np.split(residual, 2)
+        r_q, r_psi = residual.reshape(2, -1)
         solver, surface = self._solver(a)
         right = mass.apply(r_psi) / (a**2 * g) - r_q / a
         psi = solver.solve(np.asarray(np.outer(right, surface)), cycles=CYCLES) @ surface
-        return np.concatenate([mass.apply(r_psi - psi) / (a * g), psi])
+        q, sums = mass.apply(r_psi - psi) / (a * g), self._waves.plane.sum
+        q += self._uniform * (sums(r_q - q) / sums(self._uniform))  # over a bed, or beside a wall: no mass is made
+        return np.concatenate([q, psi])
 
 
 def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:

@@ -137,19 +137,25 @@ class SurfaceFlow(SurfaceVelocity):
         coordinates[:, : places.shape[1]] = places
         x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, len(points)))
         self._turned = x[:, 0] > x[:, -1]  # cells that run backwards
+        forwards = np.where(self._turned[:, None], np.arange(x.shape[1])[::-1], np.arange(x.shape[1]))
+        self._forwards = forwards + x.shape[1] * np.arange(x.shape[0])[:, None]  # this rank's points, cells forwards
         self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
-        self._reference = self._sorted(x)
+        self._alone = self._forwards[self._order].ravel() if self._comm.size == 1 else None
+        reference = self._sorted(x.reshape(-1, 1))[:, 0]
+        self._places = np.column_stack([reference, 0 * reference])
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
     def _sorted(self, values: Vector) -> Vector:
-        """Return the values of all ranks in the order of x, from shape (cells, points) to (all cells * points,)."""
-        rows = np.where(self._turned[:, None], values[:, ::-1], values)
-        return np.asarray(np.concatenate(self._comm.allgather(rows))[self._order].ravel())
+        """Return the values of all ranks in the order of x, from shape (cells * points, k) to (all of these, k)."""
+        if self._alone is not None:
+            return np.asarray(values[self._alone])
+        rows = np.concatenate(self._comm.allgather(values[self._forwards]))[self._order]
+        return np.asarray(rows.reshape(-1, values.shape[1]))
 
     def _take(self, values: Vector) -> None:
         rows = values.reshape(self._cells.size, len(self._points), 3)
-        self._x = self._waves.wall.to_physical(np.column_stack([self._reference, 0 * self._reference]))[:, 0]
-        self._height, self._slope, self._psi_x = (self._sorted(rows[:, :, i]) for i in range(3))
+        self._x = self._waves.wall.to_physical(self._places)[:, 0]
+        self._height, self._slope, self._psi_x = self._sorted(values.reshape(-1, 3)).T
         self._speeds = np.abs(rows[:, :, 2] / (1 + rows[:, :, 1] ** 2)).max(axis=1, initial=0.0)
         self._slopes = np.abs(rows[:, :, 1]).max(axis=1, initial=0.0)
 

@@ -17,13 +17,13 @@ import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fe.forms import ScalarForm, VectorForm
 from wavetank.fe.mass import mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.hamiltonian.stage_solver import SnesStages, SnesStageSolver
+from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
@@ -117,10 +117,10 @@ class NonlinearWaves:
         self.h.function.x.array[:] = self.depth
         g = fem.Constant(plane.mesh, gravity)
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
-        self.mass = mass_matrix(plane, wall.mapping.J(energy.eta))
+        self.mass = mass_matrix(plane, wall.mapping.J(energy.eta), carried=wall.carried)
         self.columns = wall.columns(energy, self.mass)
         self.operator, self.layer, minimum = interior_of(
-            energy.layer, plane, self.vertical, column=self.h, tolerance=tolerances.interior
+            energy.column, plane, self.vertical, column=self.h, tolerance=tolerances.interior
         )
         self.still = self.layer.assemble()
         self.potential = InteriorPotential(minimum, self.phi, inputs=3 if wall.moves else 2, plane=plane)
@@ -146,8 +146,8 @@ class NonlinearWaves:
             **self._wall_terms.hamiltonian,
         }
         self._potential_energy = ScalarForm(self.hamiltonian[POTENTIAL], self.plane.comm)
-        others = sum(form for part, form in self.hamiltonian.items() if part is not KINETIC)
-        self._of_others = VectorForm(ufl.derivative(others, h))  # the operator has the kinetic energy's
+        walls = list(self._wall_terms.hamiltonian.values())
+        self._of_wall = VectorForm(ufl.derivative(sum(walls), h)) if walls else None  # the operator has the others'
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
@@ -172,7 +172,7 @@ class NonlinearWaves:
         if not np.isfinite(self.level):
             raise BreakdownError(f"t = {t:.6g} s: the surface's potential is no longer a number")
         self.phi.owned[:, -1] = p - self.level
-        self.phi.function.x.scatter_forward()
+        self.phi.fetch()
         self.operator.update()
         return self._wall_terms.vector()
 
@@ -187,7 +187,7 @@ class NonlinearWaves:
 
     def _all(self, known: bool) -> bool:
         """Return whether it is so on all ranks; collective."""
-        return bool(self.plane.comm.allreduce(int(not known)) == 0)
+        return summed(self.plane.comm, float(not known)) == 0
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s], and with it the mass matrix and the bed; collective."""
@@ -217,6 +217,11 @@ class NonlinearWaves:
         return float(np.sqrt(self.plane.sum(self._deviation() ** 2) / (2 * self.plane.size)))
 
     def _check_column(self, t: float) -> None:
+        if not self._all(self.h.owned.min(initial=np.inf) > 0.0):
+            self._refuse_column(t)
+
+    def _refuse_column(self, t: float) -> None:
+        """Raise what says where the column is lowest, which is not positive; collective."""
         column = np.concatenate([self.h.owned, [np.inf]])  # a rank may own nothing
         column[np.isnan(column)] = -np.inf  # which is less than all numbers on other ranks
         least = int(np.argmin(column))
@@ -242,7 +247,10 @@ class NonlinearWaves:
         """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,); collective."""
         self.evaluate(q, p, t)
         if self._H_q is None:
-            self._H_q = self.mass.solve(self.operator.derivative(self.phi.rows) + self._of_others.assemble())
+            derivative = self.operator.derivative(self.phi.rows)
+            if self._of_wall is not None:
+                derivative += self._of_wall.assemble()
+            self._H_q = self.mass.solve(derivative)
         return self._H_q
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
@@ -310,14 +318,14 @@ class NonlinearWaves:
             self._t = self._stands
             self._begin(held["q"], held["p"], held["t"])
             self.phi.owned[:, :-1] = held["interior"].T
-            self.phi.function.x.scatter_forward()
+            self.phi.fetch()
             self._know(held["q"], held["p"], held["t"], held["H_p"])
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
     def _set_up_stages(self, tolerances: Tolerances) -> None:
         column, speed = scales(self)
         solver = partial(
-            SnesStageSolver,
+            AndersonStageSolver,
             self.plane.comm,
             tolerance=tolerances.stage,
             size=self.size,
@@ -325,7 +333,7 @@ class NonlinearWaves:
         )
         coordinate, momentum = solver(column), solver(speed)
         pair = solver(np.stack([column, speed]), precondition=StillWaterWaves(self))
-        self.stages = SnesStages(coordinate, momentum, pair)
+        self.stages = IteratedStages(coordinate, momentum, pair)
 
     @cached_property
     def largest_frequency(self) -> float:

@@ -97,6 +97,10 @@ class Wall(Placed, Protocol):
     """The wall of nonlinear waves."""
 
     @property
+    def carried(self) -> ufl.Measure | None:
+        """The measure over the cells that it carries; None where it stands still."""
+
+    @property
     def velocities(self) -> Vector:
         """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
 

@@ -17,11 +17,12 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import ScalarForm, VectorForm, taylor_coefficients
 from wavetank.fe.mass import MassMatrix
-from wavetank.fe.plane import LayeredField, Plane
+from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.motions import Motion
 from wavetank.motions.mapping import largest_stroke, share, unmapped
@@ -59,9 +60,14 @@ class Piston:
         s.set(self._share(side.distances(plane.places)))
         self.travel = Travel(motion, plane=plane, side=side, s=s)
         self.axis = ufl.as_vector([float(part) for part in side.normal[: plane.mesh.geometry.dim]])
+        self.carried = plane.over(self._carried(s))
         self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
         self.mapping = self.after(0.0)
         self.set_time(0.0)
+
+    def _carried(self, s: Field) -> NDArray[np.int32]:
+        """Return this rank's cells, ghosts among them, in which s is not zero."""
+        return np.flatnonzero((s.rows[self._plane.V.dofmap.list, 0] != 0.0).any(axis=1)).astype(np.int32)
 
     def _last(self, distances: Vector, reach: float) -> float:
         """Return the largest of the distances up to a reach, or the smallest there is beyond it; collective."""
@@ -112,19 +118,32 @@ class Piston:
     def flux(self, speed: Any, *, psi: Any, h: Any, wall_flux: Any) -> Any:
         """Return int psi a . grad(s v h) dX + int v h phi dzeta at the paddle, for s v [m/s] in UFL; there s = 1."""
         carried = ufl.inner(self.axis, ufl.grad(speed * h))
-        return psi * carried * self._plane.dx + speed * wall_flux * self._on_paddle
+        return psi * carried * self.carried + speed * wall_flux * self._on_paddle
 
     def to_reference(self, places: Vector) -> Vector:
         """Return X with X + a s(X) X_p = x, places of shape (N, 2) [m]."""
-        positions = self.travel.positions(self.side.along(places))
-        distances = self.side.distances(places)
-        back = self.reach * unmapped(np.asarray(distances / self.reach), np.asarray(positions / self.reach))
-        return np.asarray(places + np.outer(back - distances, self.side.normal))
+
+        def back(distances: Vector, places: Vector) -> Vector:
+            positions = self.travel.positions(self.side.along(places))
+            moved = unmapped(np.asarray(distances / self.reach), np.asarray(positions / self.reach))
+            return np.asarray(self.reach * moved - distances)
+
+        return self._carried_on(places, back)
 
     def to_physical(self, places: Vector) -> Vector:
         """Return X + a s(X) X_p, places of shape (N, 2) [m]."""
-        shift = self._share(self.side.distances(places)) * self.travel.positions(self.side.along(places))
-        return np.asarray(places + np.outer(shift, self.side.normal))
+
+        def shift(distances: Vector, places: Vector) -> Vector:
+            return self._share(distances) * self.travel.positions(self.side.along(places))
+
+        return self._carried_on(places, shift)
+
+    def _carried_on(self, places: Vector, shift: Callable[[Vector, Vector], Vector]) -> Vector:
+        """Return places moved along the normal by a shift [m] of their distances and themselves; none beyond reach."""
+        moved, distances = places.copy(), self.side.distances(places)
+        near = np.flatnonzero(distances < self.reach)
+        moved[near] += np.outer(shift(distances[near], places[near]), self.side.normal)
+        return moved
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return a s X_p' at reference places [m/s], shape (N, 2)."""
@@ -157,7 +176,7 @@ class PistonTerms:
         self._mu = plane.function("mu")
         _, rate = taylor_coefficients(density, 1, plane.mesh)
         moved = rate - wall.stretching * energy.h * self._mu.function
-        self._power = ScalarForm(moved * plane.dx, plane.comm)
+        self._power = ScalarForm(moved * wall.carried, plane.comm)
 
     def vector(self) -> Vector:
         """Return dW/dphi, shape (owned, n+1); collective."""

@@ -26,6 +26,7 @@ class StillWall:
     motion: Motion = AtRest()
     openings: tuple[ufl.Measure, ...] = ()
     mapping = Identity()
+    carried: ufl.Measure | None = None
 
     def set_time(self, t: float) -> bool:
         """Do nothing."""

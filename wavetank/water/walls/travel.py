@@ -1,9 +1,8 @@
 """How far a paddle has carried the water, and how fast it does."""
 
 import numpy as np
-from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.fe.plane import Field, Plane
 from wavetank.motions import Motion
 from wavetank.water.walls.side import Side
@@ -33,6 +32,8 @@ class Travel:
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''")]
         self.position, self.speed, self.acceleration = (field.function for field in self._fields)
         self._at: Vector = np.zeros(self._y.size)
+        self._whole: dict[int, Vector] = {}  # the derivatives of X_p now that are the same at all y
+        self._accelerated = np.nan  # the time of the acceleration [s]
         self.velocities: Vector = np.zeros(self._place.size)
 
     def set_time(self, t: float) -> bool:
@@ -43,23 +44,34 @@ class Travel:
         if t == self._t:
             return False
         self._t, before = t, self._at
+        self._whole.clear()
         self._at, self.velocities = self.positions(self._y), self.speeds(self._y)[self._place]
         self._set(0, self._at[self._place])
         self._set(1, self.velocities)
-        return bool(self._comm.allreduce(int(not np.array_equal(before, self._at)), op=MPI.MAX))
+        return summed(self._comm, float(not np.array_equal(before, self._at))) > 0
 
     def set_acceleration(self) -> None:
         """Bring the acceleration to the time of the position; collective."""
-        values = np.broadcast_to(self._motion.acceleration(self._t, self._y), self._y.shape)
-        self._set(2, values[self._place])
+        if self._t != self._accelerated:
+            self._accelerated = self._t
+            self._set(2, self._rate(2, self._y)[self._place])
 
     def _set(self, order: int, values: Vector) -> None:
         self._fields[order].set(self._s * values)
 
     def positions(self, y: Vector) -> Vector:
         """Return X_p at places y along the paddle [m], shape (N,)."""
-        return np.broadcast_to(self._motion.position(self._t, y), y.shape)
+        return self._rate(0, y)
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
-        return np.broadcast_to(self._motion.velocity(self._t, y), y.shape)
+        return self._rate(1, y)
+
+    def _rate(self, order: int, y: Vector) -> Vector:
+        """Return a derivative of X_p at places y, shape (N,); of a paddle that moves as a whole found once a time."""
+        value = self._whole.get(order)
+        if value is None:
+            value = np.asarray(self._motion.derivative(self._t, order, y))
+            if value.ndim == 0:
+                self._whole[order] = value
+        return np.broadcast_to(value, y.shape)

@@ -1,0 +1,47 @@
+"""The same cases by this checkout and by another, one run after the other: ratios of CPU time, in which noise cancels.
+
+git worktree add ../before REVISION
+./env python -m benchmarks --only beside --other ../before
+"""
+
+import json
+import os
+import subprocess
+import tempfile
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+HERE = Path(__file__).resolve().parent.parent
+CASES = {  # and what is set of them
+    "marin-202002": ("run.duration=20",),
+    "bar": ("run.duration=10",),
+    "focusing": (),
+}
+
+
+def report(other: Path, console: Console, *, cases: list[str] | None = None) -> None:
+    """Print what the steps and the whole process of each case take in both checkouts."""
+    table = Table("case", "checkout", "CPU s of the steps", "of the process", "ratio of both", title=f"beside {other}")
+    for case in cases or CASES:
+        spent(other, case)  # compiles what is not kept
+        spent(HERE, case)
+        theirs, ours = spent(other, case), spent(HERE, case)
+        table.add_row(case, str(other), *(f"{value:.2f}" for value in theirs))
+        ratios = ", ".join(f"{before / now:.2f}" for before, now in zip(theirs, ours, strict=True))
+        table.add_row("", "here", *(f"{value:.2f}" for value in ours), ratios)
+    console.print(table)
+
+
+def spent(checkout: Path, case: str) -> tuple[float, float]:
+    """Return the CPU seconds that the steps of a case and its whole process take there, without pictures."""
+    settings = [part for setting in CASES[case] for part in ("--set", setting)]
+    surroundings = {name: value for name, value in os.environ.items() if name not in {"WAVETANK_INSIDE", "PYTHONPATH"}}
+    with tempfile.TemporaryDirectory() as folder:
+        out, began = Path(folder) / "run", os.times()
+        command = ["./env", "wavetank", "run", f"cases/{case}.toml", "--no-plots", "--out", str(out), *settings]
+        subprocess.run(command, cwd=checkout, env=surroundings, check=True, stdout=subprocess.DEVNULL)
+        ended, manifest = os.times(), json.loads(next(out.glob("manifest*")).read_text(encoding="utf-8"))
+    process = ended.children_user + ended.children_system - began.children_user - began.children_system
+    return manifest["timings"]["stepping_cpu_s"], process
