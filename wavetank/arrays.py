@@ -1,10 +1,11 @@
-"""What states and derivatives are: numpy arrays of the values that this rank owns; and their sums over ranks."""
+"""What states and derivatives are: numpy arrays of the values that this rank owns; their sums, and combinations."""
 
 from typing import TypeVar
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dsyev
 
 Vector = NDArray[np.float64]
 
@@ -14,3 +15,16 @@ Summand = TypeVar("Summand", float, Vector)
 def summed(comm: MPI.Comm, part: Summand) -> Summand:
     """Return the sum of all ranks' numbers or arrays; collective. One rank, whose sum it is, is not sent to itself."""
     return part if comm.size == 1 else comm.allreduce(part)
+
+
+def nearest(gram: Vector, along: Vector, *, shortest: float) -> Vector:
+    """Return the weights of vectors whose combination comes closest to a target, shape (k,).
+
+    Given are the vectors' products with each other, (k, k), and with the target, (k,). Directions whose square is below
+    ``shortest`` of that of the longest take no part.
+    """
+    if not along.size:
+        return along
+    squares, directions, _ = dsyev(gram)
+    kept = squares > shortest * squares[-1]
+    return np.asarray(directions[:, kept] @ (along @ directions[:, kept] / squares[kept]))

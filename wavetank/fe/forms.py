@@ -92,15 +92,17 @@ class VectorForm:
         self._form = compile_form(form)
         space = self._form.function_spaces[0].dofmap
         self._vector = la.vector(space.index_map, space.index_map_bs)
-        self._owned = space.index_map.size_local * space.index_map_bs
+        self._values: Vector = self._vector.array
+        self._owned: Vector = self._values[: space.index_map.size_local * space.index_map_bs]
+        self._alone = space.index_map.size_local == space.index_map.size_global
 
     def assemble(self) -> Vector:
         """Return the values this rank owns, shape (owned,); collective. The array is reused by the next call."""
-        self._vector.array[:] = 0.0
-        fem.assemble_vector(self._vector.array, self._form)
-        self._vector.scatter_reverse(la.InsertMode.add)
-        owned: Vector = self._vector.array[: self._owned]
-        return owned
+        self._values[:] = 0.0
+        fem.assemble_vector(self._values, self._form)
+        if not self._alone:
+            self._vector.scatter_reverse(la.InsertMode.add)
+        return self._owned
 
 
 def owned_rows(matrix: Any) -> tuple[Vector, Any, Any]:

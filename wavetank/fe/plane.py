@@ -40,7 +40,7 @@ class Plane:
         self.owned: int = self.V.dofmap.index_map.size_local
         self.size: int = self.V.dofmap.index_map.size_global
 
-    @property
+    @cached_property
     def comm(self) -> MPI.Comm:
         """The communicator of the mesh."""
         comm: MPI.Comm = self.mesh.comm
@@ -95,7 +95,7 @@ class Plane:
 
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""
-        return summed(self.comm, float(np.sum(values)))
+        return summed(self.comm, float(values.sum()))
 
 
 class Field:

@@ -9,9 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 from mpi4py import MPI
-from scipy.linalg.lapack import dsyev
 
-from wavetank.arrays import Vector, summed
+from wavetank.arrays import Vector, nearest, summed
 from wavetank.stateful import Held
 
 SHORTEST = 1e-13  # squared, of directions against the longest: shorter ones carry answers' errors rather than trends
@@ -56,7 +55,8 @@ class Recall:
         if not self._recorded:
             return None
         target = self._target(x)
-        weights = self._weights(target.along)
+        known = target.along.size
+        weights = nearest(self._gram[:known, :known], target.along, shortest=SHORTEST)
         if target.square - weights @ target.along > target.from_zero:
             return None  # zero is closer than anything remembered
         return np.asarray(self._answer + weights.astype(np.float32) @ self._steps[: self._recorded - 1])
@@ -69,14 +69,6 @@ class Recall:
             *along, square, from_zero = summed(self._comm, products)
             self._asked = _Target(x, away, np.array(along), square=square, from_zero=from_zero)
         return self._asked
-
-    def _weights(self, along: Vector) -> Vector:
-        """Return the weights of the differences that come closest, from their products with the target."""
-        if not along.size:
-            return along
-        squares, directions, _ = dsyev(self._gram[: along.size, : along.size])
-        kept = squares > SHORTEST * squares[-1]
-        return np.asarray(directions[:, kept] @ (along @ directions[:, kept] / squares[kept]))
 
     def record(self, x: Vector, y: Vector) -> None:
         """Remember that y answers x, which has been asked for last; collective."""

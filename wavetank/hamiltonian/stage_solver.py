@@ -20,7 +20,7 @@ import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector, summed
+from wavetank.arrays import Vector, nearest, summed
 from wavetank.errors import ConvergenceError, WavetankError
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.start_values import Extrapolation
@@ -33,6 +33,7 @@ ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes th
 MEMORY = 0.95  # of the waves' size, from one step to the next: a standing wave has moments without elevation
 ROUND_OFF = 30 * np.finfo(float).eps  # of the solution, below which no residual is asked for
 MIXED = 5  # earlier iterates that take part in an iteration
+SHORTEST = 1e-15  # squared, of their steps against the longest
 SAFETY = 2.0  # on what an iteration is known to leave of the error
 CONFIRMED = 8  # solves after which what is known is measured anew
 
@@ -275,7 +276,7 @@ class Mixing:
         images, residuals = (np.array(part) for part in zip(*self._steps, strict=True))
         stacked = np.vstack([residuals, scaled])
         gram = summed(self._comm, stacked @ stacked.T)
-        weights = np.linalg.lstsq(gram[:-1, :-1], gram[:-1, -1], rcond=1e-15)[0]
+        weights = nearest(gram[:-1, :-1], gram[:-1, -1], shortest=SHORTEST)
         return np.asarray(image - weights @ images)
 
 

@@ -84,6 +84,7 @@ class LinearWaves:
         self.motion = wall.motion
         self.vertical = VerticalBasis(vertical_order)
         self.h = plane.function("water column")
+        self.h.set(np.zeros(plane.owned) + self.bed.still)
         d, g = self.bed.d, fem.Constant(plane.mesh, gravity)
         self._gravity_energy = ScalarForm(
             WaterEnergy(h=self.h.function, d=d, gravity=g, mapping=wall.mapping).potential() * plane.dx, plane.comm

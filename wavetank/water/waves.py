@@ -183,7 +183,7 @@ class NonlinearWaves:
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
-        return self._all(one_time(t, self._t) and np.array_equal(q, self._q) and np.array_equal(p, self._p))
+        return self._all(one_time(t, self._t) and bool((q == self._q).all() and (p == self._p).all()))
 
     def _all(self, known: bool) -> bool:
         """Return whether it is so on all ranks; collective."""
@@ -203,18 +203,21 @@ class NonlinearWaves:
 
     def _inputs(self) -> Vector:
         if not self.wall.moves:
-            return self._deviation()
-        velocities = self.depth / np.sqrt(self.gravity * self.depth) * self.wall.velocities
-        return np.concatenate([self._deviation(), np.broadcast_to(velocities, self.plane.owned)])
+            return self._deviation(np.empty((2, self.plane.owned))).ravel()
+        inputs = np.empty((3, self.plane.owned))
+        inputs[2] = self.depth / np.sqrt(self.gravity * self.depth) * self.wall.velocities
+        return self._deviation(inputs).ravel()
 
-    def _deviation(self) -> Vector:
-        """Return how far from rest the point last evaluated is: eta, and psi in metres, shape (2 owned,)."""
-        speed = np.sqrt(self.gravity * self.depth)
-        return np.concatenate([self.h.owned - self.bed.still, self.phi.owned[:, -1] / speed])
+    def _deviation(self, rows: Vector) -> Vector:
+        """Set the first two of some rows to how far from rest the point last evaluated is: eta, and psi in metres."""
+        rows[0] = self.h.owned - self.bed.still
+        rows[1] = self.phi.owned[:, -1] / np.sqrt(self.gravity * self.depth)
+        return rows
 
     def size(self) -> float:
         """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
-        return float(np.sqrt(self.plane.sum(self._deviation() ** 2) / (2 * self.plane.size)))
+        squares = self._deviation(np.empty((2, self.plane.owned))) ** 2
+        return float(np.sqrt(self.plane.sum(squares) / (2 * self.plane.size)))
 
     def _check_column(self, t: float) -> None:
         if not self._all(self.h.owned.min(initial=np.inf) > 0.0):
