@@ -17,6 +17,7 @@ from wavetank.records.place import check_new
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
 WIDTH = 120  # characters a table may need, on whatever terminal
+MOST = 24  # rows of a table on the terminal
 REGULAR = ("harmonics", "bound-free", "reflection")  # that take a period
 
 
@@ -98,8 +99,10 @@ def _make(folder: Path) -> None:
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str | float]]) -> Table:
-    table = Table(*columns, box=SIMPLE, padding=0)
-    for row in rows:
+    left_out = max(0, len(rows) - MOST)
+    caption = f"and {left_out} more rows, in the file" if left_out else None
+    table = Table(*columns, box=SIMPLE, padding=0, caption=caption)
+    for row in rows[:MOST]:
         table.add_row(*map(_shown, row))
     return table
 

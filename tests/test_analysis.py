@@ -302,6 +302,13 @@ def test_a_sea_and_its_reflection_are_told_apart(number):
         assert number == 2  # two gauges half a wave length apart
 
 
+def test_a_short_record_of_gauges_far_apart_sees_no_reflection_where_there_is_none():
+    """Windows that stood still would take a fifth of these waves for reflected."""
+    f = np.linspace(0.35, 1.2, 160)
+    record = recorded(sea(f, jonswap_like(f, 0.6)), (3.0, 6.0, 9.0), np.arange(0, 60, 0.05))
+    assert reflected_spectra(record, depth=DEPTH).attrs["coefficient"] < 0.05
+
+
 def test_gauges_half_a_wave_length_apart_tell_nothing():
     f = 0.7
     x = (3.0, 3.0 + np.pi / float(k_of(f)))

@@ -105,7 +105,7 @@ def read_record(
         raise InputError(f"{source}: --along reads the surface of a run; this is none.")
     else:
         known = data.opened(source)
-        eta, title = records.elevation(data.gauge_records(known)[0].series), known.title or known.name
+        eta, title = records.elevation(data.gauge_records(known)[0].series), known.name
     if gauges:
         eta = records.chosen(eta, gauges)
     return Record(records.between(eta, start, end), title, period, told, gravity)

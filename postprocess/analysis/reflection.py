@@ -9,7 +9,7 @@ Zelt and J. E. Skjelbreia, Proc. 23rd, 1992. Of regular waves the wave number ma
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy import signal
 from scipy.optimize import minimize_scalar
 from xarray import DataArray, Dataset
@@ -17,8 +17,8 @@ from xarray import DataArray, Dataset
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis.along import told_apart
 from wavetank.postprocess.analysis.records import places, time_step
-from wavetank.postprocess.analysis.spectra import samples
-from wavetank.theory.airy import wave_number
+from wavetank.postprocess.analysis.spectra import peak_frequency, samples, spectrum
+from wavetank.theory.airy import group_velocity, wave_number
 
 WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
 ENERGETIC = 0.02  # of the largest incident density: of less, no reflection is told
@@ -76,17 +76,23 @@ def regular_reflection(
 def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, segment: float | None = None) -> Dataset:
     """Return the spectra ``incident`` and ``reflected`` [m²/Hz] of a sea over frequency [Hz].
 
-    By the gauges' cross spectra (Welch's, segments of ``spectrum``). Not numbers where the gauges cannot tell them
+    By the gauges' cross spectra (Welch's, segments of ``spectrum``, in Hann windows that go along with the incident
+    waves at the group velocity of their peak, lest what passes one gauge in a window and the next outside it counts as
+    reflected). Not numbers where the gauges cannot tell them
     apart, by half wave lengths between them or because these are much longer than their row (``condition`` above 6.3).
     The attribute ``coefficient`` is the root of reflected over incident variance, where the waves are. Raises
     ``InputError`` for fewer than two gauges, and where no frequency of the waves can be told apart.
     """
-    x, rate, size = places(eta), 1 / time_step(eta), samples(eta, segment)
+    x, dt = places(eta), time_step(eta)
     _check(x.size, 2)
-    values = eta.transpose("gauge", "time").values
-    window = "boxcar" if size == eta.time.size else "hann"
-    f, cross = signal.csd(values[:, None], values[None], rate, window, nperseg=size, detrend="constant")
+    late = _delays(eta, x, depth, gravity)
+    length = eta.time.size - int(late.max())
+    values = np.array([one[n : n + length] for n, one in zip(late, eta.transpose("gauge", "time").values, strict=True)])
+    size = min(samples(eta, segment), length)
+    f, cross = signal.csd(values[:, None], values[None], 1 / dt, nperseg=size, detrend="constant")
     f, cross = f[1:], np.moveaxis(cross, -1, 0)[1:]
+    turned = np.exp(2j * np.pi * dt * f[:, None] * late)
+    cross = turned[:, :, None] * cross * turned[:, None].conj()
     k = wave_number(2 * np.pi * f, depth, gravity)
     # of e^(i(kx - ωt)), scipy's transform over e^(-iωt) is the conjugate of A
     waves = np.exp(-1j * k[:, None, None] * np.multiply.outer(x, [1, -1]))
@@ -108,6 +114,14 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
         at,
         {"coefficient": coefficient, "told_apart": float(density[there].sum() / density.sum())},
     )
+
+
+def _delays(eta: DataArray, x: NDArray[np.float64], depth: float, gravity: float) -> NDArray[np.intp]:
+    """Return how many steps after the first gauge along x the waves' groups come to each: at most half the record."""
+    peak = float(peak_frequency(spectrum(eta).mean("gauge")))
+    speed = float(group_velocity(float(wave_number(2 * np.pi * peak, depth, gravity)), depth, gravity))
+    steps = np.rint((x - x.min()) / (speed * time_step(eta))).astype(int)
+    return np.asarray(np.minimum(steps, eta.time.size // 2), dtype=np.intp)
 
 
 def _check(gauges: int, fewest: int) -> None:

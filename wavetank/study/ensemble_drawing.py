@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from wavetank.postprocess.style import BLUE, PALE_GREY, VERMILION, entry, picture
 from wavetank.study.ensemble import Ensemble
-from wavetank.study.response_drawing import numeric, panels_of, places_of
+from wavetank.study.response_drawing import TICKS, numeric, panels_of, places_of
 from wavetank.study.sweep import Axis, unit
 from wavetank.study.table import Row
 
@@ -58,7 +58,9 @@ def _draw_over(panel: Axes, found: Sequence[Ensemble], along: Axis) -> None:
     panel.errorbar(x, [one.mean for one in ordered], sure, color=MEAN, marker="o", ms=5, capsize=4, ls="", zorder=3)
     for quantile in np.array([one.quantiles for one in ordered]).T:
         panel.plot(x, quantile, "--", marker="_", color=QUANTILE, lw=0.8, zorder=2)
-    if not numeric(along):
+    if numeric(along):
+        panel.locator_params(axis="x", nbins=TICKS)
+    else:
         panel.set_xticks(range(len(along.values)), along.values)
 
 

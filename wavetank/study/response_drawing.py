@@ -17,6 +17,7 @@ from wavetank.study.responses import CREST_TIME, responded
 from wavetank.study.sweep import Axis, unit
 from wavetank.study.table import Row, measured
 
+TICKS = 5  # numbers at an axis, at most about so many
 WIDEST = 3  # panels side by side
 MAPPED = 3  # values, at least, of each of two keys that make a map
 WRITTEN = 64  # cells of a map, at most, in which its numbers are written
@@ -110,7 +111,9 @@ def _draw_panel(panel: Axes, rows: Sequence[Row], name: str, along: Axis, look: 
     if name in measured(rows):
         panel.set_yscale("log")
         number_logarithms(panel.yaxis)
-    if not numeric(along):
+    if numeric(along):
+        panel.locator_params(axis="x", nbins=TICKS)
+    else:
         panel.set_xticks(range(len(along.values)), along.values)
 
 

@@ -98,7 +98,7 @@ def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
     table = Table(box=SIMPLE, padding=0)
     for axis in axes:
         longest = max(len(row.combination.values.get(axis.name, "")) for row in rows)
-        table.add_column(axis.label, min_width=longest)
+        table.add_column(axis.label, min_width=longest, overflow="fold")
     for name in (*names, *shown, ""):
         table.add_column(name)
     for row in rows:
