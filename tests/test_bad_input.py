@@ -271,6 +271,11 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "table": SLICE + RUN + IRREGULAR + "spectrum = {type = 'table', file = 'spectrum.txt'}\n",
     "components": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'components'\nfile = 'waves.txt'\n"
     "generation = 'second-order'\n",
+    "surface": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'surface'\nfile = 'eta.txt'\nx = 4.0\n"
+    "delay = 16.0\n",
+    "solitary": SLICE + RUN + "[wall]\ntype = 'piston'\nmotion = {type = 'solitary-wave', height = 0.2}\n",
+    "formula": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'formula'\nposition = 'a*sin(t)'\n"
+    "where = {a = 0.02}\n",
     "record": SLICE + RUN + "[initial]\ntype = 'solitary-wave'\nheight = 0.2\nx = 8.0\n"
     "[wall]\ntype = 'piston'\nmotion = {type = 'recorded', position = 'paddle.txt'}\n",
     "going on": SLICE + "[initial]\ntype = 'run'\ndirectory = 'earlier'\nt = 2.0\n" + RUN,
@@ -328,6 +333,7 @@ def every(tmp_path_factory):
     (folder / "paddle.txt").write_text("".join(f"{t} {0.01 * t / 30}\n" for t in range(31)))
     (folder / "spectrum.txt").write_text("0.3 0.0\n0.5 1.0\n1.5 0.0\n")
     (folder / "waves.txt").write_text("0.5 0.02 1.0\n0.6 0.01 2.0\n")
+    (folder / "eta.txt").write_text("".join(f"{t / 5} {0.01 * math.sin(t)}\n" for t in range(99)))
     (folder / "bed.csv").write_text("x,depth\n" + "".join(f"{x},1.0\n" for x in range(31)))
     (folder / "bed.py").write_text("def depth(x, y):\n    return 1 + 0 * x\n")
     (folder / "paddle.py").write_text("def motion(t, order):\n    return 0 * t\n")

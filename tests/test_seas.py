@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import sympy
 from conftest import recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -11,14 +12,30 @@ from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.motions import Gaussian, Jonswap, Lines, Ramped, Recorded, Sinusoid, Tabled, Tabulated, Tma, irregular
+from wavetank.motions import (
+    Gaussian,
+    Jonswap,
+    Lines,
+    Ramped,
+    Recorded,
+    Sinusoid,
+    Tabled,
+    Tabulated,
+    Tma,
+    exact_solitary,
+    goring,
+    irregular,
+)
 from wavetank.motions.irregular import uniform
 from wavetank.motions.record_file import read_record
 from wavetank.records.directory import RunDirectory
 from wavetank.theory import airy
 from wavetank.theory.plane_waves import waves_along
 from wavetank.theory.second_order import Strokes, second_order
+from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.theory.wavemaker import PISTON
+from wavetank.values.formula import Formula
+from wavetank.values.noun import SceneError
 
 GRAVITY, DEPTH = 9.81, 1.0
 TANK = {"length": 20.0, "depth": DEPTH}
@@ -242,6 +259,92 @@ def test_components_of_a_file_meet_where_they_were_published_to():
     t = np.linspace(62.0, 66.0, 401)
     eta = target.elevation(14.1, t)
     assert eta.max() == pytest.approx(0.1516, abs=2e-4) and t[eta.argmax()] == pytest.approx(64.0, abs=0.03)
+
+
+# ---------------------------------------------------------------- formulae
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0.1*sin(2*t)**2 + cos(t)/(1 + t**2) - 3",
+        "exp(-(t - 2)**2)*tan(t/4) + log(1 + t) + sqrt(t)*2**t",
+        "arctan2(sin(t), 1 + t) + hypot(t, 2) + tanh(t)*sinh(t/3)*cosh(t/3)",
+        "arcsin(t/9) + arccos(t/9) + arctan(t) + arcsinh(t) + arccosh(1 + t) + arctanh(t/9) + abs(-t)",
+        "where(t < 2, t**3, 12*t - 16) + min(t, 2*t)*max(t, t/2) + clip(t, 1, 6) + (-t)**3 + t**t",
+        "7",
+    ],
+)
+def test_derivatives_of_formulae_are_those_of_sympy(text):
+    """Piece by piece, between its kinks."""
+    t = sympy.Symbol("t", positive=True)
+    names = {"arcsin": "asin", "arccos": "acos", "arctan2": "atan2", "arctan": "atan", "arcsinh": "asinh"}
+    names |= {"arccosh": "acosh", "arctanh": "atanh", "abs": "Abs", "min": "Min", "max": "Max"}
+    known = {name: getattr(sympy, other) for name, other in names.items()} | {
+        "hypot": lambda a, b: sympy.sqrt(a**2 + b**2),
+        "where": lambda c, a, b: sympy.Piecewise((a, c), (b, True)),
+        "clip": lambda a, low, high: sympy.Piecewise((low, a < low), (high, a > high), (a, True)),
+    }
+    exact, formula = sympy.sympify(text, {**known, "t": t}), Formula(text, variables=("t",))
+    times = np.array([0.3, 1.7, 2.6, 3.9, 6.6])
+    for order in range(3):
+        expected = [float(exact.diff(t, order).subs(t, one)) if order else float(exact.subs(t, one)) for one in times]
+        np.testing.assert_allclose(formula.derivative(order, times), expected, rtol=1e-11, atol=1e-13)
+    assert formula.derivative(1, 0.3).shape == ()
+
+
+def test_a_formula_moves_the_paddle():
+    motion = scene({"type": "formula", "where": {"w": 3.0}, "position": "0.02*sin(w*t)", "ramp": 2.0}).motion()
+    t = np.linspace(2.0, 9.0, 8)
+    for order in range(3):
+        expected = 0.02 * 3.0**order * np.sin(3.0 * t + order * np.pi / 2)
+        np.testing.assert_allclose(motion.derivative(t, order), expected, atol=1e-14)
+        assert motion.derivative(0.0, order) == 0.0
+
+
+# ---------------------------------------------------------------- solitary waves, and a wished surface
+@pytest.mark.parametrize("height", [0.1, 0.3, 0.6])
+@pytest.mark.parametrize("make", [goring, exact_solitary])
+def test_a_solitary_wave_s_paddle_moves_as_its_water_does_in_the_mean(make, height):
+    """Its stroke is the wave's water over the depth; at all times it has c eta / (d + eta) of where it stands."""
+    motion, wave = make(height, depth=DEPTH, gravity=GRAVITY), solitary_wave(height, depth=DEPTH, gravity=GRAVITY)
+    speed = np.sqrt(GRAVITY * (DEPTH + height)) if make is goring else wave.speed
+
+    def eta(x):
+        return height / np.cosh(np.sqrt(0.75 * height) * x) ** 2 if make is goring else wave.elevation(x)
+
+    t = np.linspace(0.0, 1.2 * motion.spline.x[-1], 60)
+    here = eta(motion.position(t) - speed * (t - motion.lead))
+    np.testing.assert_allclose(motion.velocity(t), speed * here / (DEPTH + here), atol=5e-6 * speed)
+    volume = np.trapezoid(eta(np.linspace(-40.0, 40.0, 8001)), dx=0.01)
+    assert motion.position(99.0) == pytest.approx(volume / DEPTH, rel=1e-5)
+    if make is goring:
+        assert motion.position(99.0) == pytest.approx(np.sqrt(16 * height * DEPTH / 3), rel=1e-5)
+
+
+def test_a_solitary_wave_begins_when_it_is_wanted():
+    wave = {"type": "solitary-wave", "height": 0.2, "crest_time": 9.0}
+    motion, early = (scene(one).motion() for one in (wave, {**wave, "crest_time": None}))
+    assert motion.start == pytest.approx(9.0 - early.lead) and motion.position(0.0) == motion.velocity(0.0) == 0.0
+    assert motion.position(9.0) == pytest.approx(early.position(early.lead))
+    with pytest.raises(ValueError, match=r"wall\.motion\.crest_time = 2\.0: must be at least 6\.\d+ s"):
+        scene(wave | {"crest_time": 2.0})
+
+
+def test_the_paddle_for_a_wished_surface_makes_it_there(tmp_path):
+    """A group as the wish: its linear waves have the record at x, and the paddle is that of the group."""
+    target = waves(FOCUSED)
+    t = np.arange(0.0, 24.0, 0.05)
+    np.savetxt(tmp_path / "eta.csv", np.column_stack([t, target.elevation(3.0, t)]), delimiter=",")
+    wish = {"type": "surface", "file": str(tmp_path / "eta.csv"), "x": 3.0, "delay": 15.0, "ramp": 3.0}
+    made = waves(wish)
+    seen = (t > 3.0) & (t < 21.0)
+    wanted = target.elevation(3.0, t[seen])
+    assert np.abs(made.elevation(3.0, t[seen] + 15.0) - wanted).max() < 0.01 * np.abs(wanted).max()
+    motion = scene(wish, duration=30.0).motion()
+    group = scene(FOCUSED).motion().motion
+    paddle = group.position(t[seen])
+    assert np.abs(motion.position(t[seen] + 15.0) - paddle).max() < 0.02 * np.abs(paddle).max()
+    with pytest.raises(SceneError, match=r"wall\.motion\.delay = 1\.0: must be at least 5\.\d+ s"):
+        scene(wish | {"delay": 1.0}).motion()
 
 
 # ---------------------------------------------------------------- what is refused

@@ -18,13 +18,22 @@ from wavetank.case.initial_run import RunState
 from wavetank.case.numerics import Gauge, IntegratorName, Numerics, Output, RunNoun
 from wavetank.case.paddles import (
     AtRestMotion,
+    FormulaMotion,
     PaddleMotion,
     PythonMotion,
     RecordedMotion,
     SinusoidMotion,
 )
 from wavetank.case.scene import LinearWater, NonlinearWater, Physics, Scene, Water
-from wavetank.case.seas import BichromaticMotion, ComponentsMotion, FocusedMotion, IrregularMotion, RegularMotion
+from wavetank.case.seas import (
+    BichromaticMotion,
+    ComponentsMotion,
+    FocusedMotion,
+    IrregularMotion,
+    RegularMotion,
+    SolitaryWaveMotion,
+    SurfaceMotion,
+)
 from wavetank.case.spectra import (
     GaussianSpectrum,
     JonswapSpectrum,
@@ -50,6 +59,7 @@ __all__ = [
     "FixedWall",
     "FocusedMotion",
     "FormulaBed",
+    "FormulaMotion",
     "FormulaSponge",
     "FormulaSurface",
     "Gauge",
@@ -86,10 +96,12 @@ __all__ = [
     "SinusoidMotion",
     "SliceTank",
     "SolitaryWave",
+    "SolitaryWaveMotion",
     "Sponge",
     "StandingWave",
     "StillWater",
     "StreamFunctionWave",
+    "SurfaceMotion",
     "TableSpectrum",
     "Tank",
     "TmaSpectrum",

@@ -6,6 +6,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from wavetank import data, motions
+from wavetank.case.formulae import TimeFormulaText, TimeHelpers
 from wavetank.case.seas import (
     BichromaticMotion,
     ComponentsMotion,
@@ -13,11 +14,14 @@ from wavetank.case.seas import (
     IrregularMotion,
     PaddleNoun,
     RegularMotion,
+    SolitaryWaveMotion,
+    SurfaceMotion,
 )
 from wavetank.case.tanks import AnyTank
 from wavetank.errors import InputError
 from wavetank.motions.record_file import read_record
 from wavetank.theory.wavemaker import Wavemaker
+from wavetank.values.formula import Formula
 from wavetank.values.noun import FilePath, Problem, SceneError, about, one_of
 from wavetank.values.python_file import load
 from wavetank.values.quantities import Duration, Height, Ramp
@@ -74,6 +78,20 @@ class RecordedMotion(PaddleNoun):
         return motions.ramped(record, self.ramp, start=max(0.0, record.start))
 
 
+class FormulaMotion(PaddleNoun):
+    """X(t) as given, with its derivatives by the chain rule."""
+
+    type: Literal["formula"] = "formula"
+    where: TimeHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
+    position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
+    ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the ramped motion."""
+        formula = Formula(self.position, where=self.where, variables=("t",))
+        return motions.ramped(motions.ByFormula(formula), self.ramp)
+
+
 class PythonMotion(PaddleNoun):
     """X(t) and its derivatives by a function in a Python file, which is run: it must be one that is trusted."""
 
@@ -106,6 +124,9 @@ PaddleMotion = Annotated[
     | IrregularMotion
     | FocusedMotion
     | ComponentsMotion
+    | SurfaceMotion
+    | SolitaryWaveMotion
+    | FormulaMotion
     | RecordedMotion
     | PythonMotion,
     Field(discriminator="type", description="motion of the paddle"),

@@ -1,6 +1,7 @@
 """Motions of a paddle that moves as a whole, by the waves that it is to make."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -11,16 +12,19 @@ from wavetank import data, motions
 from wavetank.case.groups import KEY, FocusingWaves, SpectralWaves
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
+from wavetank.motions.record_file import read_record
 from wavetank.motions.wave_motion import WaveMotion
 from wavetank.theory import airy
 from wavetank.theory.plane_waves import PlaneWaves, waves_along
+from wavetank.theory.solitary_wave import HIGHEST_SOLITARY
 from wavetank.theory.stream_function import maximum_height
 from wavetank.theory.wavemaker import Wavemaker
 from wavetank.values.noun import FilePath, Noun, Problem, about, one_of
-from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, metres
 
 STOKES_ENDS = 0.25  # of the wave: with a second harmonic as high its trough has a second crest; H L² / d³ = 26
 SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order
+LOWEST_SOLITARY = 1e-4  # depths
 MOST_PAIRS = 2000  # components: of so many there are 4 million pairs
 
 Heights = Annotated[tuple[Height, Height], Strict(False)]
@@ -300,3 +304,91 @@ class ComponentsMotion(MadeWaves):
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield what second-order generation cannot do."""
         yield from self.second_order_problems(scene)
+
+
+class SurfaceMotion(MadeWaves):
+    """Waves by the elevation that is wished for at a place, from a file: what paddle makes them, by linear theory."""
+
+    type: Literal["surface"] = "surface"
+    file: FilePath = Field(description="file of t [s] and eta [m]")
+    x: Length = Field(description="where it is wished for [m]")
+    delay: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="added to the file's times [s]")
+    lowest_frequency: Frequency | None = Field(
+        default=None, description="of waves that are made [Hz]; default a quarter of their mean"
+    )
+    highest_frequency: Frequency | None = Field(
+        default=None, description="of waves that are made [Hz]; default four times their mean"
+    )
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the mean periods")
+
+    @property
+    def reads_file(self) -> bool:
+        """Whether what fits it is known only when a file has been read: yes."""
+        return True
+
+    def wished(self) -> motions.WishedSurface:
+        """Return the surface; raises ``SceneError`` if the file cannot be had or read, or has no such waves."""
+        with about(*KEY, "file"):
+            t, eta = read_record(data.resolve(self.file, Path()), column="elevation [m]")
+            band = self.lowest_frequency, self.highest_frequency
+            return motions.wished_surface(t + self.delay, eta, band=band)
+
+    def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
+        """Return the motion by linear theory."""
+        found = self.wished()
+        where = {"x": self.x, "time": found.begin, "depth": tank.depth, "gravity": tank.gravity}
+        return motions.Sea(waves_along(found.frequencies, found.amplitudes, found.phases, **where), maker)
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        return 2.0 / self.wished().mean_frequency if self.ramp is None else self.ramp
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a place outside the tank, waves that come too late, and what second-order generation cannot do."""
+        if not self.x < scene.tank.length:
+            allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
+            yield Problem((*KEY, "x"), self.x, allowed)
+            return
+        found, ramp = self.wished(), self.ramp_in(scene.tank)
+        k = airy.wave_number(2.0 * np.pi * found.mean_frequency, scene.tank.depth, scene.tank.gravity)
+        travel = self.x / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
+        if found.begin < ramp + travel:
+            least = self.delay + ramp + travel - found.begin
+            allowed = f"must be at least {least:.4g} s: its waves need {travel:.4g} s from the ramp's end to x"
+            yield Problem((*KEY, "delay"), self.delay, allowed)
+            return
+        yield from self.second_order_problems(scene)
+
+
+class SolitaryWaveMotion(PaddleNoun):
+    """A solitary wave: the paddle moves as the water does in the mean over the depth."""
+
+    type: Literal["solitary-wave"] = "solitary-wave"
+    height: Height = Field(description="height H of the crest above still water [m]")
+    generation: Literal["exact", "goring"] = Field(
+        default="exact", description="for the exact wave of permanent form, or for Boussinesq's, as Goring's paddle"
+    )
+    crest_time: Duration | None = Field(
+        default=None, description="when the crest would be at x = 0, as if from afar [s]; default: as early as can be"
+    )
+
+    def _pushed(self, tank: AnyTank) -> motions.SolitaryPush:
+        make = motions.exact_solitary if self.generation == "exact" else motions.goring
+        return make(self.height, depth=tank.depth, gravity=tank.gravity)
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the motion."""
+        push = self._pushed(tank)
+        return push if self.crest_time is None else replace(push, begin=self.crest_time - push.lead)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a wave too high, and one too early."""
+        if self.height > HIGHEST_SOLITARY * scene.tank.depth:
+            allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
+            yield Problem((*KEY, "height"), self.height, allowed)
+        elif self.height < LOWEST_SOLITARY * scene.tank.depth:
+            allowed = f"must be at least {LOWEST_SOLITARY:g} depths: the wave is hundreds of depths long"
+            yield Problem((*KEY, "height"), self.height, allowed)
+        elif self.crest_time is not None and self.crest_time < (lead := self._pushed(scene.tank).lead):
+            allowed = f"must be at least {lead:.4g} s: the paddle begins to move as long before"
+            yield Problem((*KEY, "crest_time"), self.crest_time, allowed)

@@ -1,6 +1,7 @@
 """Paddle motions: X(t), or X(t, y) of segmented paddles, and their exact derivatives, in numpy and scipy alone."""
 
 from wavetank.motions.at_rest import AtRest
+from wavetank.motions.by_formula import ByFormula
 from wavetank.motions.component_file import read_components
 from wavetank.motions.directional_focus import DirectionalFocus
 from wavetank.motions.fan import Fan
@@ -14,13 +15,16 @@ from wavetank.motions.recorded import Recorded
 from wavetank.motions.reflected_focus import ReflectedFocus
 from wavetank.motions.segmented import PiecewiseLinear
 from wavetank.motions.sinusoid import Sinusoid
+from wavetank.motions.solitary import SolitaryPush, exact_solitary, goring
 from wavetank.motions.spectra import Gaussian, Jonswap, Spectrum, Tabled, Tma, read_spectrum
 from wavetank.motions.wave_group import WaveGroup
 from wavetank.motions.wave_motion import Sea, WaveMotion
+from wavetank.motions.wished_surface import WishedSurface, wished_surface
 
 __all__ = [
     "Array",
     "AtRest",
+    "ByFormula",
     "DirectionalFocus",
     "Fan",
     "Gaussian",
@@ -36,14 +40,19 @@ __all__ = [
     "Sea",
     "SegmentedMotion",
     "Sinusoid",
+    "SolitaryPush",
     "Spectrum",
     "Tabled",
     "Tabulated",
     "Tma",
     "WaveGroup",
     "WaveMotion",
+    "WishedSurface",
+    "exact_solitary",
+    "goring",
     "irregular",
     "ramped",
     "read_components",
     "read_spectrum",
+    "wished_surface",
 ]

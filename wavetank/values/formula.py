@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavetank.errors import InputError, choice
+from wavetank.values.jet import Jet
 
 Array = NDArray[np.float64]
 Helper = float | str  # a number, or a formula of its own
@@ -102,12 +103,28 @@ class Formula:
     def __call__(self, *coordinates: ArrayLike) -> Array:
         """Return the values, float64 of the coordinates' common shape; raise ``InputError`` where one is not finite."""
         arrays = np.broadcast_arrays(*(np.asarray(one, dtype=np.float64) for one in coordinates))
-        values: Values = {**CONSTANTS, **dict(zip(self._variables, arrays, strict=True))}
+        places = dict(zip(self._variables, arrays, strict=True))
+        return self._checked(self._found(places), places)
+
+    def derivative(self, order: int, coordinate: ArrayLike) -> Array:
+        """Return the derivative of order 0 to 2 of a formula of one variable, exact; raise as a call does."""
+        array = np.asarray(coordinate, dtype=np.float64)
+        (variable,) = self._variables
+        found = self._found({variable: Jet(array, np.ones_like(array), np.zeros_like(array))})
+        whole = found if isinstance(found, Jet) else Jet(found, 0.0, 0.0)
+        return self._checked(whole[order], {variable: array})
+
+    def _found(self, variables: Mapping[str, Any]) -> Any:
+        values: Values = {**CONSTANTS, **variables}
         with np.errstate(all="ignore"):  # a branch of where() that is not taken may be anything
             for name, helper in self._helpers.items():
                 values[name] = helper.value(values)
-            found = np.array(np.broadcast_to(self._part.value(values), arrays[0].shape), dtype=np.float64)
-        return finite(found, dict(zip(self._variables, arrays, strict=True)), source=f"formula {self.text!r}")
+            return self._part.value(values)
+
+    def _checked(self, found: Any, places: Mapping[str, Array]) -> Array:
+        shape = next(iter(places.values())).shape
+        values = np.array(np.broadcast_to(found, shape), dtype=np.float64)
+        return finite(values, places, source=f"formula {self.text!r}")
 
 
 def finite(values: Array, places: Mapping[str, Array], *, source: str) -> Array:

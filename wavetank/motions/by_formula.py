@@ -1,0 +1,17 @@
+"""A motion by a formula of t."""
+
+from typing import Any
+
+from wavetank.motions.motion import Motion
+from wavetank.values.formula import Formula
+
+
+class ByFormula(Motion):
+    """X(t) as given, with its derivatives by the chain rule."""
+
+    def __init__(self, formula: Formula):
+        self._formula = formula
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the formula's derivative; raises ``InputError`` where it is not finite."""
+        return self._formula.derivative(order, t)[()]
