@@ -5,20 +5,27 @@ harmonics at all places between the paddle's near field and the sponge are told 
 wave number 2 k, the free one K and -K (``postprocess/analysis/bound_free.py``).
 """
 
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
+from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.schedule import EverySteps
 from wavetank.postprocess.analysis.along import told_apart
+from wavetank.postprocess.style import BLUE, GREY, VERMILION
 from wavetank.runs.build import build_run
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
 from wavetank.theory.second_order import Strokes, second_order
 from wavetank.theory.wavemaker import PISTON
+from wavetank.verify.report import Report, write_parts
 
 GRAVITY = 9.81
 DEPTHS = (0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0)  # kd

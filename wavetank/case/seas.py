@@ -356,8 +356,14 @@ class SurfaceMotion(MadeWaves):
             least = self.delay + ramp + travel - found.begin
             allowed = f"must be at least {least:.4g} s: its waves need {travel:.4g} s from the ramp's end to x"
             yield Problem((*KEY, "delay"), self.delay, allowed)
-            return
-        yield from self.second_order_problems(scene)
+        elif found.begin > travel + found.length:
+            allowed = f"must be at most {self.delay + travel + found.length - found.begin:.4g} s: a copy comes before"
+            yield Problem((*KEY, "delay"), self.delay, allowed)
+        elif scene.run.duration > (again := found.begin + 2.0 * found.length):
+            allowed = f"must be at most {again:.4g} s, when the record's waves come again"
+            yield Problem(("run", "duration"), scene.run.duration, allowed)
+        else:
+            yield from self.second_order_problems(scene)
 
 
 class SolitaryWaveMotion(PaddleNoun):

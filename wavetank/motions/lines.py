@@ -25,7 +25,7 @@ Complex = NDArray[np.complex128]
 MISSED = 1e-6  # of the acceleration's largest possible value, at most, by the table: of the position some 1e-10
 FEW = 8  # sines that are as soon summed
 BLOCK, MOST = 1024, 2**20  # intervals of a block; numbers of its table of phases
-KEPT = 4  # blocks
+KEPT, FEWEST = 4, 1 / 64  # blocks; of them, for each time of many
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +78,11 @@ class Tabulated(Motion):
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
         which = np.floor(flat / self._span).astype(np.int64)
+        blocks = np.unique(which)
+        if blocks.size > max(1.0, FEWEST * flat.size):  # far apart, they are as soon summed
+            return self.lines.derivative(t, order)
         values = np.empty((flat.size, *self.lines.b.shape[1:]))
-        for block in np.unique(which):
+        for block in blocks:
             here = which == block
             values[here] = self._block(int(block))(flat[here], nu=order)
         return values.reshape(times.shape + self.lines.b.shape[1:])[()]

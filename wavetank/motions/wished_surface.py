@@ -23,8 +23,8 @@ class WishedSurface(NamedTuple):
     ----------
     frequencies, amplitudes, phases
         [Hz], [m] and [rad], shape (N,).
-    begin
-        When the record begins [s].
+    begin, length
+        When the record begins, and how long it is [s]; its waves come again after twice as long.
     mean_frequency
         Of its energy [Hz].
     """
@@ -33,6 +33,7 @@ class WishedSurface(NamedTuple):
     amplitudes: Array
     phases: Array
     begin: float
+    length: float
     mean_frequency: float
 
 
@@ -60,4 +61,4 @@ def wished_surface(t: Array, eta: Array, *, band: tuple[float | None, float | No
     if not (0 < kept.sum() <= MOST and energy[kept].sum() > 0.0):
         received = f"{kept.sum()} components from {lowest:g} to {highest:g} Hz received"
         raise InputError(f"{received}; allowed are 1 to {MOST}, and waves among them.")
-    return WishedSurface(f[kept], np.abs(lines[kept]), np.angle(lines[kept]), float(even[0]), mean)
+    return WishedSurface(f[kept], np.abs(lines[kept]), np.angle(lines[kept]), float(even[0]), float(np.ptp(t)), mean)
