@@ -207,7 +207,7 @@ VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verif
     "integrators": "Recompute every table and figure on the integrators.",
     "extremes": "Measure growing modes, steepness, breaking; two hours.",
     "sponge": "Measure what a sponge reflects; two minutes.",
-    "second_order": "Measure what second-order generation leaves of free waves.",
+    "second_order": "Measure the free waves that a paddle makes; minutes.",
     "cylinder": "Hold run-up around a cylinder against McCamy and Fuchs.",
     "directional_focus": "Hold waves from many directions against linear theory.",
     "layouts": "Draw the recipes of basins' layouts; some seconds.",
