@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from wavetank.postprocess.beds import still_water
+from wavetank.postprocess.broken_figure import broken_figure
 from wavetank.postprocess.figures import energy_figure, gauges_overview, surface_figure
 from wavetank.postprocess.within_cells import within_cells
-from wavetank.records.directory import SURFACE, RunDirectory, index_file
+from wavetank.records.directory import BROKEN, SURFACE, RunDirectory, index_file
 from wavetank.records.surface import Surface
 
 
@@ -19,7 +20,7 @@ def draw_run(run: RunDirectory) -> list[Path]:
     reads its surface, is not installed. Raises ``InputError`` for missing files.
     """
     gauges, energy = run.gauge_series(), run.budget()
-    pictures = []
+    pictures = [broken_figure(run)] if (run.path / BROKEN).exists() else []
     if _snapshots(run) > 1:
         pictures.append(draw_surface(run))
     if any(gauge.t.size > 1 for gauge in gauges):

@@ -3,13 +3,21 @@
 Oracle: cases in which the cause is known, because everything else is harmless.
 """
 
+import numpy as np
 import pytest
 from mpi4py import MPI
+from PIL import Image
 from rich.console import Console
 
 from wavetank.case import Scene
+from wavetank.cli import main
 from wavetank.errors import InputError, RunError
+from wavetank.postprocess.run_figures import draw_run
 from wavetank.recording import record_run
+from wavetank.records.directory import RunDirectory
+from wavetank.verify.breaking import over_steep
+
+QUIET = {"comm": MPI.COMM_SELF, "console": Console(quiet=True)}
 
 
 def run(folder, **changes):
@@ -52,3 +60,78 @@ def test_numbers_that_make_no_sense_are_refused(changes, message, tmp_path):
     with pytest.raises((InputError, ValueError), match=message):
         run(tmp_path, **changes)
     assert not (tmp_path / "run" / "energy.csv").exists()
+
+
+# ---------------------------------------------------------------- what is left to look at, and to go on from
+def assert_drawn(picture) -> None:
+    """Assert that there is a picture with something in it."""
+    with Image.open(picture) as image:
+        assert min(image.size) > 400 and np.asarray(image.convert("L")).std() > 10
+
+
+def test_the_surface_that_broke_is_kept_and_drawn_and_the_run_goes_on_with_another_step(tmp_path, capsys):
+    """It is that of the last state; the picture is there; both files, and what to do, stand in the last lines."""
+    case = tmp_path / "case.toml"
+    case.write_text(
+        "[tank]\nlength = 2.0\ndepth = 1.0\n[initial]\ntype = 'standing-wave'\nwave_amplitude = 0.1\n"
+        "[run]\nduration = 1.0\ncheckpoint_every = 1e-3\n[numerics]\ncells = 16\nvertical_order = 8\ndt = 0.04\n"
+        "integrator = 'stormer-verlet'\n"
+    )
+    out = tmp_path / "run"
+    assert main(["run", str(case), "--out", str(out)]) == 1
+    run, log = RunDirectory(out), (out / "run.log").read_text()
+    told, broken = run.manifest["broke_down"], run.broken()
+    assert run.status == "broke down" and 0.0 < told["t"] == run.manifest["t"] < 1.0
+    last = run.snapshots()
+    assert last.t[-1] <= told["t"] and broken["x"].min() == 0.0 and broken["x"].max() == 2.0
+    steepest = broken["slope"].argmax()
+    assert told["steepest"] == {name: column[steepest] for name, column in broken.items()}
+    apart, rise = (np.diff(broken[name]) for name in ("x", "elevation"))
+    secants = np.abs(rise[apart > 0] / apart[apart > 0])  # never steeper than what lies between
+    assert 0.3 * broken["slope"].max() < secants.max() <= broken["slope"].max()
+    kept = run.manifest["last_checkpoint"]
+    assert f"the surface it broke down from, t = {told['t']:.6g} s: {out / 'broken.csv'}, {out / 'broken.png'}" in log
+    assert f"the last good checkpoint, t = {kept:.6g} s: {out / 'checkpoint.zip'}" in log
+    assert f"next: wavetank resume {out} --set numerics.dt=0.02" in log
+    assert_drawn(out / "broken.png")
+    assert main(["resume", str(out), "--no-plots", "--set", "numerics.dt=0.02"]) == 0
+    whole = RunDirectory(out)
+    assert whole.status == "finished" and not list(out.glob("broken.*")) and "broke_down" not in whole.manifest
+    assert [part["numerics"]["dt"] for part in whole.manifest["parts"]] == [0.04, 0.02]
+    assert np.abs(whole.snapshots().eta).max() < 0.13
+
+
+@pytest.mark.slow
+def test_a_wave_that_breaks_is_shown_with_how_fast_its_water_is(tmp_path, capsys):
+    """Of the crest's speed, which the run was stopped for; the run goes on by what the last line says."""
+    scene = over_steep(0.6)
+    with pytest.raises(RunError, match="a wave breaks"):
+        record_run(scene, tmp_path / "run", **QUIET)
+    run = RunDirectory(tmp_path / "run")
+    ratio = max(crest["speed_ratio"] for crest in run.manifest["broke_down"]["crests"])
+    assert ratio > 0.85 and f"{100 * ratio:.0f} % of the crest's speed" in run.manifest["cause"]
+    assert_drawn(draw_run(run)[0])
+    assert "--set run.on_breaking=dissipate" in (tmp_path / "run" / "run.log").read_text()
+
+
+def broken_basin(out) -> dict:
+    """Return what is kept of a basin whose step is too long; collective."""
+    case = {
+        "tank": {"type": "basin", "depth": 0.5, "layout": {"type": "rectangle", "length": 2.0, "width": 1.0}},
+        "initial": {"type": "formula", "eta": "0.2*cos(pi*x/2)*cos(pi*y)"},
+        "run": {"duration": 2.0},
+        "numerics": {"cell_size": 0.25, "order": 2, "vertical_order": 3, "dt": 0.06, "integrator": "stormer-verlet"},
+    }
+    with pytest.raises(RunError):
+        record_run(Scene.model_validate(case), out, comm=MPI.COMM_WORLD, console=Console(quiet=True))
+    return RunDirectory(out).broken()
+
+
+@pytest.mark.slow
+def test_of_a_basin_each_cell_is_told_the_same_on_any_ranks(tmp_path, on_ranks):
+    alone = broken_basin(tmp_path / "1")
+    (together, *_) = on_ranks(broken_basin, tmp_path / "2", ranks=2)
+    assert alone["x"].size == 8 * 4
+    for name, column in alone.items():
+        np.testing.assert_allclose(together[name], column, rtol=1e-3, atol=1e-3 * np.abs(column).max())
+    assert_drawn(draw_run(RunDirectory(tmp_path / "1"))[0])

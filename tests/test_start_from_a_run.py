@@ -138,11 +138,12 @@ def test_a_basin_begins_with_a_basin_on_other_cells_on_any_ranks(layout, on_rank
         "initial": {"type": "formula", "eta": "0.02*cos(pi*x/4)*cos(pi*y/3)"},
         "gauges": [{"x": 1.0, "y": 1.2}],
         "run": {"duration": 0.3},
-        "numerics": {"cell_size": 0.5, "order": 3, "vertical_order": 2, "dt": 0.02},
+        "numerics": {"cell_size": 0.5, "order": 3, "vertical_order": 2, "dt": 0.0125},
     }
     on_ranks(record, first | {"run": {"duration": 0.5}}, tmp_path / "whole", {}, ranks=2)
     on_ranks(record, first, tmp_path / "first", {}, ranks=2)
-    second = begun(first, tmp_path / "first") | {"numerics": {"cell_size": 0.3, "dt": 0.01}, "run": {"duration": 0.2}}
+    others = {"numerics": {"cell_size": 0.3, "dt": 0.00625}, "run": {"duration": 0.2}}
+    second = begun(first, tmp_path / "first") | others
     for ranks in (1, 3):
         on_ranks(record, second, tmp_path / str(ranks), {}, ranks=ranks)
         found, whole = RunDirectory(tmp_path / str(ranks)), RunDirectory(tmp_path / "whole")

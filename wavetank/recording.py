@@ -22,6 +22,7 @@ from wavetank.observers.record import Discard, Kept, RecordCheck
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned
+from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import ENERGY, LOG, PADDLE, RunDirectory
 from wavetank.records.environment import environment
 from wavetank.records.log import RunLog
@@ -30,6 +31,7 @@ from wavetank.records.place import Place
 from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
 from wavetank.resuming import GoingOn, KeptRun, kept_scene
+from wavetank.runs.broken import BrokenSurface
 from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary
 from wavetank.runs.closing import Outcome, closing
 from wavetank.runs.parts import Parts
@@ -147,6 +149,13 @@ def record_run(
             asked, scene, run=run, waves=waves, fields=series, parts=parts, writer=writer, warnings=warnings.sentences
         )
 
+        def look(surface: BrokenSurface) -> None:
+            known.update(surface.figures)
+            if writer is not None:
+                writer.broken(surface.columns)
+                known["last_checkpoint"] = last_checkpoint(writer.path)
+                writer.note({**surface.figures, "last_checkpoint": known["last_checkpoint"]})
+
         def note() -> None:
             for judge in (one for one in run.observers if isinstance(one, Judge)):
                 for sentence in judge.verdict():
@@ -176,7 +185,7 @@ def record_run(
             with _failure_kept(writer), _progress(run, waves, log, writer) as progress:
                 interruption.before = keeping.write
                 run.observers += [keeping.from_time_to_time(scene.run.checkpoint_every), *progress, interruption]
-                _execute(run, waves, note, keep=keeping.write)
+                _execute(run, waves, note, keep=keeping.write, look=look)
                 if writer is not None:
                     writer.finish("finished", {})
 
@@ -302,12 +311,23 @@ def _progress(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) 
         yield [bar, standing]
 
 
-def _execute(run: Run, waves: AnyWaves, note: Callable[[], None], *, keep: Callable[[], None]) -> None:
-    """Step to the end and keep it; note what that has cost, however it ends, and say why a step failed; collective."""
+def _execute(
+    run: Run,
+    waves: AnyWaves,
+    note: Callable[[], None],
+    *,
+    keep: Callable[[], None],
+    look: Callable[[BrokenSurface], None],
+) -> None:
+    """Step to the end and keep it, or look at what broke; note the costs, and say why a step failed; collective."""
     try:
         run.execute()
         keep()
     except RunError as error:
+        if error.status == RunError.status and isinstance(waves, NonlinearWaves):
+            surface = BrokenSurface.of(run, waves)
+            if surface is not None:
+                look(surface)
         note()
         if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
             state, limit = run.state, run.integrator.stability_limit

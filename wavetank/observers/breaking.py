@@ -19,11 +19,11 @@ class StopAtBreaking:
     """
 
     def __init__(self, watch: BreakingWatch):
-        self.schedule, self._watch = EverySteps(), watch
+        self.schedule, self.watch = EverySteps(), watch
 
     def observe(self, moment: Moment) -> None:
         """Raise ``RunError`` if a wave breaks; collective."""
-        for crest in filter(breaks, self._watch.look(moment.q, moment.p, moment.t)):
+        for crest in filter(breaks, self.watch.look(moment.q, moment.p, moment.t)):
             moves = abs(crest.current) > 0.02 * abs(crest.speed)
             seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
             raise RunError(
@@ -34,11 +34,11 @@ class StopAtBreaking:
 
     def held(self) -> Held:
         """Return what was seen last."""
-        return self._watch.held()
+        return self.watch.held()
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._watch.take(held)
+        self.watch.take(held)
 
 
 class BreakingNews:

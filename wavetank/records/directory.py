@@ -11,6 +11,7 @@
     surface.xdmf    opens them in ParaView
     surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
     checkpoint.zip  what a run needs to go on, from time to time, and in ``checkpoint-before.zip`` the one before
+    broken.csv      of a run that broke down, the surface from which it could not go on; drawn in broken.png
     run.log         what the run has said: its summary, progress, warnings, and why it ended
     .lock           while it goes on (``lock.py``)
 
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 MANIFEST, GAUGES_NETCDF, SURFACE, SURFACE_INDEX = "manifest.json", "gauges.nc", "surface.nc", "surface.xdmf"
 TABLES = GAUGES, ENERGY, PADDLE = "gauges.csv", "energy.csv", "paddle.csv"
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
+BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
 PICTURES = ("surface.png", "gauges.png", "energy.png", "view.png", "compare.*", "compare-*.*", "analysis-*.*")  # later
@@ -56,7 +58,7 @@ def index_file(run: Path, name: str) -> Path:
 
 def recorded(run: Path) -> Iterator[Path]:
     """Yield the records in a run directory, and what has been drawn of them."""
-    files = (*TABLES, GAUGES_NETCDF, SURFACE, SURFACE_INDEX, LOG, *PICTURES, *CHECKPOINTS)
+    files = (*TABLES, *BROKENS, GAUGES_NETCDF, SURFACE, SURFACE_INDEX, LOG, *PICTURES, *CHECKPOINTS)
     indices = (f"{name}.pvd" for name in SERIES)
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *indices, *pieces):
@@ -159,6 +161,14 @@ class RunDirectory:
         """Return the energy budget: each column, shape (rows,), by its name with units."""
         header, rows = self._table(ENERGY)
         return dict(zip(header, rows.T, strict=True))
+
+    def broken(self) -> dict[str, NDArray[np.float64]]:
+        """Return the surface from which a run could not go on: each column, shape (rows,), by its name.
+
+        x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where none is kept.
+        """
+        header, rows = self._table(BROKEN)
+        return {name.partition(" ")[0]: column for name, column in zip(header, rows.T, strict=True)}
 
     def snapshots(self) -> Surface:
         """Return all complete snapshots; none, of shape (0, 0), of a run killed before the first."""

@@ -3,7 +3,7 @@
 import csv
 import errno
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from itertools import islice
@@ -15,6 +15,13 @@ from numpy.typing import NDArray
 from wavetank.errors import RecordError, RunError
 from wavetank.records.whole import replace
 from wavetank.stateful import Held
+
+
+def table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
+    """Return a whole CSV table of columns by their names."""
+    rows = zip(*columns.values(), strict=True)
+    return b"".join([_csv_line(columns), *(_csv_line(repr(float(value)) for value in row) for row in rows)])
+
 
 INDEX = ".xdmf"  # of a file that has one
 

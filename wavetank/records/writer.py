@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -13,7 +13,9 @@ from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError
 from wavetank.records.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from wavetank.records.directory import (
+    BROKEN,
     CHECKPOINT,
+    CHECKPOINT_BEFORE,
     GAUGES,
     GAUGES_NETCDF,
     MANIFEST,
@@ -23,7 +25,7 @@ from wavetank.records.directory import (
     recorded,
 )
 from wavetank.records.environment import now
-from wavetank.records.growing import GrowingFile, TableWriter, lacks
+from wavetank.records.growing import GrowingFile, TableWriter, lacks, table
 from wavetank.records.lock import LOCK, RunLock, is_held
 from wavetank.records.netcdf import conventions
 from wavetank.records.place import Place
@@ -55,7 +57,7 @@ class RunWriter:
 
     def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
         self._records: list[GrowingFile] = []
-        self._has_gauges = self._begun = False
+        self._has_gauges = self._begun = self._older = False
         place = place if isinstance(place, Place) else Place(place)
         self._resume = resume
         identity: str | None = uuid4().hex
@@ -81,8 +83,10 @@ class RunWriter:
             self._lock.reserve(room)
             self._write_manifest(self._manifest, lasting=True)  # first: what a full disk does not take replaces nothing
             self._begun = True
-            for old in [] if self._resume else list(recorded(self.path)):
+            for old in self.path.glob("broken.*") if self._resume else list(recorded(self.path)):
                 old.unlink()
+            if self._older:
+                os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the other is of no use any more
             for record in self._records:
                 record.open()
         except OSError as error:
@@ -183,7 +187,9 @@ class RunWriter:
 
         Raises ``InputError`` if there is none.
         """
-        return read_checkpoint(self.path, self._why_not)
+        kept, useless = read_checkpoint(self.path, self._why_not)
+        self._older = bool(useless)
+        return kept, useless
 
     def _why_not(self, about: dict[str, Any]) -> str:
         """Return why the run cannot go on from a checkpoint, nothing where it can."""
@@ -192,6 +198,11 @@ class RunWriter:
                 return f"it counts on more than there is in {name}"
         lost = (missing(self.path, held) for held in about.get("fields", {}).values())
         return next((f"it counts on {file}, which is no longer there" for file in lost if file), "")
+
+    def broken(self, columns: Mapping[str, Vector]) -> None:
+        """Write the surface from which the run cannot go on; on a full disk it is left out."""
+        with suppress(OSError):
+            replace(self.path / BROKEN, table(columns))
 
     def note(self, figures: dict[str, Any]) -> None:
         """Take figures into the manifest, with its last word, whichever that will be."""

@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 
 from wavetank.observers.crest import Crest, HighestCrest
 from wavetank.observers.energy import EnergyBudget
+from wavetank.records.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
 from wavetank.runs.run import Run
+from wavetank.water.breaking import ONSET
 
 
 class Outcome(NamedTuple):
@@ -72,8 +74,22 @@ def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str],
         f"errors: {outcome.mass:.1g} of the mass, {outcome.energy:.1g} of the energy; {_told(warnings)}",
         f"cost: {', '.join(costs)}",
         f"records: {path}",
-        f"next: wavetank view {directory}; wavetank compare {directory} --with DATA",
+        *(_of_breakdown(spent, path) or [f"next: wavetank view {directory}; wavetank compare {directory} --with DATA"]),
     ]
+
+
+def _of_breakdown(spent: dict[str, Any], path: Path) -> list[str]:
+    """Return where the state is that a run broke down from, and where it may go on; nothing of another run."""
+    if "broke_down" not in spent:
+        return []
+    kept, crests = spent["last_checkpoint"], spent["broke_down"]["crests"]
+    breaks = any(crest["speed_ratio"] > ONSET for crest in crests)
+    other = "run.on_breaking=dissipate" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
+    lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {path / BROKEN}, {path / BROKEN_PICTURE}"]
+    if kept is not None:
+        lines.append(f"the last good checkpoint, t = {kept:.6g} s: {path / CHECKPOINT}")
+        lines.append(f"next: wavetank resume {shlex.quote(str(path))} --set {other}")
+    return lines
 
 
 def _told(warnings: Sequence[str]) -> str:

@@ -45,17 +45,23 @@ class BreakingWatch:
         Its surface, updated here.
     length
         That of a ring [m]; None in a tank with walls.
+
+    Attributes
+    ----------
+    crests
+        The steep ones of the last look, swift or not.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
         self._waves, self._flow, self._length = waves, flow, length
         self._last: tuple[float, Profile] | None = None
+        self.crests: list[SteepCrest] = []
 
     def look(self, q: Vector, p: Vector, t: float) -> list[SteepCrest]:
         """Return the crests of a state that are steep and swift enough; collective. The first look sees none."""
         self._flow.update(q, p, t)
         profile = self._flow.profile
-        last, self._last = self._last, (t, profile)
+        (last, self._last), self.crests = (self._last, (t, profile)), []
         if last is None or np.abs(profile.slope).max() < GENTLE:
             return []
         before = last[1]
@@ -64,8 +70,8 @@ class BreakingWatch:
             (first, end), turn = (0.0, self._length), self._length
             before, profile = before.unrolled(turn), profile.unrolled(turn)
         crests = steep_crests(before, profile, time=t - last[0], front=GENTLE, cell=self._flow.cell)
-        swift = (crest for crest in crests if crest.swiftness(self._waves.gravity) > SWIFT)
-        return [crest for crest in swift if first <= crest.x < end]
+        self.crests = [crest for crest in crests if first <= crest.x < end]
+        return [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
 
     def held(self) -> Held:
         """Return the surface of the last look."""
@@ -97,13 +103,15 @@ class BreakingDissipation(Smoothing):
 
     Attributes
     ----------
+    watch
+        See above.
     began
         When and where each crest began to break, (t [s], x [m]).
     """
 
     def __init__(self, waves: NonlinearWaves, watch: BreakingWatch, *, dt: float):
         plane = waves.plane
-        self._watch, self._dt = watch, abs(dt)
+        self.watch, self._dt = watch, abs(dt)
         self._nu = plane.function("dt nu")
         self._breaking: list[SteepCrest] = []  # at the last look
         self.began: list[tuple[float, float]] = []
@@ -117,7 +125,7 @@ class BreakingDissipation(Smoothing):
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
-        breaking = self.follow(self._watch.look(q, p, t), t)
+        breaking = self.follow(self.watch.look(q, p, t), t)
         if breaking:
             self.place(breaking)
         return bool(breaking)
@@ -145,7 +153,7 @@ class BreakingDissipation(Smoothing):
             "had": self._had,
             "began": [list(place) for place in self.began],
             "breaking": [list(crest) for crest in self._breaking],
-            "watch": self._watch.held(),
+            "watch": self.watch.held(),
         }
         return super().held() | more
 
@@ -155,7 +163,7 @@ class BreakingDissipation(Smoothing):
         self._had = held["had"]
         self.began = [(t, x) for t, x in held["began"]]
         self._breaking = [SteepCrest(*crest) for crest in held["breaking"]]
-        self._watch.take(held["watch"])
+        self.watch.take(held["watch"])
 
     def carry(self, held: Held) -> None:
         """Take all of it: crests know nothing of the mesh."""

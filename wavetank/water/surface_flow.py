@@ -102,6 +102,11 @@ class SurfaceVelocity:
         return self._speeds
 
     @property
+    def slopes(self) -> Vector:
+        """The largest slope of the surface in each of the cells of this rank [-], shape (cells,)."""
+        return self._slopes
+
+    @property
     def largest_velocity(self) -> float:
         """The largest horizontal velocity of the surface [m/s]."""
         return self._largest(self._speeds)
