@@ -10,7 +10,6 @@ from rich.box import SIMPLE
 from rich.table import Table
 
 from wavetank.console import console
-from wavetank.data.dataset import DATASET
 from wavetank.errors import InputError, choice
 from wavetank.records.directory import MANIFEST
 from wavetank.records.place import check_new
@@ -73,6 +72,8 @@ def _own(source: Path) -> Path:
     """Return the folder for analyses of a run, or of a table or data set."""
     if (source / MANIFEST).is_file():
         return source
+    from wavetank.data.dataset import DATASET
+
     described = source.parent if source.name == DATASET else source
     return Path("runs") / f"{described.name.partition('.')[0]}-analysis"
 

@@ -5,12 +5,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from pydantic import TypeAdapter
 from rich.table import Table
 
 from wavetank import data
 from wavetank.console import console
-from wavetank.data.dataset import Clock
 from wavetank.errors import InputError
 from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.place import check_new
@@ -53,6 +51,10 @@ def compare(
 
 def _clock(text: str) -> tuple[float, float]:
     """Return the bounds [s] of what is added to a reference's times, as a ``dataset.toml`` tells them."""
+    from pydantic import TypeAdapter
+
+    from wavetank.data.dataset import Clock
+
     try:
         meant = text if text == "free" else [float(one) for one in text.split(",")]
         first, last = TypeAdapter(Clock).validate_python(meant[0] if len(meant) == 1 else meant)
@@ -62,7 +64,7 @@ def _clock(text: str) -> tuple[float, float]:
     return first, last
 
 
-def _of_run(path: Path) -> data.GaugeRecords:
+def _of_run(path: Path) -> "data.GaugeRecords":
     """Return the records of another run, named after its directory."""
     gauges = RunDirectory(path).gauge_series()
     return data.GaugeRecords(tuple(replace(gauge, source=path.name) for gauge in gauges))
@@ -70,7 +72,7 @@ def _of_run(path: Path) -> data.GaugeRecords:
 
 def _compare_gauges(
     run: RunDirectory,
-    references: list[data.GaugeRecords],
+    references: "list[data.GaugeRecords]",
     *,
     folder: Path,
     period: float | None,
@@ -97,7 +99,7 @@ def _compare_gauges(
 
 
 def _compare_heights(
-    run: RunDirectory, known: data.WaveHeights, measured: list[data.HeightSeries], *, folder: Path
+    run: RunDirectory, known: "data.WaveHeights", measured: "list[data.HeightSeries]", *, folder: Path
 ) -> Table:
     from wavetank.postprocess import sections
     from wavetank.postprocess.sections_figure import bathymetry, sections_figure

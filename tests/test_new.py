@@ -3,9 +3,9 @@
 import pytest
 from conftest import commanded, recorded
 
+from wavetank.case.at_hand import SCHEMA
 from wavetank.case.new import KINDS, write_case
 from wavetank.case.reading import read_case
-from wavetank.case.schema import FILE
 from wavetank.errors import InputError
 from wavetank.records.directory import RunDirectory
 
@@ -18,7 +18,7 @@ def test_a_new_case_names_the_schema_and_its_title_and_runs(kind, tmp_path):
     said = commanded("new", str(name), "--kind", kind)
     path = tmp_path / f'my "{kind}".toml'
     assert (said.returncode, said.stderr) == (0, "") and said.stdout.startswith(f"wrote {path}; now: wavetank run ")
-    assert path.read_text().startswith(f"#:schema {FILE}\n#")
+    assert path.read_text().startswith(f"#:schema {SCHEMA}\n#")
     assert read_case(path).title == f'my "{kind}"'
     recorded(path, TWICE, tmp_path / "run")
     assert RunDirectory(tmp_path / "run").manifest["status"] == "finished"

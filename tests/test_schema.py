@@ -11,9 +11,10 @@ from ranks import CHECKOUT
 from test_bad_input import EVERY, EXTREME, NONSENSE, entries
 
 from wavetank.case import Scene
+from wavetank.case.at_hand import SCHEMA
 from wavetank.case.keys import tables, tag
 from wavetank.case.reading import set_key
-from wavetank.case.schema import FILE, schema
+from wavetank.case.schema import schema
 from wavetank.cli import main
 
 CASES = sorted((CHECKOUT / "cases").glob("*.toml"))
@@ -63,7 +64,7 @@ def _table_conforms(table: dict[str, Any], rule: dict[str, Any]) -> bool:
 
 def test_the_files_are_those_of_this_version(capsys):
     """``make reference`` writes them anew."""
-    for arguments, path in ((["schema"], FILE), (["schema", "--reference"], PAGE)):
+    for arguments, path in ((["schema"], SCHEMA), (["schema", "--reference"], PAGE)):
         assert main(arguments) == 0
         assert path.read_text() == capsys.readouterr().out
 
@@ -71,8 +72,8 @@ def test_the_files_are_those_of_this_version(capsys):
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
 def test_a_case_names_the_schema_and_conforms_to_it(case):
     found = re.match(r"#:schema (\S+)\n", case.read_text())
-    assert (case.parent / found[1]).resolve() == FILE
-    assert conforms(tomllib.loads(case.read_text()), json.loads(FILE.read_text()))
+    assert (case.parent / found[1]).resolve() == SCHEMA
+    assert conforms(tomllib.loads(case.read_text()), json.loads(SCHEMA.read_text()))
 
 
 def test_the_schema_refuses_what_the_reader_refuses_of_a_value_by_itself():

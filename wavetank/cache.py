@@ -7,8 +7,6 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-import pooch
-
 from wavetank.errors import InputError
 
 VARIABLE = "XDG_CACHE_HOME"
@@ -18,6 +16,8 @@ OTHERS_MAY_WRITE = 0o022
 
 def usual(part: str = "") -> Path:
     """Return the folder of a part of the user's cache, which need not be there."""
+    import pooch  # loads long
+
     return Path(pooch.os_cache("wavetank")) / part
 
 

@@ -17,9 +17,7 @@ from mpi4py import MPI
 from typer.core import TyperGroup
 
 import wavetank
-from wavetank import data
 from wavetank.case.new import KINDS, write_case
-from wavetank.case.reading import located, read_case
 from wavetank.console import console, drain
 from wavetank.errors import InputError, WavetankError, printable
 from wavetank.fe.agreed import on_first
@@ -131,6 +129,8 @@ def run(
         raise typer.Exit(2)  # nothing has been run
     if resume and overwrite:
         raise InputError("--resume and --overwrite: give one of them; a run goes on, or is replaced.")
+    from wavetank.case.reading import located, read_case
+
     scene = read_case(case, overrides or [])
     place = Place.of(out, Path("runs") / case.stem, overwrite=overwrite or resume)
     from wavetank.recording import record_run
@@ -191,6 +191,8 @@ def schema(
 @data_app.command("list", epilog=example("data list"))
 def list_data() -> None:
     """List the data that are known: where they are, whose, on what terms."""
+    from wavetank import data
+
     terminal = console()
     for name in data.names():
         terminal.print(data.told(name), highlight=False)
@@ -199,6 +201,8 @@ def list_data() -> None:
 @data_app.command(epilog=example("data fetch marin-202002"))
 def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metavar="NAME")]) -> None:
     """Download a data set from its public source into the user's cache."""
+    from wavetank import data
+
     folder = data.fetch(name)
     console().print(f"{name} is in {folder}", highlight=False)
 

@@ -8,20 +8,24 @@ from contextlib import suppress
 from io import TextIOBase, UnsupportedOperation
 from queue import Full, Queue
 from threading import Thread
-from typing import TextIO, cast
+from typing import TYPE_CHECKING, TextIO, cast
 
 from mpi4py import MPI
-from rich.console import Console
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 PENDING = 10_000  # texts that wait for a slow reader; more are dropped
 SLOW_READER = 5.0  # s, at the end, in which a slow reader must have taken something
 
 
-def console(*, least: int = 0) -> Console:
+def console(*, least: int = 0) -> "Console":
     """Return where messages go: standard output, of rank 0 alone, so wide at least; brackets in them are no markup.
 
     Open MPI gives its ranks a terminal that passes on whole lines only: no bar would be seen there.
     """
+    from rich.console import Console
+
     terminal = False if "OMPI_COMM_WORLD_SIZE" in os.environ else None
     quiet = MPI.COMM_WORLD.rank != 0
     found = Console(file=_output(sys.stdout), quiet=quiet, soft_wrap=True, force_terminal=terminal, markup=False)

@@ -8,8 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 import numpy as np
-from scipy.interpolate import RectBivariateSpline, make_interp_spline
-from scipy.ndimage import distance_transform_edt
+import scipy
 
 from wavetank.errors import InputError
 from wavetank.values.formula import Array
@@ -79,7 +78,7 @@ class Gridded:
 
 def _continued(d: Array, missing: Array) -> Array:
     """Return depths, the missing ones from the nearest known one k and its mirror image m: 2 d_k - d_m, or d_k."""
-    known = distance_transform_edt(missing, return_distances=False, return_indices=True)
+    known = scipy.ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
     mirror = 2 * known - np.indices(d.shape)
     beyond = [(place < 0) | (place >= count) for place, count in zip(mirror, d.shape, strict=True)]
     nearest, mirrored = d[tuple(known)], d[tuple(np.where(beyond, known, mirror))]
@@ -87,11 +86,11 @@ def _continued(d: Array, missing: Array) -> Array:
 
 
 def _along(x: Array, d: Array, degree: int) -> Any:
-    return make_interp_spline(x, d, k=degree)
+    return scipy.interpolate.make_interp_spline(x, d, k=degree)
 
 
 def _over(x: Array, y: Array, d: Array, degree: int) -> Any:
-    return RectBivariateSpline(x, y, d, kx=degree, ky=degree, s=0).ev
+    return scipy.interpolate.RectBivariateSpline(x, y, d, kx=degree, ky=degree, s=0).ev
 
 
 SPLINES: dict[int, Callable[..., Callable[..., Any]]] = {1: _along, 2: _over}

@@ -7,14 +7,12 @@ Clough and Tocher's cubics have continuous slopes, estimated so that the bed ben
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CloughTocher2DInterpolator, LinearNDInterpolator
-from scipy.spatial import Delaunay, QhullError
+import scipy
 
 from wavetank.beds.gridded import Interpolation
 from wavetank.errors import InputError
 from wavetank.values.formula import Array, finite
 
-INTERPOLATORS: dict[Interpolation, Any] = {"cubic": CloughTocher2DInterpolator, "linear": LinearNDInterpolator}
 INWARD = 1e-9  # of the way to the middle: from the survey's edge into its triangles
 
 
@@ -42,12 +40,14 @@ class Survey:
             raise InputError(f"{source}: values of x and y must be finite.")
         self._origin = points.mean(axis=0) if len(points) else np.zeros(2)  # triangles want no offset of kilometres
         try:
-            self._triangles = Delaunay(points - self._origin)
-        except (QhullError, ValueError):
+            self._triangles = scipy.spatial.Delaunay(points - self._origin)
+        except (scipy.spatial.QhullError, ValueError):
             count = f"{len(points)} survey points"
             raise InputError(f"{source}: {count} span no triangle; three that are not in line are needed.") from None
         depths = np.bincount(where.ravel(), weights=d[measured]) / np.bincount(where.ravel())
-        self._depth = INTERPOLATORS[interpolation](self._triangles, depths)
+        of = scipy.interpolate
+        kinds: dict[Interpolation, Any] = {"cubic": of.CloughTocher2DInterpolator, "linear": of.LinearNDInterpolator}
+        self._depth = kinds[interpolation](self._triangles, depths)
         self._spacing = np.sqrt(_area(self._triangles) / len(points))
 
     def __call__(self, x: Array, y: Array) -> Array:
@@ -74,6 +74,6 @@ class Survey:
         return (1.0 - INWARD) * nearest
 
 
-def _area(triangles: Delaunay) -> float:
+def _area(triangles: "scipy.spatial.Delaunay") -> float:
     a, b, c = np.moveaxis(triangles.points[triangles.simplices], 1, 0)
     return float(np.abs(np.linalg.det(np.stack([b - a, c - a], axis=-1))).sum() / 2)

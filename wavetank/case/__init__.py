@@ -4,107 +4,16 @@ A case file (TOML) says it in these nouns; a ``Scene`` can also be built in Pyth
 raise pydantic's own ``ValidationError``. All lengths are in metres, times in seconds. Knows nothing of finite elements.
 """
 
-from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
-from wavetank.case.directional import (
-    DirectionalFocusMotion,
-    ObliqueWaveMotion,
-    ReflectedFocusMotion,
-    SegmentedPistonWall,
-)
-from wavetank.case.gauge_lines import GaugeLine
-from wavetank.case.initial import Initial, SolitaryWave, StandingWave, StillWater, StreamFunctionWave
-from wavetank.case.initial_formula import FormulaSurface
-from wavetank.case.initial_run import RunState
-from wavetank.case.numerics import Gauge, IntegratorName, Numerics, Output, RunNoun
-from wavetank.case.paddles import (
-    AtRestMotion,
-    FormulaMotion,
-    PaddleMotion,
-    PythonMotion,
-    RecordedMotion,
-    SinusoidMotion,
-)
-from wavetank.case.scene import LinearWater, NonlinearWater, Physics, Scene, Water
-from wavetank.case.seas import (
-    BichromaticMotion,
-    ComponentsMotion,
-    FocusedMotion,
-    IrregularMotion,
-    RegularMotion,
-    SolitaryWaveMotion,
-    SurfaceMotion,
-)
-from wavetank.case.spectra import (
-    GaussianSpectrum,
-    JonswapSpectrum,
-    PiersonMoskowitzSpectrum,
-    TableSpectrum,
-    TmaSpectrum,
-)
-from wavetank.case.sponges import AnySponge, EndSponge, FormulaSponge, GroupSponge, Sponge
-from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank, Tank
-from wavetank.case.walls import FixedWall, PistonWall, Wall
-from wavetank.values.noun import Noun, Problem, SceneError
+from typing import TYPE_CHECKING, Any
 
-__all__ = [
-    "AnySponge",
-    "AnyTank",
-    "AtRestMotion",
-    "BasinTank",
-    "Bed",
-    "BichromaticMotion",
-    "ComponentsMotion",
-    "DirectionalFocusMotion",
-    "EndSponge",
-    "FixedWall",
-    "FocusedMotion",
-    "FormulaBed",
-    "FormulaMotion",
-    "FormulaSponge",
-    "FormulaSurface",
-    "Gauge",
-    "GaugeLine",
-    "GaussianSpectrum",
-    "GriddedBed",
-    "GroupSponge",
-    "Initial",
-    "IntegratorName",
-    "IrregularMotion",
-    "JonswapSpectrum",
-    "LinearWater",
-    "NonlinearWater",
-    "Noun",
-    "Numerics",
-    "ObliqueWaveMotion",
-    "Output",
-    "PaddleMotion",
-    "Physics",
-    "PiersonMoskowitzSpectrum",
-    "PistonWall",
-    "Problem",
-    "PythonBed",
-    "PythonMotion",
-    "RecordedMotion",
-    "ReflectedFocusMotion",
-    "RegularMotion",
-    "RingTank",
-    "RunNoun",
-    "RunState",
-    "Scene",
-    "SceneError",
-    "SegmentedPistonWall",
-    "SinusoidMotion",
-    "SliceTank",
-    "SolitaryWave",
-    "SolitaryWaveMotion",
-    "Sponge",
-    "StandingWave",
-    "StillWater",
-    "StreamFunctionWave",
-    "SurfaceMotion",
-    "TableSpectrum",
-    "Tank",
-    "TmaSpectrum",
-    "Wall",
-    "Water",
-]
+if TYPE_CHECKING:
+    from wavetank.case.nouns import *  # noqa: F403
+
+
+def __getattr__(name: str) -> Any:
+    """Return a noun; all of them are loaded with the first, and not before."""
+    from importlib import import_module
+
+    if not name.startswith("_") and hasattr(nouns := import_module("wavetank.case.nouns"), name):
+        return getattr(nouns, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from wavetank.values.files import regular
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+SCHEMA = Path(__file__).with_name("schema.json")  # of this version, for the first line of cases
 NEEDED = {"tank", "run"}  # tables that every case has
 
 

@@ -4,8 +4,7 @@ import json
 import os
 from pathlib import Path
 
-from wavetank.case.at_hand import CHECKOUT
-from wavetank.case.schema import FILE
+from wavetank.case.at_hand import CHECKOUT, SCHEMA
 from wavetank.errors import InputError, choice
 
 FOLDER = Path(__file__).with_name("templates")
@@ -41,4 +40,4 @@ def write_case(name: str, kind: str) -> Path:
 
 def _schema(folder: Path) -> str:
     """Return how a case in a folder names the schema: within a checkout by the way from there."""
-    return os.path.relpath(FILE, folder) if folder.is_relative_to(CHECKOUT) else str(FILE)
+    return os.path.relpath(SCHEMA, folder) if folder.is_relative_to(CHECKOUT) else str(SCHEMA)

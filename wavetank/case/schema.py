@@ -1,6 +1,5 @@
 """The JSON schema of case files, by which editors complete and check them."""
 
-from pathlib import Path
 from typing import Any
 
 from wavetank.case.keys import tables, tag
@@ -8,7 +7,6 @@ from wavetank.case.numerics import Gauge
 from wavetank.case.scene import Scene
 from wavetank.case.tanks import SliceTank
 
-FILE = Path(__file__).with_name("schema.json")  # of this version, for the first line of cases
 DRAFT = "http://json-schema.org/draft-07/schema#"
 
 

@@ -4,10 +4,14 @@ A set of data is a folder with a ``dataset.toml`` (``dataset.py``) that says wha
 benchmarks come with this package (``known/``): facts, addresses and checksums, for the data are not part of it.
 """
 
-from wavetank.data.dataset import DATASET, DataFile, Dataset, Gauge, Records, Section, WaveHeights
-from wavetank.data.download import download, fetch
-from wavetank.data.places import dataset, find, folders, names, opened, resolve, told
-from wavetank.data.series import GaugeRecords, HeightSeries, gauge_records, height_series
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from wavetank.data.dataset import DATASET, DataFile, Dataset, Gauge, Records, Section, WaveHeights
+    from wavetank.data.download import download, fetch
+    from wavetank.data.places import dataset, find, folders, names, opened, resolve, told
+    from wavetank.data.series import GaugeRecords, HeightSeries, gauge_records, height_series
 
 __all__ = [
     "DATASET",
@@ -31,3 +35,18 @@ __all__ = [
     "resolve",
     "told",
 ]
+
+HOMES = {
+    "dataset": {"DATASET", "DataFile", "Dataset", "Gauge", "Records", "Section", "WaveHeights"},
+    "download": {"download", "fetch"},
+    "places": {"dataset", "find", "folders", "names", "opened", "resolve", "told"},
+    "series": {"GaugeRecords", "HeightSeries", "gauge_records", "height_series"},
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Return what is asked for, its module loaded now."""
+    for module, names in HOMES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -15,8 +15,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PPoly
 
 from wavetank.motions.motion import Array, Motion
 
@@ -71,7 +71,7 @@ class Tabulated(Motion):
     """
 
     lines: Lines
-    _blocks: dict[int, PPoly] = field(default_factory=dict, repr=False)
+    _blocks: "dict[int, scipy.interpolate.PPoly]" = field(default_factory=dict, repr=False)
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative."""
@@ -103,7 +103,7 @@ class Tabulated(Motion):
         knots = self.lines.step * np.arange(self._intervals + 1)
         return np.asarray(np.exp(-1j * np.multiply.outer(knots, self.lines.omega)))
 
-    def _block(self, number: int) -> PPoly:
+    def _block(self, number: int) -> "scipy.interpolate.PPoly":
         if number not in self._blocks:
             if len(self._blocks) >= KEPT:
                 del self._blocks[next(iter(self._blocks))]
@@ -115,7 +115,7 @@ class Tabulated(Motion):
         return self._blocks[number]
 
 
-def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> PPoly:
+def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> "scipy.interpolate.PPoly":
     """Return the polynomials of degree 5 between times t [s], shape (N,), with these values there.
 
     Position, velocity and acceleration in m, m/s, m/s², shape (N,) or (N, M). All three are continuous.
@@ -126,4 +126,4 @@ def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> PPoly:
     c3 = (20 * moved - 8 * v1 - 12 * v0 - 3 * a0 + a1) / (2 * h**3)
     c4 = (-30 * moved + 14 * v1 + 16 * v0 + 3 * a0 - 2 * a1) / (2 * h**4)
     c5 = (12 * moved - 6 * v1 - 6 * v0 - a0 + a1) / (2 * h**5)
-    return PPoly(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)
+    return scipy.interpolate.PPoly(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)

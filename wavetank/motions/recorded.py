@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import CubicSpline, PPoly
+import scipy
 
 from wavetank.errors import InputError
 from wavetank.motions.lines import hermite
@@ -29,18 +29,18 @@ class Recorded(Motion):
         Whether its rows have noise.
     """
 
-    spline: PPoly
+    spline: "scipy.interpolate.PPoly"
     measured: bool = True
 
     @classmethod
     def of_positions(cls, t: Array, X: Array) -> "Recorded":
         """Return the cubic spline through positions X [m] at times t [s], ascending, shapes (N,), N >= 4."""
-        return cls(CubicSpline(t, X))
+        return cls(scipy.interpolate.CubicSpline(t, X))
 
     @classmethod
     def of_velocities(cls, t: Array, velocity: Array) -> "Recorded":
         """Return the integral, zero at t[0], of the cubic spline through velocities [m/s] at t [s], shapes (N,)."""
-        return cls(CubicSpline(t, velocity).antiderivative())
+        return cls(scipy.interpolate.CubicSpline(t, velocity).antiderivative())
 
     @classmethod
     def of_states(cls, t: Array, X: Array, velocity: Array, acceleration: Array) -> "Recorded":

@@ -18,8 +18,8 @@ from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from mpi4py import MPI
-from scipy.optimize import nnls
 
 from wavetank.arrays import Vector
 from wavetank.cache import places, writable
@@ -165,7 +165,7 @@ def _timed(name: str) -> Vector:
 
 def _fit(rows: Vector, spent: Vector) -> tuple[float, ...]:
     """Return non-negative constants of least relative error."""
-    return tuple(map(float, nnls(rows / spent[:, None], np.ones(spent.size))[0]))
+    return tuple(map(float, scipy.optimize.nnls(rows / spent[:, None], np.ones(spent.size))[0]))
 
 
 def _scene(kind: str, cells: int, order: int, n: int) -> Scene:

@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from wavetank.motions.extent import values
-from wavetank.motions.motion import Array
 from wavetank.records.paddle_table import RATES, columns
 
 if TYPE_CHECKING:
     from wavetank.case import Scene
     from wavetank.motions.extent import Extent
+    from wavetank.motions.motion import Array
 
 MOST = 10**7  # rows
 
@@ -61,7 +60,7 @@ def _told(needed: "Extent") -> str:
     return f"stroke {needed.stroke:.4g} m, speed {needed.speed:.4g} m/s, acceleration {needed.acceleration:.4g} m/s^2"
 
 
-def _times(scene: "Scene", rate: float) -> Array:
+def _times(scene: "Scene", rate: float) -> "Array":
     """Return times that cover the run [s], shape (T,), as far as the motion is known."""
     from wavetank.errors import InputError
 
@@ -72,9 +71,10 @@ def _times(scene: "Scene", rate: float) -> Array:
     return np.asarray(t[t <= scene.motion().duration])
 
 
-def _write(path: Path, scene: "Scene", t: Array, form: Format, told: str) -> None:
+def _write(path: Path, scene: "Scene", t: "Array", form: Format, told: str) -> None:
     """Write the motion at times [s]; raises ``InputError`` where there is a file, or none can be."""
     from wavetank.errors import InputError
+    from wavetank.motions.extent import values
 
     rates, places = list(RATES) if form is Format.CSV else ["position"], scene.wall.places(scene.tank)
     table = np.column_stack([t, *(values(scene.of_paddle(scene.motion(), name), t) for name in rates)])

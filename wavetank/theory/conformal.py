@@ -22,8 +22,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.fft import dct, dst, idct
 
 from wavetank.theory.wave import Array, Wave
 
@@ -206,7 +206,7 @@ class Strip:
 
     def multiply(self, multipliers: Array, f: Array) -> Array:
         """Return f with its Fourier coefficients multiplied."""
-        return np.asarray(idct(multipliers * dct(f, type=1), type=1))
+        return np.asarray(scipy.fft.idct(multipliers * scipy.fft.dct(f, type=1), type=1))
 
     def stretch(self, eta: Array) -> Array:
         """Return x_xi."""
@@ -214,26 +214,26 @@ class Strip:
 
     def slope(self, eta: Array) -> Array:
         """Return eta_xi."""
-        return self._sines(-self.k * dct(eta, type=1))
+        return self._sines(-self.k * scipy.fft.dct(eta, type=1))
 
     def shift(self, eta: Array) -> Array:
         """Return x - xi, the integral of K eta."""
-        coefficients = self.K * dct(eta, type=1)
+        coefficients = self.K * scipy.fft.dct(eta, type=1)
         wave_numbers = np.append(1.0, self.k[1:])  # the mean, which has no sine, is integrated by itself
         return np.asarray(coefficients[0] / (2 * self.intervals) * self.xi + self._sines(coefficients / wave_numbers))
 
     def _sines(self, coefficients: Array) -> Array:
         f = np.zeros_like(coefficients)
-        f[1:-1] = dst(coefficients[1:-1], type=1) / (2 * self.intervals)
+        f[1:-1] = scipy.fft.dst(coefficients[1:-1], type=1) / (2 * self.intervals)
         return f
 
 
 def refined(f: Array, factor: int) -> Array:
     """Return an even function at ``factor`` times as many intervals, by its cosine series."""
     coefficients = np.zeros(factor * (f.size - 1) + 1)
-    coefficients[: f.size] = factor * dct(f, type=1)
+    coefficients[: f.size] = factor * scipy.fft.dct(f, type=1)
     coefficients[f.size - 1] /= 2  # the last term of the short series is two of the long one
-    return np.asarray(idct(coefficients, type=1))
+    return np.asarray(scipy.fft.idct(coefficients, type=1))
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ class Solution:
 
     def _image(self, depth: float, *, xi: Array, x: Array) -> Image:
         """Return the water in metres, with points of its surface."""
-        strip, a = self.strip, dct(self.eta, type=1) / self.strip.intervals
+        strip, a = self.strip, scipy.fft.dct(self.eta, type=1) / self.strip.intervals
         a[[0, -1]] /= 2
         kept = 1 + np.flatnonzero(np.abs(a[1:]) > np.finfo(float).eps * np.abs(a[1:]).max())
         return Image(

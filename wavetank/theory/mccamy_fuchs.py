@@ -32,8 +32,8 @@ Memorandum 69, 1954; T. H. Havelock, Proc. R. Soc. A 175, 1940 (deep water).
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import h1vp, hankel1, jvp
 
 from wavetank.theory.airy import angular_frequency, relative_depth
 from wavetank.theory.wave import Array, Wave, in_depth
@@ -80,21 +80,23 @@ class CylinderDiffraction(Wave):
     @property
     def _scattered(self) -> Complex:
         """What each H_m(k r) cos(m theta) is taken off F with, shape (orders,)."""
-        return np.asarray(self._weights() * jvp(self._orders, self.ka) / h1vp(self._orders, self.ka))
+        return np.asarray(
+            self._weights() * scipy.special.jvp(self._orders, self.ka) / scipy.special.h1vp(self._orders, self.ka)
+        )
 
     def amplitude(self, r: ArrayLike, theta: ArrayLike) -> Complex:
         """Return F, the complex elevation over a, at r [m], from R on, and theta [rad], of one shape."""
         r, theta = np.asarray(r, dtype=np.float64), np.asarray(theta, dtype=np.float64)
         m, kr = self._orders, self.k * r[..., None]
-        scattered = self._scattered * hankel1(m, kr) * np.cos(m * theta[..., None])
+        scattered = self._scattered * scipy.special.hankel1(m, kr) * np.cos(m * theta[..., None])
         return np.asarray(np.exp(1j * self.k * r * np.cos(theta)) - scattered.sum(axis=-1))
 
     def slope(self, r: ArrayLike, theta: ArrayLike) -> Complex:
         """Return the gradient of F along x and y [1/m], in a last axis of 2, at places as in ``amplitude``."""
         r, theta = np.asarray(r, dtype=np.float64), np.asarray(theta, dtype=np.float64)
         m, kr, turn = self._orders, self.k * r[..., None], self._orders * theta[..., None]
-        outwards = -(self._scattered * self.k * h1vp(m, kr) * np.cos(turn)).sum(axis=-1)
-        around = (self._scattered * hankel1(m, kr) * m * np.sin(turn)).sum(axis=-1) / r
+        outwards = -(self._scattered * self.k * scipy.special.h1vp(m, kr) * np.cos(turn)).sum(axis=-1)
+        around = (self._scattered * scipy.special.hankel1(m, kr) * m * np.sin(turn)).sum(axis=-1) / r
         incident = 1j * self.k * np.exp(1j * self.k * r * np.cos(theta))
         along = incident + outwards * np.cos(theta) - around * np.sin(theta)
         return np.stack([along, outwards * np.sin(theta) + around * np.cos(theta)], axis=-1)
@@ -130,7 +132,11 @@ class CylinderDiffraction(Wave):
     def run_up(self, theta: ArrayLike) -> Array:
         """Return |F| on the cylinder at theta [rad], any shape: theta = pi faces the waves."""
         m = self._orders
-        terms = self._weights() / h1vp(m, self.ka) * np.cos(m * np.asarray(theta, dtype=np.float64)[..., None])
+        terms = (
+            self._weights()
+            / scipy.special.h1vp(m, self.ka)
+            * np.cos(m * np.asarray(theta, dtype=np.float64)[..., None])
+        )
         return np.asarray(np.abs(2.0 / (np.pi * self.ka) * terms.sum(axis=-1)))
 
     def standing(self, r: ArrayLike, theta: ArrayLike, *, phase: float) -> Complex:
@@ -140,7 +146,7 @@ class CylinderDiffraction(Wave):
 
     def force(self, depth: float) -> float:
         """Return the horizontal force's amplitude over rho g a [m²], 4 tanh(k d) / (k^2 |H_1'(k R)|); depth [m]."""
-        return float(4.0 * np.tanh(relative_depth(self.k, depth)) / (self.k**2 * abs(h1vp(1, self.ka))))
+        return float(4.0 * np.tanh(relative_depth(self.k, depth)) / (self.k**2 * abs(scipy.special.h1vp(1, self.ka))))
 
 
 def _polar(x: ArrayLike, y: ArrayLike) -> tuple[Array, Array]:

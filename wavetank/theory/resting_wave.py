@@ -23,8 +23,8 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.fft import irfft, next_fast_len, rfft
 
 from wavetank.errors import InputError
 from wavetank.theory.conformal import Image
@@ -124,12 +124,12 @@ def _water(wave: RestingWave, t: float) -> "_Water":
     backwards = t % wave.period > wave.period / 2
     since = wave.period - t % wave.period if backwards else t % wave.period
     modes, pace = wave.cosines.size, np.sqrt(wave.gravity * wave.k)
-    flow = _Flow(next_fast_len(6 * modes, real=True), wave.k * wave.depth)
+    flow = _Flow(scipy.fft.next_fast_len(6 * modes, real=True), wave.k * wave.depth)
     y = _surface(wave.cosines[None], flow.points, wave.k * wave.depth)
     phi, steps = np.zeros_like(y), ceil(16 * modes * since / wave.period)
     if steps:
         y, phi = flow.released(y, np.array([[pace * since]]), steps=steps)
-    y, phi = (2 * rfft(part[0]).real[: 2 * modes] / flow.points for part in (y, phi))
+    y, phi = (2 * scipy.fft.rfft(part[0]).real[: 2 * modes] / flow.points for part in (y, phi))
     return _Water.of(y, (-pace if backwards else pace) / wave.k**2 * phi, wave.k, wave.depth)
 
 
@@ -202,9 +202,9 @@ def _first_nearer(waves: Array, residual: float, *, height: float, depth: float)
 def _left(waves: Array, height: float, depth: float) -> Array:
     """Return what should be zero of each wave, shape (waves, equations): cosines after a quarter, height."""
     modes = waves.shape[1] - 1
-    flow = _Flow(next_fast_len(6 * modes, real=True), depth)
+    flow = _Flow(scipy.fft.next_fast_len(6 * modes, real=True), depth)
     y = _surface(waves[:, :-1], flow.points, depth)
-    y, phi = (rfft(part).real / flow.points for part in flow.released(y, waves[:, -1:] / 4, steps=4 * modes))
+    y, phi = (scipy.fft.rfft(part).real / flow.points for part in flow.released(y, waves[:, -1:] / 4, steps=4 * modes))
     last = 5 * modes // 4
     missed = 2 * waves[:, :-1:2].sum(axis=1, keepdims=True) - height
     return np.concatenate([y[:, 1:last:2], phi[:, 2 : last + 1 : 2], missed], axis=1)
@@ -239,17 +239,17 @@ class _Flow:
         return state[0], state[1]
 
     def _rates(self, state: Array) -> Array:
-        y, phi = rfft(state)
+        y, phi = scipy.fft.rfft(state)
         kD = np.minimum(self._m[1:] * (y[:, :1].real / self.points + self._depth), DEEP)
         tanh = np.concatenate([np.zeros_like(kD[:, :1]), np.tanh(kD)], axis=1)
         coth = np.concatenate([np.zeros_like(kD[:, :1]), 1 / np.tanh(kD)], axis=1)
         y_u, phi_u, x_u = self._at(1j * self._m * y), self._at(1j * self._m * phi), 1 + self._at(self._m * coth * y)
         psi_u = self._at(-self._m * tanh * phi)
         J = x_u**2 + y_u**2
-        A = rfft(-psi_u / J)
+        A = scipy.fft.rfft(-psi_u / J)
         across, along = self._at(A), self._at(-1j * coth * A)
-        dynamic = self._at(rfft((psi_u**2 - phi_u**2) / (2 * J)))
+        dynamic = self._at(scipy.fft.rfft((psi_u**2 - phi_u**2) / (2 * J)))
         return np.stack([x_u * across + y_u * along, phi_u * along + dynamic - state[0]])
 
     def _at(self, coefficients: Array) -> Array:
-        return np.asarray(irfft(coefficients * self._kept, n=self.points))
+        return np.asarray(scipy.fft.irfft(coefficients * self._kept, n=self.points))

@@ -13,8 +13,7 @@ Petviashvili, Sov. J. Plasma Phys. 2, 1976; those of ``conformal.py``.
 from functools import lru_cache
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.optimize import brentq, root_scalar
+import scipy
 
 from wavetank.errors import InputError
 from wavetank.theory.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip
@@ -45,19 +44,21 @@ def solitary_wave(height: float, *, depth: float, gravity: float = 9.81) -> Stea
 
 
 def _still_beyond(x: Array, values: Array) -> Shape:
-    spline = make_interp_spline(x, values, k=SPLINE_DEGREE)
+    spline = scipy.interpolate.make_interp_spline(x, values, k=SPLINE_DEGREE)
     return lambda place: np.asarray(spline(np.clip(place, x[0], x[-1])))
 
 
 def _of_height(height: float, intervals: int) -> Solution:
     series = 1.0 + height - height**2 / 20, 1.0 + height - height**2 / 20 - 3 * height**3 / 70
-    found = root_scalar(lambda square: _of_speed(square, intervals).eta[0] - height, x0=series[0], x1=series[1])
+    found = scipy.optimize.root_scalar(
+        lambda square: _of_speed(square, intervals).eta[0] - height, x0=series[0], x1=series[1]
+    )
     return _of_speed(found.root, intervals)
 
 
 def _of_speed(square: float, intervals: int) -> Solution:
     """Return the wave of a squared Froude number c^2 / (g d)."""
-    decay = brentq(lambda k: np.tan(k) / k - square, 1e-6, np.pi / 2 - 1e-9)  # eta ~ exp(-decay |x|)
+    decay = scipy.optimize.brentq(lambda k: np.tan(k) / k - square, 1e-6, np.pi / 2 - 1e-9)  # eta ~ exp(-decay |x|)
     strip = Strip(2 * DECAY / decay, 1.0, mean=1.0, intervals=intervals)
     eta: Array = (square - 1.0) / np.cosh(decay * strip.xi / 2) ** 2
     linear: Array = square * strip.K - 1.0

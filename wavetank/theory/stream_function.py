@@ -15,10 +15,7 @@ from functools import lru_cache
 from math import ceil
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
-from scipy.optimize import brentq
-from scipy.sparse.linalg import LinearOperator, gmres
-from scipy.special import ellipj, ellipk
+import scipy
 
 from wavetank.errors import InputError
 from wavetank.theory.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip
@@ -65,7 +62,7 @@ def stream_function_wave(height: float, length: float, *, depth: float, gravity:
 
 
 def _periodic(x: Array, values: Array) -> Shape:
-    spline: Shape = make_interp_spline(x, values, k=SPLINE_DEGREE, bc_type="periodic")
+    spline: Shape = scipy.interpolate.make_interp_spline(x, values, k=SPLINE_DEGREE, bc_type="periodic")
     return spline
 
 
@@ -86,11 +83,11 @@ def _cnoidal_wave(height: float, length: float) -> Solution:
     """Return H cn^2(2 K x / length), H length^2 = 16/3 m K(m)^2: the wave in shallow water, in deep water a cosine."""
 
     def excess(m: float) -> float:
-        return float(m * ellipk(m) ** 2 - 3.0 / 16.0 * height * length**2)
+        return float(m * scipy.special.ellipk(m) ** 2 - 3.0 / 16.0 * height * length**2)
 
-    m = brentq(excess, 0.0, SHALLOWEST) if excess(SHALLOWEST) > 0 else SHALLOWEST
+    m = scipy.optimize.brentq(excess, 0.0, SHALLOWEST) if excess(SHALLOWEST) > 0 else SHALLOWEST
     intervals = min(FEWEST * ceil(length / LONG), MOST)
-    eta = height * ellipj(np.linspace(0.0, ellipk(m), intervals + 1), m)[1] ** 2
+    eta = height * scipy.special.ellipj(np.linspace(0.0, scipy.special.ellipk(m), intervals + 1), m)[1] ** 2
     eta -= _weights(intervals) @ eta
     now = Solution(_strip(length, eta), eta, 0.0)
     K_eta = now.strip.multiply(now.strip.K, eta)
@@ -112,14 +109,16 @@ def _newton(start: Solution, height: float) -> Solution:
     for _ in range(20):
         now = Solution(_strip(length, eta), eta, b)
         error = np.append(now.babenko(), eta[0] - eta[-1] - height)
-        correction, _ = gmres(_jacobian(now), error, M=_principal(now), rtol=CORRECTED, restart=SPACE, maxiter=1)
+        correction, _ = scipy.sparse.linalg.gmres(
+            _jacobian(now), error, M=_principal(now), rtol=CORRECTED, restart=SPACE, maxiter=1
+        )
         eta, b = eta - correction[:-1], b - float(correction[-1])
         if np.abs(correction).max() < SETTLED:
             break
     return Solution(_strip(length, eta), eta, b)
 
 
-def _jacobian(now: Solution) -> LinearOperator:
+def _jacobian(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
     """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
     strip, eta, b = now.strip, now.eta, now.b
     K_eta, weights = strip.multiply(strip.K, eta), _weights(strip.intervals)
@@ -132,10 +131,10 @@ def _jacobian(now: Solution) -> LinearOperator:
         babenko = (b - eta) * K_e - K_eta_e - (1.0 + K_eta) * e + change * (weights @ e) + K_eta * of_b
         return np.append(babenko, e[0] - e[-1])
 
-    return LinearOperator((eta.size + 1, eta.size + 1), matvec=of)
+    return scipy.sparse.linalg.LinearOperator((eta.size + 1, eta.size + 1), matvec=of)
 
 
-def _principal(now: Solution) -> LinearOperator:
+def _principal(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
     """Return what nearly inverts the derivatives for short waves, sqrt(b - 2 eta) (K + 1) sqrt(b - 2 eta)."""
     strip, root = now.strip, np.sqrt(np.maximum(now.b - 2 * now.eta, STAGNANT))
     inverse = np.reciprocal(strip.K + 1.0)
@@ -143,4 +142,4 @@ def _principal(now: Solution) -> LinearOperator:
     def of(f: Array) -> Array:
         return np.append(strip.multiply(inverse, np.divide(f[:-1], root)) / root, f[-1])
 
-    return LinearOperator((root.size + 1, root.size + 1), matvec=of)
+    return scipy.sparse.linalg.LinearOperator((root.size + 1, root.size + 1), matvec=of)
