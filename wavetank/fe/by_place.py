@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from mpi4py import MPI
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
@@ -47,6 +47,6 @@ def at_the_same(plane: Plane, places: Vector) -> bool:
 
 def _rows(plane: Plane, places: Vector) -> NDArray[np.intp] | None:
     """Return which of the places this rank's degrees of freedom are in; None where some are in others; collective."""
-    distances, rows = cKDTree(places).query(plane.coordinates())
+    distances, rows = scipy.spatial.cKDTree(places).query(plane.coordinates())
     farthest = plane.comm.allreduce(float(np.max(distances, initial=0.0)), op=MPI.MAX)
     return rows if len(places) == plane.size and farthest <= SAME * plane.cell_size else None

@@ -105,13 +105,8 @@ class Cells:
         sum_(l > p) (2 l + 1) j_l(kappa)² (Abramowitz and Stegun 1964, 10.1.47).
         """
         kappa = np.asarray(k, dtype=float) * self.size / 2
-<<<<<<< HEAD
         degrees = np.arange(self.order + 1, self.order + 13)
-        share = spherical_jn(degrees, kappa[..., None]) ** 2 @ (2 * degrees + 1)
-=======
-        degrees = range(self.order + 1, self.order + 13)
-        share = sum((2 * degree + 1) * scipy.special.spherical_jn(degree, kappa) ** 2 for degree in degrees)
->>>>>>> 309babc (A command begins in a third of a second: what it does not need is not loaded)
+        share = scipy.special.spherical_jn(degrees, kappa[..., None]) ** 2 @ (2 * degrees + 1)
         return np.asarray(np.sqrt(np.minimum(share, 1.0)))
 
     @cached_property

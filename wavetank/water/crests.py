@@ -19,7 +19,6 @@ the plateau for a ripple on it.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.integrate import trapezoid
 
 from wavetank.arrays import Vector
 
@@ -130,18 +129,23 @@ def _crest(
     x, slope = after.x[part], after.slope[part]
     rate = (after.height[part] - np.interp(x, before.x, before.height)) / time
     middle = 0.5 * (slope + np.interp(x, before.x, before.slope))
-    speed = float(-trapezoid(rate * middle, x) / trapezoid(middle**2, x))
+    speed = float(-_integral(rate * middle, x) / _integral(middle**2, x))
     ahead = 1.0 if speed > current else -1.0
     water = (after.velocity[part] - rate * slope) / (1.0 + slope**2)
-    fastest, mean = ahead * float(np.max(ahead * water)), float(trapezoid(water, x) / (x[-1] - x[0]))
+    fastest, mean = ahead * float(np.max(ahead * water)), float(_integral(water, x) / (x[-1] - x[0]))
     side = slice(peak, right + 1) if ahead > 0.0 else slice(left, peak + 1)
     front = float(np.abs(after.slope[side]).max())
     return SteepCrest(float(after.x[peak]), height, fastest, current, speed, mean, front)
 
 
+def _integral(values: Vector, x: Vector) -> float:
+    """Return the integral of what is linear between places x."""
+    return float((np.diff(x) * (values[1:] + values[:-1]) / 2.0).sum())
+
+
 def _current(x: Vector, velocity: Vector) -> float:
     """Return U from trough to trough."""
-    bounds = float(velocity[0]), float(velocity[-1]), float(trapezoid(velocity, x) / (x[-1] - x[0]))
+    bounds = float(velocity[0]), float(velocity[-1]), float(_integral(velocity, x) / (x[-1] - x[0]))
     return min(max(0.0, min(bounds)), max(bounds))
 
 

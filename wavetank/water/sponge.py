@@ -9,10 +9,10 @@ gamma_0 serves which wave was measured: docs/sponge.md.
 """
 
 import numpy as np
+import scipy
 from dolfinx import la
 from mpi4py import MPI
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
@@ -47,7 +47,7 @@ def distance_from_edge(plane: Plane, cells: NDArray[np.int32]) -> Vector:
     if not len(edge):
         raise InputError("the sponge: its group of cells is empty, or the whole mesh; it must be a part of the mesh.")
     distance = np.zeros(plane.owned)
-    distance[inside] = cKDTree(edge).query(plane.places[inside])[0]
+    distance[inside] = scipy.spatial.cKDTree(edge).query(plane.places[inside])[0]
     return distance
 
 

@@ -5,10 +5,10 @@ the mean of theirs, whichever ranks own them.
 """
 
 import numpy as np
+import scipy
 import scipy.sparse as sparse
 import ufl
 from dolfinx import fem, la
-from scipy.interpolate import barycentric_interpolate
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_expression
@@ -61,7 +61,9 @@ class Velocity:
         """
         vertical = self._vertical
         self._zeta.value, self._values.value = zeta, vertical.at(np.array([zeta]))[0]
-        self._slopes.value = barycentric_interpolate(vertical.zeta, vertical.slopes, zeta)  # of lower degree: exact
+        self._slopes.value = scipy.interpolate.barycentric_interpolate(
+            vertical.zeta, vertical.slopes, zeta
+        )  # of lower degree: exact
         self._sum(self._expression.eval(self._mesh, self._cells).reshape(-1, 3))
         self._field.set(self._share * self._field.owned)
         return self._field.rows
