@@ -158,6 +158,15 @@ def test_snippets_run(block, small_runs, monkeypatch):
     exec(block.text, {})
 
 
+def test_the_snippet_for_pyvista_runs_for_a_slice_as_its_comment_says(small_runs, monkeypatch):
+    monkeypatch.chdir(small_runs)
+    monkeypatch.setattr("pyvista.OFF_SCREEN", True)
+    (text,) = (block.text for block in BLOCKS if block.language == "python" and "pyvista" in block.text)
+    assert "# of a slice: surface.xdmf" in text
+    exec(text.replace("runs/bend/surface.pvd", "runs/focusing/surface.xdmf"), made := {})
+    assert made["surface"].n_cells == 1  # the line
+
+
 # ---------------------------------------------------------------- pictures
 FIGURES = CHECKOUT / "docs" / "figures"
 EVERY_PAGE = [*PAGES, CHECKOUT / "CHANGELOG.md", CHECKOUT / "meshes" / "README.md"]

@@ -23,8 +23,8 @@ from wavetank.observers.record import Memory
 from wavetank.plan.defaults import resolved
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.forewarnings import forewarnings
-from wavetank.plan.planned import planned
-from wavetank.recording import Warnings
+from wavetank.plan.planned import planned, told_of_rule
+from wavetank.recording import Warnings, record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.records.log import RunLog
 from wavetank.runs.build import Records, build_observers, build_run, build_watch
@@ -51,6 +51,18 @@ def standing(mode=1):
 def said_of(one):
     run, waves = build_run(one, MPI.COMM_SELF)
     return forewarnings(one, run.clock, waves)
+
+
+def test_where_a_rule_stands_for_a_plan_the_run_says_so(tmp_path):
+    """With the reason; and the manifest has the cells that came of it."""
+    bed, start = {"type": "formula", "depth": "1 - 0.01 * x"}, {"initial": standing()}
+    said = "no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): tank.bed.type = "
+    one = scene(tank={"length": 4.0, "depth": 1.0, "bed": bed}, duration=0.1, **start)
+    record_run(one, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
+    assert said in (tmp_path / "run" / "run.log").read_text()
+    assert RunDirectory(tmp_path / "run").manifest["numerics"]["cells"] == 20  # of 0.2 depths
+    assert told_of_rule(scene(tank=BASIN)).endswith("with a flat bed")
+    assert not any(map(told_of_rule, (scene(**start), scene(tank=SLICE | {"bed": bed}, numerics={"cells": 9}))))
 
 
 RIPPLES = {"bed": {"type": "formula", "depth": "1 + 0.1 * sin(200 * x)"}}

@@ -62,8 +62,48 @@ def test_the_page_runs_as_it_stands(folder):
     assert seen["run"].paddle.position.values[-1] == pytest.approx(0.01 * (1 - np.cos(2 * np.pi * 0.5 / 1.6)))
     assert [t for t, _ in seen["RUN_UP"]] == pytest.approx(np.arange(0, 0.51, 0.1))
     surfaces = [run.surface.elevation.values[-1] for run in (seen["run"], own["run"])]
-    assert own["run"].manifest["numerics"]["integrator"] == "runge-kutta-4"
+    numerics = own["run"].manifest["numerics"]
+    assert {key: numerics[key] for key in ("integrator", "cells", "order", "vertical_order")} == {
+        "integrator": "runge-kutta-4", "cells": 16, "order": 3, "vertical_order": 4
+    }  # fmt: skip
+    assert "integrator" not in own["run"].manifest["scene"]["numerics"] | seen["run"].manifest.get("planned", {})
+    assert seen["run"].manifest["scene"]["numerics"]["integrator"] == "simpson-4"
     assert np.abs(surfaces[0]).max() > 0.01 > 500 * np.abs(surfaces[1] - surfaces[0]).max()
+
+
+class Euler:
+    """A scheme without what a plan must know of it, but for its name."""
+
+    name = "euler"
+
+
+class Watch:
+    """An observer without a schedule."""
+
+    def __init__(self, waves):
+        pass
+
+    def observe(self, moment):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("own", "said"),
+    [
+        ({"integrator": "stormer-verlet"}, "integrator = 'stormer-verlet': a name received; needed is a scheme"),
+        ({"integrator": Euler}, "integrator = Euler: a class received; needed is one of its objects, such as Euler()."),
+        ({"integrator": Euler()}, "integrator: Euler has no order, stability_limit, frequency_error, nodes,"),
+        ({"observers": Watch}, "observers = Watch: must be a list of functions of the waves, such as classes."),
+        ({"observers": [Watch(None)]}, "observers[0]: a Watch received; needed is a function of the waves that"),
+        ({"observers": [Watch]}, "observers[0]: what Watch returns has no schedule; needed are schedule, observe"),
+    ],
+)
+def test_what_is_no_integrator_or_observer_is_a_sentence_before_anything_is_written(folder, own, said):
+    written(folder)
+    with redirect_stdout(io.StringIO()), pytest.raises(InputError) as error:
+        wt.run(wt.read_case("case.toml"), "run", **own)
+    assert str(error.value).startswith(said) and "\n" not in str(error.value)
+    assert not (folder / "run").exists()
 
 
 def test_a_run_that_is_there_is_kept_unless_told(folder):

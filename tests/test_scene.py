@@ -227,11 +227,11 @@ def test_a_scene_is_frozen():
 @pytest.mark.parametrize(
     ("override", "said"),
     [
-        ("tank.depth=-1", "tank.depth = -1: must be greater than or equal to 1e-06 (still-water depth d [m])"),
-        ("tank.depth=inf", "tank.depth = Infinity: must be a finite number (still-water depth d [m])"),
-        ("tank.depth=nan", "tank.depth = NaN: must be a finite number (still-water depth d [m])"),
-        ("tank.depth=deep", 'tank.depth = "deep": must be a valid number (still-water depth d [m])'),
-        ('tank.depth="1.0"', 'tank.depth = "1.0": must be a valid number (still-water depth d [m])'),
+        ("tank.depth=-1", "tank.depth = -1: must be greater than or equal to 1e-06 (still-water depth d [m];"),
+        ("tank.depth=inf", "tank.depth = Infinity: must be a finite number (still-water depth d [m];"),
+        ("tank.depth=nan", "tank.depth = NaN: must be a finite number (still-water depth d [m];"),
+        ("tank.depth=deep", 'tank.depth = "deep": must be a valid number (still-water depth d [m];'),
+        ('tank.depth="1.0"', 'tank.depth = "1.0": must be a valid number (still-water depth d [m];'),
         ("run.duration=true", "run.duration = true: must be a valid number (simulated time [s])"),
         (
             "tank.lenght=3",
@@ -258,6 +258,11 @@ def test_a_scene_is_frozen():
         (
             "wall.motion.amplitude=0.2",
             ": wall.motion.amplitude: is called linear_crest now (height of the crest at the",
+        ),
+        (
+            'wall.motion={type="sinusoid", paddle_amplitude=10, period=2}',
+            "paddle_amplitude = 10.0: takes the paddle 10 m from rest; it must stay below 7.5 m, 3/4 of wall.reach, "
+            "which is 10 m by default, at most the tank's length.",
         ),
         ("wall.reach=0.01", "wall.reach = 0.01: must be more than 0.06087 m, 4/3 of"),
         ("wall.reach=30", "wall.reach = 30.0: must be at most the tank's length, 24 m"),
@@ -314,6 +319,21 @@ def test_a_key_by_the_name_it_has_had_is_refused_by_the_one_it_has(case):
     ]
     basin = "tank={type='basin', depth=1.0, plan={type='rectangle', length=24.0, width=1.0}}"
     assert f"{case()}, overridden: tank.plan: is called layout now (where its walls are, " in refused(case(), basin)
+
+
+def test_a_needed_key_that_is_mistyped_is_one_mistake(case):
+    (said,) = refused(case(), 'wall.motion={type="sinusoid", paddle_amplitud=0.1, period=2.0}').splitlines()
+    assert "wall.motion.paddle_amplitud = 0.1: is an unknown key; did you mean 'paddle_amplitude'?" in said
+    text = 'wall.motion={type="sinusoid", paddle_amplitud=0.1}'  # and another that is missing
+    assert ["period: is missing" in line for line in refused(case(), text).splitlines()].count(True) == 1
+
+
+def test_a_paddle_that_goes_too_far_later_is_refused_in_a_short_run(case):
+    scene = ['wall.motion={type="sinusoid", paddle_amplitude=10, period=2}', "tank.length=4", "gauges=[1.0]"]
+    said = "takes the paddle 10 m from rest; it must stay below 3 m, 3/4 of wall.reach, which is 4 m by default"
+    for duration in (0.3, 40.0):
+        with pytest.raises(InputError, match=rf"wall\.motion\.paddle_amplitude = 10\.0: {said}, at most the tank's"):
+            read_case(case(), [*scene, f"run.duration={duration}"])
 
 
 def test_keys_that_have_other_names_now_have_them():

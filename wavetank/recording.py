@@ -21,7 +21,7 @@ from wavetank.observers.progress import ProgressBar, Standing
 from wavetank.observers.record import Discard, Kept, RecordCheck
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
-from wavetank.plan.planned import mesh_told, planned
+from wavetank.plan.planned import mesh_told, planned, told_of_rule
 from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import ENERGY, LOG, PADDLE, RunDirectory
 from wavetank.records.environment import environment
@@ -34,6 +34,7 @@ from wavetank.resuming import GoingOn, KeptRun, kept_scene
 from wavetank.runs.broken import BrokenSurface
 from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary
 from wavetank.runs.closing import Outcome, closing
+from wavetank.runs.own import own_observers
 from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
 from wavetank.runs.starts import told_of_start
@@ -124,7 +125,7 @@ def record_run(
     """
     began, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
-    known = {"scene": scene.model_dump(mode="json"), "ranks": comm.size, **environment()}
+    known = {"scene": _said_of(scene, integrator), "ranks": comm.size, **environment()}
     known["warnings"] = warnings.sentences  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
     with ExitStack() as at_the_end:
@@ -136,11 +137,11 @@ def record_run(
             check_affordable(scene, comm)
         with mesh_told(asked, scene):
             run, waves = build_run(scene, comm, integrator, beginning=kept.beginning if kept else None)
-        for doubt in (*doubts, *forewarnings(scene, run.clock, waves)):
+        for doubt in (*doubts, *forewarnings(scene, run.clock, waves, own=integrator)):
             warnings.add(doubt)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]
-        run.observers += [observer(waves) for observer in observers]
+        run.observers += own_observers(observers, waves)
         if kept:
             log.say(kept.take(run, waves, scene=scene, fields=series))
         earlier, counting_on = (kept.about["parts"], not kept.anew) if kept else ([], False)
@@ -173,13 +174,13 @@ def record_run(
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
-            begun = {"parts": parts.so_far()} | _chosen(asked, scene)
+            begun = {"parts": parts.so_far()} | _chosen(asked, scene, integrator)
             on_first(comm, lambda: _begin(writer, log, begun, going_on=resume))
             if writer is not None:
                 at_the_end.enter_context(_said(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
             start = "" if resume else told_of_start(scene, waves, run.state.q)
-            for line in (summary(scene, run, waves), told_of_bed(scene, waves), start):
+            for line in (summary(scene, run, waves), told_of_rule(asked), told_of_bed(scene, waves), start):
                 if line:
                     log.say(line)
             with _failure_kept(writer), _progress(run, waves, log, writer) as progress:
@@ -256,9 +257,17 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle)
 
 
-def _chosen(asked: Scene, planned: Scene) -> dict[str, Any]:
+def _said_of(scene: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:
+    """Return a scene as the manifest has it: without its integrator, where another one steps."""
+    said = scene.model_dump(mode="json")
+    if integrator is not None:
+        said["numerics"].pop("integrator", None)
+    return said
+
+
+def _chosen(asked: Scene, planned: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:
     """Return what the manifest says of water and numerics that were planned."""
-    given, chosen = (one.model_dump(mode="json", include={"water", "numerics"}) for one in (asked, planned))
+    given, chosen = ({key: _said_of(one, integrator)[key] for key in ("water", "numerics")} for one in (asked, planned))
     return {} if chosen == given else {"planned": chosen}
 
 

@@ -9,9 +9,15 @@ from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
 from wavetank.motions import Array
 from wavetank.motions.extent import Extent
+from wavetank.motions.mapping import STEEPEST, largest_stroke
 from wavetank.theory.wavemaker import PISTON, Wavemaker
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Acceleration, Length, Speed
+
+SIZES = (  # of a motion: keys by which the paddle goes far
+    *("paddle_amplitude", "wave_amplitude", "linear_crest", "significant_height", "height", "heights"),
+    *("position", "velocity", "file"),
+)
 
 
 class Limits(Noun):
@@ -52,6 +58,23 @@ class MovingWall(Noun):
     def doubts(self, tank: AnyTank) -> Iterator[str]:
         """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
         yield from ()
+
+    def reach_problems(self, tank: AnyTank, excursion: float) -> Iterator[Problem]:
+        """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
+        motion = getattr(self, "motion", None)
+        farthest, reach = max(excursion, getattr(motion, "paddle_amplitude", 0.0)), self.reach_in(tank)
+        needed = STEEPEST * farthest
+        if needed < reach:
+            return
+        if self.reach is not None and needed < tank.length:
+            allowed = f"must be more than {needed:.4g} m, 4/3 of the paddle's largest distance from rest"
+            yield Problem(("wall", "reach"), self.reach, allowed)
+            return
+        size = next((key for key in SIZES if getattr(motion, key, None) is not None), None)
+        least = f"{reach:.4g} m{'' if self.reach else ' by default'}, at most the tank's length"
+        allowed = f"must stay below {largest_stroke(reach):.4g} m, 3/4 of wall.reach, which is {least}"
+        where, received = (("wall", "motion", size), getattr(motion, size)) if size else (("wall", "motion"), None)
+        yield Problem(where, received, f"takes the paddle {farthest:.4g} m from rest; it {allowed}")
 
     @property
     def reads_file(self) -> bool:

@@ -52,11 +52,15 @@ CHOSEN = STEPPING | {"dt"}  # by a plan
 
 
 class Numerics(Noun):
-    """How it is computed. Where an accuracy is asked for, or nothing is set, what is not set is planned."""
+    """How it is computed.
+
+    Where an accuracy is asked for, or nothing is set, what is not set is planned; over beds, in basins and for starts
+    by formula, of which no plan is made, the shortest wave known of the case decides on cells and vertical order.
+    """
 
     accuracy: Share | None = Field(
         default=None,
-        description="relative error of the elevation to plan the numerics for; default: 0.01 where none is set",
+        description="relative error of the elevation to plan for; default: 0.01 if nothing is set and a plan is made",
     )
     cells: Count | None = Field(default=None, description="number of cells along the tank; default: by cell_size")
     cell_size: Length | None = Field(

@@ -208,6 +208,12 @@ class _Place(NamedTuple):
         """Return what a type is called now that has had another name; empty of any other."""
         return next((tag(noun) for noun in self.nouns if getattr(noun, "formerly_type", "") == name), "")
 
+    def meant(self, key: str) -> str:
+        """Return what a key is called that a noun here has had by another name, or that is mistyped; else nothing."""
+        if key in self.fields or homes(key):
+            return self.renamed(key)
+        return self.renamed(key) or next(iter(get_close_matches(key, self.fields, n=1)), "")
+
 
 def _place(location: Key) -> _Place:
     """Return the place of pydantic's location, which names the type of each union it passes as well."""
@@ -232,8 +238,8 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
         case "scene":
             yield from context["problems"]
         case "missing":
-            if isinstance(received, dict) and any(holder.renamed(key) == place.key[-1] for key in received):
-                return  # it is there by the name that it has had
+            if isinstance(received, dict) and any(holder.meant(key) == place.key[-1] for key in received):
+                return  # it is there by the name that it has had, or mistyped
             yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
         case "extra_forbidden":
             yield _unknown(place.key, received, holder)

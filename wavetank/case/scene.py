@@ -18,7 +18,6 @@ from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.walls import FixedWall, Wall
 from wavetank.motions.extent import Extent, extent, times, values
-from wavetank.motions.mapping import STEEPEST, largest_stroke
 from wavetank.values.noun import Noun, Problem, SceneError, about
 from wavetank.values.quantities import Label, metres
 
@@ -136,12 +135,10 @@ class Scene(Noun):
         if motion.start >= self.run.duration:
             allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
             yield Problem(("run", "duration"), self.run.duration, allowed)
-        excursion = self.excursion(motion)
-        if excursion >= largest_stroke(self.reach):
-            allowed = f"must be more than {STEEPEST * excursion:.4g} m, 4/3 of the paddle's largest distance from rest"
-            yield Problem(("wall", "reach"), self.reach, allowed)
-        if isinstance(self.wall, MovingWall) and self.wall.limits is not None:
-            yield from self.wall.limits.exceeded(self.extent(motion))
+        if isinstance(self.wall, MovingWall):
+            yield from self.wall.reach_problems(self.tank, self.excursion(motion))
+            if self.wall.limits is not None:
+                yield from self.wall.limits.exceeded(self.extent(motion))
 
     def excursion(self, motion: motions.Motion) -> float:
         """Return the paddle's largest distance from rest in the run [m]."""

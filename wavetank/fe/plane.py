@@ -73,13 +73,17 @@ class Plane:
         """Where the owned degrees of freedom are in the tank, (x, y) [m], shape (owned, 2)."""
         return self.chart.places(self.coordinates())
 
+    @property
+    def cells(self) -> int:
+        """How many cells there are."""
+        return int(self.mesh.topology.index_map(self.mesh.topology.dim).size_global)
+
     @cached_property
     def cell_size(self) -> float:
         """The size of a usual cell [m]: length, or square root of the area, of the mean one; collective."""
         one = fem.Constant(self.mesh, 1.0)
         measure = ScalarForm(one * ufl.dx(domain=self.mesh), self.comm).assemble()
-        dim = self.mesh.topology.dim
-        return float((measure / self.mesh.topology.index_map(dim).size_global) ** (1 / dim))
+        return float((measure / self.cells) ** (1 / self.mesh.topology.dim))
 
     @property
     def x(self) -> Vector:

@@ -1,6 +1,7 @@
 """What is known of a run's accuracy before it: what the mesh and the step hold, and what the plan predicts."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
+from wavetank.integrators.contract import Integrator
 from wavetank.plan.defaults import DEFAULT
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.plan import own_plan
@@ -24,10 +26,14 @@ LARGE = 0.1  # predicted relative error of the elevation
 HELD = 0.01  # what mesh and step may miss
 
 
-def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves) -> list[str]:
-    """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective."""
-    before = [*_predicted(scene), *scene.wall.doubts(scene.tank)]
-    return [*before, *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock), *_end(scene, clock)]
+def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
+    """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective.
+
+    Of an integrator of a user's ``own``, in place of the scene's, no error is predicted.
+    """
+    before = [*(_predicted(scene) if own is None else ()), *scene.wall.doubts(scene.tank)]
+    nodes = (own or INTEGRATORS[scene.numerics.integrator]()).nodes
+    return [*before, *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock, nodes), *_end(scene, clock)]
 
 
 def _predicted(scene: Scene) -> Iterator[str]:
@@ -75,7 +81,7 @@ def _cells(waves: AnyWaves) -> str:
     return f"cells of {waves.plane.cell_size:.3g} m are too large for it"
 
 
-def _motion(scene: Scene, clock: Clock) -> Iterator[str]:
+def _motion(scene: Scene, clock: Clock, nodes: Sequence[float]) -> Iterator[str]:
     """Yield a sentence if what the scheme sees of the paddle's velocity does not add up to its displacement.
 
     Of a short run the motion is looked at beyond its end: hardly a paddle has moved by then.
@@ -86,7 +92,7 @@ def _motion(scene: Scene, clock: Clock) -> Iterator[str]:
         scene.of_paddle(motion, "velocity"),
         dt=clock.dt,
         steps=max(clock.steps, int(looked_at(scene, motion) / clock.dt)),
-        nodes=INTEGRATORS[scene.numerics.integrator].nodes,
+        nodes=nodes,
     )
     if missed > HELD:
         yield f"the step of {clock.dt:.3g} s misses the paddle's motion by {missed:.2g} of it: it is too long"

@@ -12,6 +12,7 @@ from wavetank.fe.agreed import from_first
 from wavetank.meshes import MeshFile
 from wavetank.plan.defaults import DEFAULT, resolved
 from wavetank.plan.plan import Plan, UnreachableError, make_plan
+from wavetank.plan.requirements import unplanned
 from wavetank.runs.starts import with_its_numerics
 from wavetank.values.noun import SceneError, about
 
@@ -62,6 +63,13 @@ def default_plan(scene: Scene) -> Plan | None:
         except InputError:  # nothing moves, or nothing that a plan knows
             return None
     return None
+
+
+def told_of_rule(asked: Scene) -> str:
+    """Return why nothing is known of the accuracy of a scene that names no numerics; empty where a plan is made."""
+    ruled = asked.numerics.open and not isinstance(asked.initial, RunState)
+    why = unplanned(asked) if ruled else None
+    return f"no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): {why}" if why else ""
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from wavetank.observers.stability import StabilityWatch
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
 from wavetank.runs.clock import Clock
 from wavetank.runs.footprints import build_footprint
+from wavetank.runs.own import own_scheme
 from wavetank.runs.run import Run
 from wavetank.runs.sponges import build_sponge
 from wavetank.runs.starts import initial_surface
@@ -140,8 +141,7 @@ def build_run(
     with about("tank", "layout"):
         footprint = build_footprint(scene, comm)
     waves = fill(scene, footprint)
-    if integrator is None:
-        integrator = INTEGRATORS[scene.numerics.integrator]()
+    integrator = INTEGRATORS[scene.numerics.integrator]() if integrator is None else own_scheme(integrator)
     if scene.sponge is not None:
         with about("sponge"):
             integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, footprint, waves))
@@ -168,10 +168,10 @@ def summary(scene: Scene, run: Run, waves: AnyWaves) -> str:
     unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
     bound = f" of {limit:g}" if limit < inf else ", stable at any"
     steps = run.clock.steps - run.clock.first
-    cells = waves.plane.mesh.topology.index_map(waves.plane.mesh.topology.dim).size_global
     water = "linear water, " if isinstance(waves, LinearWaves) else ""
     return (
-        f"{scene.title or 'untitled'}: {water}{cells} cells of order {scene.numerics.order}, n = {waves.vertical.n}, "
+        f"{scene.title or 'untitled'}: {water}{waves.plane.cells} cells of order {waves.plane.order}, "
+        f"n = {waves.vertical.n}, "
         f"{unknowns} unknowns; {steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
         f"dt omega_max = {run.clock.dt * waves.largest_frequency:.2f}{bound})"
     )

@@ -83,6 +83,9 @@ def _numerics(run: Run, waves: AnyWaves) -> Figures:
     return {
         "integrator": run.integrator.name,
         "dt": run.clock.dt,
+        "cells": waves.plane.cells,
+        "order": waves.plane.order,
+        "vertical_order": waves.vertical.n,
         "degrees_of_freedom": waves.plane.size,
         "largest_frequency": waves.largest_frequency,
     }

@@ -1,0 +1,51 @@
+"""What users give of their own, an integrator or observers: held to its contract before a run begins."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from wavetank.errors import InputError
+from wavetank.integrators.contract import Integrator
+from wavetank.observers.contract import Observer
+from wavetank.runs.waters import AnyWaves
+
+SCHEME = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step")
+OBSERVER = ("schedule", "observe")
+PAGE = "docs/extend.md"
+
+
+def own_scheme(given: Any) -> Integrator[Any]:
+    """Return an integrator of a user's; raises ``InputError`` for what is none."""
+    if isinstance(given, str):
+        raise InputError(
+            f"integrator = {given!r}: a name received; needed is a scheme of your own ({PAGE}): "
+            "numerics.integrator of the scene takes the names of those that are there."
+        )
+    if isinstance(given, type):
+        name = given.__name__
+        raise InputError(f"integrator = {name}: a class received; needed is one of its objects, such as {name}().")
+    _hold(given, SCHEME, "integrator", type(given).__name__)
+    scheme: Integrator[Any] = given
+    return scheme
+
+
+def own_observers(given: Sequence[Callable[[AnyWaves], Observer]], waves: AnyWaves) -> list[Observer]:
+    """Return the observers that a user's functions make of the waves; raises ``InputError`` for what is none."""
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise InputError(f"observers = {_name(given)}: must be a list of functions of the waves, such as classes.")
+    for n, one in enumerate(given):
+        if not callable(one):
+            what = f"a {type(one).__name__} received; needed is a function of the waves that returns one, or its class"
+            raise InputError(f"observers[{n}]: {what} ({PAGE}).")
+    made = [one(waves) for one in given]
+    for n, observer in enumerate(made):
+        _hold(observer, OBSERVER, f"observers[{n}]", f"what {_name(given[n])} returns")
+    return made
+
+
+def _hold(given: Any, needed: Sequence[str], where: str, what: str) -> None:
+    if missing := [name for name in needed if not hasattr(given, name)]:
+        raise InputError(f"{where}: {what} has no {', '.join(missing)}; needed are {', '.join(needed)} ({PAGE}).")
+
+
+def _name(given: Any) -> str:
+    return str(getattr(given, "__name__", type(given).__name__))
