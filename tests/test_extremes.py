@@ -186,7 +186,7 @@ def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_
     exact = LinearisedFlow(waves, q, p, 0.0).spectral_radius(steps=40)
     flow = surface_of(waves)
     flow.update(q, p, 0.0)
-    assert ShortWaves(waves).largest_frequency(flow) == pytest.approx(exact, rel=0.25)
+    assert exact < ShortWaves(waves).largest_frequency(flow) < 1.25 * exact  # a bound, of each cell's own waves
     places = list[float]()
     for part, long in ((0.8, False), (1.1, True)):
         dt, said = part * scheme.stability_limit / exact, list[str]()
