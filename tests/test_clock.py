@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
+from ranks import CHECKOUT
 from rich.console import Console
 
 from wavetank.case import Scene
@@ -15,7 +16,7 @@ from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.recording import record_run
-from wavetank.runs.build import build_run
+from wavetank.runs.build import build_clock, build_run
 from wavetank.runs.clock import Clock
 from wavetank.values.noun import SceneError
 
@@ -40,6 +41,14 @@ def test_given_steps_cover_the_duration(duration, part):
 @given(steps=st.integers(1, 100_000), dt=times)
 def test_a_step_that_divides_the_duration_does_so_despite_rounding(steps, dt):
     assert Clock.covering(steps * dt, dt, until=steps * dt).steps == steps
+
+
+@pytest.mark.parametrize(("scheme", "most"), [("simpson-4", 1.4 * 1.6930043715), ("gauss-legendre-4", 2.8)])
+def test_a_default_step_is_one_for_the_surface_as_it_moves_at_the_start(scheme, most):
+    scene, still = read_case(CHECKOUT / "cases" / "standing-wave.toml", ["run.duration=100.0"]), 10.0
+    clocks = {part: build_clock(scene, still, INTEGRATORS[scheme](), moving=part * still) for part in (1.1, 8.0)}
+    assert 0.98 * most < 8.0 * still * clocks[8.0].dt <= most
+    assert clocks[1.1] == build_clock(scene, still, INTEGRATORS[scheme]())  # as still water is
 
 
 def recorded(folder, *, first=0.0, last=10.0, **numerics):
