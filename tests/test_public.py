@@ -131,7 +131,7 @@ def test_a_run_that_is_there_is_kept_unless_told(folder):
 def test_a_motion_that_is_none_is_refused_in_a_sentence(folder, body, said):
     written(folder)
     (folder / "paddle.py").write_text(f"import numpy as np\ndef motion(t, order):\n    return {body}\n")
-    with pytest.raises(InputError, match=rf"case\.toml, line 8: wall\.motion: .*{said}"):
+    with pytest.raises(InputError, match=rf"case\.toml, line 10: wall\.motion: .*{said}"):
         wt.read_case("case.toml")
 
 

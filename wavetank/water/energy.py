@@ -1,7 +1,8 @@
 """The energy of the water, written once; everything else is a derivative of it.
 
 In the reference tank z = zeta h - d with zeta in [0, 1], so a horizontal layer with potential u = phi and vertical
-derivative w = d phi / d zeta has, per unit of zeta (docs/method.md, section 2)
+derivative w = d phi / d zeta has, per unit of zeta (the kinetic energy of Miles' principle as in Gagarina et al.,
+J. Comput. Phys. 275 (2014), mapped, which is ours: docs/method.md, section 1)
 
     e(u, w; zeta) = 1/2 J { h |v|^2 + w^2 / h },     v of grad u - (zeta grad h - grad d) w / h
 

@@ -1,11 +1,11 @@
 """Nonlinear water waves in a tank as a Hamiltonian system (docs/method.md, section 1).
 
-    L = int psi d_t Q dX - H(Q, psi, t)
+    L = int psi d_t Q dX - H(Q, psi, t)     (Miles' principle, of the form (1) of Gagarina et al. 2016)
 
-with the column mass Q = M_J h as coordinate and the surface potential psi as momentum,
-
-so that dQ/dt = H_psi and dpsi/dt = -M_J^-1 H_h. At the interior potential of a state every derivative is a partial
-derivative of the one discrete functional K(phi, h) + V(h) + W(phi, h; t), because phi makes it stationary.
+with the column mass Q = M_J h as coordinate, which is ours, and the surface potential psi as momentum, so that
+Hamilton's equations (4) are dQ/dt = H_psi and dpsi/dt = -M_J^-1 H_h. At the interior potential of a state every
+derivative is a partial derivative of the one discrete functional K(phi, h) + V(h) + W(phi, h; t), because phi makes it
+stationary.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Mappings of the reference tank to the laboratory that are the same at all heights.
+"""Mappings of the reference tank to the laboratory that are the same at all heights (ours: docs/method.md, section 1).
 
     x = X + a s(X) X_p(y, t),   J = 1 + a . grad(s X_p),   mesh velocity = a s X_p'
 

@@ -4,7 +4,7 @@
 
 H(Q, psi, t) depends on time through X_p, X_p' and the depth under points that the wall moves, so at fixed (Q, psi)
 
-    dH/dt = d/dt (K + V)  -  int dJ/dt h mu dX  +  F(X_p''),     mu = M_J^-1 H_h,
+    dH/dt = d/dt (K + V)  -  int dJ/dt h mu dX  +  F(X_p''),     mu = M_J^-1 H_h     (ours)
 
 the first with X_p and d going on as they move now, the second because h = M_J^-1 Q moves with J.
 """
