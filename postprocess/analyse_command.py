@@ -47,7 +47,7 @@ def analyse(
             raise InputError(f"analysis {kind!r} received{choice(kind, KINDS)}.")
     if period is not None and not set(asked) & set(REGULAR):
         raise InputError(f"--period received with {', '.join(asked)}; it is for {', '.join(REGULAR)}.")
-    folder = _own(Path(source)) if out is None else out
+    folder = own_folder(source) if out is None else out
     files = {kind: folder / f"analysis-{kind}.csv" for kind in asked}
     pictures = [file.with_suffix(".png") for file in files.values()]
     check_new(*files.values(), *pictures, overwrite=overwrite or out is None)
@@ -68,14 +68,15 @@ def analyse(
         terminal.print(f"wrote {files[kind]} and {found.draw(files[kind].with_suffix('.png'))}", highlight=False)
 
 
-def _own(source: Path) -> Path:
-    """Return the folder for analyses of a run, or of a table or data set."""
-    if (source / MANIFEST).is_file():
-        return source
+def own_folder(source: str) -> Path:
+    """Return where what is made of a run goes, into it, or of a table or data set, below ``runs``."""
+    path = Path(source)
+    if (path / MANIFEST).is_file():
+        return path
     from wavetank.data.dataset import DATASET
 
-    described = source.parent if source.name == DATASET else source
-    return Path("runs") / f"{described.name.partition('.')[0]}-analysis"
+    described = path.parent if path.name == DATASET else path
+    return Path("runs") / f"{described.name.partition('.')[0].replace(':', '-')}-analysis"
 
 
 def _places(text: str | None) -> tuple[float, float, int] | None:

@@ -86,7 +86,7 @@ def matched(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -
     """Return (computed, reference) for each gauge that both have, in the reference's order.
 
     Partners stand within 1 mm of each other; of several there, it is the one of the same name, else the nearest: names
-    alone do not say that two gauges are one, but where the reference does not know its places. Raises ``InputError`` if
+    alone do not say that two gauges are one, but where one of them does not know its place. Raises ``InputError`` if
     there is none.
     """
     pairs = [(one, _at(one, other)) for other in reference if (one := _partner(other, computed)) is not None]
@@ -109,6 +109,7 @@ def _partner(gauge: GaugeSeries, candidates: Sequence[GaugeSeries]) -> GaugeSeri
     if isnan(gauge.x):
         return next((one for one in candidates if one.name == gauge.name), None)
     near = [one for one in candidates if _distance(one, gauge) < MATCH]
+    near = near or [one for one in candidates if isnan(one.x) and one.name == gauge.name]
     return min(near, key=lambda one: (one.name != gauge.name, _distance(one, gauge)), default=None)
 
 

@@ -1,5 +1,6 @@
 """``wavetank compare RUN --with DATA|RUN``: a table and a figure of what the reference holds."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -10,16 +11,20 @@ from rich.table import Table
 from wavetank import data
 from wavetank.console import console
 from wavetank.errors import InputError
+from wavetank.postprocess.analyse_command import own_folder
 from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.place import check_new
+from wavetank.records.series import GaugeSeries
 
 
 def compare(
-    run: Annotated[Path, typer.Argument(help="run directory", metavar="RUN")],
+    run: Annotated[str, typer.Argument(help="run directory; or a CSV file or data set, too", metavar="RUN|DATA")],
     reference: Annotated[
         str, typer.Option("--with", metavar="DATA|RUN", help="data set, its folder, a CSV file, or another run")
     ],
-    out: Annotated[Path | None, typer.Option(help="where to write; default: the run directory")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="where to write; default: the run's directory, or runs/ and the data's name")
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace a comparison that is there (--out)")] = False,
     clock: Annotated[
         str | None,
@@ -31,18 +36,18 @@ def compare(
     start: Annotated[float | None, typer.Option(help="when regular waves are established [s] (--period)")] = None,
 ) -> None:
     """Compare a run with measurements, or another run, at the gauges."""
-    directory, folder = RunDirectory(run), run if out is None else out
+    folder = own_folder(run) if out is None else out
     names = ("compare.csv", "compare.png", *["compare-harmonics.csv"] * (period is not None))
     check_new(*(folder / name for name in names), overwrite=overwrite or out is None)
     given = None if (Path(reference) / MANIFEST).is_file() else data.opened(reference)
     if given and given.heights is not None:
         if clock is not None or period is not None:
             raise InputError(f"{reference}: holds wave heights; --clock and --period are for records of gauges.")
-        tables = [_compare_heights(directory, given.heights, data.height_series(given), folder=folder)]
+        tables = [_compare_heights(RunDirectory(run), given.heights, data.height_series(given), folder=folder)]
     else:
         first, *others = data.gauge_records(given) if given else [_of_run(Path(reference))]
         references = [first._replace(clock=_clock(clock)) if clock is not None else first, *others]
-        tables = _compare_gauges(directory, references, folder=folder, period=period, start=start)
+        tables = _compare_gauges(_computed(run), references, folder=folder, period=period, start=start)
     terminal = console()
     for table in tables:
         terminal.print(table)
@@ -64,6 +69,16 @@ def _clock(text: str) -> tuple[float, float]:
     return first, last
 
 
+def _computed(source: str) -> Sequence[GaugeSeries]:
+    """Return the records of a run, or of data that are compared with others as a run is."""
+    from wavetank.data.dataset import DATASET, MEASURED
+
+    if (Path(source) / MANIFEST).exists() or Path(source).is_dir() and not (Path(source) / DATASET).exists():
+        return RunDirectory(source).gauge_series()
+    series = data.gauge_records(data.opened(source))[0].series
+    return [replace(one, source=source if one.source == MEASURED else one.source) for one in series]
+
+
 def _of_run(path: Path) -> "data.GaugeRecords":
     """Return the records of another run, named after its directory."""
     gauges = RunDirectory(path).gauge_series()
@@ -71,7 +86,7 @@ def _of_run(path: Path) -> "data.GaugeRecords":
 
 
 def _compare_gauges(
-    run: RunDirectory,
+    computed: Sequence[GaugeSeries],
     references: "list[data.GaugeRecords]",
     *,
     folder: Path,
@@ -83,7 +98,6 @@ def _compare_gauges(
     from wavetank.postprocess import compare_harmonics
     from wavetank.postprocess.figures import gauges_figure
 
-    computed = run.gauge_series()
     (measured, offset), *others = (comparison.synchronised(computed, one) for one in references)
     compared = comparison.compare(computed, measured, clock_offset=offset)
     tables = [comparison.comparison_table(compared), comparison.extremes_table(compared)]

@@ -9,9 +9,12 @@ from conftest import CHECKOUT, commanded
 from matplotlib.figure import Figure
 from pictures import faults
 
+from wavetank import data
 from wavetank.case.reading import read_case
+from wavetank.errors import InputError
 from wavetank.postprocess.analyse_command import KINDS
 from wavetank.postprocess.analysis import kinds
+from wavetank.postprocess.analysis.record import read_record
 from wavetank.records.writer import RunWriter
 from wavetank.theory.airy import wave_number
 
@@ -84,6 +87,19 @@ def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
     assert float(rows_of(run, "reflection")[0]["reflection [-]"]) == pytest.approx(0.2, rel=1e-3)
     assert commanded("analyse", str(run)).returncode == 0  # its own pictures are drawn anew
     assert {row["gauge"] for row in rows_of(run, "spectrum")} == {"1", "2"}
+
+
+def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states(tmp_path):
+    """Oracle: its table of case A [mm], least squares of its own over eleven periods from 20 s."""
+    try:
+        data.find("beji_battjes_1994", "a02.dat")
+    except InputError:
+        pytest.skip("Beji and Battjes' data are not on this machine; wavetank data fetch beji_battjes_1994 brings them")
+    record = read_record("beji_battjes_1994", start=20.0, end=20 + 11 * 2.02, period=2.02)
+    found = {row[0]: row[2:5] for row in kinds.analysed("harmonics", record).rows}
+    stated = {"a02": (10.44, 0.45, 0.08), "a10": (12.28, 1.86, 0.40), "a15": (6.11, 9.35, 4.23)}
+    for gauge, amplitudes in stated.items():
+        assert 1e3 * np.array(found[gauge]) == pytest.approx(amplitudes, abs=0.02), gauge
 
 
 def test_a_sea_is_told_apart_without_a_period(table, tmp_path):

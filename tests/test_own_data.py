@@ -211,3 +211,17 @@ def test_a_name_that_the_run_does_not_have_is_said(run, tmp_path):
     (tmp_path / "mine.csv").write_text("t,left\n" + rows(T, T))
     said = commanded("compare", str(run), "--with", str(tmp_path / "mine.csv"))
     assert said.returncode == 2 and "the run has '1' at x = 2 m, '5' at x = 7.5 m; the reference 'left'" in said.stderr
+
+
+def test_of_a_campaign_one_test_is_chosen_and_records_are_compared_without_a_run(tmp_path):
+    """Oracle: the test that is 1.2 times as high, by its name; a record that is there is compared as a run is."""
+    for name, gain in (("low", 1.0), ("high", 1.2)):
+        (tmp_path / f"{name}.csv").write_text("t,1,5\n" + rows(T, *(gain * eta(T, x) for x in PLACES.values())))
+    records = "".join(f'[[records]]\nsource = "{name}"\nfiles = ["{name}.csv"]\n' for name in ("low", "high"))
+    gauges = ", ".join(f'{{name = "{name}", x = {x}}}' for name, x in PLACES.items())
+    (tmp_path / "dataset.toml").write_text(f"gauges = [{gauges}]\n{records}")
+    found = compared(tmp_path / "low.csv", f"{tmp_path}:high", tmp_path)
+    assert [row["nrms"] for row in found.values()] == pytest.approx([1 - 1 / 1.2] * 2, rel=1e-4)
+    assert [row["similarity"] for row in found.values()] == pytest.approx([0.2 / 2.2] * 2, rel=1e-4)
+    refused = commanded("compare", str(tmp_path / "low.csv"), "--with", f"{tmp_path}:middle")
+    assert refused.returncode == 2 and "there are no records 'middle'; there are low, high." in refused.stderr

@@ -130,7 +130,7 @@ def status(
         list[Path] | None, typer.Argument(help="run directories, or folders of some; default runs/", metavar="RUN...")
     ] = None,
 ) -> None:
-    """Say how runs stand: how far, how fast, what is wrong, what they could go on from.
+    """Say how runs stand: how far, how fast, what is wrong.
 
     Known from their directories alone, while they are computed, afterwards, and on other machines.
     """

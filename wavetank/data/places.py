@@ -43,9 +43,12 @@ def dataset(name: str) -> Dataset:
 def opened(reference: str) -> Dataset:
     """Return the data set that is meant: a known one by name, a folder with a ``dataset.toml``, or a plain CSV file.
 
-    Raises ``InputError`` for what is none of them.
+    Of several records in it ``NAME:SOURCE`` are those from that source alone. Raises ``InputError`` for what is none of
+    these.
     """
-    path = Path(reference)
+    path, (whole, chosen, source) = Path(reference), reference.rpartition(":")
+    if chosen and not path.exists():
+        return _from(opened(whole), source)
     if reference in names():
         return dataset(reference)
     if path.name == DATASET:
@@ -59,6 +62,15 @@ def opened(reference: str) -> Dataset:
         f"{reference}: is no run directory, no folder with a {DATASET}, no CSV file, and no data set; "
         f"known data sets are: {known}."
     )
+
+
+def _from(data: Dataset, source: str) -> Dataset:
+    """Return a data set with its records from one source alone; raise ``InputError`` if there are none."""
+    found = tuple(records for records in data.records if records.source == source)
+    if not found:
+        have = ", ".join(records.source for records in data.records) or "none"
+        raise InputError(f"{data.name}:{source}: there are no records {source!r}; there are {have}.")
+    return data.model_copy(update={"records": found[:1]})
 
 
 def plain(path: Path) -> Dataset:
