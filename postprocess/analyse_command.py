@@ -73,7 +73,7 @@ def own_folder(source: str) -> Path:
     path = Path(source)
     if (path / MANIFEST).is_file():
         return path
-    from wavetank.data.dataset import DATASET
+    from wavetank.data.description import DATASET
 
     described = path.parent if path.name == DATASET else path
     return Path("runs") / f"{described.name.partition('.')[0].replace(':', '-')}-analysis"

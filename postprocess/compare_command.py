@@ -58,7 +58,7 @@ def _clock(text: str) -> tuple[float, float]:
     """Return the bounds [s] of what is added to a reference's times, as a ``dataset.toml`` tells them."""
     from pydantic import TypeAdapter
 
-    from wavetank.data.dataset import Clock
+    from wavetank.data.description import Clock
 
     try:
         meant = text if text == "free" else [float(one) for one in text.split(",")]
@@ -71,7 +71,7 @@ def _clock(text: str) -> tuple[float, float]:
 
 def _computed(source: str) -> Sequence[GaugeSeries]:
     """Return the records of a run, or of data that are compared with others as a run is."""
-    from wavetank.data.dataset import DATASET, MEASURED
+    from wavetank.data.description import DATASET, MEASURED
 
     if (Path(source) / MANIFEST).exists() or Path(source).is_dir() and not (Path(source) / DATASET).exists():
         return RunDirectory(source).gauge_series()

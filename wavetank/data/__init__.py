@@ -1,6 +1,6 @@
 """Measured and published data: what is known of them, where they are, and the records they hold.
 
-A set of data is a folder with a ``dataset.toml`` (``dataset.py``) that says what its files hold. Those of a few
+A set of data is a folder with a ``dataset.toml`` (``description.py``) that says what its files hold. Those of a few
 benchmarks come with this package (``known/``): facts, addresses and checksums, for the data are not part of it.
 """
 
@@ -8,8 +8,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wavetank.data.dataset import DATASET, DataFile, Dataset, Gauge, Records, Section, WaveHeights
-    from wavetank.data.download import download, fetch
+    from wavetank.data.description import DATASET, DataFile, Dataset, Gauge, Records, Section, WaveHeights
+    from wavetank.data.downloading import download, fetch
     from wavetank.data.places import dataset, find, folders, names, opened, resolve, told
     from wavetank.data.series import GaugeRecords, HeightSeries, gauge_records, height_series
 
@@ -36,9 +36,9 @@ __all__ = [
     "told",
 ]
 
-HOMES = {
-    "dataset": {"DATASET", "DataFile", "Dataset", "Gauge", "Records", "Section", "WaveHeights"},
-    "download": {"download", "fetch"},
+HOMES = {  # by modules whose own names are none of these: a module, once loaded, is an attribute of its package
+    "description": {"DATASET", "DataFile", "Dataset", "Gauge", "Records", "Section", "WaveHeights"},
+    "downloading": {"download", "fetch"},
     "places": {"dataset", "find", "folders", "names", "opened", "resolve", "told"},
     "series": {"GaugeRecords", "HeightSeries", "gauge_records", "height_series"},
 }

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 from wavetank.cache import places
-from wavetank.data.dataset import DATASET, Dataset, Gauge, Records, read_dataset
+from wavetank.data.description import DATASET, Dataset, Gauge, Records, read_dataset
 from wavetank.errors import InputError
 from wavetank.records.series import place
 from wavetank.values.columns import read_columns

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.data.dataset import METRES, SECONDS, Column, Dataset, HeightColumn, HeightRecords, Records, Section
+from wavetank.data.description import METRES, SECONDS, Column, Dataset, HeightColumn, HeightRecords, Records, Section
 from wavetank.data.places import located
 from wavetank.errors import InputError
 from wavetank.records.series import GaugeSeries

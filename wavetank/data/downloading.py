@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from wavetank.cache import writable
-from wavetank.data.dataset import DataFile, Dataset
+from wavetank.data.description import DataFile, Dataset
 from wavetank.data.places import PART, dataset
 from wavetank.errors import WavetankError
 from wavetank.values.columns import read_columns
