@@ -25,12 +25,19 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
 from wavetank.recording import record_run
 from wavetank.records.checkpoint import read_checkpoint
-from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, MANIFEST, RunDirectory
 from wavetank.records.lock import LOCK
 from wavetank.records.place import Place
 from wavetank.records.whole import unfinished
 from wavetank.status import line, standing
 
+REGULAR = {  # waves of a period of 2.3 s
+    "tank": {"type": "ring", "length": 2 * np.pi, "depth": 1.0},
+    "initial": {"type": "stream-function", "steepness": 0.2},
+    "gauges": [0.0, 3.0],
+    "run": {"duration": 2300.0},
+    "numerics": {"cells": 6, "vertical_order": 2, "dt": 0.1},
+}
 KILLING = str(Path(__file__).with_name("killing.py"))
 
 
@@ -94,27 +101,25 @@ def readable(out: Path) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("parts", [SLICE, BASIN], ids=["slice", "basin"])
 def test_a_run_that_is_killed_at_any_stage_of_writing_loses_but_the_steps_since_its_checkpoint(parts, tmp_path):
-    """Before the first and another of the calls by which each line touches files, and again as the run goes on."""
+    """Before one of the calls by which each line of the house touches files, and again as the run goes on."""
     recorded(parts, tmp_path / "whole")
     sys.setprofile(stages := Stages())
     recorded(parts, tmp_path / "again")
     sys.setprofile(None)
     rng, kills = random.Random(5), 0
-    for calls in stages.calls.values():
-        for call in sorted({calls[0], rng.choice(calls)}):
-            part = tmp_path / str(call)
-            first = forked(lambda part=part: recorded(parts, part), call)
-            kept = readable(part)
-            again = forked(lambda part=part: gone_on(parts, part), rng.randrange(30, 900))
-            assert {first, again} <= {0, -signal.SIGKILL}  # some calls come with the clock
-            kills += (first != 0) + (again != 0)
-            readable(part)
-            if again:
-                assert forked(lambda part=part: gone_on(parts, part)) == 0
-            same(tmp_path / "whole", part)
-            assert kept in (0.0, *(one["from"] for one in RunDirectory(part).manifest["parts"]))
-    print(f"{kills} kills at {len(stages.calls)} stages")
-    assert kills > 100
+    for number, calls in enumerate(stages.calls.values()):
+        part = tmp_path / str(number)
+        first = forked(lambda part=part: recorded(parts, part), rng.choice(calls))
+        kept = readable(part)
+        again = forked(lambda part=part: gone_on(parts, part), rng.randrange(30, 900))
+        assert {first, again} <= {0, -signal.SIGKILL}  # some calls come with the clock
+        kills += (first != 0) + (again != 0)
+        readable(part)
+        if again:
+            assert forked(lambda part=part: gone_on(parts, part)) == 0
+        same(tmp_path / "whole", part)
+        assert kept in (0.0, *(one["from"] for one in RunDirectory(part).manifest["parts"]))
+    assert kills > len(stages.calls) > 40
 
 
 # ---------------------------------------------------------------- what is no number
@@ -179,7 +184,7 @@ def test_where_one_of_two_ranks_is_killed_both_end_and_the_run_goes_on(basin, tm
     launched = ["mpirun", "-n", "2", sys.executable, KILLING]
     subprocess.run([*launched, "0", "0", *basin, str(tmp_path / "whole")], check=True, capture_output=True)
     rng, kills, runs = random.Random(11), 0, 0
-    while kills < 40:
+    while kills < 10:
         part, again = tmp_path / f"part-{runs}", []
         runs += 1
         while True:
@@ -199,19 +204,12 @@ def test_where_one_of_two_ranks_is_killed_both_end_and_the_run_goes_on(basin, tm
             readable(part)
             again = ["--resume"]
         same(tmp_path / "whole", part)
-    print(f"{kills} kills in {runs} runs")
 
 
 @pytest.mark.slow
 def test_a_thousand_periods_that_are_killed_ten_times_equal_those_that_are_not(tmp_path):
     """Of a regular wave in a ring, bit for bit."""
-    parts = {
-        "tank": {"type": "ring", "length": 2 * np.pi, "depth": 1.0},
-        "initial": {"type": "stream-function", "steepness": 0.2},
-        "gauges": [0.0, 3.0],
-        "run": {"duration": 2300.0},
-        "numerics": {"cells": 6, "vertical_order": 2, "dt": 0.1},
-    }
+    parts = REGULAR
     rng, kills = random.Random(3), 0
     assert forked(lambda: recorded(parts, tmp_path / "whole", every=1.0)) == 0
     while kills < 10:
@@ -222,5 +220,27 @@ def test_a_thousand_periods_that_are_killed_ten_times_equal_those_that_are_not(t
         kills += 1
     assert forked(lambda: gone_on(parts, tmp_path / "part", every=1.0)) == 0
     same(tmp_path / "whole", tmp_path / "part")
-    print(RunDirectory(tmp_path / "part").manifest["resumed"])
     assert RunDirectory(tmp_path / "part").manifest["numerics"]["steps_taken"] == 23_000
+
+
+class Held:
+    """An observer that reads how much memory a run holds [bytes]."""
+
+    def __init__(self) -> None:
+        self.schedule, self.memory = EverySteps(1000), list[int]()
+
+    def observe(self, moment: Moment) -> None:
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        self.memory.append(pages * os.sysconf("SC_PAGESIZE"))
+
+
+@pytest.mark.slow
+def test_a_long_run_holds_no_more_than_a_short_one(tmp_path):
+    """Memory within a megabyte from the thousandth step to the ten thousandth, and a checkpoint of one size."""
+    parts = REGULAR | {"run": {"duration": 1000.0}}
+    held = Held()
+    kept = scene(parts, checkpoint_every=1.0)
+    record_run(kept, tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), observers=[lambda _: held])
+    sizes = [(tmp_path / name).stat().st_size for name in (CHECKPOINT, CHECKPOINT_BEFORE)]
+    assert len(held.memory) == 11 and abs(held.memory[-1] - held.memory[1]) < 2**20
+    assert max(sizes) < 1.01 * min(sizes)

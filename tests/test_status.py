@@ -49,6 +49,9 @@ def test_a_run_is_told_while_it_goes_on_and_after_each_end(writer, tmp_path, wav
     assert told(wavetank, run) == [
         f"{run}: running, {numbers}, left 60 seconds, written 0 seconds ago, checkpoint t = 3.5 s; warning: it is steep"
     ]
+    changed(run, progress={"t": 0.0, "begin": 0.0, "end": 10.0, "step": 0, "wall_s": 0.01})
+    begun = f"{run}: running, t 3.5 of 10 s, written 0 seconds ago, checkpoint t = 3.5 s; warning: it is steep"
+    assert told(wavetank, run) == [begun]  # the checkpoint has come since
     writer.fail(StoppedError("t = 4 s: interrupted by SIGTERM"))
     stopped = f"{run}: stopped, {numbers}, written 0 seconds ago, checkpoint t = 3.5 s; t = 4 s: interrupted by SIGTERM"
     assert told(wavetank, run) == [stopped]
@@ -59,6 +62,14 @@ def test_a_run_is_told_while_it_goes_on_and_after_each_end(writer, tmp_path, wav
     changed(run, host="elsewhere", written=(PRESENT - timedelta(hours=3)).isoformat(), warnings=[])
     computed = "it is computed on elsewhere, which alone knows whether it still is"
     assert told(wavetank, run) == [f"{run}: unknown, {numbers}, written 3 hours ago; {computed}"]
+
+
+def test_a_run_that_has_ended_since_its_manifest_was_read_is_not_called_killed(writer, tmp_path):
+    run = RunDirectory(tmp_path / "run")
+    assert run.status == "running"
+    writer.finish("finished", {})
+    writer.release()
+    assert run.manifest["status"] == "running" and run.status == "finished"
 
 
 def test_where_there_is_no_flock_of_another_host_nothing_is_claimed(writer, tmp_path, monkeypatch):

@@ -64,14 +64,15 @@ def standing(path: Path) -> Standing:
         run = RunDirectory(path)
     except InputError as error:
         return Standing(path, SETTING_UP) if is_held(path) else Standing(path, UNREADABLE, note=str(error))
-    manifest = run.manifest
+    manifest, state = run.manifest, run.status
     progress, warnings = manifest.get("progress", {}), manifest.get("warnings", [])
-    t, spent = progress.get("t"), progress.get("wall_s", 0.0)
-    speed = (t - progress["begin"]) / spent if spent > 0.0 else None
+    kept, since = last_checkpoint(path), progress.get("t", 0.0) - progress.get("begin", 0.0)
+    t = max((one for one in (progress.get("t"), kept) if one is not None), default=None)  # whichever was written later
+    speed = since / progress["wall_s"] if since > 0.0 else None
     note = manifest.get("cause") or (f"warning: {warnings[0]}" if warnings else "")
-    if run.status == "unknown":
+    if state == "unknown":
         note = f"it is computed on {manifest['host']}, which alone knows whether it still is"
-    return Standing(path, run.status, t, progress.get("end"), speed, _age(manifest), last_checkpoint(path), note)
+    return Standing(path, state, t, progress.get("end"), speed, _age(manifest), kept, note)
 
 
 def _age(manifest: dict[str, Any]) -> float | None:
@@ -98,7 +99,7 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
 
 def _parts(one: Standing) -> dict[str, str]:
     """Return what is said of a run, by what that is."""
-    reached = "-" if one.t is None else f"{one.t:.5g} of {one.end:.5g} s"
+    reached = "-" if one.t is None else f"{one.t:.5g} of {one.end:.5g} s" if one.end is not None else f"{one.t:.5g} s"
     return {
         "state": one.state,
         "t": reached,

@@ -82,14 +82,18 @@ class RunDirectory:
     """
 
     def __init__(self, path: Path | str):
-        self.path = path = Path(path)
+        self.path = Path(path)
+        self.manifest = self._told()
+
+    def _told(self) -> dict[str, Any]:
+        """Return the manifest as it is now."""
         try:
-            manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+            manifest = json.loads((self.path / MANIFEST).read_text(encoding="utf-8"))
         except (OSError, ValueError):
             manifest = None
         if not isinstance(manifest, dict):
-            raise InputError(f"{path}: is no run directory (no readable {MANIFEST} in it).")
-        self.manifest: dict[str, Any] = manifest
+            raise InputError(f"{self.path}: is no run directory (no readable {MANIFEST} in it).")
+        return manifest
 
     @property
     def status(self) -> str:
@@ -103,6 +107,9 @@ class RunDirectory:
             return status
         if is_held(self.path):
             return "running"
+        status = str(self._told().get("status"))  # a run's last word comes before it lets go
+        if status != "running":
+            return status
         return "killed" if self.manifest.get("host", gethostname()) == gethostname() else "unknown"
 
     @property
