@@ -1,5 +1,7 @@
 """What records say of the waves, each against waves that are known: their amplitudes, periods, phases, reflection."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -90,6 +92,8 @@ def test_records_that_cannot_be_used_are_refused_in_a_sentence():
     for refused, said in (
         (lambda: elevation([]), "no gauge"),
         (lambda: elevation([short]), "too few times in common"),
+        (lambda: elevation([replace(short, t=T[:1], eta=T[:1])]), "too few times in common"),
+        (lambda: elevation([replace(short, t=T[:0], eta=T[:0])]), "too few times in common"),
         (lambda: between(one, 300.0), "the record is from 0 to 199.95 s"),
         (lambda: chosen(one, ["z"]), "'z' received; there are a, b"),
         (lambda: places(one), "two are at one"),

@@ -25,10 +25,13 @@ def elevation(series: Sequence[GaugeSeries]) -> DataArray:
     """
     if not series:
         raise InputError("there is no gauge to analyse.")
-    first, last = max(one.t[0] for one in series if one.t.size), min(one.t[-1] for one in series if one.t.size)
+    few = InputError(f"{series[0].source}: the gauges have too few times in common; at least {FEWEST} are needed.")
+    if min(one.t.size for one in series) < 2:  # as of a run that was killed at its start
+        raise few
+    first, last = max(one.t[0] for one in series), min(one.t[-1] for one in series)
     dt = min((last - first) / max(np.count_nonzero((one.t >= first) & (one.t <= last)) - 1, 1) for one in series)
     if not dt * (FEWEST - 1) <= last - first:
-        raise InputError(f"{series[0].source}: the gauges have too few times in common; at least {FEWEST} are needed.")
+        raise few
     t = first + dt * np.arange(round((last - first) / dt) + 1)
     eta = np.array([_at(one, np.minimum(t, last)) for one in series])
     return _gauges([one.name for one in series], [one.x for one in series], [one.y for one in series], t, eta)
