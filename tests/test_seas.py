@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import gamma as gamma_function
 
-from wavetank.case import Scene
+from wavetank.case import Scene, SliceTank
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
@@ -36,9 +36,11 @@ from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.theory.wavemaker import PISTON
 from wavetank.values.formula import Formula
 from wavetank.values.noun import SceneError
+from wavetank.verify.second_order import GENERATIONS, row
 
 GRAVITY, DEPTH = 9.81, 1.0
 TANK = {"length": 20.0, "depth": DEPTH}
+TANK_NOUN = SliceTank(**TANK)
 
 
 def scene(motion, *, duration=20.0, limits=None, tank=TANK):
@@ -518,3 +520,33 @@ def test_second_order_generation_gathers_equal_frequencies():
     more = second_order(first, PISTON, depth=DEPTH, gravity=GRAVITY)
     expected = wave.position(t) + Lines(more.omega, more.b).position(t)
     np.testing.assert_allclose(lines.position(t), expected, atol=1e-12)
+
+
+def test_pairs_of_many_frequencies_are_those_of_few(monkeypatch):
+    """Sums are interpolated, differences have fewer modes: within 1e-4 and 1e-2 of the largest."""
+    omega, b = 2 * np.pi * np.linspace(0.3, 1.5, 20), np.exp(1j * np.arange(20))
+    few = added(omega, b).b
+    monkeypatch.setattr("wavetank.theory.second_order.MANY", 5)
+    many, sums = added(omega, b).b, slice(0, 210)
+    assert np.abs(many - few)[sums].max() < 1e-4 * np.abs(few[sums]).max()
+    assert np.abs(many - few)[210:].max() < 1e-2 * np.abs(few[210:]).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kd", [0.6, 1.5, 3.0])
+def test_second_order_generation_leaves_no_free_waves_in_the_tank(kd):
+    """A sine makes the free second harmonic that theory says, within a tenth; without it at most a thirtieth is left."""
+    plain, without = (row(kd, 0.05, generation)[0] for generation in GENERATIONS)
+    assert plain.free == pytest.approx(plain.free_by_theory, rel=0.12)
+    assert without.free < plain.free / 30
+    assert plain.bound == pytest.approx(plain.bound_by_stokes, rel=0.03)
+    assert without.bound == pytest.approx(without.bound_by_stokes, rel=0.03)
+
+
+def test_beyond_its_theory_second_order_generation_is_doubted():
+    """H L² / d³ of 26 in shallow water: here 18 m² / 1 m at H = 0.09 m."""
+    doubts = [
+        list(scene(REGULAR | {"wave_length": 18.0, "height": H, "generation": "second-order"}).wall.doubts(TANK_NOUN))
+        for H in (0.05, 0.12)
+    ]
+    assert not doubts[0] and "second-order generation is beyond its theory: a second harmonic of 0." in doubts[1][0]

@@ -80,6 +80,7 @@ def _write(path: Path, scene: "Scene", t: "Array", form: Format, told: str) -> N
     table = np.column_stack([t, *(values(scene.of_paddle(scene.motion(), name), t) for name in rates)])
     comma, header = (",", ",".join(columns(places))) if form is Format.CSV else (" ", f"# t [s], position [m]; {told}")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("xb") as file:
             np.savetxt(file, table, fmt="%.10g", delimiter=comma, header=header, comments="")
     except OSError as error:

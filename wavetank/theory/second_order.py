@@ -26,12 +26,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import BarycentricInterpolator
 
 from wavetank.theory import airy
 from wavetank.theory.wave import Array
 from wavetank.theory.wavemaker import Complex, Wavemaker, modes, norm
 
 EVANESCENT = 24  # modes that die out, of each frequency: the next would change X_2 by less than 1e-3
+MANY, FEW = 60, 24  # frequencies; the sums of more are interpolated from as few, within 3e-5
+FEWER = 8  # modes for the differences of many, which are long: within 1e-2 of the largest
 
 
 class Strokes(NamedTuple):
@@ -74,41 +77,66 @@ def second_order(
 
     N (N + 1) / 2 of the one and N (N - 1) / 2 of the other, in the order of ``numpy.tril_indices``.
     """
-    water = _Water(maker, depth, gravity)
-    known = water.modes(first, evanescent)
-    sums, differences = list[Complex](), list[Complex]()
-    for last in range(first.omega.size):
-        one, others = known.of(slice(last, last + 1)), known.of(slice(last + 1))
-        halved = np.where(np.arange(last + 1) == last, 0.5, 1.0)  # with itself it is one pair, two with another
-        sums.append(halved * water.of_pairs(one, others))
-        if last:
-            differences.append(water.of_pairs(one, known.of(slice(last)).mirrored()))
+    water = _Water(maker, depth, gravity, evanescent)
+    many = first.omega.size > MANY
+    apart_by = _Water(maker, depth, gravity, min(evanescent, FEWER)) if many else water
     n, m = np.tril_indices(first.omega.size)
-    total, difference = first.omega[n] + first.omega[m], (first.omega[n] - first.omega[m])[n > m]
-    return Strokes(np.concatenate([total, difference]), np.concatenate([*sums, *differences]))
+    apart = n > m
+    total, difference = first.omega[n] + first.omega[m], (first.omega[n] - first.omega[m])[apart]
+    halved = np.where(apart, 1.0, 0.5)  # with itself it is one pair, two with another
+    left = halved * (_interpolated if many else _Water.left)(water, first.omega)[n, m]
+    sums = left * first.b[n] * first.b[m]
+    differences = (apart_by.left(first.omega, -1.0)[n, m] * first.b[n] * first.b[m].conj())[apart]
+    return Strokes(
+        np.concatenate([total, difference]),
+        np.concatenate([water.motion(sums, total), water.motion(differences, difference)]),
+    )
+
+
+def _interpolated(water: "_Water", omega: Array) -> Complex:
+    """Return ``_Water.left`` of the sums of many frequencies from that of few: it is a smooth function of both."""
+    low, high = omega.min(), omega.max()
+    nodes = [0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * (np.arange(c) + 0.5) / c) for c in (FEW, FEW + 1)]
+    first, second = (BarycentricInterpolator(one, np.eye(one.size))(omega) for one in nodes)
+    return np.asarray(first @ water.left(nodes[0], 1.0, nodes[1]) @ second.T)
 
 
 class _Water:
     """Pairs of modes in a depth [m], before a paddle, under gravity [m/s²]."""
 
-    def __init__(self, maker: Wavemaker, depth: float, gravity: float):
-        self._maker, self._depth, self._g = maker, depth, gravity
+    def __init__(self, maker: Wavemaker, depth: float, gravity: float, evanescent: int):
+        self._maker, self._depth, self._g, self._evanescent = maker, depth, gravity, evanescent
 
-    def modes(self, first: Strokes, evanescent: int) -> _Modes:
-        """Return the modes of a motion."""
-        travelling = airy.wave_number(first.omega, self._depth, self._g)
-        dying = modes(first.omega, self._depth, self._g, count=evanescent)
+    def motion(self, left: Complex, omega: Array) -> Complex:
+        """Return b of X_2 [m] of frequencies [rad/s] from what is left of them [m²/s²], all of shape (N,)."""
+        K = airy.wave_number(omega, self._depth, self._g)
+        return np.asarray(left / (-1j * omega * self._maker.moment(K, self._depth)))
+
+    def left(self, omega: Array, sign: float = 1.0, others: Array | None = None) -> Complex:
+        """Return what is to be made up for, of b = 1 of both, at omega + sign others, shape (N, M).
+
+        Of the differences of a frequency with itself there is none. By default the others are the same.
+        """
+        one, other = self._modes(omega), self._modes(omega if others is None else others)
+        second = other if sign > 0 else other.mirrored()
+        return np.stack([self._of_pairs(one.of(slice(n, n + 1)), second) for n in range(omega.size)])
+
+    def _modes(self, omega: Array) -> _Modes:
+        """Return the modes of motions of 1 m."""
+        travelling = airy.wave_number(omega, self._depth, self._g)
+        dying = modes(omega, self._depth, self._g, count=self._evanescent)
         k = np.concatenate([travelling[:, None] + 0j, 1j * dying], axis=1)
-        P = -(first.omega * first.b)[:, None] * self._maker.moment(k, self._depth) / (k * norm(k, self._depth))
-        return _Modes(first.omega, first.b, k, P)
+        P = -omega[:, None] * self._maker.moment(k, self._depth) / (k * norm(k, self._depth))
+        return _Modes(omega, np.ones_like(omega, dtype=np.complex128), k, P)
 
-    def of_pairs(self, one: _Modes, others: _Modes) -> Complex:
-        """Return b of X_2 at the sums of one frequency and others, which are not 0; shape (others,)."""
+    def _of_pairs(self, one: _Modes, others: _Modes) -> Complex:
+        """Return what is left at the sums of one frequency and others, shape (others,); 0 where the sum is 0."""
         total = one.omega + others.omega
-        K = airy.wave_number(np.abs(total), self._depth, self._g)
+        moving = total != 0.0
+        K = airy.wave_number(np.where(moving, np.abs(total), 1.0), self._depth, self._g)
         bound = self._bound(one, others, K) + self._bound(others, one, K)
-        left = one.b * self._seen(others, K) + others.b * self._seen(one, K)
-        return np.asarray(0.5 * (bound + left) / (-1j * total * self._maker.moment(K, self._depth)))
+        seen = one.b * self._seen(others, K) + others.b * self._seen(one, K)
+        return np.asarray(np.where(moving, 0.5 * (bound + seen), 0.0))
 
     def _seen(self, of: _Modes, K: Array) -> Complex:
         """Return what the paddle sees of modes where it is not at rest."""
