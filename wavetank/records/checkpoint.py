@@ -55,8 +55,11 @@ class Checkpoint(NamedTuple):
     places: NDArray[np.float64]
 
 
-def write_checkpoint(run: Path, checkpoint: Checkpoint) -> int:
-    """Write a checkpoint to a run directory and return its size in bytes; raises ``OSError``."""
+def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False) -> int:
+    """Write a checkpoint to a run directory and return its size in bytes; raises ``OSError``.
+
+    The last one becomes the one before, if it is whole, as is known of this process's ``own``.
+    """
     path = run / CHECKPOINT
     temporary = unfinished(path)
     try:
@@ -73,7 +76,7 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint) -> int:
             file.flush()
             os.fsync(file.fileno())
             size = os.fstat(file.fileno()).st_size
-        if _is_whole(path):  # else the one before it is the only one to go on from
+        if own or _is_whole(path):  # else the one before it is the only one to go on from
             os.replace(path, run / CHECKPOINT_BEFORE)
         os.replace(temporary, path)
         sync(run)

@@ -57,7 +57,7 @@ class RunWriter:
 
     def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
         self._records: list[GrowingFile] = []
-        self._has_gauges = self._begun = self._older = False
+        self._has_gauges = self._begun = self._older = self._kept_one = False
         place = place if isinstance(place, Place) else Place(place)
         self._resume = resume
         identity: str | None = uuid4().hex
@@ -178,7 +178,9 @@ class RunWriter:
         try:
             for record in self._records:
                 record.sync()
-            return write_checkpoint(self.path, Checkpoint(about, text, arrays, places))
+            size = write_checkpoint(self.path, Checkpoint(about, text, arrays, places), own=self._kept_one)
+            self._kept_one = True
+            return size
         except OSError as error:
             raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
 
