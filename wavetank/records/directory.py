@@ -47,7 +47,8 @@ CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
-PICTURES = ("surface.png", "gauges.png", "energy.png", "view.png", "compare.*", "compare-*.*", "analysis-*.*")  # later
+PICTURES = "surface.png", "gauges.png", "energy.png", "view.png"
+ANALYSES = "compare.png", "compare.csv", "compare-harmonics.csv", "analysis-*.png", "analysis-*.csv"
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 
 
@@ -58,7 +59,7 @@ def index_file(run: Path, name: str) -> Path:
 
 def recorded(run: Path) -> Iterator[Path]:
     """Yield the records in a run directory, and what has been drawn of them."""
-    files = (*TABLES, *BROKENS, GAUGES_NETCDF, SURFACE, SURFACE_INDEX, LOG, *PICTURES, *CHECKPOINTS)
+    files = (*TABLES, *BROKENS, GAUGES_NETCDF, SURFACE, SURFACE_INDEX, LOG, *PICTURES, *ANALYSES, *CHECKPOINTS)
     indices = (f"{name}.pvd" for name in SERIES)
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *indices, *pieces):
