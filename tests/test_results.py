@@ -8,6 +8,7 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.records.directory import RunDirectory
 from wavetank.records.paddle_table import columns
+from wavetank.records.surface import SurfaceWriter, snapshots
 from wavetank.records.writer import RunWriter
 
 CHANGES = (
@@ -127,6 +128,22 @@ def test_a_surface_that_still_grows_is_read(tmp_path):
             record.append(0.1 * n, x, n * x, -n * x)
             assert RunDirectory(tmp_path / "run").surface.sizes == {"time": n + 1, "x": 5}
             assert (tmp_path / "run" / "surface.xdmf").read_text().endswith("</Xdmf>\n")
+
+
+def test_a_surface_that_is_gone_on_with_is_whole_before_its_next_snapshot(tmp_path):
+    """Oracle: the index as it was when it was held, before another snapshot had begun to be written over its end."""
+    x, path = np.linspace(0.0, 1.0, 5), tmp_path / "surface.nc"
+    first, later = (SurfaceWriter(path, {}) for _ in range(2))
+    first.open()
+    first.append(0.0, x, x, x)
+    held, index = first.held(), path.with_suffix(".xdmf").read_text()
+    first.append(0.1, x, 2 * x, x)
+    first.close()
+    later.take(held)
+    later.open()
+    assert path.with_suffix(".xdmf").read_text() == index
+    np.testing.assert_array_equal(snapshots(path.read_bytes()).eta, [x])
+    later.close()
 
 
 def test_where_a_basins_surface_is_is_said(tmp_path):
