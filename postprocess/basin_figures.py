@@ -1,33 +1,26 @@
 """Maps of a basin's surface, seen from above: the highest crest, the highest elevation, the height of the waves."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.text import Annotation, Text
 from matplotlib.ticker import MaxNLocator
-from matplotlib.transforms import Bbox
 from matplotlib.tri import Triangulation
 
 from wavetank.errors import InputError
 from wavetank.postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
-from wavetank.postprocess.style import CM, FLAT, PADDLE, SATURATED, picture
+from wavetank.postprocess.gauge_marks import DARK, LIGHT, leave_out_overlaps, mark_places
+from wavetank.postprocess.style import CM, DAMPED, FLAT, PADDLE, SATURATED, picture
 from wavetank.records.directory import RunDirectory
-from wavetank.records.series import GaugeSeries
 
 LEVELS = 64  # of colours
 BESIDE, BELOW = 5.2, 9.5  # width of a map [inch], the maps beside or below each other
 LONG = 0.4  # width over length of a basin up to which they are below each other
-NAMED = 12  # gauges at most that are called by their names
 PERIODS, SNAPSHOTS = 3, 6  # wave heights are those of the last periods, if there are so many snapshots in each
-DAMPED = 1e-3  # of the largest rate of a sponge: where it begins
-GAUGE, AROUND = "gauge", 3.0  # what names of gauges are known by; pixels around a gauge that none is to hide
-RIM, DARK, LIGHT = "#444444", "#3a2c0a", "#ffffff"
+RIM = "#444444"
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +60,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
     if surface.times.size < 2:
         raise InputError(f"{path}: {surface.times.size} snapshots of the surface received; at least 2 are needed.")
     came_to = history(surface)
+    rows = {row["name"] for row in run.manifest.get("scene", {}).get("gauge_lines", ())}
     paddle, high = surface.paddle(came_to.travel), came_to.extremes.high
     title, both = f"at the highest crest, t = {came_to.crest_time:.2f} s", (-came_to.usual, came_to.usual)
     maps = [
@@ -79,11 +73,11 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
         for axes, one in zip(panels, maps, strict=True):
             _draw_map(figure, axes, surface, one)
             axes.plot(*one.points[paddle, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
-            _draw_gauges(axes, run.gauge_series(), one.ink)
+            mark_places(axes, run.gauge_series(), rows=rows, ink=one.ink)
         figure.suptitle(run.title or "Surface elevation", fontsize=13, parse_math=False)
         figure.draw_without_rendering()  # where names are is known only now
         for axes in panels:
-            _leave_out_overlaps(axes)
+            leave_out_overlaps(axes)
     return path
 
 
@@ -164,25 +158,3 @@ def _triangles(pieces: Indices) -> Indices:
     """Return triangles instead of triangles or quadrilaterals, shape (F, 3)."""
     fans = [pieces[:, [0, corner, corner + 1]] for corner in range(1, pieces.shape[1] - 1)]
     return np.concatenate(fans)
-
-
-def _draw_gauges(axes: Axes, gauges: Sequence[GaugeSeries], ink: str) -> None:
-    few = len(gauges) <= NAMED
-    axes.plot([one.x for one in gauges], [one.y for one in gauges], "+" if few else ",", color=ink, ms=7, mew=1.2)
-    look: Any = {"fontsize": 8, "color": DARK, "bbox": {"facecolor": LIGHT, "alpha": 0.7, "lw": 0, "pad": 0.5}}
-    for one in gauges if few else ():
-        axes.annotate(one.name, (one.x, one.y), xytext=(4, 3), textcoords="offset points", gid=GAUGE, **look)
-
-
-def _leave_out_overlaps(axes: Axes) -> None:
-    """Take away the names of gauges that lie on one before, or on another gauge."""
-    names = [text for text in axes.texts if isinstance(text, Annotation) and text.get_gid() == GAUGE]
-    places = [axes.transData.transform(name.xy) for name in names]
-    marks = [Bbox.from_extents(*(place - AROUND), *(place + AROUND)) for place in places]
-    kept: list[Bbox] = []
-    for number, name in enumerate(names):
-        box = Text.get_window_extent(name)
-        if box.count_overlaps([*kept, *marks[:number], *marks[number + 1 :]]):
-            name.remove()
-        else:
-            kept.append(box)

@@ -13,6 +13,7 @@ from scipy.interpolate import CubicSpline
 from wavetank.case.beds import Depth
 from wavetank.errors import InputError
 from wavetank.postprocess.compare import MATCH, compare_gauge, matched
+from wavetank.postprocess.gauge_marks import DARK, LOOK, leave_out_overlaps, mark_along
 from wavetank.postprocess.style import (
     CM,
     COMPUTED,
@@ -40,13 +41,21 @@ SEEN = 1e-3  # of the largest energy; less dissipation is not drawn
 
 # ---------------------------------------------------------------- the surface
 def surface_figure(
-    surface: Surface, path: Path, *, title: str = "", depth: float | Depth = np.inf, origin: str = "along the tank"
+    surface: Surface,
+    path: Path,
+    *,
+    title: str = "",
+    depth: float | Depth = np.inf,
+    origin: str = "along the tank",
+    gauges: Sequence[GaugeSeries] = (),
+    sponge: tuple[float, float] | None = None,
 ) -> Path:
     """Draw the highest crest, with the wave just before and after it, above all snapshots in the (x, t) plane.
 
     Where a paddle moves, its position stands beside the (x, t) plane. No water is drawn below the depth [m]; where that
-    is a function d(x, y) the bed stands between the two. ``origin`` says what x is the distance from, or along. Returns
-    ``path``; raises ``InputError`` if there are fewer than two snapshots.
+    is a function d(x, y) the bed stands between the two. ``gauges`` are lines in the (x, t) plane; what a ``sponge``
+    damps, from and to x [m], is hatched. ``origin`` says what x is the distance from, or along. Returns ``path``;
+    raises ``InputError`` if there are fewer than two snapshots.
     """
     if surface.t.size < 2:
         raise InputError(f"{path}: {surface.t.size} snapshots of the surface received; at least 2 are needed to draw.")
@@ -60,6 +69,9 @@ def surface_figure(
         profile = figure.add_subplot(grid[0, -1], sharex=diagram)
         _draw_diagram(figure, diagram, surface)
         diagram.set_xlabel(f"distance {origin}, x [m]")
+        mark_along(diagram, gauges, top=float(surface.t[-1]))
+        if sponge is not None:
+            _hatch_sponge(diagram, *sponge)
         _draw_profile(profile, surface, float(d.max()))
         if varying:
             _draw_bed(figure.add_subplot(grid[1, -1], sharex=diagram), x, d)
@@ -68,7 +80,8 @@ def surface_figure(
         else:
             diagram.set_ylabel("time [s]")
         figure.suptitle(title or "Surface elevation", fontsize=14, parse_math=False)
-        figure.draw_without_rendering()  # the panel's size, hence its exaggeration, is known only now
+        figure.draw_without_rendering()  # the panel's size, its exaggeration, and where names are is known only now
+        leave_out_overlaps(diagram)
         profile.set_title(f"vertical exaggeration {_exaggeration(profile):g}", loc="right", fontsize=9, color="#555555")
     return path
 
@@ -119,6 +132,13 @@ def _fill_water(axes: Axes, x: NDArray[np.float64], eta: NDArray[np.float64], li
     shade = np.linspace(0.0, 1.0, 256)[:, None]
     water = axes.imshow(shade, extent=extent, cmap=WATER, origin="lower", aspect="auto", interpolation="bilinear")
     water.set_clip_path(outline.get_paths()[0], axes.transData)
+
+
+def _hatch_sponge(axes: Axes, begin: float, end: float) -> None:
+    """Hatch where there is a sponge, from ``begin`` to ``end`` [m], and say so."""
+    axes.axvspan(begin, end, fill=False, hatch="//", ec=DARK, lw=0, alpha=0.6)
+    place = 0.5 * (begin + end), 0.03
+    axes.annotate("sponge", place, xycoords=axes.get_xaxis_transform(), ha="center", **LOOK)
 
 
 def _draw_bed(axes: Axes, x: NDArray[np.float64], depth: NDArray[np.float64]) -> None:
@@ -217,8 +237,12 @@ def gauges_overview(gauges: Sequence[GaugeSeries], path: Path, *, title: str = "
         for gauge, panel in zip(shown, panels, strict=True):
             panel.plot(gauge.t, CM * gauge.eta, color=COMPUTED)
             panel.axhline(0.0, color="#888888", lw=0.6, zorder=0)
-            panel.set_title(f"gauge {gauge.name}, x = {gauge.x:g} m", pad=2, parse_math=False)
+            across = f", y = {gauge.y:g} m" if any(one.y for one in gauges) else ""
+            panel.set_title(f"gauge {gauge.name}, x = {gauge.x:g} m{across}", pad=2, parse_math=False)
             panel.margins(x=0)
+        largest = max(CM * float(np.abs(gauge.eta).max(initial=0.0)) for gauge in shown)
+        if largest < FLAT:  # of what is that small no more is drawn than that it is
+            panels[0].set_ylim(-FLAT, FLAT)
         panels[-1].set_xlabel("time [s]")
         figure.supylabel("elevation [cm]", fontsize=10)
         figure.suptitle(title or "Wave gauges", fontsize=13, parse_math=False)

@@ -2,14 +2,17 @@
 
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from wavetank.case.sponges import FormulaSponge
 from wavetank.postprocess.beds import still_water
 from wavetank.postprocess.broken_figure import broken_figure
 from wavetank.postprocess.figures import energy_figure, gauges_overview, surface_figure
+from wavetank.postprocess.style import DAMPED
 from wavetank.postprocess.within_cells import within_cells
-from wavetank.records.directory import BROKEN, SURFACE, RunDirectory, index_file
+from wavetank.records.directory import BROKEN, GAUGES, SURFACE, RunDirectory, index_file
 from wavetank.records.surface import Surface
 
 
@@ -59,7 +62,21 @@ def draw_surface(run: RunDirectory) -> Path:
     numerics = (run.manifest.get("planned") or scene).get("numerics", {})
     shown = within_cells(shown, numerics.get("order", 1))
     depth = still_water(run) or tank.get("depth", np.inf)
-    return surface_figure(shown, path, title=run.title, depth=depth, origin=origin)
+    gauges, sponge = run.gauge_series() if (run.path / GAUGES).exists() else [], _sponge(scene, shown)
+    return surface_figure(shown, path, title=run.title, depth=depth, origin=origin, gauges=gauges, sponge=sponge)
+
+
+def _sponge(scene: dict[str, Any], surface: Surface) -> tuple[float, float] | None:
+    """Return from where to where [m] a slice's sponge damps; None where there is none."""
+    noun = scene.get("sponge")
+    if noun is None:
+        return None
+    x = surface.x[0]
+    if noun["type"] == "formula":
+        rate = FormulaSponge.model_validate(noun).build()(x, 0 * x)
+        inside = x[rate > DAMPED * rate.max(initial=0.0)]
+        return (float(inside.min()), float(inside.max())) if inside.size else None
+    return float(x[-1]) - noun["length"], float(x[-1])
 
 
 def _closed(surface: Surface, length: float) -> Surface:

@@ -21,6 +21,7 @@ WATER = LinearSegmentedColormap.from_list("water", ["#0b2d5c", "#2f7ab9", "#a8d3
 
 CM = 100.0  # elevations are drawn in centimetres
 FLAT = 1e-3  # cm; smaller waves are drawn as still water
+DAMPED = 1e-3  # of the largest rate of a sponge: where it begins
 SATURATED = 0.995  # quantile of the elevation at which colours end: one sharp crest must not bleach all other waves
 
 STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take any

@@ -1,5 +1,6 @@
 """Pictures of a run: they exist, say what they show with units, and interpolate a known group to known accuracy."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from scipy.optimize import brentq
 from wavetank.errors import InputError
 from wavetank.postprocess import figures, run_figures
 from wavetank.postprocess.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
+from wavetank.postprocess.gauge_marks import mark_places
 from wavetank.postprocess.run_figures import draw_run
 from wavetank.records.directory import RunDirectory
 from wavetank.records.series import GaugeSeries
@@ -244,6 +246,34 @@ def test_a_comparison_is_drawn_over_the_time_that_both_have():
 def test_the_overview_orders_gauges_from_the_paddle_outwards(tmp_path):
     text = words(lambda path: gauges_overview([gauge(10.0), gauge(4.0)], path), tmp_path)
     assert 0 < text.index("x = 4 m") < text.index("x = 10 m")
+
+
+def test_gauges_across_a_basin_are_told_apart_and_what_is_no_wave_is_flat(tmp_path):
+    across = [replace(gauge(4.0, eta=1e-9 * np.sin(T)), name=f"across/{n}", y=float(n - 2)) for n in (1, 2, 3)]
+    text = words(lambda path: gauges_overview(across, path), tmp_path)
+    assert all(f">gauge across/{n}, x = 4 m, y = {n - 2} m<" in text for n in (1, 2, 3))
+    assert "1e" not in "".join(re.findall(r">([^<>]*)</text>", text))
+    assert "y = " not in words(lambda path: gauges_overview([gauge(4.0)], path), tmp_path)
+
+
+def test_the_surface_of_a_slice_shows_its_gauges_and_sponge(run, tmp_path):
+    """Names where there is room: of two gauges at one place the first."""
+    gauges = [replace(gauge(x), name=name) for x, name in ((4.0, "near"), (10.0, "focus"), (10.01, "hidden"))]
+    text = words(lambda path: surface_figure(group(), path, gauges=gauges, sponge=(20.0, 24.0)), tmp_path)
+    assert all(f">{name}<" in text for name in ("near", "focus", "sponge")) and ">hidden<" not in text
+    assert ">sponge<" not in words(lambda path: surface_figure(group(), path), tmp_path)
+    surface, formula = group(), {"type": "formula", "gamma": "max(0, x - 18)"}
+    assert run_figures._sponge({"sponge": {"type": "end", "length": 5.0}}, surface) == (19.0, 24.0)
+    assert run_figures._sponge({"sponge": formula}, surface) == pytest.approx((18.0, 24.0), abs=0.1)
+    assert run_figures._sponge({}, surface) is None
+
+
+def test_a_row_of_gauges_has_one_name_on_a_map():
+    axes, row = Figure().add_subplot(), [replace(gauge(4.0), name=f"across/{n}", y=float(n)) for n in range(1, 18)]
+    mark_places(axes, [replace(gauge(2.0), name="alone"), *row], rows={"across"})
+    assert [text.get_text() for text in axes.texts] == ["alone", "across"]
+    assert axes.texts[1].xy == (4.0, 1.0)
+    assert all(line.get_marker() == "+" and line.get_markersize() >= 4 for line in axes.lines)
 
 
 def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
