@@ -200,7 +200,7 @@ def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
     ("options", "said"),
     [
         (["--set", "tank.depth=0.7"], "tank.depth = 0.7: must be 0.6, as in the run that is to go on"),
-        (["--set", "gauges=[1.0]"], "must be all that there were, and may be more: 2 missing"),
+        (["--set", "gauges=[1.0]"], 'missing, or elsewhere, is {"name": "2", "x": 2.5}'),
         (["--set", "run.duration=0.1"], "run.duration = 0.1: must be 0.2 s or more: the run has come there"),
         (["--set", "sponge.length=1"], "sponge.length = 1.0: must be 2.0, as in"),
         (["--set", "numerics.dt=2"], "numerics.dt = 2.0: must be below"),

@@ -1,5 +1,6 @@
 """A run's checkpoints: written from time to time, and gone on from, on any ranks, with other numerics, too."""
 
+import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -197,9 +198,10 @@ class GoingOn:
         if asked.water is not None and asked.physics != self._chosen.physics:
             allowed = f"must be {self._chosen.physics!r}, as in the run that is to go on"
             problems.append(Problem(("water", "type"), asked.physics, allowed))
-        gone = [gauge.name for gauge in self._before.all_gauges if gauge not in asked.all_gauges]
+        gone = [gauge for gauge in self._before.all_gauges if gauge not in asked.all_gauges]
         if gone:
-            allowed = f"must be all that there were, and may be more: {', '.join(gone)} missing, or in another place"
+            missing = ", ".join(json.dumps(gauge.model_dump(exclude_defaults=True)) for gauge in gone)
+            allowed = f"must be all that there were, and may be more: missing, or elsewhere, is {missing}"
             problems.append(Problem(("gauges",), [gauge.name for gauge in asked.all_gauges], allowed))
         if asked.run.duration < self.about["t"] * (1 - 1e-9):
             allowed = f"must be {self.about['t']:g} s or more: the run has come there"
