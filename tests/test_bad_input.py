@@ -292,6 +292,8 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "components = 32\ndirections = 5\n" + FOCUS + UNCUT,
     "reflected": RECTANGLE + SEGMENTS + "type = 'reflected-focus'\nfocus_y = 5.0\ncomponents = 32\ndirections = 5\n"
     + FOCUS + UNCUT,
+    "sea": RECTANGLE + SEGMENTS + "type = 'directional-irregular'\nsignificant_height = 0.05\ndeviation = 20.0\n"
+    "components = 40\nhighest_frequency = 0.9\nspectrum = {type = 'jonswap', peak_period = 2.0}\n" + UNCUT,
     "cylinder": BASIN + "type = 'cylinder'\nlength = 20.0\nwidth = 10.0\ncentre = [8.0, 5.0]\nradius = 1.0\n"
     + UNCUT,
     "bend": BASIN + "type = 'bend'\nwidth = 2.0\nfirst = 5.0\nsecond = 5.0\nangle = 90.0\nradius = 3.0\n"

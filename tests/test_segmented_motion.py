@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from wavetank.case import BasinTank, Scene
+from wavetank.case import BasinTank, DirectionalIrregularMotion, Scene
 from wavetank.case.directional import span
 from wavetank.motions import (
     DirectionalFocus,
@@ -362,3 +362,44 @@ def test_the_nouns_build_their_motions():
 def test_what_does_not_fit_is_one_sentence(motion, changes, message):
     with pytest.raises(ValidationError, match=message):
         scene(motion, **changes)
+
+
+SEA = {
+    "type": "directional-irregular",
+    "significant_height": 0.04,
+    "spectrum": {"type": "jonswap", "peak_frequency": 0.6},
+    "highest_frequency": 1.2,
+    "components": 60,
+    "deviation": 15.0,
+}
+
+
+def test_a_directional_sea_is_the_sum_of_oblique_waves():
+    """Oracle: each component as an ``ObliqueWave`` of its own, shifted in time so that its phase is right."""
+    sea = DirectionalIrregularMotion.model_validate(SEA).waves(BasinTank.model_validate(BASIN))
+    waves, total, t = sea.target, np.zeros_like(Y), 7.3
+    for A, k_x, k_y, omega in zip(waves.amplitudes, waves.k_x, waves.k_y, waves.omega, strict=True):
+        one = oblique(amplitude=abs(A), period=2 * np.pi / omega, angle=np.arctan2(k_y, k_x))
+        total += one.position(t - np.angle(A) / omega, Y)
+    np.testing.assert_allclose(sea.position(t, Y), total, atol=1e-9)  # from a table
+    np.testing.assert_allclose(sea.at(Y).position(t), total, atol=1e-12)
+
+
+@pytest.mark.parametrize("spread", [{"deviation": 15.0}, {"deviation": None, "spreading": 14.0}])
+def test_a_directional_sea_has_its_height_and_its_spreading(spread):
+    """Of cos^2s(theta/2) the standard deviation is (2 / (1 + s))^(1/2), 21 degrees here, within 1 / (2 N)^(1/2)."""
+    noun = DirectionalIrregularMotion.model_validate({**SEA, **spread, "components": 2000, "largest_angle": 80.0})
+    waves = noun.waves(BasinTank.model_validate(BASIN)).target
+    assert 4 * np.sqrt((np.abs(waves.amplitudes) ** 2).sum() / 2) == pytest.approx(0.04, rel=1e-12)
+    angles = np.degrees(np.arctan2(waves.k_y, waves.k_x))
+    expected = 15.0 if spread["deviation"] else np.degrees(np.sqrt(2 / 15))
+    assert angles.std() == pytest.approx(expected, rel=0.06) and abs(angles.mean()) < 1.5
+
+
+def test_a_directional_sea_moves_hinged_segments():
+    motion = scene(SEA, segment=0.5, duration=20.0).motion()
+    assert isinstance(motion, PiecewiseLinear) and motion.motion.motion.position(3.0, motion.joints).shape == (21,)
+    for order in range(3):
+        assert np.all(motion.derivative(0.0, order, Y) == 0.0)
+    with pytest.raises(ValidationError, match="exactly one of the keys 'spreading' and 'deviation'"):
+        scene(SEA | {"spreading": 3.0})

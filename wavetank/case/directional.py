@@ -1,21 +1,27 @@
 """A segmented paddle: waves that leave it at an angle, or meet from many directions. Angles are in degrees from x."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from wavetank import motions
-from wavetank.case.groups import KEY, FocusingWaves
+from wavetank.case.groups import KEY, FocusingWaves, SpectralWaves
 from wavetank.case.moving_wall import MovingWall
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank
 from wavetank.meshes import MeshFile
 from wavetank.motions.segmented import joints, widest_segment
-from wavetank.values.noun import Noun, Problem
-from wavetank.values.quantities import Coordinate, Duration, Height, Length, Ramp
+from wavetank.theory import airy
+from wavetank.theory.plane_waves import waves_along
+from wavetank.theory.wavemaker import PISTON
+from wavetank.values.noun import Noun, Problem, one_of
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
 
+Spreading = Annotated[float, Field(ge=0, le=1000)]
+Deviation = Annotated[float, Field(ge=0.1, le=90)]
 PLACES = 101  # at which a paddle without segments is looked at
 SEGMENTS = 1000  # at most
 TERMS = 20_000_000  # of a motion's sum over components, directions and places, at most: 320 MB
@@ -150,8 +156,63 @@ class ReflectedFocusMotion(_FanOfWaves):
         return self.waves(tank).earliest_focus(self.ramp_in(tank))
 
 
+class DirectionalIrregularMotion(SpectralWaves):
+    """An irregular sea of many directions, the same of a seed on any machine; side walls reflect it."""
+
+    highest_of_peak: ClassVar[float] = 3.0
+    type: Literal["directional-irregular"] = "directional-irregular"
+    significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
+    seed: int = Field(default=1, ge=0, le=2**53, description="which of all seas of the spectrum")
+    spreading: Spreading | None = Field(
+        default=None, description="exponent s of the directions' density cos^2s(theta/2); default: by deviation"
+    )
+    deviation: Deviation | None = Field(
+        default=None, description="standard deviation of directions, of a normal density [deg]; default: by spreading"
+    )
+    largest_angle: float = Field(default=60.0, ge=0.1, lt=90, description="angle of the outermost directions [deg]")
+    highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
+    components: int = Field(default=1000, ge=2, le=10_000, description="number of components, each of one direction")
+
+    _one_spread = one_of("spreading", "deviation")
+
+    def waves(self, tank: AnyTank) -> motions.DirectionalSea:
+        """Return the motion without its ramp."""
+        f, spectrum = self.frequencies(tank), self.spectrum.build(tank)
+        height, seed = self.significant_height, self.seed
+        amplitudes, phases = motions.irregular(spectrum, f, significant_height=height, seed=seed)
+        chance = motions.uniform(self.seed, 3, f.size)[2]
+        angles = motions.drawn(self._density, chance, largest=float(np.radians(self.largest_angle)))
+        along = waves_along(f, amplitudes, phases, depth=tank.depth, gravity=tank.gravity)
+        target = replace(along, k_x=along.k_x * np.cos(angles), k_y=along.k_x * np.sin(angles))
+        return motions.DirectionalSea(target, PISTON)
+
+    def _density(self, angle: motions.Array) -> motions.Array:
+        if self.spreading is not None:
+            return np.asarray(np.cos(angle / 2.0) ** (2.0 * self.spreading))
+        return np.asarray(np.exp(-0.5 * (np.degrees(angle) / self.deviation) ** 2))
+
+    def build(self, tank: AnyTank) -> motions.Motion:
+        """Return the ramped motion."""
+        return motions.ramped(self.waves(tank), self.ramp_in(tank))
+
+    def widest_segment(self, tank: AnyTank) -> float:
+        """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
+        k = airy.wave_number(2.0 * np.pi * self.band(tank)[1], tank.depth, tank.gravity)
+        return widest_segment(float(k), float(np.radians(self.largest_angle)))
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any waves of a spectrum, and too many to sum up."""
+        places = scene.wall.places(scene.tank)
+        terms = self.components * (PLACES if places is None else places.size)
+        if terms > TERMS:
+            allowed = f"must be fewer: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
+            yield Problem((*KEY, "components"), self.components, allowed)
+            return
+        yield from super().problems(scene)
+
+
 SegmentedPaddleMotion = Annotated[
-    ObliqueWaveMotion | DirectionalFocusMotion | ReflectedFocusMotion,
+    ObliqueWaveMotion | DirectionalFocusMotion | ReflectedFocusMotion | DirectionalIrregularMotion,
     Field(discriminator="type", description="motion of the paddle's segments"),
 ]
 

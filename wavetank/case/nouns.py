@@ -3,6 +3,7 @@
 from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.case.directional import (
     DirectionalFocusMotion,
+    DirectionalIrregularMotion,
     ObliqueWaveMotion,
     ReflectedFocusMotion,
     SegmentedPistonWall,
@@ -51,6 +52,7 @@ __all__ = [
     "BichromaticMotion",
     "ComponentsMotion",
     "DirectionalFocusMotion",
+    "DirectionalIrregularMotion",
     "EndSponge",
     "FixedWall",
     "FocusedMotion",

@@ -4,8 +4,9 @@ from wavetank.motions.at_rest import AtRest
 from wavetank.motions.by_formula import ByFormula
 from wavetank.motions.component_file import read_components
 from wavetank.motions.directional_focus import DirectionalFocus
+from wavetank.motions.directional_sea import DirectionalSea, drawn
 from wavetank.motions.fan import Fan
-from wavetank.motions.irregular import irregular
+from wavetank.motions.irregular import irregular, uniform
 from wavetank.motions.lines import Lines, Tabulated
 from wavetank.motions.motion import Array, Motion, SegmentedMotion
 from wavetank.motions.oblique_wave import ObliqueWave
@@ -26,6 +27,7 @@ __all__ = [
     "AtRest",
     "ByFormula",
     "DirectionalFocus",
+    "DirectionalSea",
     "Fan",
     "Gaussian",
     "Jonswap",
@@ -48,11 +50,13 @@ __all__ = [
     "WaveGroup",
     "WaveMotion",
     "WishedSurface",
+    "drawn",
     "exact_solitary",
     "goring",
     "irregular",
     "ramped",
     "read_components",
     "read_spectrum",
+    "uniform",
     "wished_surface",
 ]
