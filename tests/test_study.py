@@ -327,6 +327,7 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     assert float(table[0]["deepest trough [m]"]) == pytest.approx(surface.eta.min(), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_goes_on_in_a_study_from_its_checkpoint_and_costs_what_all_of_it_did(tmp_path):
     """Oracle: the same combination where nothing has ended it, but for the time it took."""
     sweeps, changes = ["dt=0.04"], [*LINEAR, "run.checkpoint_every=1e-6"]
@@ -351,6 +352,7 @@ def _set(changes) -> list[str]:
     return [word for change in changes for word in ("--set", change)]
 
 
+@pytest.mark.slow
 def test_a_checkpoint_that_cannot_be_gone_on_from_does_not_hold_a_study_up(tmp_path):
     """It is of another program's version, say."""
     sweeps = ["dt=0.04"]
@@ -360,6 +362,27 @@ def test_a_checkpoint_that_cannot_be_gone_on_from_does_not_hold_a_study_up(tmp_p
         writer.fail(StoppedError("t = 1 s: interrupted"))
     rows, _ = run_study(tmp_path, sweeps, reference="exact")
     assert rows[0].outcome.status == "finished" and len(RunDirectory(tmp_path / one.name).manifest["parts"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "ways"),
+    [(StoppedError("t = 1 s: interrupted"), ["--resume", "--overwrite"]), (RunError("it breaks"), ["--overwrite"])],
+    ids=["stopped", "broke down"],
+)
+def test_what_has_not_finished_goes_on_or_where_that_is_refused_or_vain_begins_anew(tmp_path, monkeypatch, error, ways):
+    (one,) = combinations(CASE, parse_axes(["dt=0.04"], LINEAR), LINEAR)
+    with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
+        writer.checkpoint("{}", [], places=np.zeros((1, 3)), about={"t": 1.0})
+        writer.fail(error)
+    asked = []
+
+    def called(self, arguments):
+        asked.append(arguments[-1])
+        return Outcome("refused" if "--resume" in arguments else "finished")
+
+    monkeypatch.setattr(Runner, "_called", called)
+    outcomes = list(Runner(CASE, tmp_path, at_once=1).run([one]))
+    assert outcomes == [(one, Outcome("finished"))] and asked == ways
 
 
 def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
