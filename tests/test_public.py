@@ -106,6 +106,13 @@ def test_what_is_no_integrator_or_observer_is_a_sentence_before_anything_is_writ
     assert not (folder / "run").exists()
 
 
+def test_a_run_may_be_quiet(folder, capfd):
+    written(folder)
+    run = wt.run(wt.read_case("case.toml", ["run.duration=0.1"]), "run", quiet=True)
+    assert "".join(capfd.readouterr()) == "" and "16 cells" in (run.path / "run.log").read_text()
+    assert run.energy.paddle_work.attrs["long_name"] == "paddle work"
+
+
 def test_a_run_that_is_there_is_kept_unless_told(folder):
     written(folder)
     scene = wt.read_case("case.toml", ["run.duration=0.1"])

@@ -153,6 +153,16 @@ def test_where_a_basins_surface_is_is_said(tmp_path):
         _ = RunDirectory(tmp_path / "run").surface
 
 
+def test_what_there_cannot_be_is_said_as_such(tmp_path):
+    with RunWriter(tmp_path / "run", {"scene": {"wall": {"type": "fixed"}}}) as writer:
+        writer.surface()
+    with pytest.raises(InputError, match="run: no wall moves in this run"):
+        _ = RunDirectory(tmp_path / "run").paddle
+    (tmp_path / "run" / "surface.nc").touch()
+    with pytest.raises(InputError, match=r"run: its surface is a slice's or ring's, in surface\.nc"):
+        RunDirectory(tmp_path / "run").fields("surface")
+
+
 def test_what_a_run_has_not_recorded_is_said(tmp_path):
     with RunWriter(tmp_path / "run", {}) as writer:
         writer.finish("finished", {})

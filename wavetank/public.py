@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
+from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.console import console
@@ -24,6 +25,7 @@ def run(
     integrator: Integrator[Any] | None = None,
     overwrite: bool = False,
     resume: bool = False,
+    quiet: bool = False,
 ) -> RunDirectory:
     """Run a scene and return its run directory; also under mpirun, where all ranks call it.
 
@@ -44,13 +46,15 @@ def run(
         Whether a run that is there may be replaced.
     resume
         Whether the run that is there goes on, from its last checkpoint; observers and integrator must be the same.
+    quiet
+        Whether nothing is printed; ``run.log`` has it all.
     """
     place = Place(Path(out), overwrite=overwrite)
     record_run(
         scene,
         place,
         comm=MPI.COMM_WORLD,
-        console=console(),
+        console=Console(quiet=True) if quiet else console(),
         observers=observers,
         integrator=integrator,
         resume=resume,

@@ -138,6 +138,8 @@ class RunDirectory:
 
         Raises ``InputError`` for a wall that cannot move.
         """
+        if self.manifest.get("scene", {}).get("wall", {}).get("type") == "fixed":
+            raise InputError(f"{self.path}: no wall moves in this run, so there is no record of a paddle.")
         return self._over_time(PADDLE)
 
     @property
@@ -204,6 +206,8 @@ class RunDirectory:
     def fields(self, name: str) -> list[tuple[float, Path]]:
         """Return time [s] and file, for pyvista or ParaView, of each snapshot of a series, one of ``SERIES``."""
         index = index_file(self.path, name)
+        if name == "surface" and (self.path / SURFACE).exists():
+            raise InputError(f"{self.path}: its surface is a slice's or ring's, in {SURFACE}: `.surface` reads it.")
         try:
             snapshots = ElementTree.fromstring(self._read(index.name)).iter("DataSet")
             return [(float(one.attrib["timestep"]), self.path / one.attrib["file"]) for one in snapshots]
@@ -255,12 +259,13 @@ class RunDirectory:
             columns.setdefault((name, units), {})[float(y) if y else None] = values
         found = {}
         for (name, units), along in columns.items():
+            told = {"units": units, "long_name": name.replace("_", " ")}
             if None in along:
-                found[name] = DataArray(along[None], {"time": time}, ["time"], attrs={"units": units})
+                found[name] = DataArray(along[None], {"time": time}, ["time"], attrs=told)
             else:
                 y_axis = DataArray(list(along), dims="y", attrs=ACROSS)
                 values = np.column_stack(list(along.values()))
-                found[name] = DataArray(values, {"time": time, "y": y_axis}, ["time", "y"], attrs={"units": units})
+                found[name] = DataArray(values, {"time": time, "y": y_axis}, ["time", "y"], attrs=told)
         return Dataset(found, {"time": time})
 
     def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:
