@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PPoly, make_interp_spline
+import scipy
 
 from wavetank.motions.lines import hermite
 from wavetank.motions.motion import Array, Motion
@@ -39,7 +39,7 @@ class SolitaryPush(Motion):
         When the motion begins [s].
     """
 
-    spline: PPoly
+    spline: "scipy.interpolate.PPoly"
     lead: float
     begin: float = 0.0
 
@@ -69,7 +69,7 @@ def pushed(elevation: Callable[[Array], Array], *, speed: float, depth: float, h
         Distance from the crest [m] beyond which the water is still.
     """
     theta = np.linspace(-half, half, POINTS, dtype=np.float64)
-    eta = make_interp_spline(theta, elevation(theta), k=7)
+    eta = scipy.interpolate.make_interp_spline(theta, elevation(theta), k=7)
     volume = eta.antiderivative()
     ahead, here, slope = volume(half) - volume(theta), eta(theta), eta.derivative()(theta)
     t = (ahead / depth - theta + half) / speed

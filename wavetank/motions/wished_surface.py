@@ -7,7 +7,7 @@ its end come before its beginning; its Fourier components within a band are the 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy
 
 from wavetank.errors import InputError
 from wavetank.motions.motion import Array
@@ -47,7 +47,7 @@ def wished_surface(t: Array, eta: Array, *, band: tuple[float | None, float | No
     if rows > MOST_ROWS:
         raise InputError(f"a record of {rows} of its shortest steps received; allowed are {MOST_ROWS}.")
     even = np.linspace(t[0], t[-1], rows, dtype=np.float64)
-    values = CubicSpline(t, eta)(even)
+    values = scipy.interpolate.CubicSpline(t, eta)(even)
     share = np.linspace(0.0, 1.0, rows)
     values = (values - values.mean()) * np.sin(np.pi / 2 * np.minimum(1.0, np.minimum(share, 1 - share) / EASED)) ** 2
     lines = np.fft.rfft(values, 2 * rows) / rows

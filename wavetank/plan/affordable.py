@@ -1,8 +1,8 @@
 """What a run takes, before it is taken: nobody means to wait for days, or has memory for 10^9 cells.
 
 Rough, to a factor of 3 or so where it was compared: it stands guard, and is no plan. Slices cost what the plan's model
-says; a basin's step 7e-6 s an unknown and a tenth of a second (docs/scaling.md), and 7300 bytes a degree of freedom of
-the plan, 270 more for each mode.
+says; a basin's step 2.5e-6 s an unknown and a fiftieth of a second (docs/scaling.md), and 1300 bytes a degree of
+freedom of the plan, 200 more for each mode.
 """
 
 from pathlib import Path
@@ -23,8 +23,8 @@ from wavetank.runs.memory import available_memory
 from wavetank.values.noun import Problem, SceneError
 
 A_DAY = 86_400.0  # s of wall time, if each rank has a core of its own
-STEP, PER_UNKNOWN = 0.1, 7e-6  # s of a basin's step
-PER_PLACE, PER_MODE = 7300.0, 270.0  # bytes a degree of freedom of a basin's plan
+STEP, PER_UNKNOWN = 0.02, 2.5e-6  # s of a basin's step
+PER_PLACE, PER_MODE = 1300.0, 200.0  # bytes a degree of freedom of a basin's plan
 PER_CELL = 60.0  # bytes of a mesh file, at least
 
 
