@@ -151,14 +151,14 @@ def test_an_energy_balance_that_is_off_is_said(numerics, off):
 
 
 def test_a_warning_is_printed_once():
-    """Those that come as the run goes on then, the others at its end, in the order in which they were found."""
+    """Those that come as the run goes on then, and first in the manifest; the others at its end, as they were found."""
     said = StringIO()
     warnings = Warnings(RunLog(Console(file=said, width=200)))
     warnings.add("at the end")
     warnings.at_once("now")
     warnings.show()
     assert said.getvalue() == "warning: now\nwarning: at the end\n"
-    assert warnings.sentences == ["at the end", "now"]
+    assert warnings.sentences == ["now", "at the end"]
 
 
 def test_a_run_says_so_at_its_end_and_in_its_manifest(wavetank, tmp_path):

@@ -1,18 +1,20 @@
 """What states and derivatives are: numpy arrays of the values that this rank owns; their sums, and combinations."""
 
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dsyev
+
+if TYPE_CHECKING:  # whoever only reads records has no ranks
+    from mpi4py import MPI
 
 Vector = NDArray[np.float64]
 
 Summand = TypeVar("Summand", float, Vector)
 
 
-def summed(comm: MPI.Comm, part: Summand) -> Summand:
+def summed(comm: "MPI.Comm", part: Summand) -> Summand:
     """Return the sum of all ranks' numbers or arrays; collective. One rank, whose sum it is, is not sent to itself."""
     return part if comm.size == 1 else comm.allreduce(part)
 
