@@ -28,6 +28,7 @@ from wavetank.motions import (
 )
 from wavetank.motions.irregular import uniform
 from wavetank.motions.record_file import read_record
+from wavetank.plan.plan import make_plan
 from wavetank.records.directory import RunDirectory
 from wavetank.theory import airy
 from wavetank.theory.plane_waves import waves_along
@@ -541,6 +542,13 @@ def test_second_order_generation_leaves_no_free_waves_in_the_tank(kd):
     assert without.free < plain.free / 30
     assert plain.bound == pytest.approx(plain.bound_by_stokes, rel=0.03)
     assert without.bound == pytest.approx(without.bound_by_stokes, rel=0.03)
+
+
+def test_a_plan_takes_the_second_harmonic_of_the_paddle_for_what_it_is():
+    """It makes up for a free wave, and is none to be resolved besides: the plan is the same."""
+    wave = REGULAR | {"period": 1.4443, "height": 0.08}
+    plans = [make_plan(scene(wave | {"generation": one}), 0.01).settings for one in GENERATIONS]
+    assert plans[0] == plans[1]
 
 
 def test_beyond_its_theory_second_order_generation_is_doubted():
