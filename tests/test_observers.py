@@ -5,11 +5,15 @@ import pytest
 
 from wavetank.hamiltonian.oscillators import Harmonic
 from wavetank.integrators import StormerVerlet
+from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.filtered import Filtered
 from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
+from wavetank.observers.energy import EnergyBudget
+from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps, EveryTime
 from wavetank.observers.surface import SurfaceSnapshots
+from wavetank.water.energy import Energies
 
 
 @pytest.mark.parametrize(("every", "dt"), [(0.1, 0.05), (0.3, 0.1), (0.7, 0.1)])
@@ -56,3 +60,28 @@ def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
         snapshots.observe(Moment(0, t, *tank.state(0 * tank.plane.x, 0 * tank.plane.x, t)))
         assert seen[-1][[0, -1]] == pytest.approx([motion.position(t), 6.0], abs=1e-12)
         assert np.all(np.diff(seen[-1]) > 0.0)
+
+
+class Steady:
+    """Water whose energy stays what it is, whatever is put in and taken out."""
+
+    depth, gravity = 1.0, 9.81
+
+    def explicit_rate(self, q, p, t):
+        return 8.9
+
+    def energies(self, q, p, t):
+        return Energies(0.5, 0.5)
+
+    def total_mass(self, q):
+        return 1.0
+
+
+def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_dissipated():
+    """Of 1 J that stays and 9 J that have been taken by then, of 8.9 J put in: 0.1 J in 10 J is off, no more."""
+    damping = Absorbing(StormerVerlet(), np.zeros(1))
+    budget = EnergyBudget(Steady(), record=Memory(), sinks=[damping])
+    for step, taken in enumerate((0.0, 4.45, 9.0)):
+        damping.energy_taken = taken
+        budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
+    assert budget.energy_error == pytest.approx(0.01, rel=1e-9)
