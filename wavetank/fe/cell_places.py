@@ -5,6 +5,7 @@ from typing import NamedTuple
 import basix
 import numpy as np
 from dolfinx.mesh import CellType, Mesh
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 
@@ -55,7 +56,7 @@ class CellPlaces:
         off = self._nodes - weights @ self._nodes[:, : straight.dim]  # corners come first
         return np.asarray(np.linalg.norm(off, axis=2).max(axis=1, initial=0.0))
 
-    def find(self, points: Vector, cells: Vector) -> Nearest:
+    def find(self, points: Vector, cells: NDArray[np.int32]) -> Nearest:
         """Return the nearest place of each point in the cell that is named with it.
 
         Parameters
@@ -71,7 +72,12 @@ class CellPlaces:
             values = tabulate(self._element, 1, local)
             off = targets - np.einsum("nd,ndg->ng", values[0], nodes)
             jacobians = np.einsum("knd,ndg->ngk", values[1:], nodes)
-            moved = self._inside(local + np.einsum("nkg,ng->nk", np.linalg.pinv(jacobians), off))
+            if jacobians.shape[2] == 1:
+                along = jacobians[:, :, 0]
+                towards = (along * off).sum(axis=1, keepdims=True) / (along * along).sum(axis=1, keepdims=True)
+            else:
+                towards = np.einsum("nkg,ng->nk", np.linalg.pinv(jacobians), off)
+            moved = self._inside(local + towards)
             step, local = np.abs(moved - local).max(initial=0.0), moved
             if step < SETTLED:
                 break

@@ -1,17 +1,17 @@
 """Values of fields at points: cells and basis functions are found once and kept until the points move."""
 
 import numpy as np
-import scipy.sparse as sparse
 from dolfinx import geometry
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.errors import OutsideError
 from wavetank.fe.cell_places import CellPlaces, Nearest, tabulate
 from wavetank.fe.plane import Field, Plane
 
 Cells = NDArray[np.int32]
+Found = tuple[NDArray[np.intp], Cells, Vector]  # which points are evaluated here, in which cells, and where in these
 
 PADDING = 1e-9  # m; a point so near to the mesh is in it
 CURVED = 0.1  # of a curved cell's arch: so near is a wall to the curve it was drawn by
@@ -33,6 +33,8 @@ class Points:
         owned = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
         self._tree = geometry.bb_tree(plane.mesh, dim, entities=owned, padding=PADDING + bulge)
         self._points = np.full_like(points, np.nan)
+        self._found: Found | None = None
+        self._list, self._element = plane.V.dofmap.list, plane.V.element.basix_element
         self.move(points)
 
     def move(self, points: Vector) -> None:
@@ -40,16 +42,19 @@ class Points:
         if np.array_equal(points, self._points):
             return
         self._points = points.copy()
-        mine, cells, local = self._owned(points)
-        V = self._plane.V
-        dofs = V.dofmap.list[cells]
-        weights = tabulate(V.element.basix_element, 0, local)[0]
-        entries = np.repeat(mine, dofs.shape[1]), dofs.ravel()
-        self._weights = sparse.csr_matrix(
-            (weights.ravel(), entries), shape=(len(points), V.tabulate_dof_coordinates().shape[0])
-        )
+        mine, cells, local = self._found = self._stayed(points) or self._owned(points)
+        self._dofs, self._weights = self._list[cells], tabulate(self._element, 0, local)[0]
 
-    def _owned(self, points: Vector) -> tuple[NDArray[np.intp], Cells, Vector]:
+    def _stayed(self, points: Vector) -> Found | None:
+        """Return the same, if all points are still in the cells they were in; collective."""
+        if self._found is None:
+            return None
+        mine, cells, _ = self._found
+        local, distances = self._places.find(points[mine], cells)
+        out = float(distances.max(initial=0.0) > PADDING)
+        return None if summed(self._plane.comm, out) else (mine, cells, local)
+
+    def _owned(self, points: Vector) -> Found:
         """Return which points are evaluated here, in which cells and where in these; collective.
 
         That is on the lowest of the ranks that are nearest.
@@ -86,4 +91,6 @@ class Points:
 
     def evaluate(self, field: Field) -> Vector:
         """Return the field's values, shape (N,), on every rank; collective."""
-        return np.asarray(self._plane.comm.allreduce(self._weights @ field.rows[:, 0]))
+        values, (mine, *_) = np.zeros(len(self._points)), self._found or self._owned(self._points)
+        values[mine] = (self._weights * field.rows[:, 0][self._dofs]).sum(axis=1)
+        return summed(self._plane.comm, values)

@@ -42,6 +42,8 @@ class SparseRows:
         self.matrix.setPreallocationCSR((self._pointers, self._columns, np.zeros(self._columns.size)))
 
     def _interlaced(self, values: NDArray[np.number]) -> NDArray[np.number]:
+        if self._places.shape[1] == 1:
+            return values.ravel()
         moved = np.empty(values.size, dtype=values.dtype)
         moved[self._places.ravel()] = values.ravel()
         return moved

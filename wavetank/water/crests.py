@@ -23,6 +23,7 @@ import numpy as np
 from wavetank.arrays import Vector
 
 LEAST = 0.05  # of all that lies between the lowest and the highest surface: less is a ripple, neither crest nor trough
+SAME = 1e-9  # of that: so little apart is one height, computed twice
 
 
 class Profile(NamedTuple):
@@ -104,7 +105,11 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
 def peaks(height: Vector, *, ripple: float) -> list[tuple[int, int, int]]:
     """Return where the peaks are that stand out by a ``ripple`` on both sides: (trough, peak, trough) each."""
     found = list[tuple[int, int, int]]()
-    for peak in map(int, 1 + np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:]))):
+    twice = np.abs(np.diff(height)) <= SAME * ripple  # where cells meet
+    distinct = np.flatnonzero(np.append(True, ~twice))
+    level = height[distinct]
+    tops = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:]))
+    for peak in map(int, distinct[tops]):
         left, right = (_trough(height, peak, step, ripple) for step in (-1, 1))
         if height[peak] - max(height[left], height[right]) >= ripple:
             found.append((left, peak, right))
