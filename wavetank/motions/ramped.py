@@ -49,7 +49,9 @@ class Ramped(Motion):
         self.motion.check(times)
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the derivative of the product by Leibniz' rule."""
+        """Return the derivative of the product by Leibniz' rule; after the ramp that of S."""
+        if np.min(t) >= self.start + self.ramp:
+            return self.motion.derivative(t, order, y)
         return sum(self._term(t, order, n, y) for n in range(order + 1))
 
     def _term(self, t: Any, order: int, n: int, y: Any) -> Any:
