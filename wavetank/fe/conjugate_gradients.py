@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from mpi4py import MPI
 from scipy.linalg import eigvalsh_tridiagonal
-from scipy.linalg.blas import daxpy, dscal
+from scipy.linalg.blas import daxpy
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
@@ -62,7 +62,7 @@ def conjugate_gradients(
         z = precondition(residual)
         before, energy = energy, inner(residual, z)
         steps.append((alpha, energy / before))
-        dscal(energy / before, p.reshape(-1))
+        p *= energy / before
         add(1.0, z, p)
     return steps
 
