@@ -64,7 +64,8 @@ class Extrapolation:
 
     def held(self) -> Held:
         """Return the newest value and what has been found of it and the earlier ones."""
-        differences, last = self._differences.reshape(-1, *self._shape), self._last.reshape(self._shape)
+        differences = self._differences.reshape(len(self._differences), *self._shape)
+        last = self._last.reshape(self._shape)
         times = {"t": self._t, "dt": self._dt, "count": self._count}
         return {**times, "last": last.copy(), "differences": differences.copy()}
 
@@ -72,4 +73,4 @@ class Extrapolation:
         """Take back what has been held."""
         self._t, self._dt, self._count = held["t"], held["dt"], held["count"]
         self._last = held["last"].ravel()
-        self._differences = held["differences"].reshape(-1, self._last.size)
+        self._differences = held["differences"].reshape(len(held["differences"]), self._last.size)
