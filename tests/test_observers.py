@@ -9,7 +9,7 @@ from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.filtered import Filtered
 from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
-from wavetank.observers.energy import EnergyBudget
+from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps, EveryTime
 from wavetank.observers.surface import SurfaceSnapshots
@@ -85,3 +85,14 @@ def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_diss
         damping.energy_taken = taken
         budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
     assert budget.energy_error == pytest.approx(0.01, rel=1e-9)
+
+
+def test_the_paddle_s_work_is_integrated_to_fourth_order_but_for_the_first_step():
+    """Oracle: power 3 t² has put in t³, and the trapezoidal rule of the first step half of dt³ more."""
+    water, record = Steady(), Memory()
+    water.explicit_rate = lambda q, p, t: 3 * t**2
+    budget = EnergyBudget(water, record=record)
+    for step in range(6):
+        budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
+    work = record.array()[1:, columns(1).index("paddle_work [m^4/s^2]")]
+    assert work == pytest.approx((0.5 * np.arange(1, 6)) ** 3 + 0.5**4, rel=1e-14)

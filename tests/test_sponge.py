@@ -279,6 +279,7 @@ def test_an_end_sponge_is_where_it_is_wherever_the_paddle_stands(piston):
     if piston == "nonlinear":
         wall = Piston(AtRest(), plane=plane, reach=2.0, side=side)
     found = build_sponge(scene, sponge, None, SimpleNamespace(plane=plane, wall=wall))
+    assert expected == pytest.approx(2.0 * np.clip((straight.x - 2.5) / 1.5, 0.0, 1.0) ** 2, abs=1e-12)  # of 4 m
     assert expected.max() == pytest.approx(2.0) and found == pytest.approx(expected, abs=1e-12)
 
 
