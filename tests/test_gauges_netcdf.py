@@ -52,7 +52,10 @@ def test_the_netcdf_holds_the_table_to_the_last_bit(engine, tmp_path):
 
 
 def test_the_netcdf_follows_the_conventions(tmp_path):
-    """CF-1.8, 9.3 and H.2.1: orthogonal time series, identified stations, units and standard names, no fill values."""
+    """CF-1.8, 9.3 and H.2.1: orthogonal time series, identified stations, units and standard names.
+
+    There is a fill value for the elevation alone, of gauges that have come later (2.5.1).
+    """
     with write(tmp_path) as writer:
         writer.finish("finished", {})
     with xarray.open_dataset(tmp_path / "gauges.nc", decode_cf=False) as data:
@@ -69,7 +72,8 @@ def test_the_netcdf_follows_the_conventions(tmp_path):
         assert set(elevation.attrs["coordinates"].split()) == {"x", "y"}
         assert data.gauge.attrs["cf_role"] == "timeseries_id"
         assert {name: data[name].attrs["units"] for name in ("time", "x", "y")} == {"time": "s", "x": "m", "y": "m"}
-        assert all("_FillValue" not in variable.attrs for variable in data.variables.values())
+        (filled,) = (name for name, variable in data.variables.items() if "_FillValue" in variable.attrs)
+        assert filled == "elevation" and np.isnan(elevation.attrs["_FillValue"])
 
 
 def test_times_stay_numbers(tmp_path):
@@ -103,10 +107,10 @@ def test_a_finished_run_stays_one_where_there_is_no_room_for_it(tmp_path, monkey
 
     written, replace = write(tmp_path), writer.replace
 
-    def full(path, *content):
+    def full(path, *content, **how):
         if path.suffix == ".nc":
             raise OSError(28, "No space left on device")
-        replace(path, *content)
+        replace(path, *content, **how)
 
     monkeypatch.setattr(writer, "replace", full)
     with written:
