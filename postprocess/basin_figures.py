@@ -13,7 +13,7 @@ from matplotlib.tri import Triangulation
 from wavetank.errors import InputError
 from wavetank.postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
 from wavetank.postprocess.gauge_marks import DARK, LIGHT, leave_out_overlaps, mark_places
-from wavetank.postprocess.style import CM, DAMPED, FLAT, PADDLE, SATURATED, picture
+from wavetank.postprocess.style import CM, DAMPED, FLAT, PADDLE, SATURATED, lay_out, picture
 from wavetank.records.directory import RunDirectory
 
 LEVELS = 64  # of colours
@@ -75,7 +75,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
             axes.plot(*one.points[paddle, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
             mark_places(axes, run.gauge_series(), rows=rows, ink=one.ink)
         figure.suptitle(run.title or "Surface elevation", fontsize=13, parse_math=False)
-        figure.draw_without_rendering()  # where names are is known only now
+        lay_out(figure)  # where names are is known only now
         for axes in panels:
             leave_out_overlaps(axes)
     return path

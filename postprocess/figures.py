@@ -27,6 +27,7 @@ from wavetank.postprocess.style import (
     SATURATED,
     VERMILION,
     WATER,
+    lay_out,
     picture,
 )
 from wavetank.records.series import GaugeSeries
@@ -80,7 +81,7 @@ def surface_figure(
         else:
             diagram.set_ylabel("time [s]")
         figure.suptitle(title or "Surface elevation", fontsize=14, parse_math=False)
-        figure.draw_without_rendering()  # the panel's size, its exaggeration, and where names are is known only now
+        lay_out(figure)  # the panel's size, its exaggeration, and where names are is known only now
         leave_out_overlaps(diagram)
         profile.set_title(f"vertical exaggeration {_exaggeration(profile):g}", loc="right", fontsize=9, color="#555555")
     return path

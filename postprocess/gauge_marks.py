@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.text import Annotation, Text
+from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from wavetank.records.series import GaugeSeries
@@ -40,12 +40,13 @@ def mark_along(axes: Axes, gauges: Sequence[GaugeSeries], *, top: float) -> None
 
 def leave_out_overlaps(axes: Axes) -> None:
     """Take away the names of gauges that lie on one before, or on another gauge; their places must be final."""
+    axes.apply_aspect()
     names = [text for text in axes.texts if isinstance(text, Annotation) and text.get_gid() == GAUGE]
     places = [axes.transData.transform(name.xy) for name in names]
     marks = [Bbox.from_extents(*(place - AROUND), *(place + AROUND)) for place in places]
     kept: list[Bbox] = []
     for number, name in enumerate(names):
-        box = Text.get_window_extent(name)
+        box = name.get_window_extent()
         if box.count_overlaps([*kept, *marks[:number], *marks[number + 1 :]]):
             name.remove()
         else:

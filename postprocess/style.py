@@ -35,7 +35,9 @@ STYLE: Any = {  # matplotlib 3.11 names every key in a type, earlier ones take a
     "legend.frameon": False,
     "lines.linewidth": 1.2,
     "hatch.linewidth": 0.5,
-    "savefig.dpi": 130,
+    "figure.dpi": 130,
+    "figure.autolayout": False,
+    "savefig.dpi": "figure",
 }
 
 
@@ -45,7 +47,15 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
     with rc_context(STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
+        lay_out(figure)
         figure.savefig(path)
+
+
+def lay_out(figure: Figure) -> None:
+    """Place axes and texts once and for all: neither drawing nor saving the figure does it again, which costs most."""
+    if layout := figure.get_layout_engine():
+        layout.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def entry(label: str, **look: Any) -> Line2D:

@@ -11,6 +11,7 @@ import pytest
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.image import imread
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.optimize import brentq
 
 from wavetank.errors import InputError
@@ -94,6 +95,14 @@ def test_a_run_killed_at_its_start_gives_the_pictures_it_has_records_for(tmp_pat
         energy.append([0.0] * 7)
         energy.append([0.1] * 7)
     assert [picture.name for picture in draw_run(RunDirectory(tmp_path / "run"))] == ["energy.png"]
+
+
+def test_a_picture_is_laid_out_once(run, monkeypatch):
+    """Oracle: the three pictures; layouts, more than drawing, were what pictures cost."""
+    layouts, execute = [], ConstrainedLayoutEngine.execute
+    monkeypatch.setattr(ConstrainedLayoutEngine, "execute", lambda *one: layouts.append(one) or execute(*one))
+    draw_run(run)
+    assert len(layouts) == 3
 
 
 def test_the_surface_picture_names_crest_place_time_and_exaggeration(tmp_path):

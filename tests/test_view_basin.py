@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from wavetank.errors import InputError
 from wavetank.postprocess import basin_figures, view, view_command
 from wavetank.postprocess.basin_surface import BasinSurface, Extremes, history
+from wavetank.postprocess.gauge_marks import leave_out_overlaps, mark_places
 from wavetank.postprocess.run_figures import draw_run
 from wavetank.postprocess.view_basin import BasinView
 from wavetank.postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
@@ -327,9 +328,8 @@ def test_names_of_gauges_side_by_side_do_not_lie_on_one_another():
     axes.set(xlim=(0, 8), ylim=(0, 4))
     none = np.zeros(1)
     places = (("first", 2.0), ("second", 2.05), ("third", 6.0))
-    basin_figures._draw_gauges(axes, [GaugeSeries(name, x, none, none, "computed", 1.0) for name, x in places], "k")
-    figure.draw_without_rendering()
-    basin_figures._leave_out_overlaps(axes)
+    mark_places(axes, [GaugeSeries(name, x, none, none, "computed", 1.0) for name, x in places])
+    leave_out_overlaps(axes)
     assert [text.get_text() for text in axes.texts] == ["first", "third"]
 
 

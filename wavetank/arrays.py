@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dsyev
 
 if TYPE_CHECKING:  # whoever only reads records has no ranks
     from mpi4py import MPI
@@ -25,6 +24,8 @@ def nearest(gram: Vector, along: Vector, *, shortest: float) -> Vector:
     Given are the vectors' products with each other, (k, k), and with the target, (k,). Directions whose square is below
     ``shortest`` of that of the longest take no part.
     """
+    from scipy.linalg.lapack import dsyev  # loads long; whoever only reads records has no use for it
+
     if not along.size:
         return along
     squares, directions, _ = dsyev(gram)
