@@ -8,6 +8,7 @@ from wavetank.runs.closing import Outcome, closing
 
 SHORT = ("run.duration=0.4", "numerics.cells=8", "numerics.vertical_order=4", "numerics.dt=0.02")
 SPENT = {
+    "scene": {"run": {"duration": 10.0}},
     "ranks": 3,
     "t": 10.0,
     "timings": {"stepping_s": 5.0, "stepping_cpu_s": 12.0},
@@ -58,6 +59,12 @@ def test_the_closing_lines_say_what_is_to_be_known(tmp_path, warnings, said):
         f"records: {path}",
         f"next: wavetank view '{path}'; wavetank compare '{path}' --with DATA",
     ]
+
+
+def test_of_a_run_that_was_stopped_it_is_told_how_it_goes_on(tmp_path):
+    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    lines = closing(outcome, SPENT | {"t": 9.9}, warnings=[], path=tmp_path, flat=True)
+    assert lines[-1] == f"next: wavetank resume {tmp_path}"
 
 
 def test_nothing_is_said_of_a_run_that_nobody_has_looked_at_or_that_has_left_the_numbers():

@@ -51,7 +51,7 @@ def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str],
     outcome
         What has come out.
     spent
-        What the manifest says of ranks, time, steps, solves and costs.
+        What the manifest says of the scene, ranks, time, steps, solves and costs.
     warnings
         The worst first.
     path
@@ -74,8 +74,15 @@ def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str],
         f"errors: {outcome.mass:.1g} of the mass, {outcome.energy:.1g} of the energy; {_told(warnings)}",
         f"cost: {', '.join(costs)}",
         f"records: {path}",
-        *(_of_breakdown(spent, path) or [f"next: wavetank view {directory}; wavetank compare {directory} --with DATA"]),
+        *(_of_breakdown(spent, path) or [f"next: {'; '.join(_next(spent, directory))}"]),
     ]
+
+
+def _next(spent: dict[str, Any], directory: str) -> list[str]:
+    """Return the commands that serve next: a run that was stopped may go on."""
+    if spent["t"] < (1 - 1e-9) * spent["scene"]["run"]["duration"]:
+        return [f"wavetank resume {directory}"]
+    return [f"wavetank view {directory}", f"wavetank compare {directory} --with DATA"]
 
 
 def _of_breakdown(spent: dict[str, Any], path: Path) -> list[str]:
