@@ -159,6 +159,8 @@ def whole(content: bytes) -> bytes:
     if content[: len(MAGIC)] != MAGIC[: len(content)]:
         raise ValueError("is no NetCDF in the classic 64-bit format")
     claimed = int.from_bytes(content[COUNT], "big")
+    if claimed and _complete(content):
+        return content
     complete = bisect_left(range(claimed + 1), True, lo=1, key=lambda n: not _complete(_counted(content, n))) - 1
     return _counted(content, complete) if complete else b""
 

@@ -26,7 +26,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import BarycentricInterpolator
 
 from wavetank.theory import airy
 from wavetank.theory.wave import Array
@@ -95,6 +94,8 @@ def second_order(
 
 def _interpolated(water: "_Water", omega: Array) -> Complex:
     """Return ``_Water.left`` of the sums of many frequencies from that of few: it is a smooth function of both."""
+    from scipy.interpolate import BarycentricInterpolator  # loads long; few motions have so many frequencies
+
     low, high = omega.min(), omega.max()
     nodes = [0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * (np.arange(c) + 0.5) / c) for c in (FEW, FEW + 1)]
     first, second = (BarycentricInterpolator(one, np.eye(one.size))(omega) for one in nodes)
