@@ -369,14 +369,21 @@ def limits(entry: Entry) -> list[tuple[float, float]]:
     return list(zip(lowest, highest, strict=True))
 
 
+@pytest.fixture(scope="module")
+def first(every):
+    """Return the first case that has each key of each noun."""
+    return {entry: name for name in reversed(every) for entry in entries(read_case(every[name]))}
+
+
 @pytest.mark.parametrize("name", EVERY)
-def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_names_it(every, name):
+def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_names_it(every, first, name):
+    """What is of no right kind is so whatever else is in a case: once; numbers, which may not go together, in all."""
     path = every[name]
     sentence = re.compile(rf"{re.escape(str(path))}, (overridden|line \d+): [\w.\-]+( = .*)?: ?.*\.")
     for entry in entries(read_case(path)):
         allowed = limits(entry)
         assert all(math.isfinite(low) and math.isfinite(high) for low, high in allowed), f"{entry} has no range"
-        for text in NONSENSE + EXTREME:
+        for text in NONSENSE + EXTREME if first[entry] == name else EXTREME * bool(allowed):
             try:
                 scene = read_case(path, [f"{entry.key}={text}"])
             except InputError as error:
