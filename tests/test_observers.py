@@ -46,6 +46,32 @@ def test_filters_are_asked_at_the_end_of_the_step():
     assert one.times == [2.25]
 
 
+class Timed(Harmonic):
+    """An oscillator whose energy is the time, as a moving wall's depends on it."""
+
+    def energy(self, q, p, t):
+        return t
+
+
+class Acting(Looking):
+    """A filter that changes nothing, and keeps what it is told of the energy."""
+
+    def needed(self, q, p, t):
+        return True
+
+    coordinate = momentum = staticmethod(np.copy)
+
+    def account(self, before, after):
+        self.times += [before, after]
+
+
+def test_what_filters_take_is_counted_at_the_end_of_the_step():
+    one = Acting()
+    scheme = Filtered(StormerVerlet(), [one])
+    scheme.step(Timed(), scheme.start(np.array([1.0]), np.array([0.0])), 2.0, 0.25)
+    assert one.times == [2.25, 2.25]
+
+
 def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
     """Oracle: the first place is the paddle's, the last that of the far wall, and x is ascending between them."""
     motion = Sinusoid(0.5, 4.0)
