@@ -9,6 +9,7 @@ from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
+from wavetank.fe.conjugate_gradients import condition_number, conjugate_gradients
 from wavetank.fe.plane import Plane
 from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
@@ -126,3 +127,20 @@ def grown_by_renewals(basin) -> float:
             held.append(1024 * int(re.search(r"VmRSS:\s*(\d+)", Path("/proc/self/status").read_text())[1]))
     assert basin.potential.counters.factorisations >= 15
     return held[1] - held[0]
+
+
+def test_iterations_solve_and_tell_the_condition_number():
+    """Of a diagonal operator both are known: its inverse, and the largest eigenvalue over the smallest."""
+    eigenvalues, known = np.array([0.5, 1.0, 2.0, 3.0, 7.0]), np.array([1.0, -2.0, 3.0, 0.5, 4.0])
+    solution, residual = np.zeros(5), eigenvalues * known
+    steps = conjugate_gradients(
+        lambda x: eigenvalues * x,
+        np.copy,
+        solution,
+        residual,
+        within=lambda first: 1e-24 * first,
+        comm=MPI.COMM_SELF,
+        most=9,
+    )
+    assert solution == pytest.approx(known, rel=1e-10)
+    assert condition_number(steps[:5]) == pytest.approx(14.0, rel=1e-9) and condition_number([]) == 1.0
