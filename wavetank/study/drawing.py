@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
-from wavetank.postprocess.style import entry, number_logarithms, picture
+from wavetank.postprocess.style import entry, lay_out, number_logarithms, picture
 from wavetank.study.look import EDGE, INTEGRATOR, MARK, Look
 from wavetank.study.measures import CREST
 from wavetank.study.sweep import Axis
@@ -51,7 +51,7 @@ def draw_study(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, title: 
         front = entry(f"Pareto front{numbers}: none is cheaper and more precise", color=FRONT, ls=DASHES, lw=1.4)
         figure.legend(handles=[*look.legend(rows), front], loc="outside lower center", ncols=4)
         figure.suptitle(f"{title}{': ' if title else ''}work and precision", fontsize=12, parse_math=False)
-        figure.draw_without_rendering()  # where points and texts are is known only now
+        lay_out(figure)  # where points and texts are is known only now
         for panel, texts in zip(panels, fronts, strict=True):
             _write_settings(panel, texts)
     return path
