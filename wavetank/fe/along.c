@@ -1,127 +1,26 @@
-/* Interior potentials along a slice or ring, of wavetank/fe/along.py; layers.c stands before.
+/* Interior potentials along a slice or ring, of wavetank/fe/along.py; layers.c and chain.c stand before.
 
-MODES, BAND     vertical modes; how far apart coupled rows can be
+MODES           vertical modes; a chain is a matrix for each of them
 
-A chain is a matrix for each vertical mode, LANES modes at once: [row][distance to the column before][group][mode], rows
-in the order in which degrees of freedom follow each other. A ring is cut: one of them borders the rest, and is last. */
+All is of single precision: a correction to a potential, whose residual is of double precision. */
 #include <math.h>
-#include <string.h>
 
-#define MODES (NUMBERS - 1)
-#define GROUPS ((MODES + LANES - 1) / LANES)
-#define ROW (GROUPS * LANES)    /* a degree of freedom's modes, and what fills the last group */
+#define GROUPS ((MODES + ABREAST - 1) / ABREAST)
+#define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
+#define ENOUGH 1e-10            /* of a residual's energy: less is round-off of single precision */
 
-typedef struct {
-    int dofs, cut, groups;  /* cut: 1 of a ring, else 0; groups of modes */
-    const int *order;       /* [row] degree of freedom */
-    const int *row;         /* [degree of freedom] */
-    const double *lambda;   /* [group][mode] eigenvalues of the vertical problem */
-    double *L;              /* the matrices, then their factors L D L', the reciprocals of D on the diagonal */
-    double *column;         /* [row][group][mode] of the border */
-    double *reduced;        /* the rest's inverse times it */
-    double *corner;         /* [group][mode] of the border; then the reciprocal of what the rest leaves of it */
-} Chain;
-
-static void factor(long rows, long stride, stored *restrict A)
+/* Take over the modes of layers that are averaged over the depth; lambda[group][mode]. */
+static void decouple(const Cells *cells, const Layers *layers, const REAL *state, const REAL *lambda, const Chain *c)
 {
-    for (long i = 0; i < rows; ++i) {
-        stored *row = A + i * (BAND + 1) * stride;
-        v scaled[BAND + 1] = {zero}, rest = row[0];  /* entries of L D */
-        for (int d = i < BAND ? i : BAND; d > 0; --d) {
-            const stored *other = A + (i - d) * (BAND + 1) * stride;
-            v sum = row[d * stride];
-            for (int e = d + 1; e <= BAND && e <= i; ++e)
-                sum -= scaled[e] * other[(e - d) * stride];
-            scaled[d] = sum;
-            row[d * stride] = sum * other[0];
-            rest -= sum * row[d * stride];
-        }
-        EACH(l, LANES)
-            ((double *)row)[l] = rest[l] > 0.0 ? 1.0 / rest[l] : NAN;
-    }
-}
-
-/* x <- the inverse of the rest of b, both [degree of freedom][group][mode], by the rows' order. */
-INLINE void forth_and_back(long rows, long stride, const int *restrict order,
-                                                                 const stored *restrict L, const stored *b, stored *x)
-{
-    v last[BAND];
-    EACH(d, BAND)
-        last[d] = zero;
-    for (long i = 0; i < rows; ++i) {
-        const stored *row = L + i * (BAND + 1) * stride;
-        v here = b[order[i] * stride];
-        for (int d = BAND; d > 0; --d)
-            here -= row[d * stride] * last[d - 1];
-        for (int d = BAND - 1; d > 0; --d)
-            last[d] = last[d - 1];
-        last[0] = here;
-        x[order[i] * stride] = here * row[0];
-    }
-    EACH(d, BAND)
-        last[d] = zero;
-    for (long i = rows - 1; i >= 0; --i) {
-        v here = x[order[i] * stride];
-        for (int d = BAND; d > 0; --d)
-            here -= L[((i + d) * (BAND + 1) + d) * stride] * last[d - 1];  /* BAND rows of zeros follow the last one */
-        for (int d = BAND - 1; d > 0; --d)
-            last[d] = last[d - 1];
-        last[0] = x[order[i] * stride] = here;
-    }
-}
-
-/* x <- the inverse of b, which it may be. */
-INLINE void solve_group(const Chain *c, long stride, int group, const double *b, double *x)
-{
-    const long rows = c->dofs - c->cut;
-    const stored *L = (const stored *)c->L + group, *right = (const stored *)b + group;
-    stored *left = (stored *)x + group;
-    forth_and_back(rows, stride, c->order, L, right, left);
-    if (c->cut) {
-        const stored *column = (const stored *)c->column + group, *reduced = (const stored *)c->reduced + group;
-        const long end = c->order[rows] * stride;
-        v last = right[end];
-        for (long i = 0; i < rows; ++i)
-            last -= column[i * stride] * left[c->order[i] * stride];
-        last *= ((const stored *)c->corner)[group];
-        for (long i = 0; i < rows; ++i)
-            left[c->order[i] * stride] -= reduced[i * stride] * last;
-        left[end] = last;
-    }
-}
-
-static void factorise(Chain *c, int group)
-{
-    const long rows = c->dofs - c->cut, stride = c->groups;
-    const stored *column = (const stored *)c->column + group;
-    stored *reduced = (stored *)c->reduced + group, *corner = (stored *)c->corner + group;
-    factor(rows, stride, (stored *)c->L + group);
-    if (!c->cut)
-        return;
-    int same[rows];
-    EACH(i, rows)
-        same[i] = i;
-    forth_and_back(rows, stride, same, (const stored *)c->L + group, column, reduced);
-    for (long i = 0; i < rows; ++i)
-        *corner -= column[i * stride] * reduced[i * stride];
-    EACH(l, LANES)
-        ((double *)corner)[l] = (*corner)[l] > 0.0 ? 1.0 / (*corner)[l] : NAN;
-}
-
-/* Take over the modes of layers that are averaged over the depth. */
-static void decouple(const Cells *cells, const double *hessians, Chain *c)
-{
-    const long rows = c->dofs - c->cut, stride = c->groups;
-    memset(c->L, 0, sizeof(v) * rows * (BAND + 1) * stride);
-    memset(c->column, 0, sizeof(v) * c->cut * rows * stride);
-    memset(c->corner, 0, sizeof(v) * stride);
+    clear_chain(c);
     EACH(b, cells->batches) {
         v A[NODES][NODES] = {{{0.0}}}, B[NODES][NODES] = {{{0.0}}};
         EACH(q, POINTS) {
-            const stored *k = (const stored *)hessians + ((long)b * POINTS + q) * LEVELS * HESSIANS;
             v along = zero, up = zero;
-            for (int z = 0; z < LEVELS; ++z, k += HESSIANS)
+            EACH(z, LEVELS) {
+                const stored *k = (const stored *)state + (((long)b * POINTS + q) * LEVELS + z) * HESSIANS;
                 along += k[0], up += k[HESSIANS - 1];
+            }
             EACH(i, NODES)
                 EACH(j, NODES) {
                     A[i][j] += cells->slopes[q * NODES + i] * cells->slopes[q * NODES + j] * along;
@@ -131,83 +30,148 @@ static void decouple(const Cells *cells, const double *hessians, Chain *c)
         EACH(i, NODES)
             EACH(j, NODES)
                 EACH(l, LANES) {
-                    const long row = c->row[cells->dofs[(b * NODES + i) * LANES + l]];
-                    const long other = c->row[cells->dofs[(b * NODES + j) * LANES + l]];
+                    const long row = cells->dofs[(b * NODES + i) * LANES + l];
+                    const long other = cells->dofs[(b * NODES + j) * LANES + l];
                     if (other > row)
                         continue;
-                    stored *entry = row < rows     ? (stored *)c->L + (row * (BAND + 1) + row - other) * stride
-                                    : other < rows ? (stored *)c->column + other * stride
-                                                   : (stored *)c->corner;
-                    EACH(group, stride)
-                        entry[group] += A[i][j][l] + ((const stored *)c->lambda)[group] * B[i][j][l];
+                    EACH(group, c->groups)
+                        *entry(c, group, row, other) += A[i][j][l] + ((const abreast *)lambda)[group] * B[i][j][l];
                 }
     }
-    EACH(group, stride)
-        factorise(c, group);
+    factorise(c);
 }
 
-/* x <- the inverse of x, [dof][group][mode]. */
-static void solve_chain(const Chain *c, double *x)
+/* x <- the sum over modes j of s_j times the inverse of mode j of s_j r, all [degree of freedom]; s[group][mode]. */
+static void respond(const Chain *c, const REAL *s, const double *r, double *x, REAL *work)
 {
-    EACH(group, c->groups)
-        solve_group(c, c->groups, group, x, x);
+    abreast *rows = (abreast *)work;
+    memset(x, 0, sizeof(double) * c->dofs);
+    EACH(group, c->groups) {
+        const abreast share = ((const abreast *)s)[group];
+        EACH(i, c->dofs)
+            rows[c->row[i]] = share * (REAL)r[i];
+        solve_group(c, group, 1, rows, rows);
+        EACH(i, c->dofs) {
+            const abreast part = share * rows[c->row[i]];
+            EACH(j, ABREAST)
+                x[i] += part[j];
+        }
+    }
 }
 
-static double inner(long size, const double *restrict a, const double *restrict b)
+INLINE void within_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    multiply(what, c, b, q, MODES, u, r);
+}
+
+/* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
+static void product_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y,
+                           REAL *by_surface)
+{
+    const Multiplied what = {layers, (const stored *)state};
+    EACH(b, c->batches) {
+        v X[NODES * MODES], Y[NODES * NUMBERS];
+        gather(c, b, MODES, x, ROW, X);
+        clear(NODES * NUMBERS, Y);
+        through(c, b, DIM, MODES, X, NUMBERS, Y, within_at, &what);
+        EACH(i, NODES)
+            EACH(l, LANES) {
+                const long row = c->dofs[(b * NODES + i) * LANES + l];
+                EACH(j, MODES)
+                    y[row * ROW + j] += Y[i * NUMBERS + j][l];
+                by_surface[row] += Y[i * NUMBERS + MODES][l];
+            }
+    }
+}
+
+static double inner(long size, const REAL *restrict a, const REAL *restrict b)
 {
     double sum = 0.0;
-    for (long i = 0; i < size; ++i)
-        sum += a[i] * b[i];
+    for (long i = 0; i < size; i += ROW) {
+        REAL part = 0.0;
+        EACH(j, ROW)
+            part += a[i + j] * b[i + j];
+        sum += part;
+    }
     return sum;
 }
 
-/* Conjugate gradients: find the interior part of phi, [dof][number], for its last column, the surface potential, and
-   what the wall adds, [dof][number]; flow is the last column of A phi, [dof]. The residual's energy falls below
-   tolerance² that of phi. Returns the iterations, -1 after ``most`` of them, -2 where A or the modes are not positive;
-   ``steps`` has the length of each and how much of its direction the next keeps. */
-static int find_interior(const Cells *cells, const Layers *layers, const double *hessians, const Chain *c,
-                         const double *wall, double *restrict phi, double *restrict flow, double tolerance, int most,
-                         double *steps, double *work)
+typedef struct {
+    double kinetic;     /* phi A phi */
+    double residual;    /* its energy over that wanted */
+} Found;
+
+/* Conjugate gradients: correct the interior part of phi, [degree of freedom][number], for its last column, the surface
+   potential, and what the wall adds, [degree of freedom] of that stride [number]. ``image`` is A phi, and becomes that of
+   the new phi in its last column. The residual's energy is to fall below tolerance² that of phi, or to ENOUGH of what it
+   was, when a new residual is needed. Returns the iterations, -1 where ``most`` are not enough, -2 where A or the modes
+   are not positive; ``steps`` has the length of each and how much of its direction the next keeps. */
+static int correct(const Cells *cells, const Layers *layers, const REAL *state, const Chain *c, const double *wall,
+                   int stride, double *restrict phi, double *restrict image, double tolerance, int most, double *steps,
+                   Found *found, REAL *work)
 {
-    const long all = (long)c->dofs * NUMBERS, interior = (long)c->dofs * ROW;
-    double *restrict p = work, *restrict Ap = p + all, *restrict r = Ap + all, *restrict z = r + interior;
-    memset(work, 0, sizeof(double) * 2 * (all + interior));
-    product(cells, layers, hessians, phi, Ap);
-    const double kinetic = inner(all, phi, Ap);
+    const long size = (long)c->dofs * ROW;
+    REAL *restrict p = work, *restrict Ap = p + size, *restrict r = Ap + size, *restrict z = r + size;
+    REAL *restrict x = z + size, *restrict flow = x + size, *restrict by_surface = flow + c->dofs;
+    double kinetic = 0.0, length = 0.0;
     for (long i = 0; i < c->dofs; ++i) {
-        flow[i] = Ap[i * NUMBERS + MODES];
-        EACH(m, MODES)
-            r[i * ROW + m] = -Ap[i * NUMBERS + m] - wall[i * NUMBERS + m];
+        EACH(j, NUMBERS)
+            kinetic += phi[i * NUMBERS + j] * image[i * NUMBERS + j];
+        EACH(j, MODES) {
+            const double left = image[i * NUMBERS + j] + wall[i * stride + j];
+            length += left * left;
+        }
     }
-    double target = tolerance * tolerance * kinetic, before = 0.0;
-    for (int iterations = 0; iterations <= most; ++iterations) {
+    *found = (Found){kinetic, 0.0};
+    if (length == 0.0)
+        return 0;
+    const double scale = 1.0 / sqrt(length);
+    memset(work, 0, sizeof(REAL) * (5 * size + 2 * c->dofs));
+    for (long i = 0; i < c->dofs; ++i)
+        EACH(j, MODES)
+            r[(long)c->row[i] * ROW + j] = -scale * (image[i * NUMBERS + j] + wall[i * stride + j]);
+    double target = 0.0, before = 0.0, first = 0.0;
+    int iterations = 0;
+    for (;; ++iterations) {
         EACH(group, GROUPS)
-            solve_group(c, GROUPS, group, r, z);
-        const double rz = inner(interior, r, z), beta = iterations ? rz / before : 0.0;
+            solve_group(c, group, GROUPS, (const abreast *)r + group, (abreast *)z + group);
+        const double rz = inner(size, r, z), beta = iterations ? rz / before : 0.0;
         if (iterations)
             steps[2 * iterations - 1] = beta;
         else
-            target += tolerance * tolerance * rz;
+            first = rz, target = tolerance * tolerance * (kinetic * scale * scale + rz);
+        found->residual = rz / target;
         if (rz < 0.0)
             return -2;
-        if (!(rz > target))
-            return iterations;
-        for (long i = 0; i < c->dofs; ++i)
-            EACH(m, MODES)
-                p[i * NUMBERS + m] = z[i * ROW + m] + beta * p[i * NUMBERS + m];
-        memset(Ap, 0, sizeof(double) * all);
-        product(cells, layers, hessians, p, Ap);
-        const double bend = inner(all, p, Ap), alpha = rz / bend;
+        if (!(rz > target && rz > ENOUGH * first))
+            break;
+        if (iterations == most)
+            return -1;
+        for (long i = 0; i < size; ++i)
+            p[i] = z[i] + (REAL)beta * p[i];
+        memset(Ap, 0, sizeof(REAL) * size);
+        memset(by_surface, 0, sizeof(REAL) * c->dofs);
+        product_within(cells, layers, state, p, Ap, by_surface);
+        const double bend = inner(size, p, Ap), alpha = rz / bend;
         if (!(bend > 0.0))
             return -2;
-        for (long i = 0; i < c->dofs; ++i) {
-            flow[i] += alpha * Ap[i * NUMBERS + MODES];
-            EACH(m, MODES) {
-                phi[i * NUMBERS + m] += alpha * p[i * NUMBERS + m];
-                r[i * ROW + m] -= alpha * Ap[i * NUMBERS + m];
-            }
-        }
+        for (long i = 0; i < size; ++i)
+            x[i] += (REAL)alpha * p[i], r[i] -= (REAL)alpha * Ap[i];
+        for (long i = 0; i < c->dofs; ++i)
+            flow[i] += (REAL)alpha * by_surface[i];
         steps[2 * iterations] = alpha, before = rz;
     }
-    return -1;
+    const double back = 1.0 / scale;
+    kinetic = 0.0;
+    for (long i = 0; i < c->dofs; ++i) {
+        const long row = c->row[i];
+        EACH(j, MODES) {
+            phi[i * NUMBERS + j] += back * x[row * ROW + j];
+            kinetic -= phi[i * NUMBERS + j] * (back * r[row * ROW + j] + wall[i * stride + j]);
+        }
+        image[i * NUMBERS + MODES] += back * flow[row];
+        kinetic += phi[i * NUMBERS + MODES] * image[i * NUMBERS + MODES];
+    }
+    found->kinetic = kinetic;
+    return iterations;
 }

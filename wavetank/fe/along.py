@@ -1,105 +1,100 @@
 """Interior potentials along a slice or ring: conjugate gradients, whose preconditioner is one banded matrix a mode.
 
 Only what couples the vertical modes, the slope of the surface, is left out of the preconditioner (docs/method.md,
-section 4). All of a solve is compiled as one (``along.c``).
+section 4). A residual is of double precision; what is added to the potential for it is found in single precision, all
+of it compiled as one (``along.c``), and takes the error down by up to five digits. Then there is a new residual.
 """
 
 import numpy as np
-from scipy.linalg import eigvalsh_tridiagonal
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.cells import source
-from wavetank.fe.layers import LANES, LayerEnergy, LayerOperator
+from wavetank.fe.cells import defined, source
+from wavetank.fe.chain import CHAIN, chain, followed
+from wavetank.fe.conjugate_gradients import condition_number
+from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
 
+Singles = NDArray[np.float32]
+
 MOST = 200  # iterations
+ABREAST = 8  # modes at a time
 NO_MINIMUM = "the interior potential has no minimum: the water column is not positive everywhere"
-DECLARATIONS = """
-typedef struct {
-    int dofs, cut, groups;
-    const int *order, *row;
-    const double *lambda;
-    double *L, *column, *reduced, *corner;
-} Chain;
-void decouple(const Cells *, const double *hessians, Chain *);
-void solve_chain(const Chain *, double *x);
-int find_interior(const Cells *, const Layers *, const double *hessians, const Chain *, const double *wall,
-                  double *phi, double *flow, double tolerance, int most, double *steps, double *work);
+DECLARATIONS = f"""{CHAIN}
+typedef struct {{
+    double kinetic, residual;
+}} Found;
+void decouple(const Cells *, const Layers *, const REAL *state, const REAL *lambda, const Chain *);
+void respond(const Chain *, const REAL *s, const double *r, double *x, REAL *work);
+int correct(const Cells *, const Layers *, const REAL *state, const Chain *, const double *wall, int stride,
+            double *phi, double *image, double tolerance, int most, double *steps, Found *, REAL *work);
 """
 
 
-def along(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
-    """Return the operator of a slice or ring, with what is compiled for solves; see ``LayerOperator``."""
-    return LayerOperator(energy, plane, vertical, column=column, more=(source("along.c"), DECLARATIONS))
-
-
-class Chains:
-    """A layer averaged over the depth, along a slice or ring; see ``Layer``.
+class Along:
+    """The operator of a slice or ring in single precision, and its modes where layers are averaged; see ``Layer``.
 
     Parameters
     ----------
+    energy
+        e(u, w, zeta), in UFL.
+    column
+        The field by which derivatives are taken.
+
+    Attributes
+    ----------
     operator
-        Made by ``along``.
+        See ``LayerOperator``; its rows stand as places follow each other.
     """
 
-    def __init__(self, operator: LayerOperator, plane: Plane):
-        self._operator, self._plane = operator, plane
+    def __init__(self, energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field):
+        sizes = {"MODES": vertical.n, "BAND": plane.order, "ABREAST": ABREAST}
+        more = defined(sizes) + source("chain.c") + source("along.c"), DECLARATIONS
+        self.plane = plane
+        self.operator = LayerOperator(
+            energy, plane, vertical, column=column, more=more, real="float", order=followed(plane), stored=True
+        )
 
-    def assemble(self) -> Vector:
-        """Return the operator's state, of which chains make averages themselves."""
-        return self._operator.state.copy()
+    def assemble(self) -> Singles:
+        """Return the operator's state for the fields as they are, of which modes make averages themselves."""
+        self.operator.update()
+        return self.operator.state.copy()
 
-    def modes(self, eigenvalues: Vector) -> "Chain":
+    def modes(self, eigenvalues: Vector) -> "AlongModes":
         """See ``Layer``."""
-        return Chain(self._operator, self._plane, eigenvalues)
+        return AlongModes(self, eigenvalues)
 
 
-class Chain:
-    """The decoupled problems of some vertical modes: (S_u + Lambda_j S_w) a_j = r_j, layers averaged.
+class AlongModes:
+    """The decoupled problems of some vertical modes: (S_u + Lambda_j S_w) a_j = r_j, layers averaged; see ``Modes``.
 
     Parameters
     ----------
-    operator
-        Made by ``along``.
     eigenvalues
         Lambda_j, shape (m,).
     """
 
-    def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector):
-        self._operator = operator
-        ring = plane.mesh.geometry.dim == 2
-        order = np.roll(np.argsort(plane.x, kind="stable"), -1 if ring else 0)  # a ring is cut at a vertex
-        groups, rows = -(-eigenvalues.size // LANES), plane.size - ring
-        self._rows = np.zeros((plane.size, groups * LANES))
-        self.struct = operator.kernel.struct(
-            "Chain",
-            {
-                "dofs": plane.size,
-                "cut": int(ring),
-                "groups": groups,
-                "order": order,
-                "row": np.argsort(order),
-                "lambda": np.pad(eigenvalues, (0, groups * LANES - eigenvalues.size), mode="edge"),
-                "L": np.zeros((rows + plane.order, plane.order + 1, groups, LANES)),
-                "column": np.zeros((rows, groups, LANES)),
-                "reduced": np.zeros((rows, groups, LANES)),
-                "corner": np.zeros((groups, LANES)),
-            },
-        )
+    def __init__(self, along: Along, eigenvalues: Vector):
+        self._operator, plane, m = along.operator, along.plane, eigenvalues.size
+        self._padding = (0, -m % ABREAST)
+        groups = (m + self._padding[1]) // ABREAST
+        self._eigenvalues = np.pad(eigenvalues, self._padding, mode="edge").astype(np.float32)
+        self._work = np.empty((plane.size, ABREAST), dtype=np.float32)
+        self.chain = chain(self._operator.kernel, plane, groups=groups, abreast=ABREAST)
 
-    def take(self, averages: Vector) -> None:
+    def take(self, averages: Singles) -> None:
         """Take over the operator with this state."""
-        kernel = self._operator.kernel
-        kernel.call.decouple(self._operator.cells, kernel.pointer(averages), self.struct)
+        kernel, operator, at = self._operator.kernel, self._operator, self._operator.kernel.pointer
+        kernel.call.decouple(operator.cells, operator.layers, at(averages), at(self._eigenvalues), self.chain)
 
-    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
-        """Return a for r, both of shape (dofs, m), exactly."""
-        modes, kernel = right.shape[1], self._operator.kernel
-        self._rows[:, :modes] = right
-        kernel.call.solve_chain(self.struct, kernel.pointer(self._rows))
-        return self._rows[:, :modes].copy()
+    def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
+        """See ``Modes``; to single precision."""
+        kernel, found, at = self._operator.kernel, np.empty_like(right), self._operator.kernel.pointer
+        shares = np.pad(shares, self._padding).astype(np.float32)
+        kernel.call.respond(self.chain, at(shares), at(np.ascontiguousarray(right)), at(found), at(self._work))
+        return found
 
 
 class Minimum:
@@ -108,7 +103,9 @@ class Minimum:
     Parameters
     ----------
     operator
-        Made by ``along``.
+        Of the energy, in double precision.
+    along
+        The same in single precision.
     tolerance
         Of the error's energy, relative to that of the potential; its square root.
 
@@ -116,55 +113,68 @@ class Minimum:
     ----------
     flow
         The last column of A phi, of the potential found last, shape (dofs,).
+    kinetic
+        phi A phi of that.
     """
 
-    def __init__(self, operator: LayerOperator, plane: Plane, vertical: VerticalBasis, *, tolerance: float):
-        self._operator, self._tolerance = operator, tolerance
-        self._modes = Chain(operator, plane, vertical.eigenvalues)
-        modes = LANES * -(-vertical.n // LANES)
-        self._work = np.empty((plane.size, 2 * (modes + vertical.n + 1)))
+    def __init__(
+        self, operator: LayerOperator, along: Along, plane: Plane, vertical: VerticalBasis, *, tolerance: float
+    ):
+        self._operator, self._along, self._tolerance = operator, along, tolerance
+        self._modes = along.modes(vertical.eigenvalues)
+        row = ABREAST * -(-vertical.n // ABREAST)
+        self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
         self._steps, self._last = np.empty((MOST + 1, 2)), 0
-        self._wall = np.empty((plane.size, vertical.n + 1))
+        self._found = along.operator.kernel.struct("Found", {"kinetic": 0.0, "residual": 0.0})
         self.flow: Vector = np.zeros(plane.size)
+        self.kinetic = 0.0
 
     def factor(self) -> None:
-        """Make a preconditioner of the operator as it is."""
-        self._modes.take(self._operator.state)
+        """Make a preconditioner of the operator for the fields as they are."""
+        self._modes.take(self._along.assemble())
 
     def find(self, phi: Vector, wall: Vector) -> int:
         """Set the interior columns of phi, shape (dofs, n+1), from what they are; return the iterations.
 
-        ``wall`` is what the wall adds, of that shape. Raises ``ConvergenceError``.
+        ``wall`` is what the wall adds, broadcastable to that shape. Raises ``ConvergenceError``.
         """
-        operator = self._operator
-        call, at = operator.kernel.call, operator.kernel.pointer
-        self._wall[:], self.flow = wall, np.empty_like(self.flow)
-        iterations: int = call.find_interior(
+        self._along.operator.update()
+        iterations, wall = 0, np.ascontiguousarray(wall)
+        while True:
+            image = self._operator.apply(phi)
+            taken = self._correct(phi, image, wall, MOST - iterations)
+            iterations += max(0, taken)
+            if taken == -1:
+                raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
+            self.flow = np.ascontiguousarray(image[:, -1])
+            if taken < 0 or not self._operator.least > 0.0 or not np.isfinite(self.flow.sum()):
+                raise ConvergenceError(NO_MINIMUM)
+            if self._found.residual <= 1.0:
+                self.kinetic = self._found.kinetic
+                return iterations
+
+    def _correct(self, phi: Vector, image: Vector, wall: Vector, most: int) -> int:
+        """Add to phi what takes its error down, and to its image's last column; return the iterations."""
+        operator, at = self._along.operator, self._along.operator.kernel.pointer
+        taken: int = operator.kernel.call.correct(
             operator.cells,
             operator.layers,
             at(operator.state),
-            self._modes.struct,
-            at(self._wall),
+            self._modes.chain,
+            at(wall),
+            wall.shape[1] if len(wall) > 1 else 0,
             at(phi),
-            at(self.flow),
+            at(image),
             self._tolerance,
-            MOST,
+            most,
             at(self._steps),
+            self._found,
             at(self._work),
         )
-        self._last = max(0, iterations)
-        if iterations == -1:
-            raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
-        if iterations < 0 or not operator.least > 0.0 or not np.isfinite(self.flow.sum()):
-            raise ConvergenceError(NO_MINIMUM)
-        return iterations
+        self._last = max(0, taken)
+        return taken
 
     @property
     def condition_number(self) -> float:
         """The estimate that the last solve gave of the preconditioned operator's, by Lanczos."""
-        lengths, kept = self._steps[: self._last].T
-        if not lengths.size:
-            return 1.0
-        diagonal = 1 / lengths + np.append(0.0, kept[:-1] / lengths[:-1])
-        eigenvalues = eigvalsh_tridiagonal(diagonal, np.sqrt(kept[:-1]) / lengths[:-1])
-        return float(eigenvalues[-1] / eigenvalues[0])
+        return condition_number(self._steps[: self._last])

@@ -3,6 +3,7 @@
 On quadrilaterals, where nodes and points are pairs of those of an edge, kernels go edge by edge (``cells.c``).
 """
 
+from collections.abc import Mapping
 from importlib.resources import files
 
 import basix
@@ -27,7 +28,7 @@ def source(name: str) -> str:
     return files("wavetank.fe").joinpath(name).read_text(encoding="utf-8")
 
 
-def defined(sizes: dict[str, object]) -> str:
+def defined(sizes: Mapping[str, object]) -> str:
     """Return the lines of C that give sizes their values."""
     return "".join(f"#define {key} {value}\n" for key, value in sizes.items())
 

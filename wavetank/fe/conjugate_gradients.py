@@ -73,9 +73,9 @@ def add(factor: float, x: Vector, y: Vector) -> None:
         daxpy(x.reshape(-1), y.reshape(-1), a=factor)
 
 
-def condition_number(steps: Steps) -> float:
+def condition_number(steps: Steps | Vector) -> float:
     """Return the estimate of the preconditioned operator's that iterations give, by Lanczos."""
-    if not steps:
+    if not len(steps):
         return 1.0
     lengths, kept = np.array(steps).T
     diagonal = 1 / lengths + np.append(0.0, kept[:-1] / lengths[:-1])

@@ -62,7 +62,19 @@ class LayerMatrices:
         return InterlacedModes(self, eigenvalues)
 
 
-class InterlacedModes:
+class Responding:
+    """Modes that are solved for any right-hand sides."""
+
+    def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
+        """See ``Modes``."""
+        return np.asarray(self.solve(np.asarray(np.outer(right, shares), dtype=np.float64), cycles=cycles) @ shares)
+
+    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
+        """Return a for r, both of shape (owned, m), nearer after more cycles of multigrid; collective."""
+        raise NotImplementedError
+
+
+class InterlacedModes(Responding):
     """All problems in one sparse matrix, rows ordered (degree of freedom, mode): LU on slices, in basins BoomerAMG."""
 
     def __init__(self, layer: LayerMatrices, eigenvalues: Vector):

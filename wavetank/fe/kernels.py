@@ -33,6 +33,13 @@ class Kernel:
         What REAL stands for in declarations; arrays of a struct become that.
     flags
         Of the compiler.
+
+    Attributes
+    ----------
+    call
+        The functions.
+    real
+        The kind of REAL.
     """
 
     def __init__(
@@ -57,7 +64,7 @@ class Kernel:
         folder = compiled(comm, f"{name} {declarations} {key} {flags}", build=build)
         module = loaded(comm, lambda: _module(folder / f"{name}{EXTENSION_SUFFIXES[0]}"), folder)
         self.call, self._ffi = module.lib, module.ffi
-        self._real = np.dtype(np.float32 if real == "float" else np.float64)
+        self.real = np.dtype(np.float32 if real == "float" else np.float64)
 
     def pointer(self, array: NDArray[Any]) -> Any:
         """Return where an array's numbers are, of doubles, floats or ints."""
@@ -70,7 +77,7 @@ class Kernel:
         return self._ffi.gc(struct, lambda _, kept=kept: kept.clear())
 
     def _plain(self, array: NDArray[Any]) -> NDArray[Any]:
-        return np.ascontiguousarray(array, dtype=np.int32 if array.dtype.kind == "i" else self._real)
+        return np.ascontiguousarray(array, dtype=np.int32 if array.dtype.kind == "i" else self.real)
 
 
 @cache

@@ -1,13 +1,13 @@
 /* The operator of wavetank/fe/layers.py; layer.c stands before.
 
 STORED          whether second derivatives are kept from state to state of the fields, or found anew in every product */
-#define MANY 1e300
+#define MANY ((REAL)1e30)
 #define STATE (STORED ? LEVELS * HESSIANS : OF_FIELDS) /* numbers of a point */
 
 typedef struct {
     const Layers *layers;
     stored *state;
-    double *least;
+    REAL *least;
 } Fields;
 
 INLINE void take_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
@@ -31,9 +31,9 @@ INLINE void take_at(const void *what, const Cells *c, long b, int q, const v *u,
 }
 
 /* What products need of the fields, [dof][field]: state[batch][point][...][lane]. Returns the first field's least value. */
-static double take(const Cells *c, const Layers *layers, const double *fields, double *state)
+static REAL take(const Cells *c, const Layers *layers, const REAL *fields, REAL *state)
 {
-    double least = MANY;
+    REAL least = MANY;
     const Fields what = {layers, (stored *)state, &least};
     EACH(b, c->batches) {
         v X[NODES * FIELDS];
@@ -48,9 +48,9 @@ typedef struct {
     const stored *state;
 } Multiplied;
 
-INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+/* The first numbers are ``given``; the others are nothing. */
+INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int given, const v *u, v *r)
 {
-    const Multiplied *m = what;
     const Layers *layers = m->layers;
     const stored *state = m->state + (b * POINTS + q) * STATE;
     v f[OF_FIELDS];
@@ -67,13 +67,13 @@ INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v
         else
             second(c, layers, b, q, z, f, k);
         const v *uu = k, *uw = k + DIM * (DIM + 1) / 2;
-        EACH(j, NUMBERS)
+        EACH(j, given)
             w += dP[j] * u[j];
         v by_w = uw[DIM] * w;
         EACH(a, DIM) {
             s[a] = zero;
-            EACH(j, NUMBERS)
-                s[a] += P[j] * u[(1 + a) * NUMBERS + j];
+            EACH(j, given)
+                s[a] += P[j] * u[(1 + a) * given + j];
             by_s[a] = uw[a] * w;
             by_w += uw[a] * s[a];
             EACH(d, a + 1) {
@@ -91,8 +91,13 @@ INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v
     }
 }
 
+INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    multiply(what, c, b, q, NUMBERS, u, r);
+}
+
 /* y += A x, [dof][number]. */
-static void product(const Cells *c, const Layers *layers, const double *state, const double *x, double *y)
+static void product(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y)
 {
     const Multiplied what = {layers, (const stored *)state};
     EACH(b, c->batches) {
@@ -144,7 +149,7 @@ INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *
 }
 
 /* y += the derivative of the energy of x by the first field, [dof]. */
-static void derivative(const Cells *c, const Layers *layers, const double *fields, const double *x, double *y)
+static void derivative(const Cells *c, const Layers *layers, const REAL *fields, const REAL *x, REAL *y)
 {
     EACH(b, c->batches) {
         v X[NODES * MOST], of_x[NODES * NUMBERS], of_fields[NODES * FIELDS], Y[NODES];

@@ -4,8 +4,8 @@ A layer at height zeta, with potential u and vertical derivative w, has an energ
 (grad u, w) and depends on fields (the water column, the bed, the wall's mapping) and on zeta in any way. With
 phi = sum_j phi_j(X) P_j(zeta) the second derivative A of int e dzeta dX is applied as it is written: interpolate phi to
 the quadrature points, contract with the vertical functions at the levels zeta_q, multiply by the energy's second
-derivatives there, and go back (``layers.c``). Nothing is assembled. Along slices these derivatives are kept as long as
-the fields stay; in basins, where they would be most of all memory, each product finds them anew.
+derivatives there, and go back (``layers.c``). Nothing is assembled: each product finds these derivatives anew, of the
+fields at the points, unless there are to be many with the same fields, and room for them (``stored``).
 """
 
 from collections.abc import Callable
@@ -13,27 +13,29 @@ from typing import Any
 
 import numpy as np
 from dolfinx import fem
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.cells import DECLARATION, Cells, defined, source
 from wavetank.fe.density import Density, Statements
 from wavetank.fe.halo import Halo
-from wavetank.fe.kernels import Kernel
+from wavetank.fe.kernels import FLAGS, Kernel
 from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
 
 LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
+Indices = NDArray[np.intp]
 
-LANES = 8  # cells at a time
+LANES = {"double": 8, "float": 16}  # cells at a time
 LAYERS = """
 typedef struct {
     const REAL *zeta, *weights, *P, *dP, *constants;
 } Layers;
 """
 DECLARATIONS = """
-double take(const Cells *, const Layers *, const double *fields, double *state);
-void product(const Cells *, const Layers *, const double *state, const double *x, double *y);
-void derivative(const Cells *, const Layers *, const double *fields, const double *x, double *y);
+REAL take(const Cells *, const Layers *, const REAL *fields, REAL *state);
+void product(const Cells *, const Layers *, const REAL *state, const REAL *x, REAL *y);
+void derivative(const Cells *, const Layers *, const REAL *fields, const REAL *x, REAL *y);
 """
 
 
@@ -87,6 +89,12 @@ class LayerOperator:
         The field by which derivatives are taken.
     more
         C code, and its declarations, that is compiled with the operator's.
+    real
+        What it calculates with: "double" or "float".
+    order
+        The degrees of freedom in the order in which they stand in arrays; their own, if not given.
+    stored
+        Whether the energy's second derivatives are kept from one state of the fields to the next.
 
     Attributes
     ----------
@@ -106,20 +114,23 @@ class LayerOperator:
         *,
         column: Field,
         more: tuple[str, str] = ("", ""),
+        real: str = "double",
+        order: Indices | None = None,
+        stored: bool = False,
     ):
         self.density = LayerDensity(energy, plane, column)
-        self._owned, self._numbers = plane.owned, vertical.n + 1
-        cells = Cells(plane, 3 * plane.order, lanes=LANES)
-        stored = plane.mesh.topology.dim == 1
+        self._owned, self._numbers, self._order = plane.owned, vertical.n + 1, order
+        cells, lanes = Cells(plane, 3 * plane.order, lanes=LANES[real]), LANES[real]
+        if order is not None:
+            cells.parts["dofs"] = np.argsort(order)[cells.parts["dofs"]]
         sizes = {
-            "REAL": "double",
+            "REAL": real,
             **cells.sizes,
             **self.density.sizes,
             "NUMBERS": vertical.n + 1,
             "LEVELS": len(vertical.zeta),
             "MOST": vertical.n + 1 + self.density.fields,
             "STORED": int(stored),
-            "BAND": plane.order,
         }
         code = defined(sizes) + source("cells.c") + source("layer.c") + source("layers.c") + more[0]
         made = {"HESSIAN": self.density.second, "DERIVATIVE": self.density.first}
@@ -129,21 +140,26 @@ class LayerOperator:
             key=f"{self.density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
             source=lambda: self.density.put_in(code, made),
             comm=plane.comm,
+            real=real,
+            flags=FLAGS if real == "double" else [*FLAGS, "-fsingle-precision-constant"],
         )
         self.cells = self.kernel.struct("Cells", cells.parts)
         parts = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
-        self._constants = self.density.constants()
+        self._constants = self.density.constants().astype(self.kernel.real)
         self.layers = self.kernel.struct("Layers", {**parts, "constants": self._constants})
         numbers = len(vertical.zeta) * sizes["HESSIANS"] if stored else (1 + sizes["GDIM"]) * self.density.fields
-        self.state = np.empty((cells.parts["batches"], len(cells.points), numbers, LANES))
+        self.state = np.empty((cells.parts["batches"], len(cells.points), numbers, lanes), dtype=self.kernel.real)
         self.least = np.inf
         self._halos = {count: Halo(plane.V.dofmap.index_map, count) for count in (1, self._numbers)}
 
     def update(self) -> None:
         """Take over the fields as they are, ghosts included."""
         self._constants[:] = self.density.constants()
-        at = self.kernel.pointer
-        self.least = self.kernel.call.take(self.cells, self.layers, at(self.density.rows()), at(self.state))
+        at, rows = self.kernel.pointer, self.density.rows()
+        if self._order is not None:
+            rows = rows[self._order]
+        rows = rows.astype(self.kernel.real, copy=False)
+        self.least = self.kernel.call.take(self.cells, self.layers, at(rows), at(self.state))
 
     def apply(self, rows: Vector) -> Vector:
         """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""

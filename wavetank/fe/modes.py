@@ -21,6 +21,16 @@ class Modes(Protocol):
     def take(self, averages: Any) -> None:
         """Take over the averages of a layer; collective."""
 
+    def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
+        """Return sum_j s_j a_j for r_j = s_j r, of shares (m,) and r (owned,); collective.
+
+        Nearer after more cycles of multigrid.
+        """
+
+
+class SolvableModes(Modes, Protocol):
+    """Such that are solved for any right-hand sides."""
+
     def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
         """Return a for r, both of shape (owned, m), nearer after more cycles of multigrid; collective."""
 
@@ -35,7 +45,14 @@ class Layer(Protocol):
         """Return the decoupled problems of modes with these Lambda_j, shape (m,); collective."""
 
 
-def layer_of(energy: LayerEnergy, plane: Plane, *, column: Field, vertical_order: int) -> Layer:
+class SolvableLayer(Layer, Protocol):
+    """One whose modes are solved for any right-hand sides."""
+
+    def modes(self, eigenvalues: Vector) -> SolvableModes:
+        """Return the decoupled problems of modes with these Lambda_j, shape (m,); collective."""
+
+
+def layer_of(energy: LayerEnergy, plane: Plane, *, column: Field, vertical_order: int) -> SolvableLayer:
     """Return a layer's averages: as matrices on slices and on elements of order 1, else at the quadrature points."""
     if plane.mesh.topology.dim == 1 or plane.order == 1:
         return LayerMatrices(energy, plane)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.cells import DECLARATION, Cells, defined, source
-from wavetank.fe.decoupled import LEVELS, Averages, LayerMatrices
+from wavetank.fe.decoupled import LEVELS, Averages, LayerMatrices, Responding
 from wavetank.fe.halo import Halo
 from wavetank.fe.kernels import FLAGS, Kernel
 from wavetank.fe.layers import LAYERS, LayerDensity, LayerEnergy
@@ -94,7 +94,7 @@ class LayerMeans:
 Means = tuple[Singles, Averages]  # at the points, and on elements of order 1
 
 
-class OrderMultigrid:
+class OrderMultigrid(Responding):
     """The decoupled problems of some modes; see ``Modes``.
 
     Attributes

@@ -13,10 +13,10 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.along import NO_MINIMUM, Chains, Minimum, along
+from wavetank.fe.along import NO_MINIMUM, Along, Minimum
 from wavetank.fe.conjugate_gradients import Steps, condition_number, conjugate_gradients
 from wavetank.fe.layers import LayerEnergy, LayerOperator
-from wavetank.fe.modes import Layer, layer_of
+from wavetank.fe.modes import Layer, SolvableLayer, layer_of
 from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.recall import Recall
 from wavetank.fe.vertical import VerticalBasis
@@ -135,7 +135,13 @@ class Krylov:
     most = 200  # iterations
 
     def __init__(
-        self, operator: LayerOperator, layer: Layer, plane: Plane, vertical: VerticalBasis, *, tolerance: float
+        self,
+        operator: LayerOperator,
+        layer: SolvableLayer,
+        plane: Plane,
+        vertical: VerticalBasis,
+        *,
+        tolerance: float,
     ):
         self._operator, self._layer, self._plane, self._tolerance = operator, layer, plane, tolerance
         self._modes = layer.modes(vertical.eigenvalues)
@@ -193,11 +199,10 @@ def interior_of(
     energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, tolerance: float
 ) -> Interior:
     """Return what a layer's energy makes, the fields being as they are; on slices of one rank compiled as a whole."""
-    if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-        operator = along(energy, plane, vertical, column=column)
-        operator.update()
-        return Interior(operator, Chains(operator, plane), Minimum(operator, plane, vertical, tolerance=tolerance))
     operator = LayerOperator(energy, plane, vertical, column=column)
     operator.update()
+    if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
+        along = Along(energy, plane, vertical, column=column)
+        return Interior(operator, along, Minimum(operator, along, plane, vertical, tolerance=tolerance))
     layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)
     return Interior(operator, layer, Krylov(operator, layer, plane, vertical, tolerance=tolerance))

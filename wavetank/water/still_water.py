@@ -71,7 +71,7 @@ class StillWaterWaves:
         r_q, r_psi = residual.reshape(2, -1)
         solver, surface = self._solver(a)
         right = mass.apply(r_psi) / (a**2 * g) - r_q / a
-        psi = solver.solve(np.asarray(np.outer(right, surface)), cycles=CYCLES) @ surface
+        psi = solver.respond(surface, right, cycles=CYCLES)
         q, sums = mass.apply(r_psi - psi) / (a * g), self._waves.plane.sum
         q += self._uniform * (sums(r_q - q) / sums(self._uniform))  # over a bed, or beside a wall: no mass is made
         return np.concatenate([q, psi])
