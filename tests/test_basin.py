@@ -26,7 +26,7 @@ from wavetank.theory.airy import angular_frequency
 from wavetank.theory.standing_wave import ThirdOrderStandingWave
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.walls import LinearPiston, Piston, Side, StillWall
+from wavetank.water.walls import LinearPaddle, Piston, Side, StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 GRAVITY = 9.81
@@ -220,7 +220,7 @@ def test_linear_waves_are_the_limit_of_nonlinear_ones_over_a_bed():
         nonlinear = basin(2.0, 0.6, (6, 2), motion=motion, depth=uneven, n=3)
         footprint, side = rectangle(2.0, 0.6, (6, 2))
         plane = Plane(footprint, 3)
-        piston = LinearPiston(motion, plane=plane, side=side)
+        piston = LinearPaddle(motion, plane=plane, side=side)
         linear = LinearWaves(plane, depth=uneven, wall=piston, vertical_order=3)
         (a, _), (b, rows) = (run(waves, steps=12, dt=0.05) for waves in (nonlinear, linear))
         eta = [waves.elevation(state.q, state.p, 0.6) for waves, state in ((nonlinear, a), (linear, b))]

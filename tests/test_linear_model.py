@@ -20,7 +20,7 @@ from wavetank.theory.airy import angular_frequency, group_velocity
 from wavetank.theory.wavemaker import PISTON
 from wavetank.water.footprint import Ring, Slice
 from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.walls import LinearPiston, StillWall
+from wavetank.water.walls import LinearPaddle, StillWall
 
 GRAVITY = 9.81
 BALANCE = COLUMNS.index("balance [m^4/s^2]")
@@ -33,7 +33,7 @@ def make_linear():
     def make(*, length, cells, order=3, n=8, depth=1.0, motion=None, footprint=Slice, comm=MPI.COMM_WORLD):
         footprint = footprint(length, cells, comm=comm)
         plane = Plane(footprint.mesh, order, footprint.chart)
-        wall = StillWall() if motion is None else LinearPiston(motion, plane=plane, side=footprint.side())
+        wall = StillWall() if motion is None else LinearPaddle(motion, plane=plane, side=footprint.side())
         return LinearWaves(plane, depth=depth, wall=wall, vertical_order=n)
 
     return make
@@ -318,7 +318,7 @@ def moments_of_all_schemes():
     """Return two moments, the energy and the largest frequency after five steps of each scheme; collective."""
     footprint = Slice(4.0, 12, comm=MPI.COMM_WORLD)
     plane = Plane(footprint.mesh, 3)
-    wall = LinearPiston(Sinusoid(0.1, 1.3), plane=plane, side=footprint.side())
+    wall = LinearPaddle(Sinusoid(0.1, 1.3), plane=plane, side=footprint.side())
     waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=5)
     x, rows = plane.x, []
     for name in sorted(INTEGRATORS):

@@ -33,7 +33,7 @@ from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.sponge import checked, distance_from_edge, profile, width_of
 from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import LinearPiston, Piston, Side, StillWall
+from wavetank.water.walls import LinearPaddle, Piston, Side, StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 SCHEMES = (StormerVerlet(), ThirdOrder(), Simpson4(), GaussLegendre4())
@@ -275,7 +275,7 @@ def test_an_end_sponge_is_where_it_is_wherever_the_paddle_stands(piston):
     facets = mesh.locate_entities_boundary(footprint, 1, lambda x: np.isclose(c * (x[0] - 5) + s * (x[1] + 2), 0.0))
     tags = mesh.meshtags(footprint, 1, facets, np.ones(facets.size, dtype=np.int32))
     plane, side = Plane(footprint, 2), Side(tags, np.array([5.0, -2.0]), np.array([c, s]))
-    wall = LinearPiston(AtRest(), plane=plane, side=side)
+    wall = LinearPaddle(AtRest(), plane=plane, side=side)
     if piston == "nonlinear":
         wall = Piston(AtRest(), plane=plane, reach=2.0, side=side)
     found = build_sponge(scene, sponge, None, SimpleNamespace(plane=plane, wall=wall))

@@ -113,7 +113,7 @@ class KeptRun:
         """Return elevation [m] and potential [m²/s] of the surface, and where that is in the laboratory [m]."""
         state, waves = self._run.state, self._waves
         elevation = waves.elevation(state.q, state.p, self._run.t)
-        x, y = np.ascontiguousarray(waves.wall.to_physical(waves.plane.places).T)
+        x, y = np.ascontiguousarray(waves.wall.to_physical(waves.plane.places, elevation).T)
         return {"x": x, "y": y, "elevation": elevation, "potential": np.array(state.p)}
 
 

@@ -36,7 +36,7 @@ from wavetank.verify.watched import watched
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.sponge import profile
-from wavetank.water.walls import LinearPiston, Piston
+from wavetank.water.walls import LinearPaddle, Piston
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 DEPTHS = (0.25, 0.5, 1.0, 2.0, 4.0)  # kd
@@ -80,7 +80,7 @@ class Beach:
 
     def linear(self, motion: Motion) -> LinearWaves:
         """Return linear waves of a piston."""
-        wall = LinearPiston(motion, plane=self.plane, side=self.footprint.side())
+        wall = LinearPaddle(motion, plane=self.plane, side=self.footprint.side())
         return LinearWaves(self.plane, depth=1.0, wall=wall, vertical_order=self.vertical_order)
 
     def nonlinear(self, motion: Motion) -> NonlinearWaves:

@@ -6,6 +6,7 @@ from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
 from wavetank.water.energy import Energies
+from wavetank.water.walls.contract import Heights
 
 
 class Moment(NamedTuple):
@@ -55,11 +56,15 @@ class Judge(Protocol):
 class ObservedWall(Protocol):
     """What observers ask of a wall: where the reference tank lies in the laboratory."""
 
-    def to_reference(self, places: Vector) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2)."""
+    @property
+    def leans(self) -> bool:
+        """Whether that is not the same at all heights."""
 
-    def to_physical(self, places: Vector) -> Vector:
-        """Return the physical places of reference ones, (x, y) [m], shape (N, 2)."""
+    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m]."""
+
+    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
+        """Return the physical places of reference ones, (x, y) [m], shape (N, 2), at heights z [m]."""
 
 
 class ObservedWaves(Protocol):

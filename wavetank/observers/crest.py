@@ -30,7 +30,7 @@ class HighestCrest:
         eta = self._waves.elevation(moment.q, moment.p, moment.t)
         if eta.size and eta.max() > self._own.height:
             highest = int(eta.argmax())
-            ((x, y),) = self._waves.wall.to_physical(self._waves.plane.places[[highest]])
+            ((x, y),) = self._waves.wall.to_physical(self._waves.plane.places[[highest]], eta[[highest]])
             self._own = Crest(float(eta[highest]), float(x), float(y), moment.t)
 
     def highest(self) -> Crest:

@@ -49,7 +49,7 @@ class LatticePlaces:
 
     def points(self, z: Vector) -> Vector:
         """Return (x, y, z) [m] for heights above still water, shape (N, 3)."""
-        return np.column_stack([self._waves.wall.to_physical(self.lattice.places), z])
+        return np.column_stack([self._waves.wall.to_physical(self.lattice.places, z), z])
 
 
 class SurfaceFields:

@@ -4,10 +4,10 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, RunError
-from wavetank.fe.points import Points
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
+from wavetank.water.surface_points import SurfacePoints
 
 
 class Gauges:
@@ -23,19 +23,14 @@ class Gauges:
 
     def __init__(self, waves: ObservedWaves, places: Vector, *, record: Record, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
-        self._places = np.asarray(places, dtype=np.float64)
         self._elevation = waves.plane.function("elevation")
-        self._points = Points(waves.plane, self._coordinates())
-
-    def _coordinates(self) -> Vector:
-        """Return where the gauges are in the mesh, shape (N, 3)."""
-        return self._waves.plane.chart.place(self._waves.wall.to_reference(self._places))
+        self._points = SurfacePoints(waves.plane, waves.wall, np.asarray(places, dtype=np.float64))
 
     def observe(self, moment: Moment) -> None:
         """Append one row; raises ``RunError`` if the paddle has passed a gauge; collective."""
         self._elevation.set(self._waves.elevation(moment.q, moment.p, moment.t))
         try:
-            self._points.move(self._coordinates())
+            elevations = self._points.elevations(self._elevation)
         except InputError as error:
             raise RunError(f"t = {moment.t:.6g} s: the paddle has reached a gauge: {error}") from None
-        self._record.append([moment.t, *self._points.evaluate(self._elevation)])
+        self._record.append([moment.t, *elevations])

@@ -44,7 +44,7 @@ class SurfaceSnapshots:
         eta = self._sorted(self._waves.elevation(moment.q, moment.p, moment.t))
         psi = self._sorted(moment.p)
         if self._record is not None:
-            x = self._waves.wall.to_physical(self._places)[:, 0]
+            x = self._waves.wall.to_physical(self._places, eta)[:, 0]
             self._record.append(moment.t, x, eta, psi)
 
     @property

@@ -73,7 +73,7 @@ def _by_cell(waves: NonlinearWaves) -> dict[str, Vector]:
     eta = plane.function("elevation")
     eta.set(flow.elevation)
     places = plane.chart.places(plane.V.tabulate_dof_coordinates())
-    x, y = waves.wall.to_physical(places)[dofs].mean(axis=1).T
+    x, y = waves.wall.to_physical(places, eta.rows[:, 0])[dofs].mean(axis=1).T
     own = np.column_stack([x, y, eta.rows[dofs, 0].max(axis=1), flow.slopes, flow.speeds])
     rows = np.concatenate(plane.comm.allgather(own))
     return dict(zip((*PLACES, *VALUES), rows[np.lexsort(rows.T[:2])].T, strict=True))

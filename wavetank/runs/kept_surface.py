@@ -8,10 +8,10 @@ from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.fe.by_place import at_the_same, found
 from wavetank.fe.plane import Plane
-from wavetank.fe.points import Points
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.walls import build_wall
 from wavetank.runs.waters import AnyWaves
+from wavetank.water.surface_points import SurfacePoints
 
 
 class KeptSurface(NamedTuple):
@@ -45,7 +45,7 @@ class KeptSurface(NamedTuple):
         if at_the_same(waves.plane, self.places):
             elevation, potential = found(waves.plane, self.values, self.places)
             return elevation, potential
-        places = waves.wall.to_physical(waves.plane.places)
+        places = waves.wall.to_physical(waves.plane.places)  # the surface of this run is still to come
         comm, mine = waves.plane.comm, slice(0, len(places))
         parts = comm.allgather(places)
         begin = sum(len(part) for part in parts[: comm.rank])
@@ -60,9 +60,9 @@ class KeptSurface(NamedTuple):
         wall: Any = build_wall(self.scene, footprint, plane)
         if wall.moves:
             wall.set_time(self.t)
-        points = Points(plane, plane.chart.place(wall.to_reference(places)))
-        field, found_here = plane.function("kept"), []
-        for values in found(plane, self.values, self.places):
-            field.set(values)
-            found_here.append(points.evaluate(field))
-        return found_here[0], found_here[1]
+        points, field = SurfacePoints(plane, wall, places), plane.function("kept")
+        elevation, potential = found(plane, self.values, self.places)
+        field.set(elevation)
+        heights = points.elevations(field)
+        field.set(potential)
+        return heights, points.points.evaluate(field)

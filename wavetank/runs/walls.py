@@ -9,7 +9,7 @@ from wavetank.fe.plane import Plane
 from wavetank.runs.footprints import Footprint
 from wavetank.values.noun import Noun, Problem, SceneError
 from wavetank.water.footprint import Basin, Slice
-from wavetank.water.walls import LinearPiston, Piston, Placed, Side, StillWall
+from wavetank.water.walls import LinearPaddle, Piston, Placed, Side, StillWall
 
 
 class Kind(NamedTuple):
@@ -41,8 +41,8 @@ def _still(scene: Scene, noun: FixedWall, footprint: Footprint, plane: Plane) ->
     return StillWall()
 
 
-def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPiston:
-    return LinearPiston(scene.motion(), plane=plane, side=footprint.side())
+def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
+    return LinearPaddle(scene.motion(), plane=plane, side=footprint.side())
 
 
 def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
@@ -75,6 +75,6 @@ WALLS: dict[Physics, dict[type[Noun], Kind]] = {
     },
     "linear": {
         FixedWall: Kind(StillWall, _still),
-        PistonWall: Kind(LinearPiston, _linear_piston),
+        PistonWall: Kind(LinearPaddle, _linear_piston),
     },
 }

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 
 import ufl
 
-from wavetank.fe.vertical import VerticalBasis
+from wavetank.fe.vertical import VerticalBasis, gauss_legendre
 
 
 class Part(NamedTuple):
@@ -139,9 +139,14 @@ class WaterEnergy:
         """Return g int J z dz."""
         return self.gravity * self.mapping.moment(self.eta, self.d)
 
-    def wall_flux(self, phi: Any, vertical: VerticalBasis) -> Any:
-        """Return int h phi dzeta."""
-        return self.h * combine(vertical.weights @ vertical.values, phi)
+    def wall_flux(self, phi: Any, vertical: VerticalBasis, share: Any, *, degree: int) -> Any:
+        """Return int h f (phi - psi) dzeta for a share f(z) of a polynomial's degree, by Gauss quadrature, exact."""
+        zeta, weights = gauss_legendre(vertical.n + 1 + degree // 2)
+        rows = weights[:, None] * vertical.at(zeta)[:, :-1]
+        if not degree:
+            return self.h * share(0.0) * combine(rows.sum(axis=0), phi)
+        shares = (share(float(level) * self.h - self.d) for level in zeta)
+        return self.h * sum(f * combine(row, phi) for f, row in zip(shares, rows, strict=True))
 
 
 def combine(weights: Any, phi: Any) -> Any:

@@ -114,8 +114,11 @@ class LinearWaves:
         components = self.vertical.n + 1
         phi = self.plane.layered_function(components, "potential").function
         total = np.zeros((self.plane.owned, components))
+        shape = self.wall.shape
+        interior = still.wall_flux(phi, self.vertical, shape.share, degree=shape.degree)
+        flux = interior + shape.column(still.h, still.d) * phi[self.vertical.n]
         for opening in self.wall.openings:
-            form = ufl.derivative(still.wall_flux(phi, self.vertical) * opening, phi)
+            form = ufl.derivative(flux * opening, phi)
             total += VectorForm(form).assemble().reshape(-1, components)
         return total
 

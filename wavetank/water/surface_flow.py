@@ -159,8 +159,8 @@ class SurfaceFlow(SurfaceVelocity):
 
     def _take(self, values: Vector) -> None:
         rows = values.reshape(self._cells.size, len(self._points), 3)
-        self._x = self._waves.wall.to_physical(self._places)[:, 0]
         self._height, self._slope, self._psi_x = self._sorted(values.reshape(-1, 3)).T
+        self._x = self._waves.wall.to_physical(self._places, self._height)[:, 0]
         self._speeds = np.abs(rows[:, :, 2] / (1 + rows[:, :, 1] ** 2)).max(axis=1, initial=0.0)
         self._slopes = np.abs(rows[:, :, 1]).max(axis=1, initial=0.0)
 

@@ -163,10 +163,15 @@ class NonlinearWaves:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         self._know(q, p, t, flow + wall[:, -1])
 
-    def _begin(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Set all but the interior potential of a state; return the wall's vector, shape (owned, n+1); collective."""
+    def _begin(self, q: Vector, p: Vector, t: float, column: Vector | None = None) -> Vector:
+        """Set all but the interior potential of a state; return the wall's vector, shape (owned, n+1); collective.
+
+        Its column, where it is known, is not found anew.
+        """
         self.set_time(t)
-        self.h.set(self.columns.solve(q))
+        self.h.set(self.columns.solve(q) if column is None else column)
+        if self.wall.leans:
+            self.mass.update()
         self._check_column(t)
         self.level = self.plane.sum(p) / self.plane.size
         if not np.isfinite(self.level):
@@ -303,6 +308,7 @@ class NonlinearWaves:
             "p": self._p,
             "t": self._t,
             "stands": self._stands,
+            "column": self.h.owned.copy(),
             "interior": self.phi.owned[:, :-1].T.copy(),
             "H_p": self._H_p,
             "preconditioner": {"stands": self._made[0], "column": self._made[1]},
@@ -316,10 +322,13 @@ class NonlinearWaves:
         self.h.set(self._made[1])
         self.operator.update()
         self.potential.take(held["potential"])
+        self.h.set(held["column"])
         self._stand(held["stands"])
+        if self.wall.leans:
+            self.mass.update()
         if not np.isnan(held["t"]):  # else the wall has moved since
             self._t = self._stands
-            self._begin(held["q"], held["p"], held["t"])
+            self._begin(held["q"], held["p"], held["t"], held["column"])
             self.phi.owned[:, :-1] = held["interior"].T
             self.phi.fetch()
             self._know(held["q"], held["p"], held["t"], held["H_p"])

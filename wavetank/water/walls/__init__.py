@@ -1,9 +1,24 @@
 """The wall at x = 0: its mapping, its part of the Hamiltonian, its places. A kind is a file: ``contract``."""
 
 from wavetank.water.walls.contract import LinearWall, Placed, Wall, WallTerms, one_time
-from wavetank.water.walls.linear import LinearPiston
+from wavetank.water.walls.linear import LinearPaddle
 from wavetank.water.walls.piston import Piston
+from wavetank.water.walls.shape import Polynomial, Shape
+from wavetank.water.walls.shaped import Shaped
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.still import StillWall
 
-__all__ = ["LinearPiston", "LinearWall", "Piston", "Placed", "Side", "StillWall", "Wall", "WallTerms", "one_time"]
+__all__ = [
+    "LinearPaddle",
+    "LinearWall",
+    "Piston",
+    "Placed",
+    "Polynomial",
+    "Shape",
+    "Shaped",
+    "Side",
+    "StillWall",
+    "Wall",
+    "WallTerms",
+    "one_time",
+]

@@ -19,6 +19,9 @@ from wavetank.fe.vertical import VerticalBasis
 from wavetank.motions import Motion
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Mapping, Part, WaterEnergy
+from wavetank.water.walls.shape import Shape
+
+Heights = Vector | float  # of places, shape (N,), or all alike [m]
 
 
 def one_time(t: float, other: float) -> bool:
@@ -68,6 +71,8 @@ class Placed(Protocol):
         Its mapping, in words.
     moves
         Whether the mapping can change.
+    leans
+        Whether it is not the same at all heights.
     mapping
         From the reference tank to the laboratory.
     """
@@ -75,6 +80,7 @@ class Placed(Protocol):
     part: Part
     told: str
     moves: bool
+    leans: bool
 
     @property
     def mapping(self) -> Mapping:
@@ -83,11 +89,11 @@ class Placed(Protocol):
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the wall at rest [m], shape (owned,)."""
 
-    def to_reference(self, places: Vector) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), for the wall as it stands."""
+    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands."""
 
-    def to_physical(self, places: Vector) -> Vector:
-        """Return the physical places of reference ones, (x, y) [m], shape (N, 2), for the wall as it stands."""
+    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
+        """Return the physical places of reference ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands."""
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return how fast the wall carries reference places [m/s], shape (N, 2)."""
@@ -121,9 +127,12 @@ class LinearWall(Placed, Protocol):
     ----------
     motion
         X_p(t): of what flows in instead.
+    shape
+        f(z), by which it does.
     openings
         Where it does: measures of the wall, none where it stands still.
     """
 
     motion: Motion
+    shape: Shape
     openings: tuple[ufl.Measure, ...]

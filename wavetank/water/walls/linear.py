@@ -6,12 +6,13 @@ from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.motions import Motion
 from wavetank.water.energy import Part
+from wavetank.water.walls.shape import UPRIGHT, Shape
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.still import StillWall
 
 
-class LinearPiston(StillWall):
-    """A piston of small stroke.
+class LinearPaddle(StillWall):
+    """A paddle of small stroke.
 
     Parameters
     ----------
@@ -19,13 +20,15 @@ class LinearPiston(StillWall):
         X_p(t) with its exact derivatives.
     side
         Where the wall is.
+    shape
+        f(z); by default it is vertical.
     """
 
-    part = Part("wall", "Ẋ_p d ∫ φ dζ at the paddle")
+    part = Part("wall", "Ẋ_p d ∫ f φ dζ at the paddle")
     told = "x = X, F = J = 1: linear waves leave the wall where it is"
 
-    def __init__(self, motion: Motion, *, plane: Plane, side: Side):
-        self.motion, self._side = motion, side
+    def __init__(self, motion: Motion, *, plane: Plane, side: Side, shape: Shape = UPRIGHT):
+        self.motion, self._side, self.shape = motion, side, shape
         self.openings = (ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1),)
 
     def distances(self, plane: Plane) -> Vector:

@@ -1,18 +1,20 @@
-"""Mappings of the reference tank to the laboratory that are the same at all heights (ours: docs/method.md, section 1).
+"""Mappings of the reference tank to the laboratory (ours: docs/method.md, sections 1 and 7).
 
-    x = X + a s(X) X_p(y, t),   J = 1 + a . grad(s X_p),   mesh velocity = a s X_p'
+    x = X + a f(z) s(X) X_p(y, t),   J = 1 + f a . grad(s X_p),   mesh velocity = a f s X_p'
 
-with the paddle's unit normal a into the water, s falling smoothly from 1 at the paddle's rest position to 0 at the
-mapping's reach (motions/mapping.py), and y along the paddle. Its matrix is F = 1 + a (x) grad(s X_p), so that the
-physical gradient is
+with the paddle's unit normal a into the water, its shape f (``shape.py``; of a vertical wall f = 1), s falling smoothly
+from 1 at the paddle's rest position to 0 at the mapping's reach (motions/mapping.py), and y along the paddle. At a
+height z its matrix is F = 1 + f a (x) grad(s X_p), so that a potential u has in physical space the gradient
 
-    F^-T grad f = grad f - grad(s X_p) (a . grad f) / J.
+    F^-T grad u = grad u - f grad(s X_p) (a . grad u) / J,     u_z - f' s X_p (a . grad u) / J  upwards.
 """
 
 from dataclasses import dataclass
 from typing import Any
 
 import ufl
+
+from wavetank.water.walls.shape import Shape
 
 
 class Identity:
@@ -37,7 +39,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class Shift:
-    """The mapping x = X + a s X_p, in UFL.
+    """The mapping x = X + a f(z) s X_p, in UFL.
 
     Attributes
     ----------
@@ -45,28 +47,39 @@ class Shift:
         a.
     length
         s X_p [m].
+    shape
+        f.
     """
 
     axis: Any
     length: Any
+    shape: Shape
 
-    def J(self, z: Any = None) -> Any:
-        """Return 1 + a . grad(s X_p)."""
-        return 1 + ufl.inner(self.axis, ufl.grad(self.length))
+    @property
+    def stretching(self) -> Any:
+        """A . grad(s X_p), what a paddle with f = 1 would widen elements by."""
+        return ufl.inner(self.axis, ufl.grad(self.length))
+
+    def J(self, z: Any) -> Any:
+        """Return 1 + f a . grad(s X_p)."""
+        return 1 + self.shape.share(z) * self.stretching
 
     def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
-        """Return F^-T slope, and the rise as it is."""
-        return self._physical(slope), rise
+        """Return F^-T slope, and the rise less what points at other heights are carried aside."""
+        along = ufl.inner(self.axis, slope) / self.J(z)
+        aside = h * self.shape.slope(z) * self.length * along
+        return self._physical(slope, self.shape.share(z) * ufl.grad(self.length), self.J(z)), rise - aside
 
     def gradient(self, f: Any, z: Any) -> Any:
-        """Return F^-T grad f; in one dimension that is f_X / J."""
-        return self._physical(ufl.grad(f))
+        """Return the gradient along the surface; in one dimension that is f_X / x_X."""
+        carried = ufl.grad(self.shape.share(z) * self.length)
+        return self._physical(ufl.grad(f), carried, 1 + ufl.inner(self.axis, carried))
 
     def moment(self, eta: Any, d: Any) -> Any:
-        """Return 1/2 J eta^2."""
-        return 0.5 * self.J() * eta**2
+        """Return 1/2 eta^2, wider by the mean of f."""
+        return 0.5 * (1 + self.shape.mean(eta) * self.stretching) * eta**2
 
-    def _physical(self, slope: Any) -> Any:
+    def _physical(self, slope: Any, carried: Any, J: Any) -> Any:
         if self.axis.ufl_shape == (1,):
-            return slope / self.J()
-        return slope - ufl.grad(self.length) * ufl.inner(self.axis, slope) / self.J()
+            return slope / J
+        return slope - carried * ufl.inner(self.axis, slope) / J

@@ -1,12 +1,14 @@
 """A vertical wall that moves as a piston, or as many side by side, and what it adds to the Hamiltonian.
 
-    W = F(X_p'),     F(v) = int psi a . grad(s v h) dX + int v h phi dzeta at the paddle
+    W = F(X_p'),     F(v) = - int s v R a . grad psi dX + int v h f (phi - psi) dzeta at the paddle
 
+with the shape f(z) of the paddle and R = int f dz over the column, of a vertical wall f = 1 and R = h. By parts this is
+int psi a . grad(s v R) dX + int v h f phi dzeta, written so that psi = phi = 1 gives zero whatever the quadrature.
 H(Q, psi, t) depends on time through X_p, X_p' and the depth under points that the wall moves, so at fixed (Q, psi)
 
-    dH/dt = d/dt (K + V)  -  int dJ/dt h mu dX  +  F(X_p''),     mu = M_J^-1 H_h     (ours)
+    dH/dt = d/dt (K + V)  -  int a . grad(s X_p') R mu dX  +  F(X_p''),     mu = M_J^-1 H_h     (ours)
 
-the first with X_p and d going on as they move now, the second because h = M_J^-1 Q moves with J.
+the first with X_p and d going on as they move now, the second because h moves at fixed Q = h + a . grad(s X_p) R.
 """
 
 from collections.abc import Callable
@@ -28,8 +30,9 @@ from wavetank.motions import Motion
 from wavetank.motions.mapping import largest_stroke, share, unmapped
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
-from wavetank.water.walls.contract import Columns
+from wavetank.water.walls.contract import Columns, Heights
 from wavetank.water.walls.mapping import Shift
+from wavetank.water.walls.shape import UPRIGHT, Shape
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.travel import Travel
 
@@ -46,14 +49,17 @@ class Piston:
         smooth within cells on meshes with a row of vertices there.
     side
         Where the wall is.
+    shape
+        f(z); by default it is vertical.
     """
 
     part = Part("wall", "∫ ψ ∇·(ẋ h) dX + Ẋ_p ∫ h φ dζ at the paddle,  ẋ = s Ẋ_p")
     told = "x = X + s(X) X_p, F = ∂x/∂X, J = det F: a vertical wall moves"
     moves = True
+    leans = False
 
-    def __init__(self, motion: Motion, *, plane: Plane, reach: float, side: Side):
-        self.side, self._plane = side, plane
+    def __init__(self, motion: Motion, *, plane: Plane, reach: float, side: Side, shape: Shape = UPRIGHT):
+        self.side, self._plane, self.shape = side, plane, shape
         vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
         s = plane.function("s")
@@ -96,7 +102,12 @@ class Piston:
 
     def after(self, dt: Any) -> Shift:
         """Return the mapping when the paddle has gone on for dt [s], as it moves now; dt in UFL."""
-        return Shift(self.axis, self.travel.position + dt * self.travel.speed)
+        return Shift(self.axis, self.travel.position + dt * self.travel.speed, self.shape)
+
+    @property
+    def speeding(self) -> Shift:
+        """How the mapping goes on, a second further."""
+        return Shift(self.axis, self.travel.speed, self.shape)
 
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the paddle at rest [m], shape (owned,)."""
@@ -110,39 +121,35 @@ class Piston:
         """Return what the paddle adds to the Hamiltonian."""
         return PistonTerms(self, energy, phi, bed=bed, plane=self._plane, vertical=vertical)
 
-    @property
-    def stretching(self) -> Any:
-        """The rate at which J changes [1/s], in UFL."""
-        return ufl.inner(self.axis, ufl.grad(self.travel.speed))
+    def flux(self, speed: Any, *, psi: Any, R: Any, wall_flux: Any) -> Any:
+        """Return F for s v [m/s] in UFL; at the paddle s = 1."""
+        carried = ufl.inner(self.axis, ufl.grad(psi))
+        return -speed * R * carried * self.carried + speed * wall_flux * self._on_paddle
 
-    def flux(self, speed: Any, *, psi: Any, h: Any, wall_flux: Any) -> Any:
-        """Return int psi a . grad(s v h) dX + int v h phi dzeta at the paddle, for s v [m/s] in UFL; there s = 1."""
-        carried = ufl.inner(self.axis, ufl.grad(speed * h))
-        return psi * carried * self.carried + speed * wall_flux * self._on_paddle
+    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
+        """Return X with X + a f s(X) X_p = x, places of shape (N, 2) [m]."""
 
-    def to_reference(self, places: Vector) -> Vector:
-        """Return X with X + a s(X) X_p = x, places of shape (N, 2) [m]."""
-
-        def back(distances: Vector, places: Vector) -> Vector:
-            positions = self.travel.positions(self.side.along(places))
+        def back(distances: Vector, positions: Vector) -> Vector:
             moved = unmapped(np.asarray(distances / self.reach), np.asarray(positions / self.reach))
             return np.asarray(self.reach * moved - distances)
 
-        return self._carried_on(places, back)
+        return self._carried_on(places, z, back)
 
-    def to_physical(self, places: Vector) -> Vector:
-        """Return X + a s(X) X_p, places of shape (N, 2) [m]."""
+    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
+        """Return X + a f s(X) X_p, places of shape (N, 2) [m]."""
 
-        def shift(distances: Vector, places: Vector) -> Vector:
-            return self._share(distances) * self.travel.positions(self.side.along(places))
+        def shift(distances: Vector, positions: Vector) -> Vector:
+            return self._share(distances) * positions
 
-        return self._carried_on(places, shift)
+        return self._carried_on(places, z, shift)
 
-    def _carried_on(self, places: Vector, shift: Callable[[Vector, Vector], Vector]) -> Vector:
-        """Return places moved along the normal by a shift [m] of their distances and themselves; none beyond reach."""
+    def _carried_on(self, places: Vector, z: Heights, shift: Callable[[Vector, Vector], Vector]) -> Vector:
+        """Return places moved along the normal by a shift [m] of their distances and f X_p; none beyond reach."""
         moved, distances = places.copy(), self.side.distances(places)
         near = np.flatnonzero(distances < self.reach)
-        moved[near] += np.outer(shift(distances[near], places[near]), self.side.normal)
+        shares = self.shape.at(np.broadcast_to(z, distances.shape)[near])
+        positions = shares * self.travel.positions(self.side.along(places[near]))
+        moved[near] += np.outer(shift(distances[near], positions), self.side.normal)
         return moved
 
     def mesh_velocities(self, places: Vector) -> Vector:
@@ -158,10 +165,12 @@ class PistonTerms:
         self, wall: Piston, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, plane: Plane, vertical: VerticalBasis
     ):
         self._wall, self._bed, self._plane, self._components = wall, bed, plane, vertical.n + 1
+        shape = wall.shape
+        R = shape.column(energy.h, energy.d)
         parts = {
             "psi": phi.function[vertical.n],
-            "h": energy.h,
-            "wall_flux": energy.wall_flux(phi.function, vertical),
+            "R": R,
+            "wall_flux": energy.wall_flux(phi.function, vertical, shape.share, degree=shape.degree),
         }
         work = wall.flux(wall.travel.speed, **parts)
         self.hamiltonian = {wall.part: work}
@@ -175,7 +184,7 @@ class PistonTerms:
 
         self._mu = plane.function("mu")
         _, rate = taylor_coefficients(density, 1, plane.mesh)
-        moved = rate - wall.stretching * energy.h * self._mu.function
+        moved = rate - wall.speeding.stretching * R * self._mu.function
         self._power = ScalarForm(moved * wall.carried, plane.comm)
 
     def vector(self) -> Vector:

@@ -12,8 +12,9 @@ from wavetank.fe.vertical import VerticalBasis
 from wavetank.motions import AtRest, Motion
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
-from wavetank.water.walls.contract import Columns
+from wavetank.water.walls.contract import Columns, Heights
 from wavetank.water.walls.mapping import Identity
+from wavetank.water.walls.shape import UPRIGHT, Shape
 
 
 class StillWall:
@@ -21,11 +22,12 @@ class StillWall:
 
     part = Part("wall", "", "nothing moves there")
     told = "x = X, F = J = 1: no wall moves"
-    moves = False
+    moves = leans = False
     velocities = np.zeros(1)
     motion: Motion = AtRest()
     openings: tuple[ufl.Measure, ...] = ()
     mapping = Identity()
+    shape: Shape = UPRIGHT
     carried: ufl.Measure | None = None
 
     def set_time(self, t: float) -> bool:
@@ -36,11 +38,11 @@ class StillWall:
         """Return x [m], shape (owned,)."""
         return plane.x
 
-    def to_reference(self, places: Vector) -> Vector:
+    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
         """Return the places."""
         return places
 
-    def to_physical(self, places: Vector) -> Vector:
+    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
         """Return the places."""
         return places
 

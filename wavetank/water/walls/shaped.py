@@ -1,0 +1,66 @@
+"""A paddle whose place depends on the height, x = f(z) X_p: a flap, or any other shape (docs/method.md, section 7).
+
+The mapping is x = X + s(X) f(z) X_p, so that a column of water h has the mass
+
+    Q = int v (h + a . grad(s X_p) R(h)) dX,     R = int f dz over the column,     dQ/dh = M_J with J at the surface.
+"""
+
+import numpy as np
+import ufl
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.errors import ConvergenceError
+from wavetank.fe.forms import VectorForm
+from wavetank.fe.mass import MassMatrix, mass_matrix
+from wavetank.fe.plane import Plane
+from wavetank.water.energy import Part, WaterEnergy
+from wavetank.water.walls.contract import Columns
+from wavetank.water.walls.piston import Piston
+
+MOST = 30  # iterations
+ROUND_OFF = 1e-14  # of the depth
+
+
+class Shaped(Piston):
+    """A paddle of a shape f(z); over its reach the bed must be flat."""
+
+    part = Part("wall", "∫ ψ ∇·(s G) dX + Ẋ_p ∫ h f φ dζ at the paddle,  G = Ẋ_p ∫ f dz")
+    told = "x = X + s(X) f(z) X_p, F = ∂x/∂X, J = det F: a wall of the shape f moves"
+    leans = True
+
+    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+        """Return what finds columns by Newton's method."""
+        return ShapedColumns(self, energy, mass, plane=self._plane)
+
+
+class ShapedColumns:
+    """Columns beside a paddle of any shape; see ``Columns``.
+
+    Newton's method takes M_J as it was last told, which is near enough to converge by a factor of a hundred a step.
+    """
+
+    def __init__(self, wall: Shaped, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane):
+        self._mass, self._plane, self._depth = mass, plane, float(energy.d)
+        self._start: Vector = energy.h.x.array[: plane.owned]
+        self._still, self._h = mass_matrix(plane, ufl.as_ufl(1)), plane.function("columns")
+        stretched = wall.mapping.stretching * wall.shape.column(self._h.function, energy.d)
+        self._moving = VectorForm(stretched * ufl.TestFunction(plane.V) * wall.carried)
+
+    def apply(self, h: Vector) -> Vector:
+        """Return the masses of columns [m]; collective."""
+        self._h.set(h)
+        return self._still.apply(h) + self._moving.assemble()
+
+    def solve(self, q: Vector) -> Vector:
+        """Return the columns [m] of masses; collective. Raises ``ConvergenceError``."""
+        h = self._start.copy()
+        for _ in range(MOST):
+            change = self._mass.solve(q - self.apply(h))
+            h += change
+            if not self._largest(change) > ROUND_OFF * self._depth:
+                return h
+        raise ConvergenceError(f"the columns of water beside the paddle did not converge in {MOST} iterations")
+
+    def _largest(self, change: Vector) -> float:
+        return float(self._plane.comm.allreduce(float(np.abs(change).max(initial=0.0)), op=MPI.MAX))
