@@ -3,8 +3,6 @@
 MODES           vertical modes; a chain is a matrix for each of them
 
 All is of single precision: a correction to a potential, whose residual is of double precision. */
-#include <math.h>
-
 #define GROUPS ((MODES + ABREAST - 1) / ABREAST)
 #define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
 #define ENOUGH 1e-10            /* of a residual's energy: less is round-off of single precision */

@@ -5,9 +5,14 @@ ABREAST         systems of a group
 
 Rows stand in the order in which degrees of freedom follow each other: [group][row][distance to the column before]. A
 ring is cut: one of its rows borders the rest, and is last. */
+#include <math.h>
 #include <string.h>
 
+#if ABREAST == 1
+typedef REAL abreast;
+#else
 typedef REAL abreast __attribute__((vector_size(sizeof(REAL) * ABREAST), aligned(sizeof(REAL))));
+#endif
 
 typedef struct {
     int dofs, cut, groups;  /* cut: 1 of a ring, else 0 */
@@ -49,8 +54,10 @@ static void clear_chain(const Chain *c)
 
 INLINE abreast reciprocal(abreast of)
 {
-    EACH(l, ABREAST)
-        of[l] = of[l] > 0.0 ? 1.0 / of[l] : NAN;
+    EACH(l, ABREAST) {
+        REAL *one = (REAL *)&of + l;
+        *one = *one > 0.0 ? 1.0 / *one : NAN;
+    }
     return of;
 }
 
@@ -58,7 +65,7 @@ static void factor(long rows, abreast *restrict A)
 {
     for (long i = 0; i < rows; ++i) {
         abreast *row = A + i * (BAND + 1);
-        abreast scaled[BAND + 1] = {{0.0}}, rest = row[0];  /* entries of L D */
+        abreast scaled[BAND + 1] = {0}, rest = row[0];  /* entries of L D */
         for (int d = i < BAND ? i : BAND; d > 0; --d) {
             const abreast *other = A + (i - d) * (BAND + 1);
             abreast sum = row[d];

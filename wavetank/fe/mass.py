@@ -1,11 +1,12 @@
 """Matrices on the horizontal space and their inverses, above all the mass matrix M_J.
 
-Along a slice it is a matrix, factored; in basins it is neither assembled nor stored: a product goes through the
-quadrature points (``mass.c``), which takes a tenth of the time of a sparse matrix at p = 4, and of its memory.
+It is neither assembled nor stored: a product goes through the quadrature points (``mass.c``), which in a basin takes a
+tenth of the time of a sparse matrix at p = 4, and of its memory. Along a slice on one rank its factors are, banded.
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import ufl
@@ -15,6 +16,7 @@ from petsc4py import PETSc
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fe.cells import DECLARATION, Cells, defined, source
+from wavetank.fe.chain import CHAIN, chain
 from wavetank.fe.conjugate_gradients import conjugate_gradients
 from wavetank.fe.density import Density
 from wavetank.fe.forms import compile_form, owned_rows
@@ -31,6 +33,10 @@ void multiply(const Cells *, const double *weights, const double *x, double *y);
 void diagonal(const Cells *, const double *weights, double *y);
 void cellwise(const Cells *, const double *K, const double *scale, const double *x, double *y);
 """
+ALONG = f"""{CHAIN}
+void factor_mass(const Cells *, const double *weights, const Chain *);
+void solve_mass(const Chain *, const double *b, double *x, double *work);
+"""
 
 
 Bilinear = Callable[[Any, Any], ufl.Form]  # of trial and test function
@@ -43,18 +49,12 @@ class HorizontalMatrix:
     ----------
     form
         The bilinear form in UFL, given trial and test function.
-    moving
-        A further form, the only one that changes, on some of the first one's cells; default: the first one changes.
     """
 
-    def __init__(self, plane: Plane, form: Bilinear, *, moving: Bilinear | None = None):
-        self._plane, trial, test = plane, ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)
-        whole = self._form = compile_form(form(trial, test))
-        self._matrix = fem.create_matrix(whole)
-        self._standing = np.zeros_like(self._matrix.data)
-        if moving is not None:
-            fem.assemble_matrix(self._matrix, whole)
-            self._standing, self._form = self._matrix.data.copy(), compile_form(moving(trial, test))
+    def __init__(self, plane: Plane, form: Bilinear):
+        self._plane = plane
+        self._form = compile_form(form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)))
+        self._matrix = fem.create_matrix(self._form)
         _, columns, pointers = owned_rows(self._matrix)  # forms on facets reach farther than the space's ghosts
         columns = self._matrix.index_map(1).local_to_global(columns)
         self._rows = SparseRows(columns, pointers, size=plane.size, comm=plane.comm)
@@ -78,7 +78,7 @@ class HorizontalMatrix:
 
     def update(self) -> None:
         """Assemble it for the present values of what the form depends on; collective."""
-        self._matrix.data[:] = self._standing
+        self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
         self._rows.set(owned_rows(self._matrix)[0])
@@ -97,40 +97,15 @@ class HorizontalMatrix:
             raise ConvergenceError(f"a mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})")
         return np.array(self._out.array_r)
 
-    def diagonal(self) -> Vector:
-        """Return the owned diagonal entries, shape (owned,)."""
-        return np.array(self._rows.matrix.getDiagonal().array_r)
+
+def mass_matrix(plane: Plane, J: Any) -> "MassMatrix":
+    """Return M_J for the Jacobian of the wall's mapping, in UFL; collective."""
+    kind = BandedMass if plane.mesh.topology.dim == 1 and plane.comm.size == 1 else MassMatrix
+    return kind(plane, J)
 
 
-class MassMatrix(Protocol):
-    """M_J = int J u v dX; found anew only when told that J has changed. All of it is collective."""
-
-    def update(self) -> None:
-        """Take over what J depends on as it is."""
-
-    def apply(self, values: Vector) -> Vector:
-        """Return the product with owned values x, shape (owned,)."""
-
-    def solve(self, right: Vector) -> Vector:
-        """Return the solution for owned values r, shape (owned,)."""
-
-    def diagonal(self) -> Vector:
-        """Return the owned diagonal entries, shape (owned,)."""
-
-
-def mass_matrix(plane: Plane, J: Any, *, carried: ufl.Measure | None = None) -> MassMatrix:
-    """Return M_J for the Jacobian of the wall's mapping, in UFL; collective.
-
-    ``carried`` is the measure over the cells that the wall carries, where J can differ from 1; None where it stands.
-    """
-    if plane.mesh.topology.dim == 2:
-        return PointwiseMass(plane, J)
-    moving = carried and (lambda u, v: (J - 1) * u * v * carried)
-    return HorizontalMatrix(plane, lambda u, v: u * v * plane.dx, moving=moving)
-
-
-class PointwiseMass:
-    """M_J of a basin without a matrix; see ``MassMatrix``.
+class MassMatrix:
+    """M_J = int J u v dX without a matrix; found anew only when told that J has changed. All of it is collective.
 
     It is inverted to round-off by conjugate gradients, preconditioned by the inverses of the cells' own matrices M_c,
 
@@ -141,16 +116,18 @@ class PointwiseMass:
     """
 
     most = 200  # iterations
+    more = "", ""  # C code, and its declarations
 
     def __init__(self, plane: Plane, J: Any):
         cells = Cells(plane, 3 * plane.order, lanes=LANES)
         self._density = Density(ufl.as_ufl(J), plane)
         self._comm, self._halo = plane.comm, Halo(plane.V.dofmap.index_map, 1)
         sizes = {"REAL": "double", **cells.sizes, "FIELDS": self._density.fields}
-        code = defined({**sizes, "MOST": max(1, self._density.fields)}) + source("cells.c") + source("mass.c")
+        code, declarations = self.more
+        code = defined({**sizes, "MOST": max(1, self._density.fields)}) + source("cells.c") + source("mass.c") + code
         self._kernel = Kernel(
             "mass",
-            DECLARATION + DECLARATIONS,
+            DECLARATION + DECLARATIONS + declarations,
             key=f"{self._density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
             source=lambda: self._density.put_in(code, {"DENSITY": lambda density: {"density": density}}),
             comm=plane.comm,
@@ -163,12 +140,19 @@ class PointwiseMass:
         self.update()
 
     def update(self) -> None:
-        """See ``MassMatrix``."""
+        """Take over what J depends on as it is."""
         at, density = self._kernel.pointer, self._density
         self._kernel.call.weigh(self._cells, at(density.constants()), at(density.rows()), at(self._weights))
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Make ready for solves."""
+        self._diagonal, self._means = self._of_diagonal(), self._weights.sum(axis=1) / self._size
+
+    def _of_diagonal(self) -> Vector:
         diagonal = np.zeros((self._halo.size, 1))
-        self._kernel.call.diagonal(self._cells, at(self._weights), at(diagonal))
-        self._diagonal, self._means = self._halo.collect(diagonal), self._weights.sum(axis=1) / self._size
+        self._kernel.call.diagonal(self._cells, self._kernel.pointer(self._weights), self._kernel.pointer(diagonal))
+        return self._halo.collect(diagonal)
 
     def _product(self, x: Vector) -> Vector:
         at, y = self._kernel.pointer, np.zeros((self._halo.size, 1))
@@ -181,11 +165,11 @@ class PointwiseMass:
         return np.asarray(self._halo.collect(y) / self._diagonal)
 
     def apply(self, values: Vector) -> Vector:
-        """See ``MassMatrix``."""
+        """Return the product with owned values x, shape (owned,)."""
         return self._product(values[:, None])[:, 0]
 
     def solve(self, right: Vector) -> Vector:
-        """See ``MassMatrix``."""
+        """Return the solution for owned values r, shape (owned,)."""
         found, residual = np.zeros((right.size, 1)), np.array(right[:, None])
         conjugate_gradients(
             self._product,
@@ -199,5 +183,30 @@ class PointwiseMass:
         return found[:, 0]
 
     def diagonal(self) -> Vector:
-        """See ``MassMatrix``."""
-        return np.array(self._diagonal[:, 0])
+        """Return the owned diagonal entries, shape (owned,)."""
+        return np.array(self._of_diagonal()[:, 0])
+
+
+class BandedMass(MassMatrix):
+    """That of a slice or ring on one rank: its factors are kept, L D L' in the order of places."""
+
+    def __init__(self, plane: Plane, J: Any):
+        self.more = (
+            f"#define BAND {plane.order}\n#define ABREAST 1\n" + source("chain.c") + source("banded_mass.c"),
+            ALONG,
+        )
+        self._plane, self._work = plane, np.empty(plane.size)
+        super().__init__(plane, J)
+
+    @cached_property
+    def _factors(self) -> Any:
+        return chain(self._kernel, self._plane, groups=1, abreast=1)
+
+    def _prepare(self) -> None:
+        self._kernel.call.factor_mass(self._cells, self._kernel.pointer(self._weights), self._factors)
+
+    def solve(self, right: Vector) -> Vector:
+        """Return the solution for owned values r, shape (owned,)."""
+        found, at = np.empty_like(right), self._kernel.pointer
+        self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(found), at(self._work))
+        return found

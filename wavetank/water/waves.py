@@ -117,7 +117,7 @@ class NonlinearWaves:
         self.h.function.x.array[:] = self.depth
         g = fem.Constant(plane.mesh, gravity)
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
-        self.mass = mass_matrix(plane, wall.mapping.J(energy.eta), carried=wall.carried)
+        self.mass = mass_matrix(plane, wall.mapping.J(energy.eta))
         self.columns = wall.columns(energy, self.mass)
         self.operator, self.layer, minimum = interior_of(
             energy.column, plane, self.vertical, column=self.h, tolerance=tolerances.interior
