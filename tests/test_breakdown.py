@@ -74,7 +74,7 @@ def test_the_surface_that_broke_is_kept_and_drawn_and_the_run_goes_on_with_anoth
     case = tmp_path / "case.toml"
     case.write_text(
         "[tank]\nlength = 2.0\ndepth = 1.0\n[initial]\ntype = 'standing-wave'\nwave_amplitude = 0.1\n"
-        "[run]\nduration = 1.0\ncheckpoint_every = 1e-3\n[numerics]\ncells = 16\nvertical_order = 8\ndt = 0.04\n"
+        "[run]\nduration = 1.0\n[numerics]\ncells = 16\nvertical_order = 8\ndt = 0.04\n"
         "integrator = 'stormer-verlet'\n"
     )
     out = tmp_path / "run"
@@ -90,8 +90,10 @@ def test_the_surface_that_broke_is_kept_and_drawn_and_the_run_goes_on_with_anoth
     secants = np.abs(rise[apart > 0] / apart[apart > 0])  # never steeper than what lies between
     assert 0.3 * broken["slope"].max() < secants.max() <= broken["slope"].max()
     kept = run.manifest["last_checkpoint"]
+    assert kept == told["t"]  # what was computed last
     assert f"the surface it broke down from, t = {told['t']:.6g} s: {out / 'broken.csv'}, {out / 'broken.png'}" in log
-    assert f"the last good checkpoint, t = {kept:.6g} s: {out / 'checkpoint.zip'}" in log
+    before = "; the one before, t = 0 s: --at 0"
+    assert f"the last good checkpoint, t = {kept:.6g} s: {out / 'checkpoint.zip'}{before}" in log
     assert f"next: wavetank resume {out} --set numerics.dt=0.02" in log
     assert_drawn(out / "broken.png")
     assert main(["resume", str(out), "--no-plots", "--set", "numerics.dt=0.02"]) == 0

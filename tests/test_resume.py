@@ -10,13 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from test_checkpoint import ending, record, record_until, same
+from test_checkpoint import ending, record, record_until, same, scene
 from test_stateful import SLICE
 
 import wavetank as wt
 from wavetank.case import Scene
 from wavetank.cli import main
-from wavetank.errors import InputError
+from wavetank.errors import InputError, RunError
+from wavetank.observers import checkpoints
+from wavetank.observers.schedule import EverySteps
 from wavetank.records import whole
 from wavetank.records.checkpoint import read_kept
 from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
@@ -71,6 +73,43 @@ def test_the_directory_alone_is_enough(uninterrupted, part, capsys):
     before = contents(part)
     assert resumed(part).status == "finished" and contents(part) == before
     assert f"{part} has finished; --extend SECONDS goes on with it" in capsys.readouterr().out
+
+
+def test_a_run_goes_on_from_the_checkpoint_before_its_last(uninterrupted, part, capsys):
+    """Of a time that is named; of another it is told which there are."""
+    before = contents(part)
+    assert main(["resume", str(part), "--at", "0.1"]) == 2
+    said = f"wavetank: {part}: holds no checkpoint of t = 0.1 s; there is one of 0.2 s and of 0 s.\n"
+    assert capsys.readouterr().err == said and contents(part) == before
+    resumed(part, "--at", "0")
+    assert "going on from t = 0 s\n" in capsys.readouterr().out
+    same(uninterrupted, part)
+
+
+def test_a_run_that_fails_is_kept_up_to_its_last_good_step(uninterrupted, tmp_path, monkeypatch, capsys):
+    """Between two checkpoints: where one of the observers fails, who have seen some of a step, that is the one before.
+
+    It goes on as it would have to the tolerance of its stages, no row doubled or missing; and its budget is one.
+    """
+
+    class Failing:
+        def __init__(self, waves):
+            self.schedule = EverySteps()
+
+        def observe(self, moment):
+            if moment.step == 7:
+                raise RunError("it ends here")
+
+    monkeypatch.setattr(checkpoints, "NOTING", np.inf)
+    with pytest.raises(RunError, match="it ends here"):
+        wt.run(scene(SLICE), tmp_path / "run", observers=[Failing], quiet=True)
+    failed = read_kept(tmp_path / "run" / CHECKPOINT)
+    assert failed.about["step"] == 6 and len(RunDirectory(tmp_path / "run").energy.time) == 8
+    run = resumed(tmp_path / "run")
+    assert "going on from t = 0.3 s\n" in capsys.readouterr().out
+    same(uninterrupted, tmp_path / "run", tolerance=1e-5)
+    assert [part["steps"] for part in run.manifest["parts"]] == [6, 4]
+    assert run.manifest["warnings"] == RunDirectory(uninterrupted).manifest["warnings"]
 
 
 def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
@@ -184,8 +223,8 @@ def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
     coarse, fine = (Scene.model_validate(SLICE | {"numerics": SLICE["numerics"] | {"cells": n}}) for n in (24, 31))
     t, k = 0.35, 1.5
     values = []
-    for scene in (coarse, fine):
-        waves = build_waves(scene, MPI.COMM_SELF)
+    for one in (coarse, fine):
+        waves = build_waves(one, MPI.COMM_SELF)
         waves.set_time(t)
         x = waves.wall.to_physical(waves.plane.places)[:, 0]
         values.append((np.cos(k * x), np.sin(k * x)))

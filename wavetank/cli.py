@@ -149,14 +149,17 @@ def resume(
     extend: Annotated[
         float | None, typer.Option(metavar="SECONDS", help="so much longer than it was to be, also when finished")
     ] = None,
+    at: Annotated[
+        float | None, typer.Option(metavar="SECONDS", help="from the checkpoint of this t, of the two that are kept")
+    ] = None,
     plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
     yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
 ) -> None:
-    """Go on with a run from its last checkpoint; also under mpirun."""
+    """Go on with a run from its last checkpoint, or the one before; also under mpirun."""
     from wavetank.recording import resume_run
 
-    told, draw = console(), _draw if plots else None
-    resume_run(directory, overrides or [], extend=extend, comm=MPI.COMM_WORLD, console=told, draw=draw, unasked=yes)
+    options = {"draw": _draw if plots else None, "unasked": yes}
+    resume_run(directory, overrides or [], extend=extend, at=at, comm=MPI.COMM_WORLD, console=console(), **options)
 
 
 def _list_cases() -> None:

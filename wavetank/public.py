@@ -68,6 +68,7 @@ def resume(
     changes: Sequence[str] = (),
     *,
     extend: float | None = None,
+    at: float | None = None,
     observers: Sequence[Callable[[AnyWaves], Observer]] = (),
     integrator: Integrator[Any] | None = None,
 ) -> RunDirectory:
@@ -82,12 +83,14 @@ def resume(
     changes
         Of the scene, as ``read_case`` takes them: other numerics, a longer duration, more gauges.
     extend
-        How much longer it is to be [s]; a finished run goes on only by this.
+        How much longer it is to be [s]; a finished run goes on only by this, or from the checkpoint before its end.
+    at
+        The time of the checkpoint to go on from [s], one of the two that are kept; default: of the last.
     observers, integrator
         Those of the run, where it was given some.
     """
     comm = MPI.COMM_WORLD
     own = {"observers": observers, "integrator": integrator}
-    resume_run(directory, changes, extend=extend, comm=comm, console=console(), **own)
+    resume_run(directory, changes, extend=extend, at=at, comm=comm, console=console(), **own)
     comm.Barrier()
     return RunDirectory(directory)

@@ -22,7 +22,7 @@ from wavetank.observers.record import Discard, Kept, RecordCheck
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
-from wavetank.records.checkpoint import last_checkpoint
+from wavetank.records.checkpoint import kept as checkpoints
 from wavetank.records.directory import ENERGY, LOG, PADDLE, RunDirectory
 from wavetank.records.environment import environment
 from wavetank.records.log import RunLog
@@ -95,6 +95,7 @@ def record_run(
     observers: Sequence[Callable[[AnyWaves], Observer]] = (),
     integrator: Integrator[Any] | None = None,
     resume: bool = False,
+    at: float | None = None,
 ) -> None:
     """Run a scene into a directory; collective.
 
@@ -121,7 +122,9 @@ def record_run(
     integrator
         In place of the scene's.
     resume
-        Whether the run that is there goes on, from its last checkpoint.
+        Whether the run that is there goes on, from a checkpoint.
+    at
+        The time of that [s]; default: of the last.
     """
     began, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
@@ -131,7 +134,7 @@ def record_run(
     with ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
-        kept = GoingOn(writer, comm, warn=warnings.add) if resume else None
+        kept = GoingOn(writer, comm, warn=warnings.add, at=at) if resume else None
         asked, (scene, doubts) = scene, kept.planned(scene) if kept else planned(scene, comm)
         if not unasked:
             check_affordable(scene, comm)
@@ -144,7 +147,7 @@ def record_run(
         run.observers += own_observers(observers, waves)
         if kept:
             log.say(kept.take(run, waves, scene=scene, fields=series))
-        earlier, counting_on = (kept.about["parts"], not kept.anew) if kept else ([], False)
+        earlier, counting_on = (kept.about["parts"], kept.counting_on) if kept else ([], False)
         parts = Parts(run, waves, began=began, earlier=earlier, counting_on=counting_on)
         keeping = KeptRun(
             asked, scene, run=run, waves=waves, fields=series, parts=parts, writer=writer, warnings=warnings.sentences
@@ -154,8 +157,8 @@ def record_run(
             known.update(surface.figures)
             if writer is not None:
                 writer.broken(surface.columns)
-                known["last_checkpoint"] = last_checkpoint(writer.path)
-                writer.note({**surface.figures, "last_checkpoint": known["last_checkpoint"]})
+                known["checkpoints"] = [about["t"] for _, about in checkpoints(writer.path)]
+                writer.note({**surface.figures, "last_checkpoint": next(iter(known["checkpoints"]), None)})
 
         def note() -> None:
             for judge in (one for one in run.observers if isinstance(one, Judge)):
@@ -184,9 +187,9 @@ def record_run(
                 if line:
                     log.say(line)
             with _failure_kept(writer), _progress(run, waves, log, writer) as progress:
-                interruption.before = keeping.write
+                interruption.before = keeping.write_last
                 run.observers += [keeping.from_time_to_time(scene.run.checkpoint_every), *progress, interruption]
-                _execute(run, waves, note, keep=keeping.write, look=look)
+                _execute(run, waves, note, keeping=keeping, look=look)
                 if writer is not None:
                     writer.finish("finished", {})
 
@@ -196,6 +199,7 @@ def resume_run(
     changes: Sequence[str] = (),
     *,
     extend: float | None = None,
+    at: float | None = None,
     comm: MPI.Comm,
     console: Console,
     **options: Any,
@@ -212,16 +216,19 @@ def resume_run(
         ``KEY=VALUE``, such as ``"numerics.dt=0.01"``.
     extend
         How much longer it is to be [s]; then a finished one goes on, too.
+    at
+        The time of the checkpoint to go on from [s], one of the two that are kept; default: of the last.
     comm, console, options
         As ``record_run`` takes them.
     """
     path = Path(directory)
     scene = agreed(comm, lambda: kept_scene(path, changes, extend=extend))
-    if not changes and extend is None and from_first(comm, lambda: RunDirectory(path).status) == "finished":
+    unchanged = not changes and extend is None and at is None
+    if unchanged and from_first(comm, lambda: RunDirectory(path).status) == "finished":
         console.print(f"{path} has finished; --extend SECONDS goes on with it", markup=False, highlight=False)
         return
     try:
-        record_run(scene, path, comm=comm, console=console, resume=True, **options)
+        record_run(scene, path, comm=comm, console=console, resume=True, at=at, **options)
     except SceneError as error:
         raise InputError("\n".join(f"{path}: {problem}." for problem in error.problems)) from error
 
@@ -325,14 +332,15 @@ def _execute(
     waves: AnyWaves,
     note: Callable[[], None],
     *,
-    keep: Callable[[], None],
+    keeping: KeptRun,
     look: Callable[[BrokenSurface], None],
 ) -> None:
     """Step to the end and keep it, or look at what broke; note the costs, and say why a step failed; collective."""
     try:
         run.execute()
-        keep()
+        keeping.write_last()
     except RunError as error:
+        keeping.save()
         if error.status == RunError.status and isinstance(waves, NonlinearWaves):
             surface = BrokenSurface.of(run, waves)
             if surface is not None:

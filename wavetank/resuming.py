@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -13,7 +13,7 @@ from wavetank.arrays import Vector
 from wavetank.case import Scene, StillWater
 from wavetank.case.numerics import Numerics
 from wavetank.case.reading import changed_scene
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, RecordError, RunError
 from wavetank.fe.agreed import agreed, on_first
 from wavetank.fe.by_place import found, gathered
 from wavetank.observers.checkpoints import Checkpoints
@@ -28,12 +28,38 @@ from wavetank.runs.kept_surface import KeptSurface
 from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
 from wavetank.runs.waters import AnyWaves
-from wavetank.stateful import apart, together
+from wavetank.stateful import Held, apart, together
 from wavetank.values.noun import Problem, SceneError
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
 RECORDED = {"output", "gauges", "gauge_lines"}  # of which other keys and more gauges are allowed
 SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
+
+
+class Reached(NamedTuple):
+    """The end of a step that all have observed: what a run can go on from, but without what solves remember.
+
+    Attributes
+    ----------
+    step, t
+        Its number and time [s].
+    q, p
+        Coordinates and momenta; later steps have others.
+    held
+        By the run, without its solves.
+    records
+        How far the tables and snapshots of the first rank had grown; nothing on others.
+    fields
+        How far the series had that all ranks write, by their names.
+    """
+
+    step: int
+    t: float
+    q: Vector
+    p: Vector
+    held: Held
+    records: Held
+    fields: dict[str, Held]
 
 
 class KeptRun:
@@ -69,52 +95,106 @@ class KeptRun:
         self._run, self._waves, self._fields, self._parts = run, waves, fields, parts
         self._writer, self._warnings = writer, warnings
         self._written = -1  # the last step of which there is one
+        self._reached: Reached | None = None
+        self._missed: str | None = None  # that the last one could not be written, and why
 
     def from_time_to_time(self, every: float | None) -> Checkpoints:
-        """Return the observer that writes checkpoints; the last to observe."""
-        return Checkpoints(self._waves.plane.comm, self.write, every=every)
+        """Return the observer that writes checkpoints; the last that can fail."""
+        return Checkpoints(self._waves.plane.comm, self.write, note=self._note, every=every)
+
+    def _note(self) -> None:
+        """Remember the present step, which all have observed; collective."""
+        run, fields = self._run, {name: series.held() for name, series in self._fields.items()}
+        records = {} if self._writer is None else self._writer.held()
+        self._reached = Reached(run.step, run.t, run.state.q, run.state.p, run.held_without_solves(), records, fields)
 
     def write(self) -> None:
-        """Write one, if there is none of this step; one that cannot be written is warned of: the records are there."""
-        if self._written == self._run.step:
-            return
-        self._written = self._run.step
-        try:
-            self._write()
-        except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
-            sentence = f"the run cannot be resumed from here on: {str(error).removesuffix('.')}"
-            self._warnings += [] if sentence in self._warnings else [sentence]
+        """Write one of all that the run holds, if there is none of this step; collective.
 
-    def _write(self) -> None:
-        run, waves, clock = self._run, self._waves, self._run.clock
-        text, arrays = apart({"surface": self._surface(), "run": run.held()})
-        whole, places = gathered(waves.plane, arrays)
+        One that cannot be written is warned of: the records are there.
+        """
+        self._note()
+        self._tell(self._failure(whole=True))
+
+    def write_last(self) -> None:
+        """The same at the last step, or before a signal makes it the last; collective.
+
+        Where that cannot be written it is what ``save`` writes.
+        """
+        self._note()
+        failure = self._failure(whole=True)
+        self._tell(self._failure(whole=False) if isinstance(failure, RunError) else failure)
+
+    def save(self) -> None:
+        """Write one where a run fails, if there is none; collective.
+
+        That is the step before, or, where observers fail, who have seen some of a step, the last that was noted. A step
+        that fails leaves solves with memories of it: only the surface and the sums are held, which need little room,
+        and where there is none they take that of the checkpoint before the last.
+        """
+        if self._run.observed:
+            self._note()
+        self._tell(self._failure(whole=False))
+
+    def _tell(self, failure: Exception | None) -> None:
+        """Warn of a checkpoint that is missing now, and of no earlier one."""
+        if self._missed in self._warnings:
+            self._warnings.remove(self._missed)
+        self._missed = None
+        if failure is not None:
+            self._missed = f"the run cannot be resumed from here on: {str(failure).removesuffix('.')}"
+            self._warnings.append(self._missed)
+
+    def _failure(self, *, whole: bool) -> Exception | None:
+        """Write one, and return why that cannot be; nothing where it is written, or nothing is to be."""
+        reached = self._reached
+        if reached is None or reached.step == self._written:
+            return None
+        try:
+            self._write(reached, whole=whole)
+        except RecordError:
+            return None  # the directory is another's, by which the run ends
+        except (RunError, TypeError) as error:  # the latter: what somebody's own part holds
+            return error
+        self._written = reached.step
+        return None
+
+    def _write(self, reached: Reached, *, whole: bool) -> None:
+        waves, clock = self._waves, self._run.clock
+        if not waves.plane.comm.allreduce(bool(np.isfinite([reached.q, reached.p]).all()), op=MPI.LAND):
+            return  # nothing could go on from there, as the run will say
+        surface = self._surface(reached)
+        text, arrays = apart({"surface": surface, "run": self._run.held() if whole else reached.held})
+        values, places = gathered(waves.plane, arrays)
         about = {
-            "t": run.t,
-            "step": run.step,
+            "t": reached.t,
+            "step": reached.step,
             "clock": {"dt": clock.dt, "begin": clock.begin, "first": clock.first},
-            "mass": waves.total_mass(run.state.q),
+            "whole": whole,
+            "mass": waves.total_mass(reached.q),
             "scene": self._scene,
             "chosen": self._chosen,
-            "parts": self._parts.so_far(),
-            "warnings": list(self._warnings),
-            "fields": {name: series.held() for name, series in self._fields.items()},
+            "parts": self._parts.so_far(reached.step),
+            "warnings": [one for one in self._warnings if one != self._missed],
+            "records": reached.records,
+            "fields": reached.fields,
         }
 
         def put() -> None:
             if self._writer is not None:
-                self._writer.checkpoint(text, whole, places=places, about=about)
+                self._writer.checkpoint(text, values, places=places, about=about, at_any_price=not whole)
 
         for series in self._fields.values():
             agreed(waves.plane.comm, series.sync)
         on_first(waves.plane.comm, put)
 
-    def _surface(self) -> dict[str, Any]:
+    def _surface(self, reached: Reached) -> dict[str, Any]:
         """Return elevation [m] and potential [m²/s] of the surface, and where that is in the laboratory [m]."""
-        state, waves = self._run.state, self._waves
-        elevation = waves.elevation(state.q, state.p, self._run.t)
+        waves = self._waves
+        waves.set_time(reached.t)
+        elevation = waves.elevation(reached.q, reached.p, reached.t)
         x, y = np.ascontiguousarray(waves.wall.to_physical(waves.plane.places, elevation).T)
-        return {"x": x, "y": y, "elevation": elevation, "potential": np.array(state.p)}
+        return {"x": x, "y": y, "elevation": elevation, "potential": np.array(reached.p)}
 
 
 class GoingOn:
@@ -128,6 +208,8 @@ class GoingOn:
         Of the run directory; None on all ranks but the first.
     warn
         Takes a sentence for whoever reads the results.
+    at
+        The time of the checkpoint [s]; default: of the last.
 
     Raises ``InputError``, on all ranks, where there is none.
 
@@ -139,8 +221,10 @@ class GoingOn:
         Whether the run goes on with other numerics; known once it has been ``planned``.
     """
 
-    def __init__(self, writer: RunWriter | None, comm: MPI.Comm, *, warn: Callable[[str], None]):
-        self._writer, self._comm, self._warn = writer, comm, warn
+    def __init__(
+        self, writer: RunWriter | None, comm: MPI.Comm, *, warn: Callable[[str], None], at: float | None = None
+    ):
+        self._writer, self._comm, self._warn, self._at = writer, comm, warn, at
         self._kept = on_first(comm, self._read)
         told = (self._kept.about, self._kept.held, len(self._kept.arrays)) if self._kept else None
         self.about, self._text, self._count = comm.bcast(told)
@@ -152,7 +236,7 @@ class GoingOn:
 
     def _read(self) -> Checkpoint:
         assert self._writer is not None
-        kept, useless = self._writer.last_checkpoint()
+        kept, useless = self._writer.last_checkpoint(self._at)
         for sentence in (*kept.about.get("warnings", []), *useless):
             self._warn(sentence)
         return kept
@@ -211,6 +295,11 @@ class GoingOn:
 
     # ------------------------------------------------------------------------------------------ the run
     @property
+    def counting_on(self) -> bool:
+        """Whether solves are counted on."""
+        return not self.anew and bool(self.about["whole"])
+
+    @property
     def beginning(self) -> Beginning | None:
         """Where a run with other numerics begins; None of one that goes on as it was."""
         return Beginning(self.about["t"], self.about["step"], self._surface.on) if self.anew else None
@@ -249,7 +338,7 @@ class GoingOn:
         left, until = scene.run.duration - clock["begin"], scene.motion().duration - clock["begin"]
         run.clock = Clock.covering(left, clock["dt"], until=until).after(clock["begin"], clock["first"])
         arrays, places = (self._kept.arrays, self._kept.places) if self._kept else ([], np.zeros((0, 3)))
-        run.take(together(self._text, found(waves.plane, arrays, places))["run"])
+        run.take(together(self._text, found(waves.plane, arrays, places))["run"], whole=self.about["whole"])
         return f"going on from t = {run.t:.6g} s"
 
     def _carry(self, run: Run, waves: AnyWaves, scene: Scene) -> str:

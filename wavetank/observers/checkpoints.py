@@ -9,7 +9,7 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
 
 USUALLY, SOON = 60.0, 1.0  # s of computing between two of them, and between the first ones
-COST = 0.01  # of the time of computing, at most
+COST, NOTING = 0.01, 0.005  # of the time of computing, at most: to write them, and to know where one could be written
 
 
 class Checkpoints:
@@ -19,24 +19,33 @@ class Checkpoints:
     ----------
     write
         Writes one; collective.
+    note
+        Remembers a moment that all have observed, of which one is written where the run fails; collective.
     every
         Time of computing between them [s]; if None, a minute, less at the beginning (twice as long each time), more
         where they would cost more than ``COST``.
     """
 
-    def __init__(self, comm: MPI.Comm, write: Callable[[], None], *, every: float | None = None):
+    def __init__(
+        self, comm: MPI.Comm, write: Callable[[], None], *, note: Callable[[], None], every: float | None = None
+    ):
         self.schedule = EverySteps()
-        self._comm, self._write, self._every = comm, write, every
-        self._began = self._last = time.monotonic()
-        self._cost = 0.0
+        self._comm, self._write, self._note, self._every = comm, write, note, every
+        self._began = self._last = self._noted = time.monotonic()
+        self._cost = self._noting = 0.0
 
     def observe(self, moment: Moment) -> None:
-        """Write one where it is due on the first rank; collective."""
-        if moment.step == 0 or self._comm.bcast(time.monotonic() - self._last > self._age):
-            began = time.monotonic()
+        """Write one where it is due on the first rank, or note the moment; collective."""
+        began = time.monotonic()
+        due, noting = self._comm.bcast((began - self._last > self._age, began - self._noted > self._noting / NOTING))
+        if moment.step == 0 or due:
             self._write()
-            self._last = time.monotonic()
+            self._last = self._noted = time.monotonic()
             self._cost = self._last - began
+        elif noting:
+            self._note()
+            self._noted = time.monotonic()
+            self._noting = self._noted - began
 
     @property
     def _age(self) -> float:

@@ -35,8 +35,10 @@ class HighestCrest:
 
     def highest(self) -> Crest:
         """Return the highest crest on all ranks; collective."""
-        found: list[Crest] = self._waves.plane.comm.allgather(self._own)
-        return max(found)
+        comm = self._waves.plane.comm
+        found = np.empty((comm.size, len(self._own)))
+        comm.Allgather(np.array(self._own), found)
+        return max(Crest(*map(float, one)) for one in found)
 
     def held(self) -> Held:
         """Return the highest crest so far; collective."""

@@ -13,6 +13,7 @@ to the square of the jump.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import isclose
 from typing import Protocol, runtime_checkable
 
 from wavetank.hamiltonian.change import change
@@ -37,11 +38,12 @@ COLUMNS = columns(1)
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy: a balance that is farther off is told
+SAME = 1e-6  # of a step: so near are steps of one length
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 
 # what a budget remembers:
 SUMS = (
-    *("t", "supplied", "total", "wall", "mass"),
+    *("t", "dt", "supplied", "total", "wall", "mass"),
     *("energy", "off", "lost", "nothing", "taken", "given", "dissipated", "earlier"),
 )
 
@@ -76,7 +78,7 @@ class EnergyBudget:
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
         self._waves, self._record, self._sinks = waves, record, sinks
         self._rates: list[float] = []
-        self._supplied = self._t = 0.0
+        self._supplied = self._t = self._dt = 0.0
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
@@ -143,11 +145,13 @@ class EnergyBudget:
         return sentences
 
     def _integrate(self, t: float, rate: float) -> None:
-        self._rates = [rate, *self._rates[:3]]
+        dt = t - self._t
+        known = 3 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
+        self._rates = [rate, *self._rates[:known]]
         if len(self._rates) > 1:
             weights = ADAMS_MOULTON[len(self._rates)]
-            self._supplied += (t - self._t) * sum(w * f for w, f in zip(weights, self._rates, strict=True))
-        self._t = t
+            self._supplied += dt * sum(w * f for w, f in zip(weights, self._rates, strict=True))
+        self._t, self._dt = t, dt
 
     def held(self) -> Held:
         """Return the sums so far, and what the balance is judged by."""
@@ -160,6 +164,6 @@ class EnergyBudget:
         self._rates = list(held["rates"])
 
     def carry(self, held: Held) -> None:
-        """Take the sums; what was dissipated stays so, whatever dissipates now, and steps are of another length."""
+        """Take the sums; what was dissipated stays so, whatever dissipates now."""
         self.take(held)
-        self._rates, self._earlier = self._rates[:1], self._dissipated - self._by_sinks()
+        self._earlier = self._dissipated - self._by_sinks()

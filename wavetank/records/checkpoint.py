@@ -5,15 +5,18 @@
 
 Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
 
-    about.json    the run's id, as in its manifest; its scene and parts, where it stands, how far its records had grown
-    held.json     the surface, and all that the run holds (``wavetank/stateful.py``), {"array": n} in the place of its
-                  n-th array
+    about.json    the run's id, as in its manifest; its scene and parts, where it stands, how far its records had grown;
+                  ``whole``: whether all is held that the run remembers
+    held.json     the surface, and what the run holds (``wavetank/stateful.py``), {"array": n} in the place of its n-th
+                  array
     places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
     0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
 
 It is written beside the last one, forced to the disk, and takes its place in one step: a kill leaves one that is whole.
+One that is left where a run fails has the surface and the sums of what was computed, and not what solves remember.
 """
 
+import errno
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
@@ -32,6 +35,7 @@ from wavetank.records.whole import sync, unfinished
 
 KEPT = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
 UNREADABLE = (OSError, BadZipFile, KeyError, ValueError, TypeError, EOFError, NotImplementedError)  # what zip may meet
+FULL = errno.ENOSPC, errno.EDQUOT
 
 
 class Checkpoint(NamedTuple):
@@ -55,12 +59,37 @@ class Checkpoint(NamedTuple):
     places: NDArray[np.float64]
 
 
-def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False) -> int:
+def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False, at_any_price: bool = False) -> int:
     """Write a checkpoint to a run directory and return its size in bytes; raises ``OSError``.
 
-    The last one becomes the one before, if it is whole, as is known of this process's ``own``.
+    The last one becomes the one before, if it can be read, as is known of this process's ``own``, and has not been left
+    where a run failed: it may be too late, and the one before is kept to go back to.
+
+    Parameters
+    ----------
+    run, checkpoint, own
+        See above.
+    at_any_price
+        Whether the one before is given up where the disk is full; the last never is.
     """
     path = run / CHECKPOINT
+    serves = _serves(path, own=own)
+    try:
+        size = _written(path, checkpoint)
+    except OSError as error:
+        if not (at_any_price and serves and error.errno in FULL):
+            raise
+        (run / CHECKPOINT_BEFORE).unlink(missing_ok=True)
+        size = _written(path, checkpoint)
+    if serves:
+        os.replace(path, run / CHECKPOINT_BEFORE)
+    os.replace(unfinished(path), path)
+    sync(run)
+    return size
+
+
+def _written(path: Path, checkpoint: Checkpoint) -> int:
+    """Write a checkpoint beside the last one, on the disk; return its size in bytes."""
     temporary = unfinished(path)
     try:
         with temporary.open("wb") as file:
@@ -75,23 +104,20 @@ def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False) ->
                     )  # a view of it would outlive a full disk's error
             file.flush()
             os.fsync(file.fileno())
-            size = os.fstat(file.fileno()).st_size
-        if own or _is_whole(path):  # else the one before it is the only one to go on from
-            os.replace(path, run / CHECKPOINT_BEFORE)
-        os.replace(temporary, path)
-        sync(run)
+            return os.fstat(file.fileno()).st_size
     except OSError:
         with suppress(OSError):
             temporary.unlink()
         raise
-    return size
 
 
-def _is_whole(path: Path) -> bool:
+def _serves(path: Path, *, own: bool) -> bool:
+    """Return whether a checkpoint may take the place of the one before."""
     try:
         with ZipFile(path) as archive:
-            return archive.testzip() is None
-    except (OSError, BadZipFile):
+            about: dict[str, Any] = json.loads(archive.read("about.json"))
+            return about.get("whole", True) and (own or archive.testzip() is None)
+    except UNREADABLE:
         return False
 
 
@@ -99,7 +125,9 @@ def _nothing(about: dict[str, Any]) -> str:
     return ""
 
 
-def read_checkpoint(run: Path, why_not: Callable[[dict[str, Any]], str] = _nothing) -> tuple[Checkpoint, list[str]]:
+def read_checkpoint(
+    run: Path, why_not: Callable[[dict[str, Any]], str] = _nothing, *, at: float | None = None
+) -> tuple[Checkpoint, list[str]]:
     """Return the newest checkpoint of a run directory that can be used, and a sentence for each that cannot.
 
     Raises ``InputError`` if there is none.
@@ -110,15 +138,26 @@ def read_checkpoint(run: Path, why_not: Callable[[dict[str, Any]], str] = _nothi
         The directory.
     why_not
         Says of what is told about one why it cannot be used; nothing where it can.
+    at
+        The time of the one that is wanted [s]; default: of any.
     """
-    useless = list[str]()
+    useless, others = list[str](), list[str]()
     for name in KEPT:
-        kept = read_kept(run / name)
-        if isinstance(kept, Checkpoint) and not (why := why_not(kept.about)):
-            return kept, useless
-        if kept is not None:
-            useless.append(f"{run / name} cannot be used ({why if isinstance(kept, Checkpoint) else kept})")
-    raise InputError(f"{run}: holds no checkpoint to go on from{''.join(f'; {one}' for one in useless)}.")
+        found = read_kept(run / name)
+        if isinstance(found, Checkpoint) and at is not None and not is_at(found.about, at):
+            others.append(f"{found.about['t']:.6g} s")
+        elif isinstance(found, Checkpoint) and not (why := why_not(found.about)):
+            return found, useless
+        elif found is not None:
+            useless.append(f"{run / name} cannot be used ({why if isinstance(found, Checkpoint) else found})")
+    none = "holds no checkpoint to go on from" if at is None else f"holds no checkpoint of t = {at:g} s"
+    those = f"; there is one of {' and of '.join(others)}" if others else ""
+    raise InputError(f"{run}: {none}{those}{''.join(f'; {one}' for one in useless)}.")
+
+
+def is_at(about: dict[str, Any], t: float) -> bool:
+    """Return whether what is told about a checkpoint is of a time [s], to half a step."""
+    return bool(abs(about["t"] - t) <= 0.5 * about["clock"]["dt"])
 
 
 def read_kept(path: Path) -> Checkpoint | str | None:

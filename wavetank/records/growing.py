@@ -53,7 +53,7 @@ class GrowingFile:
 
     def __init__(self, path: Path):
         self._path = path
-        self._kept = 0  # bytes that are there, of a run that goes on
+        self._kept = self._size = 0  # bytes that are there, of a run that goes on, and by now
 
     @property
     def name(self) -> str:
@@ -65,12 +65,13 @@ class GrowingFile:
         try:
             self._file = self._path.open("r+b" if self._kept else "wb")
             self._file.truncate(self._kept)
+            self._size = self._kept
         except OSError as error:
             raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
 
     def held(self) -> Held:
         """Return how far it has grown."""
-        return {"size": os.fstat(self._file.fileno()).st_size}
+        return {"size": self._size}
 
     def take(self, held: Held) -> None:
         """Go on from there, once it is opened."""
@@ -94,9 +95,11 @@ class GrowingFile:
         try:
             if not os.path.samestat(os.fstat(self._file.fileno()), self._path.stat()):
                 raise FileNotFoundError(errno.ENOENT, "replaced by another file")
-            self._file.seek(*(-over, os.SEEK_END) if at is None else (at, os.SEEK_SET))
+            place = self._size - over if at is None else at
+            self._file.seek(place)
             self._file.write(content)
             self._file.flush()
+            self._size = max(self._size, place + len(content))
         except FileNotFoundError:
             raise RecordError(f"{self._path}: is no longer there; moved or deleted during the run.") from None
         except OSError as error:

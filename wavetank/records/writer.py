@@ -11,7 +11,7 @@ from uuid import uuid4
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError
-from wavetank.records.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from wavetank.records.checkpoint import Checkpoint, kept, read_checkpoint, write_checkpoint
 from wavetank.records.directory import (
     BROKEN,
     CHECKPOINT,
@@ -168,30 +168,39 @@ class RunWriter:
         for record in self._records:
             record.take(held[record.name])
 
-    def checkpoint(self, text: str, arrays: Sequence[Vector], *, places: Vector, about: dict[str, Any]) -> int:
-        """Write what the run holds, taken apart, and where its records are; return the size in bytes.
+    def checkpoint(
+        self,
+        text: str,
+        arrays: Sequence[Vector],
+        *,
+        places: Vector,
+        about: dict[str, Any],
+        at_any_price: bool = False,
+    ) -> int:
+        """Write what the run holds, taken apart, and what is told of it; return the size in bytes.
 
-        The records are forced to the disk before. Raises ``RunError`` if it cannot be written.
+        The records are forced to the disk before. Raises ``RunError`` if it cannot be written, at any price or without
+        (see ``write_checkpoint``), ``RecordError`` where the directory is another's by now.
         """
         self._check_held()
-        about |= {"id": self._manifest["id"], "records": self.held()}
+        whole = Checkpoint(about | {"id": self._manifest["id"]}, text, arrays, places)
         try:
             for record in self._records:
                 record.sync()
-            size = write_checkpoint(self.path, Checkpoint(about, text, arrays, places), own=self._kept_one)
+            size = write_checkpoint(self.path, whole, own=self._kept_one, at_any_price=at_any_price)
             self._kept_one = True
             return size
         except OSError as error:
             raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
 
-    def last_checkpoint(self) -> tuple[Checkpoint, list[str]]:
-        """Return the newest one to go on from, and a sentence for each that cannot be used.
+    def last_checkpoint(self, at: float | None = None) -> tuple[Checkpoint, list[str]]:
+        """Return the newest one to go on from, or that of a time [s], and a sentence for each that cannot be used.
 
         Raises ``InputError`` if there is none.
         """
-        kept, useless = read_checkpoint(self.path, self._why_not)
-        self._older = bool(useless)
-        return kept, useless
+        found, useless = read_checkpoint(self.path, self._why_not, at=at)
+        self._older = bool(useless) or any(about["step"] > found.about["step"] for _, about in kept(self.path))
+        return found, useless
 
     def _why_not(self, about: dict[str, Any]) -> str:
         """Return why the run cannot go on from a checkpoint, nothing where it can."""

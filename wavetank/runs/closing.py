@@ -89,12 +89,13 @@ def _of_breakdown(spent: dict[str, Any], path: Path) -> list[str]:
     """Return where the state is that a run broke down from, and where it may go on; nothing of another run."""
     if "broke_down" not in spent:
         return []
-    kept, crests = spent["last_checkpoint"], spent["broke_down"]["crests"]
+    kept, crests = spent["checkpoints"], spent["broke_down"]["crests"]
     breaks = any(crest["speed_ratio"] > ONSET for crest in crests)
     other = "run.on_breaking=dissipate" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
     lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {path / BROKEN}, {path / BROKEN_PICTURE}"]
-    if kept is not None:
-        lines.append(f"the last good checkpoint, t = {kept:.6g} s: {path / CHECKPOINT}")
+    if kept:
+        before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
+        lines.append(f"the last good checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")
         lines.append(f"next: wavetank resume {shlex.quote(str(path))} --set {other}")
     return lines
 

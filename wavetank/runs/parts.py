@@ -42,13 +42,14 @@ class Parts:
         self._t, self._step = run.t, run.step
         self._counted = _counters(waves) if counting_on else {}
 
-    def so_far(self) -> list[Figures]:
-        """Return what there is to say of each, as a manifest has it; collective."""
+    def so_far(self, step: int | None = None) -> list[Figures]:
+        """Return what there is to say of each, as a manifest has it, up to a step, by default the last; collective."""
         run, comm, now = self._run, self._waves.plane.comm, time.monotonic()
+        step = run.step if step is None else step
         this = {
             "from": self._t,
-            "to": run.t,
-            "steps": run.step - self._step,
+            "to": run.clock.time(step),
+            "steps": step - self._step,
             "ranks": comm.size,
             "numerics": _numerics(run, self._waves),
             "counters": {name: n - self._counted.get(name, 0) for name, n in _counters(self._waves).items()},

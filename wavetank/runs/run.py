@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import fields, is_dataclass
+from functools import cached_property
 from typing import Any
 
 from wavetank.arrays import Vector
@@ -11,7 +12,7 @@ from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.observers.contract import Moment, Observer
 from wavetank.observers.energy import Sink
 from wavetank.runs.clock import Clock
-from wavetank.stateful import Held, Stateful, carry_over, give_back, held_by, named
+from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
 
 
 class Run:
@@ -25,6 +26,11 @@ class Run:
         Coordinates and momenta when the clock begins.
     filters
         What acts on the state between steps.
+
+    Attributes
+    ----------
+    observed
+        Whether all have observed the present step.
     """
 
     def __init__(
@@ -42,7 +48,7 @@ class Run:
         self._stepper = Filtered(integrator, filters)
         self.step = clock.first
         self.state = integrator.start(*start)
-        self._begun = False  # whether the present step has been observed
+        self._begun = self.observed = False  # whether observing the present step has begun
 
     @property
     def t(self) -> float:
@@ -64,6 +70,11 @@ class Run:
             self.step += 1
             self._observe()
 
+    @cached_property
+    def _carrying(self) -> dict[str, Stateful]:
+        """What remembers something that outlives other numerics, once all of it is there."""
+        return {name: part for name, part in self._parts.items() if isinstance(part, Carrying)}
+
     @property
     def _parts(self) -> dict[str, Stateful]:
         """What remembers something, by name."""
@@ -76,14 +87,23 @@ class Run:
 
         Raises ``TypeError`` for a scheme's state that is neither a named tuple nor a dataclass.
         """
-        own = {"step": self.step, "begun": self._begun, "state": _values(self.state)}
-        return own | {"parts": held_by(self._parts)}
+        return self._stands() | {"parts": held_by(self._parts)}
 
-    def take(self, held: Held) -> None:
-        """Go on, at the next ``execute``, where another run of the same scene was; collective."""
+    def held_without_solves(self) -> Held:
+        """Return the same but for what only start values come of: what also outlives other numerics; collective."""
+        return self._stands() | {"parts": held_by(self._carrying)}
+
+    def _stands(self) -> Held:
+        return {"step": self.step, "begun": self._begun, "state": _values(self.state)}
+
+    def take(self, held: Held, *, whole: bool = True) -> None:
+        """Go on, at the next ``execute``, where another run of the same scene was; collective.
+
+        If not ``whole`` that has been held without solves.
+        """
         self.step, self._begun = held["step"], held["begun"]
         self.state = type(self.state)(**held["state"])
-        give_back(self._parts, held["parts"])
+        (give_back if whole else carry_over)(self._parts, held["parts"])
 
     def carry(self, held: Held) -> None:
         """Go on, at the next ``execute``, from the start, which is a moment that another run has held, and recorded.
@@ -96,9 +116,11 @@ class Run:
     def _observe(self) -> None:
         state = self.state
         moment = Moment(self.step, self.t, state.q, state.p, state.known, state.q_jump)
+        self.observed = False
         for observer in self.observers:
             if observer.schedule.due(self.step, self.t, self.clock.time(self.step - 1)):
                 observer.observe(moment)
+        self.observed = True
 
 
 def _values(state: Any) -> Held:

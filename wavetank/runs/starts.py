@@ -11,7 +11,7 @@ from wavetank.arrays import Vector
 from wavetank.case import RunState, Scene
 from wavetank.errors import InputError
 from wavetank.fe.agreed import agreed, from_first
-from wavetank.records.checkpoint import Checkpoint, kept, read_kept
+from wavetank.records.checkpoint import Checkpoint, is_at, kept, read_kept
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.kept_surface import KeptSurface
 from wavetank.runs.waters import AnyWaves
@@ -84,7 +84,7 @@ def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
         return found[0]
     at = initial.t
     for path, about in found:
-        if abs(about["t"] - at) <= 0.5 * about["clock"]["dt"]:
+        if is_at(about, at):
             return path, about
     times = " and ".join(f"{about['t']:.6g} s" for _, about in found)
     raise InputError(f"t = {at:g}: must be a time that is kept, which are {times}; a run keeps its end.")
