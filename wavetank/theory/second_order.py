@@ -151,5 +151,5 @@ class _Water:
         T = 1j * total * (rise_u * rise_v - k_u * k_v) - 1j * u.omega[:, None, None] * (k_v**2 - rise_v**2)
         k, lead = k_u + k_v, (u.omega / g)[:, None, None]
         pairs = 1j * k * T / (g * (k**2 - K[:, None, None] ** 2)) - lead * k_v
-        tail = -lead[:, 0, 0] * u.P.sum(axis=1) * v.omega * v.b
+        tail = -lead[:, 0, 0] * u.P.sum(axis=1) * v.omega * v.b * self._maker.share(0.0, self._depth)
         return np.asarray(((u.P[:, :, None] * pairs * v.P[:, None, :]).sum(axis=(1, 2))) + tail)
