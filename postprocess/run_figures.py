@@ -42,7 +42,8 @@ def _snapshots(run: RunDirectory) -> int:
     return len(run.fields("surface")) if index_file(run.path, "surface").exists() and find_spec("pyvista") else 0
 
 
-ORIGINS = {"ring": "along the ring", "piston": "from the paddle's rest position", "fixed": "from the wall"}
+PADDLE = "from the paddle's rest position"
+ORIGINS = {"ring": "along the ring", "fixed": "from the wall", **dict.fromkeys(("piston", "flap", "profile"), PADDLE)}
 
 
 def draw_surface(run: RunDirectory) -> Path:

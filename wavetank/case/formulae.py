@@ -1,4 +1,4 @@
-"""Nouns that hold formulae of x and y, or of t, refused where they stand if they do not parse."""
+"""Nouns that hold formulae of x and y, of z, or of t, refused where they stand if they do not parse."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -36,6 +36,8 @@ def _checked_by(check: Any, *variables: str) -> AfterValidator:
 
 FormulaText = Annotated[str, Field(min_length=1), _checked_by(_parses, "x", "y")]
 TimeFormulaText = Annotated[str, Field(min_length=1), _checked_by(_parses, "t")]
+HeightFormulaText = Annotated[str, Field(min_length=1), _checked_by(_parses, "z")]
+HeightHelpers = Annotated[dict[str, Helper], _checked_by(_parse_alone, "z")]
 TimeHelpers = Annotated[dict[str, Helper], _checked_by(_parse_alone, "t")]
 
 

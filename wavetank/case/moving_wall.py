@@ -36,16 +36,24 @@ class Limits(Noun):
 
 
 class MovingWall(Noun):
-    """A vertical wall that moves."""
+    """A wall that moves, vertical or of another shape."""
 
     moves: ClassVar[bool] = True
-    maker: ClassVar[Wavemaker] = PISTON  # its shape, by which it makes waves
     reach: Length | None = Field(
         default=None,
         description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, at most ten depths",
     )
 
     limits: Limits | None = Field(default=None, description="what the paddle's drive can do; default: all")
+
+    @property
+    def maker(self) -> Wavemaker:
+        """Its shape, by which it makes waves."""
+        return PISTON
+
+    def farther(self, tank: AnyTank) -> float:
+        """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
+        return 1.0
 
     def reach_in(self, tank: AnyTank) -> float:
         """Return the reach [m], default resolved."""
@@ -61,8 +69,8 @@ class MovingWall(Noun):
 
     def reach_problems(self, tank: AnyTank, excursion: float) -> Iterator[Problem]:
         """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
-        motion = getattr(self, "motion", None)
-        farthest, reach = max(excursion, getattr(motion, "paddle_amplitude", 0.0)), self.reach_in(tank)
+        motion, factor = getattr(self, "motion", None), self.farther(tank)
+        farthest, reach = factor * max(excursion, getattr(motion, "paddle_amplitude", 0.0)), self.reach_in(tank)
         needed = STEEPEST * farthest
         if needed < reach:
             return

@@ -40,7 +40,7 @@ from wavetank.case.spectra import (
 )
 from wavetank.case.sponges import AnySponge, EndSponge, FormulaSponge, GroupSponge, Sponge
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank, Tank
-from wavetank.case.walls import FixedWall, PistonWall, Wall
+from wavetank.case.walls import FixedWall, FlapWall, PistonWall, ProfileWall, Wall
 from wavetank.values.noun import Noun, Problem, SceneError
 
 __all__ = [
@@ -55,6 +55,7 @@ __all__ = [
     "DirectionalIrregularMotion",
     "EndSponge",
     "FixedWall",
+    "FlapWall",
     "FocusedMotion",
     "FormulaBed",
     "FormulaMotion",
@@ -80,6 +81,7 @@ __all__ = [
     "PiersonMoskowitzSpectrum",
     "PistonWall",
     "Problem",
+    "ProfileWall",
     "PythonBed",
     "PythonMotion",
     "RecordedMotion",

@@ -36,6 +36,8 @@ Column = Literal["frequency", "omega", "amplitude", "phase", "other"]
 class PaddleNoun(Noun):
     """A motion of a paddle that moves as a whole."""
 
+    by_waves: ClassVar[bool] = False  # whether it finds the paddle's motion for waves
+
     @property
     def reads_file(self) -> bool:
         """Whether what fits it is known only when a file has been read."""
@@ -52,6 +54,8 @@ class PaddleNoun(Noun):
 
 class MadeWaves(PaddleNoun):
     """Waves that the paddle makes through its transfer function."""
+
+    by_waves: ClassVar[bool] = True
 
     generation: Literal["linear", "second-order"] = Field(
         default="linear",
@@ -369,6 +373,8 @@ class SurfaceMotion(MadeWaves):
 class SolitaryWaveMotion(PaddleNoun):
     """A solitary wave: the paddle moves as the water does in the mean over the depth."""
 
+    by_waves: ClassVar[bool] = True
+
     type: Literal["solitary-wave"] = "solitary-wave"
     height: Height = Field(description="height H of the crest above still water [m]")
     generation: Literal["exact", "goring"] = Field(
@@ -384,7 +390,7 @@ class SolitaryWaveMotion(PaddleNoun):
 
     def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the motion."""
-        push = self._pushed(tank)
+        push = self._pushed(tank).scaled(tank.depth / maker.volume(tank.depth))
         return push if self.crest_time is None else replace(push, begin=self.crest_time - push.lead)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:

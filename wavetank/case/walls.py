@@ -1,6 +1,7 @@
 """The wall at x = 0."""
 
 from collections.abc import Iterator
+from functools import partial
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -8,12 +9,17 @@ from pydantic import Field
 
 from wavetank import motions
 from wavetank.case.directional import SegmentedPistonWall
+from wavetank.case.formulae import HeightFormulaText, HeightHelpers
 from wavetank.case.moving_wall import MovingWall
 from wavetank.case.paddles import PaddleMotion
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, RingTank
-from wavetank.theory.wavemaker import PISTON, Wavemaker
+from wavetank.errors import InputError
+from wavetank.motions.mapping import TOP
+from wavetank.theory.wavemaker import PISTON, Flap, Profile, Wavemaker
+from wavetank.values.formula import Formula
 from wavetank.values.noun import Noun, Problem
+from wavetank.values.quantities import Coordinate, metres
 
 
 class FixedWall(Noun):
@@ -39,10 +45,9 @@ class FixedWall(Noun):
         yield from ()
 
 
-class PistonWall(MovingWall):
-    """A vertical wall that moves as a whole."""
+class PaddleWall(MovingWall):
+    """A wall that moves as a whole."""
 
-    type: Literal["piston"] = "piston"
     motion: PaddleMotion
 
     def paddle(self, tank: AnyTank) -> motions.Motion:
@@ -56,7 +61,8 @@ class PistonWall(MovingWall):
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""
         if isinstance(scene.tank, RingTank):
-            yield Problem(("wall", "type"), self.type, "must be left out: a ring has no walls, hence no paddle")
+            kind = getattr(self, "type", None)
+            yield Problem(("wall", "type"), kind, "must be left out: a ring has no walls, hence no paddle")
             return
         yield from super().problems(scene)
         yield from () if self.reads_file else self.motion_problems(scene)
@@ -71,6 +77,90 @@ class PistonWall(MovingWall):
         yield from self.motion.problems(scene)
 
 
+class PistonWall(PaddleWall):
+    """A vertical wall that moves as a whole."""
+
+    type: Literal["piston"] = "piston"
+
+
+class ShapedWall(PaddleWall):
+    """A wall that moves as a whole, at some heights farther than at others."""
+
+    shaped_by: ClassVar[str]  # the key that says its shape
+
+    def farther(self, tank: AnyTank) -> float:
+        """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
+        z = tank.depth * np.linspace(-1.0, TOP, 1001)
+        return float(np.abs(self.maker.share(z, tank.depth)).max())
+
+
+class FlapWall(ShapedWall):
+    """A rigid flap that turns about a hinge; below a hinge above the bed the wall stands still."""
+
+    shaped_by: ClassVar[str] = "hinge"
+    type: Literal["flap"] = "flap"
+    hinge: Coordinate = Field(default=0.0, description="height of the hinge above the bed [m], negative below it")
+    stroke_height: Coordinate | None = Field(
+        default=None, description="height above the bed at which its motion is told [m]; default: still water"
+    )
+    motion_as: Literal["stroke", "angle"] = Field(
+        default="stroke",
+        description="what the numbers of a sinusoid, a formula, a function or a record are: the horizontal position at "
+        "stroke_height [m], or the angle from upright [rad], positive into the water",
+    )
+
+    @property
+    def maker(self) -> Flap:
+        """Its shape, by which it makes waves."""
+        return Flap(self.hinge, self.stroke_height)
+
+    def paddle(self, tank: AnyTank) -> motions.Motion:
+        """Return the motion at the stroke's height; raises ``SceneError`` if its file cannot be had or read."""
+        motion = super().paddle(tank)
+        by_waves = self.motion.by_waves or self.motion_as == "stroke"
+        return motion if by_waves else motions.Turned(motion, self.maker.arm(tank.depth))
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a hinge above the water, a stroke's height that is not above it, and what is wrong with any paddle."""
+        depth, height = scene.tank.depth, self.stroke_height
+        if self.hinge >= depth:
+            yield Problem(("wall", "hinge"), self.hinge, f"must be below still water, less than {metres(depth)} m")
+        elif height is not None and height <= self.hinge:
+            allowed = f"must be above the hinge, more than {metres(self.hinge)} m"
+            yield Problem(("wall", "stroke_height"), height, allowed)
+        else:
+            yield from super().problems(scene)
+
+
+class ProfileWall(ShapedWall):
+    """A wall of any shape, x = f(z) X(t)."""
+
+    shaped_by: ClassVar[str] = "shape"
+    type: Literal["profile"] = "profile"
+    where: HeightHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
+    shape: HeightFormulaText = Field(description="f(z), z the height above still water [m]")
+
+    @property
+    def maker(self) -> Profile:
+        """Its shape, by which it makes waves."""
+        formula = Formula(self.shape, where=self.where, variables=("z",))
+        return Profile(partial(formula.derivative, 0), partial(formula.derivative, 1))
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a shape that is not finite, or moves no water, and what is wrong with any paddle."""
+        z = scene.tank.depth * np.linspace(-1.0, TOP, 1001)
+        try:
+            values = self.maker.share(z, scene.tank.depth)
+        except InputError as error:
+            yield Problem(("wall", "shape"), self.shape, str(error).removesuffix("."))
+            return
+        if not np.abs(values).max() > 0.0:
+            yield Problem(("wall", "shape"), self.shape, "must not be 0 at all heights")
+            return
+        yield from super().problems(scene)
+
+
 Wall = Annotated[
-    FixedWall | PistonWall | SegmentedPistonWall, Field(discriminator="type", description="the wall at x = 0")
+    FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall,
+    Field(discriminator="type", description="the wall at x = 0"),
 ]

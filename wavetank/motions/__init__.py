@@ -18,6 +18,7 @@ from wavetank.motions.segmented import PiecewiseLinear
 from wavetank.motions.sinusoid import Sinusoid
 from wavetank.motions.solitary import SolitaryPush, exact_solitary, goring
 from wavetank.motions.spectra import Gaussian, Jonswap, Spectrum, Tabled, Tma, read_spectrum
+from wavetank.motions.turned import Turned
 from wavetank.motions.wave_group import WaveGroup
 from wavetank.motions.wave_motion import Sea, WaveMotion
 from wavetank.motions.wished_surface import WishedSurface, wished_surface
@@ -47,6 +48,7 @@ __all__ = [
     "Tabled",
     "Tabulated",
     "Tma",
+    "Turned",
     "WaveGroup",
     "WaveMotion",
     "WishedSurface",

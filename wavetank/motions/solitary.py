@@ -11,7 +11,7 @@ KH-R-38, 1978.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -47,6 +47,10 @@ class SolitaryPush(Motion):
     def start(self) -> float:
         """When the paddle begins to move [s]."""
         return self.begin
+
+    def scaled(self, factor: float) -> "SolitaryPush":
+        """Return the same, so many times as far."""
+        return replace(self, spline=scipy.interpolate.PPoly(factor * self.spline.c, self.spline.x))
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; before and after it the paddle stands."""

@@ -3,13 +3,21 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from wavetank.case import FixedWall, Physics, PistonWall, Scene, SegmentedPistonWall
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.case import FixedWall, FlapWall, Physics, PistonWall, ProfileWall, Scene, SegmentedPistonWall
 from wavetank.case.moving_wall import MovingWall
+from wavetank.case.walls import ShapedWall
+from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
 from wavetank.runs.footprints import Footprint
 from wavetank.values.noun import Noun, Problem, SceneError
 from wavetank.water.footprint import Basin, Slice
-from wavetank.water.walls import LinearPaddle, Piston, Placed, Side, StillWall
+from wavetank.water.walls import LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
+
+MISSED = 0.1  # of the largest share: a polynomial farther from a shape is another
+FLAT = 1e-9  # of the depth
 
 
 class Kind(NamedTuple):
@@ -45,10 +53,52 @@ def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, pla
     return LinearPaddle(scene.motion(), plane=plane, side=footprint.side())
 
 
+def _linear_shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
+    return LinearPaddle(scene.motion(), plane=plane, side=footprint.side(), shape=_shape(scene, noun, plane))
+
+
+def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
+    """Return the polynomial of a paddle's shape; raises ``SceneError`` for one that it would not show."""
+    maker, depth = noun.maker, scene.tank.depth
+    shape = Polynomial.near(lambda z: maker.share(z, depth), depth, plane.mesh, kinks=maker.kinks(depth))
+    z = np.linspace(-depth, 0.0, 1001)
+    wanted = maker.share(z, depth)
+    missed = float(np.abs(shape.at(z) - wanted).max() / np.abs(wanted).max())
+    if missed > MISSED:
+        allowed = f"bends the paddle too sharply: the nearest polynomial misses {100 * missed:.0f} % of its stroke"
+        raise SceneError([Problem(("wall", noun.shaped_by), getattr(noun, noun.shaped_by), allowed)])
+    return shape
+
+
+def _shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
+    side, shape = footprint.side(), _shape(scene, noun, plane)
+    wall = Shaped(scene.motion(), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
+    _check_flat(scene, wall, plane)
+    return _checked(scene, noun, wall)
+
+
+def _check_flat(scene: Scene, wall: Piston, plane: Plane) -> None:
+    """Raise ``SceneError`` for a bed that varies within the reach of a paddle that leans; collective."""
+    if scene.tank.bed is None:
+        return
+    depth, distances = scene.tank.bed.build(), wall.distances(plane)
+    found = agreed(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
+    uneven = np.abs(found - scene.tank.depth) > FLAT * scene.tank.depth
+    nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
+    if nearest < wall.reach:
+        allowed = f"must be at most {nearest:.4g} m: within it the bed must be flat, of the tank's depth"
+        raise SceneError([Problem(("wall", "reach"), wall.reach, allowed)])
+
+
 def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
-    motion, side = scene.motion(), footprint.side()
-    wall = Piston(motion, plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
-    excursion, allowed = scene.excursion(motion), wall.largest_stroke
+    side = footprint.side()
+    wall = Piston(scene.motion(), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
+    return _checked(scene, noun, wall)
+
+
+def _checked(scene: Scene, noun: MovingWall, wall: Piston) -> Piston:
+    """Return the wall; raises ``SceneError`` where it goes farther than its mapping can."""
+    excursion, allowed = noun.farther(scene.tank) * scene.excursion(scene.motion()), wall.largest_stroke
     if excursion >= allowed:
         limit = (
             f"goes {excursion:.4g} m from rest; must stay below {allowed:.4g} m, 3/4 of the reach in which its mapping "
@@ -71,10 +121,14 @@ WALLS: dict[Physics, dict[type[Noun], Kind]] = {
     "nonlinear": {
         FixedWall: Kind(StillWall, _still),
         PistonWall: Kind(Piston, _piston),
+        FlapWall: Kind(Shaped, _shaped),
+        ProfileWall: Kind(Shaped, _shaped),
         SegmentedPistonWall: Kind(Piston, _piston),
     },
     "linear": {
         FixedWall: Kind(StillWall, _still),
         PistonWall: Kind(LinearPaddle, _linear_piston),
+        FlapWall: Kind(LinearPaddle, _linear_shaped),
+        ProfileWall: Kind(LinearPaddle, _linear_shaped),
     },
 }

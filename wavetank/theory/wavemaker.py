@@ -1,6 +1,7 @@
 """Linear wavemaker theory: how high a wave a paddle makes.
 
-A paddle stands at x = f(z) X(t), with f = 1 at the height where its motion X is told. With X = Re(b exp(-i omega t)) the water's potential is, by eigenfunctions,
+A paddle stands at x = f(z) X(t), with f = 1 at the height where its motion X is told. With X = Re(b exp(-i omega t))
+the water's potential is, by eigenfunctions,
 
     phi = Re sum_j P_j cosh k_j (z + d) / cosh k_j d exp(i (k_j x - omega t)),     P_j = -omega b m(k_j) / (k_j N(k_j)),
     m(k) = int f cosh k (z + d) / cosh k d dz,     N(k) = int (cosh k (z + d) / cosh k d)^2 dz,
@@ -55,6 +56,11 @@ class Wavemaker(ABC):
         It is what a paddle sees of a mode k, because it is not where it rests, in a mode K.
         """
 
+    def volume(self, depth: float) -> float:
+        """Return int f dz over the depth [m], to 1e-4 where f has a kink."""
+        z, weights = _gauss(depth)
+        return float(weights @ self.share(z, depth))
+
     def transfer(self, k: ArrayLike, depth: float) -> Array:
         """Return c, the height of the wave over the paddle's stroke where that is told, for wave numbers k > 0."""
         kd = relative_depth(k, depth)
@@ -70,6 +76,10 @@ class Piston(Wavemaker):
     def share(self, z: ArrayLike, depth: float) -> Any:
         """Return ones."""
         return np.ones(np.shape(z))
+
+    def volume(self, depth: float) -> float:
+        """Return the depth."""
+        return depth
 
     def moment(self, k: ArrayLike, depth: float) -> Any:
         """Return tanh(k d) / k."""

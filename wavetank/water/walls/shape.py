@@ -19,8 +19,8 @@ from numpy.polynomial import Polynomial as Powers
 from numpy.polynomial import legendre
 
 from wavetank.arrays import Vector
+from wavetank.motions.mapping import TOP
 
-TOP = 0.5  # depths above still water, up to which a shape is followed
 DEGREES, HIGHEST, MOMENTS = (0, 1, 2, 4, 8), 16, 9
 EXACT = 1e-11  # of the largest share
 POINTS = 40  # of Gauss' rule between two kinks

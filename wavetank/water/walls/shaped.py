@@ -19,7 +19,7 @@ from wavetank.water.walls.contract import Columns
 from wavetank.water.walls.piston import Piston
 
 MOST = 30  # iterations
-ROUND_OFF = 1e-14  # of the depth
+ROUND_OFF = 1e-14  # of the deepest column
 
 
 class Shaped(Piston):
@@ -41,7 +41,7 @@ class ShapedColumns:
     """
 
     def __init__(self, wall: Shaped, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane):
-        self._mass, self._plane, self._depth = mass, plane, float(energy.d)
+        self._mass, self._plane = mass, plane
         self._start: Vector = energy.h.x.array[: plane.owned]
         self._still, self._h = mass_matrix(plane, ufl.as_ufl(1)), plane.function("columns")
         stretched = wall.mapping.stretching * wall.shape.column(self._h.function, energy.d)
@@ -58,7 +58,7 @@ class ShapedColumns:
         for _ in range(MOST):
             change = self._mass.solve(q - self.apply(h))
             h += change
-            if not self._largest(change) > ROUND_OFF * self._depth:
+            if not self._largest(change) > ROUND_OFF * self._largest(h):
                 return h
         raise ConvergenceError(f"the columns of water beside the paddle did not converge in {MOST} iterations")
 

@@ -1,0 +1,53 @@
+"""The motion of a flap by its angle: X = arm tan(theta), where the arm is the height of that place above the hinge."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wavetank.motions.motion import Array, Motion
+
+
+@dataclass(frozen=True, eq=False)
+class Turned(Motion):
+    """X = arm tan(theta).
+
+    Attributes
+    ----------
+    angle
+        theta(t) [rad], positive into the water, as a motion.
+    arm
+        [m].
+    """
+
+    angle: Motion
+    arm: float
+
+    @property
+    def start(self) -> float:
+        """When the flap begins to turn [s], at the earliest."""
+        return self.angle.start
+
+    @property
+    def duration(self) -> float:
+        """Until when the angle is known [s]."""
+        return self.angle.duration
+
+    @property
+    def interval(self) -> float | None:
+        """The mean time between two rows of the record [s], if the angle was measured."""
+        return self.angle.interval
+
+    def check(self, times: Array) -> None:
+        """Raise ``InputError`` where a derivative of the angle is not that of the angle, at times [s]."""
+        self.angle.check(times)
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the derivative by the chain rule."""
+        tan = np.tan(self.angle.derivative(t, 0, y))
+        if order == 0:
+            return self.arm * tan
+        square, speed = 1.0 + tan**2, self.angle.derivative(t, 1, y)  # tan' = 1 + tan²
+        if order == 1:
+            return self.arm * square * speed
+        return self.arm * square * (self.angle.derivative(t, 2, y) + 2.0 * tan * speed**2)
