@@ -264,6 +264,10 @@ EVERY = {  # cases that have each noun of a scene somewhere
     + FOCUS.replace("'jonswap'", "'gaussian', bandwidth = 0.05") + "[water]\ntype = 'nonlinear'\n",
     "regular": SLICE + RUN + "[wall]\ntype = 'piston'\nlimits = {stroke = 1.0, speed = 1.0, acceleration = 3.0}\n"
     "[wall.motion]\ntype = 'regular'\nheight = 0.05\nperiod = 2.0\ngeneration = 'second-order'\n",
+    "flap": SLICE + RUN + "[wall]\ntype = 'flap'\nhinge = 0.1\nstroke_height = 1.2\nmotion_as = 'angle'\n"
+    "[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n",
+    "profile": SLICE + RUN + "[wall]\ntype = 'profile'\nshape = '1 + z/d'\nwhere = {d = 1.0}\n"
+    "[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n",
     "bichromatic": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'bichromatic'\n"
     "heights = [0.05, 0.04]\nfrequencies = [0.5, 0.6]\ngeneration = 'second-order'\n",
     "irregular": SLICE + RUN + IRREGULAR + "spectrum = {type = 'pierson-moskowitz', peak_period = 2.0}\n",

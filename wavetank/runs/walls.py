@@ -61,7 +61,7 @@ def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
     """Return the polynomial of a paddle's shape; raises ``SceneError`` for one that it would not show."""
     maker, depth = noun.maker, scene.tank.depth
     shape = Polynomial.near(lambda z: maker.share(z, depth), depth, plane.mesh, kinks=maker.kinks(depth))
-    z = np.linspace(-depth, 0.0, 1001)
+    z = np.linspace(-depth, 0.0, 1001, dtype=np.float64)
     wanted = maker.share(z, depth)
     missed = float(np.abs(shape.at(z) - wanted).max() / np.abs(wanted).max())
     if missed > MISSED:

@@ -140,7 +140,8 @@ class Flap(Wavemaker):
         k, K = np.asarray(k), np.asarray(K)
         (low_k, rise_k), (low_K, rise_K) = (_below(one, self._lowest, depth) for one in (k, K))
         tanh_k, tanh_K = (np.tanh(_limited(one, depth)) for one in (k, K))
-        both, flat = 0.0, 0.0
+        both: Any = 0.0
+        flat: Any = 0.0
         for sign in (1.0, -1.0):
             q = K + sign * k
             near = np.abs(q) * depth < CLOSE

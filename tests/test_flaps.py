@@ -1,0 +1,336 @@
+"""Paddles that lean: flaps and other shapes, in linear and nonlinear water (docs/method.md, section 7)."""
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from mpi4py import MPI
+
+from wavetank.case import Scene
+from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
+from wavetank.integrators import INTEGRATORS
+from wavetank.motions import Sinusoid, Turned
+from wavetank.observers.energy import COLUMNS, EnergyBudget
+from wavetank.observers.gauges import Gauges
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.runs.build import build_run
+from wavetank.theory import airy
+from wavetank.theory.wavemaker import PISTON, Flap, Profile, modes, norm
+from wavetank.water.footprint import Slice
+from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.surface_points import SurfacePoints
+from wavetank.water.walls import LinearPaddle, Polynomial
+from wavetank.water.walls.shape import fitted
+
+GRAVITY = 9.81
+BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
+MOTION = {"type": "sinusoid", "paddle_amplitude": 0.1, "period": 1.6, "ramp": 2.0}
+FLAP = {"type": "flap", "hinge": 0.0, "motion": MOTION}
+KINKED = {**FLAP, "hinge": 0.3}
+
+
+def scene(wall, *, length=6.0, cells=6, n=5, duration=2.0, dt=0.02, tolerance=1e-9, order=3, **more):
+    numerics = {"cells": cells, "order": order, "vertical_order": n, "dt": dt, "tolerance": tolerance}
+    parts = {"tank": {"length": length, "depth": 1.0}, "run": {"duration": duration}, "numerics": numerics}
+    return Scene.model_validate({**parts, "wall": wall, **more})
+
+
+def recorded(wall, *, comm=MPI.COMM_SELF, gauges=(1.0, 3.0), **more):
+    """Return the energy budget and the gauges of a run, a row a step; collective."""
+    run, waves = build_run(scene(wall, **more), comm)
+    budget, record = Memory(), Memory()
+    places = np.array([(x, 0.0) for x in gauges])
+    run.observers += [
+        EnergyBudget(waves, record=budget, every=1),
+        Gauges(waves, places, record=record, schedule=EverySteps()),
+    ]
+    run.execute()
+    return budget.array(), record.array()
+
+
+# ---------------------------------------------------------------- theory
+@pytest.mark.parametrize("flap", [Flap(0.0), Flap(-0.7, 1.6), Flap(0.4)], ids=["bed", "below", "above"])
+def test_integrals_of_a_flap_are_those_of_its_shape(flap):
+    """Against Gauss' rule, where the flap moves; of waves that travel, that die out, and of both numbers alike."""
+    d, low = 1.3, max(0.0, flap.hinge)
+    x, weights = np.polynomial.legendre.leggauss(300)
+    above, weights = low + 0.5 * (d - low) * (x + 1), 0.5 * (d - low) * weights
+    f = flap.share(above - d, d)
+    for k in (0.3, 2.0, 20.0, 30j, 0.5 + 2j):
+        u, rise = np.cosh(k * above) / np.cosh(k * d), np.sinh(k * above) / np.cosh(k * d)
+        assert flap.moment(k, d) == pytest.approx((weights * f) @ u, rel=1e-11)
+        for K in (0.7, 2.0, 2.001, 20.0):
+            other = weights * np.cosh(K * above) / np.cosh(K * d)
+            seen = -((k**2 * f * u + k * rise / flap.arm(d)) @ other)
+            size = abs(k) ** 2 * float(abs(u * other).sum())
+            assert abs(flap.displaced(k, K, d) - seen) < 1e-10 * size
+
+
+def test_shapes_by_quadrature_and_their_limits():
+    """A formula's shape against the closed forms; a flap hinged far below is a piston, its wave Galvin's."""
+    k, K, d = np.array([0.5, 2.0, 9.0]), np.array([0.7, 2.0, 3.0]), 1.3
+    for profile, exact in (
+        (Profile(lambda z: 1 + 0 * z, lambda z: 0 * z), PISTON),
+        (Profile(lambda z: 1 + z / d, lambda z: 1 / d + 0 * z), Flap(0.0)),
+    ):
+        assert profile.moment(k, d) == pytest.approx(exact.moment(k, d), rel=1e-12)
+        assert profile.displaced(k, K, d) == pytest.approx(exact.displaced(k, K, d), rel=1e-11)
+        assert profile.volume(d) == pytest.approx(exact.volume(d), rel=1e-12)
+    assert Flap(-1e7).transfer(k, d) == pytest.approx(PISTON.transfer(k, d), rel=1e-6)
+    assert Flap(0.0).transfer(1e-3, 1.0) == pytest.approx(0.5e-3, rel=1e-5)
+
+
+def test_a_shape_with_a_kink_keeps_what_linear_theory_knows_of_it():
+    """The nearest polynomial has its transfer function to 1e-5 up to k d = 10, its value and slope at still water."""
+    for hinge in (0.1, 0.5):
+        flap = Flap(hinge)
+        powers = fitted(lambda z, flap=flap: flap.share(z, 1.0), 1.0, kinks=flap.kinks(1.0))
+        near = Profile(np.polynomial.Polynomial(powers), np.polynomial.Polynomial(powers).deriv())
+        k = np.array([0.5, 2.0, 10.0])
+        assert len(powers) == 17
+        assert near.moment(k, 1.0) == pytest.approx(flap.moment(k, 1.0), rel=1e-5)
+        assert near.share(np.array([0.0, 0.1]), 1.0) == pytest.approx(flap.share(np.array([0.0, 0.1]), 1.0), rel=4e-3)
+    assert fitted(lambda z: 2.0 + z, 1.3) == pytest.approx([2.0, 1.3], rel=1e-12)
+
+
+def test_an_angle_is_a_motion():
+    """X = arm tan(theta), and its derivatives by differences."""
+    motion, t = Turned(Sinusoid(0.3, 2.0), 1.1), np.linspace(0.1, 3.0, 7)
+    assert motion.position(t) == pytest.approx(1.1 * np.tan(0.3 * np.sin(np.pi * t)), rel=1e-12)
+    for order in (1, 2):
+        steps = motion.derivative(t + 1e-5, order - 1) - motion.derivative(t - 1e-5, order - 1)
+        assert motion.derivative(t, order) == pytest.approx(steps / 2e-5, abs=1e-8)
+
+
+# ---------------------------------------------------------------- linear water
+def closed(maker, omega, x, *, length, depth, count=300):
+    """Return the elevation of linear waves of a paddle's metre in a closed tank, by eigenfunctions, and the wave's."""
+    k = np.append(
+        airy.wave_number(np.array([omega]), depth, GRAVITY) + 0j,
+        1j * modes(np.array([omega]), depth, GRAVITY, count=count)[0],
+    )[:, None]
+    ratio = 1j * (np.exp(1j * k * (2 * length - x)) + np.exp(1j * k * x)) / (np.exp(2j * k * length) - 1)
+    of_modes = (omega**2 / GRAVITY * maker.moment(k, depth) / norm(k, depth) / k * ratio).real
+    return of_modes.sum(axis=0), of_modes[0]
+
+
+@pytest.mark.parametrize(
+    ("hinge", "kd"),
+    [(0.0, 2.0), (0.1, 0.5), (-0.5, 5.0), (0.5, 2.0)]
+    + [pytest.param(h, kd, marks=pytest.mark.slow) for h in (-0.5, 0.0, 0.1, 0.5) for kd in (0.5, 1.0, 2.0, 5.0, 10.0)],
+)
+def test_linear_waves_are_biesels_with_the_field_at_the_paddle(hinge, kd):
+    """Steady waves in a closed tank on the default mesh, finer for the shortest, against the series of modes.
+
+    At the paddle the series itself converges slowly: there 1.1e-3 of the wave, a depth from it 2e-4.
+    """
+    omega = float(airy.angular_frequency(kd, 1.0, GRAVITY))
+    length, cells = (np.floor(2.0 * kd / np.pi) + 0.5) * np.pi / kd, 5 if kd < 8 else 10
+    footprint = Slice(length, max(2, round(cells * length)), comm=MPI.COMM_SELF)
+    plane, maker = Plane(footprint.mesh, 3, footprint.chart), Flap(hinge)
+    shape = Polynomial.near(lambda z: maker.share(z, 1.0), 1.0, plane.mesh, kinks=maker.kinks(1.0))
+    wall = LinearPaddle(Sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
+    waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=8)
+    units = np.eye(plane.owned)
+    inflow = waves.H_p(units[0], 0.0 * units[0], 0.0)  # the paddle goes 1 m/s
+    G = np.array([waves.H_p(unit, unit, 0.0) - inflow for unit in units]).T
+    M = np.array([waves.mass.apply(unit) for unit in units]).T
+    psi = np.linalg.solve(omega**2 / GRAVITY * M - G, -1j * omega * inflow)
+    eta = (1j * omega * psi / GRAVITY).real
+    exact, far = closed(maker, omega, plane.x, length=length, depth=1.0)
+    size = np.abs(far).max()
+    assert np.abs(eta - exact)[plane.x > 1.0].max() < 2e-4 * size
+    assert np.abs(eta - exact).max() < 5e-3 * size
+    assert np.abs(exact - far).max() > 0.02 * size  # what dies out is there
+
+
+# ---------------------------------------------------------------- nonlinear water
+@pytest.fixture(scope="module")
+def steep():
+    """Return a small tank with a flap at an angle and a steep state in it."""
+    _, waves = build_run(scene(FLAP, length=2.0, cells=4, tolerance=1e-12), MPI.COMM_SELF)
+    x, t = waves.plane.x * np.pi / 2.0, 3.3
+    q, p = waves.state(0.12 * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x), t)
+    return waves, q, p, t
+
+
+@pytest.mark.parametrize("t", [3.3, 3.6])
+def test_no_mass_comes_of_a_flap(steep, t):
+    waves, q, p, _ = steep
+    flow = waves.H_p(q, p, t)
+    assert abs(flow.sum()) < 1e-14 * np.abs(flow).sum()
+
+
+def test_columns_are_found_from_their_masses(steep):
+    waves, _, _, t = steep
+    waves.set_time(t)
+    h = 1.0 + 0.2 * np.cos(2 * waves.plane.x)
+    assert waves.columns.solve(waves.columns.apply(h)) == pytest.approx(h, abs=1e-13)
+
+
+def test_derivatives_are_those_of_the_energy(steep):
+    """By Q, psi and t against central differences, whose error falls with the square of the step."""
+    waves, q, p, t = steep
+    smooth = np.cos(np.outer(waves.plane.x, [1.3, 2.1]))
+    dq, dp = waves.mass.apply(smooth[:, 0]), smooth[:, 1]
+    exact = np.array([waves.H_q(q, p, t) @ dq, waves.H_p(q, p, t) @ dp, waves.explicit_rate(q, p, t)])
+    steps, errors = np.array([2e-2, 1e-2]), []
+    for e in steps:
+        ends = [(waves.energy(q + s * dq, p, t), waves.energy(q, p + s * dp, t)) for s in (e, -e)]
+        times = [waves.energy(q, p, t + s) for s in (0.5 * e, -0.5 * e)]
+        differences = [(a - b) / (2 * e) for a, b in zip(*ends, strict=True)] + [(times[0] - times[1]) / e]
+        errors.append(np.abs(exact - differences))
+    errors = np.array(errors)
+    assert errors[:, 1].max() < 1e-11  # H is quadratic in psi
+    for n in (0, 2):
+        assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_the_surface_over_a_place_stands_there(steep):
+    """What a gauge reads beside the flap is the elevation of a point that the mapping takes to the gauge."""
+    waves, q, p, t = steep
+    waves.evaluate(q, p, t)
+    field = waves.plane.function("elevation")
+    field.set(waves.elevation(q, p, t))
+    places = np.array([[0.3, 0.0], [1.0, 0.0]])
+    over = SurfacePoints(waves.plane, waves.wall, places)
+    eta = over.elevations(field)
+    reference = waves.wall.to_reference(places, eta)
+    assert waves.wall.to_physical(reference, eta) == pytest.approx(places, abs=1e-12)
+    assert np.abs(reference - places).max() > 0.01
+    over.points.move(waves.plane.chart.place(reference))
+    assert over.points.evaluate(field) == pytest.approx(eta, abs=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"hinge": 1.0}, "wall.hinge"),
+        ({"stroke_height": -0.1}, "wall.stroke_height"),
+        ({"hinge": 0.95}, "wall.hinge"),
+        ({"reach": 4.0, "bed": True}, "wall.reach"),
+    ],
+)
+def test_what_no_flap_can_be_is_a_sentence(changes, said):
+    bed = {"type": "formula", "depth": "1 - 0.1*max(0, x - 3)"} if changes.pop("bed", False) else None
+    try:
+        case = scene({**FLAP, **changes})
+        if bed:
+            case = case.model_copy(update={"tank": case.tank.model_validate({**case.tank.model_dump(), "bed": bed})})
+        build_run(case, MPI.COMM_SELF)
+    except InputError as error:
+        message = str(error)
+    except ValueError as error:
+        message = str(error)
+    assert said.split(".")[1] in message
+
+
+# ---------------------------------------------------------------- whole runs
+@pytest.mark.slow
+@pytest.mark.parametrize("wall", [FLAP, KINKED], ids=["bed", "above"])
+def test_energy_is_the_paddles_work_to_the_schemes_order(wall):
+    """Simpson's scheme is of fourth order; mass is exact."""
+    steps, errors = np.array([0.04, 0.02, 0.01]), []
+    for dt in steps:
+        budget, _ = recorded({**wall, "reach": 4.0}, cells=12, n=6, dt=dt, duration=4.0)
+        assert np.ptp(budget[:, MASS]) < 1e-13 * budget[0, MASS]
+        errors.append(np.abs(budget[:, BALANCE]).max())
+    assert fitted_slope(steps, errors) == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.slow
+def test_the_mapping_is_not_seen():
+    """Gauges do not depend on its reach: differences fall with the cells."""
+    differences = []
+    for cells in (12, 24, 48):
+        _, near = recorded({**FLAP, "reach": 2.0}, cells=cells, n=8, duration=4.0)
+        _, far = recorded({**FLAP, "reach": 4.0}, cells=cells, n=8, duration=4.0)
+        differences.append(np.sqrt(np.mean((near - far)[:, 1:] ** 2) / np.mean(far[:, 1:] ** 2)))
+    assert differences[-1] < 1.2e-3
+    assert fitted_slope([0.5, 0.25, 0.125], differences) > 1.0
+
+
+@pytest.mark.slow
+def test_a_piston_is_a_profile():
+    """F = 1, by a formula, to round-off; the steps' solves are told to be as exact."""
+    same = {"length": 4.0, "duration": 1.0, "tolerance": 1e-12}
+    budget, gauges = recorded({"type": "piston", "motion": MOTION}, **same)
+    other, others = recorded({"type": "profile", "shape": "1", "motion": MOTION}, **same)
+    assert others == pytest.approx(gauges, abs=1e-12)
+    assert other == pytest.approx(budget, abs=1e-12)
+
+
+@pytest.mark.slow
+def test_a_flap_by_a_formula_is_the_flap():
+    _, gauges = recorded(FLAP, duration=1.0)
+    _, others = recorded({"type": "profile", "shape": "1 + z/d", "where": {"d": 1.0}, "motion": MOTION}, duration=1.0)
+    assert others == pytest.approx(gauges, abs=1e-12)
+
+
+@pytest.mark.slow
+def test_time_goes_back():
+    """Forward and back returns to the start, with a scheme whose jumps are not damped."""
+    _, waves = build_run(scene(FLAP, length=2.0, cells=4, tolerance=1e-12), MPI.COMM_SELF)
+    scheme, dt, x = INTEGRATORS["gauss-legendre-4"](), 0.02, waves.plane.x * np.pi / 2.0
+    start = scheme.start(*waves.state(0.1 * np.cos(x), 0.1 * np.sin(x)))
+    state = start
+    for step in range(30):
+        state = scheme.step(waves, state, step * dt, dt)
+    for step in range(30, 0, -1):
+        state = scheme.step(waves, state, step * dt, -dt)
+    assert np.abs(state.q - start.q).max() < 1e-9
+    assert np.abs(state.p - start.p).max() < 1e-9
+
+
+@pytest.mark.slow
+def test_small_strokes_make_linear_waves():
+    """Nonlinear waves of a stroke differ from linear ones by the square of the stroke."""
+    strokes, errors = np.array([4e-3, 1e-3]), []
+    for stroke in strokes:
+        wall = {**KINKED, "motion": {**MOTION, "paddle_amplitude": stroke}}
+        _, gauges = recorded(wall, cells=12, duration=4.0, tolerance=1e-10)
+        _, linear = recorded(wall, cells=12, duration=4.0, water={"type": "linear"}, tolerance=1e-10)
+        errors.append(np.abs(gauges - linear)[:, 1:].max())
+    assert fitted_slope(strokes, errors) == pytest.approx(2.0, abs=0.1)
+    assert errors[-1] < 0.02 * np.abs(linear[:, 1:]).max()
+
+
+@pytest.mark.slow
+def test_a_flap_of_fifteen_degrees_either_way():
+    """X = d tan(15 degrees) to both sides, slowly: mass is exact, the energy is the paddle's work."""
+    motion = {"type": "sinusoid", "paddle_amplitude": np.radians(15.0), "period": 4.0, "ramp": 4.0}
+    wall = {"type": "flap", "motion_as": "angle", "motion": motion}
+    budget, gauges = recorded(wall, length=10.0, cells=30, n=6, duration=8.0, dt=0.02)
+    assert np.ptp(budget[:, MASS]) < 1e-13 * budget[0, MASS]
+    assert np.abs(budget[:, BALANCE]).max() < 1e-5 * budget[:, 3].max()
+    assert np.abs(gauges[:, 1]).max() > 0.05
+
+
+def on_these_ranks():
+    """Return the records of a flap hinged at the bed; collective."""
+    return recorded(FLAP, comm=MPI.COMM_WORLD, duration=0.4, tolerance=1e-11)
+
+
+@pytest.mark.slow
+def test_ranks_agree(on_ranks):
+    budget, gauges = on_these_ranks()
+    for ranks in (2, 3):
+        for others, gauges_there in on_ranks(on_these_ranks, ranks=ranks):
+            assert others == pytest.approx(budget, abs=1e-9)
+            assert gauges_there == pytest.approx(gauges, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_flap_across_a_basin_is_that_of_a_slice():
+    """A basin two cells wide, alike in y."""
+    _, gauges = recorded(FLAP, length=4.0, cells=8, duration=1.0, n=4, gauges=(0.5, 2.0))
+    numerics = {"cell_size": 0.5, "order": 3, "vertical_order": 4, "dt": 0.02, "tolerance": 1e-9}
+    layout = {"type": "rectangle", "length": 4.0, "width": 1.0}
+    tank = {"type": "basin", "depth": 1.0, "layout": layout}
+    case = Scene.model_validate({"tank": tank, "wall": FLAP, "run": {"duration": 1.0}, "numerics": numerics})
+    run, waves = build_run(case, MPI.COMM_SELF)
+    record = Memory()
+    run.observers.append(Gauges(waves, np.array([[0.5, 0.5], [2.0, 0.25]]), record=record, schedule=EverySteps()))
+    run.execute()
+    assert record.array() == pytest.approx(gauges, abs=1e-7)
