@@ -87,6 +87,8 @@ def same(run: Path, other: Path, *, tolerance: float = 0.0) -> None:
     if tolerance == 0.0:
         told = ("numerics", "counters", "highest_crest", "errors")
         assert [one.manifest[key] for key in told] == [two.manifest[key] for key in told]
+        for name in fields:
+            assert (run / f"{name}.pvd").read_bytes() == (other / f"{name}.pvd").read_bytes()
         for piece in (run / "fields").glob("*"):
             assert piece.read_bytes() == (other / "fields" / piece.name).read_bytes()
         if (run / "surface.nc").exists():

@@ -231,6 +231,7 @@ class GoingOn:
         self.anew = False
         try:
             self._before, self._chosen = (Scene.model_validate(self.about[name]) for name in ("scene", "chosen"))
+            self._whole = bool(self.about["whole"])
         except (KeyError, ValidationError) as error:
             raise _foreign(error) from None
 
@@ -297,7 +298,7 @@ class GoingOn:
     @property
     def counting_on(self) -> bool:
         """Whether solves are counted on."""
-        return not self.anew and bool(self.about["whole"])
+        return not self.anew and self._whole
 
     @property
     def beginning(self) -> Beginning | None:
@@ -338,7 +339,7 @@ class GoingOn:
         left, until = scene.run.duration - clock["begin"], scene.motion().duration - clock["begin"]
         run.clock = Clock.covering(left, clock["dt"], until=until).after(clock["begin"], clock["first"])
         arrays, places = (self._kept.arrays, self._kept.places) if self._kept else ([], np.zeros((0, 3)))
-        run.take(together(self._text, found(waves.plane, arrays, places))["run"], whole=self.about["whole"])
+        run.take(together(self._text, found(waves.plane, arrays, places))["run"], whole=self._whole)
         return f"going on from t = {run.t:.6g} s"
 
     def _carry(self, run: Run, waves: AnyWaves, scene: Scene) -> str:

@@ -49,6 +49,7 @@ CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while 
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
 PICTURES = "surface.png", "gauges.png", "energy.png", "view.png"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.csv", "analysis-*.png", "analysis-*.csv"
+INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 
 
@@ -208,8 +209,10 @@ class RunDirectory:
         index = index_file(self.path, name)
         if name == "surface" and (self.path / SURFACE).exists():
             raise InputError(f"{self.path}: its surface is a slice's or ring's, in {SURFACE}: `.surface` reads it.")
+        content = self._read(index.name)
+        complete = content.rfind(b"/>") + len(b"/>")  # a killed run may have cut what follows
         try:
-            snapshots = ElementTree.fromstring(self._read(index.name)).iter("DataSet")
+            snapshots = ElementTree.fromstring(content[:complete] + INDEX_END).iter("DataSet") if content else ()
             return [(float(one.attrib["timestep"]), self.path / one.attrib["file"]) for one in snapshots]
         except (ElementTree.ParseError, KeyError, ValueError):
             raise InputError(f"{index}: is no collection of snapshots that this program wrote.") from None

@@ -1,6 +1,6 @@
 """Fields on a mesh in VTK's XML format, which ParaView and pyvista open: each rank writes its own piece.
 
-    surface.pvd                       times and files of all snapshots, replaced as a whole after each
+    surface.pvd                       times and files of all snapshots; each is written over the end of the one before
     fields/surface_000012.pvtu        the pieces of one snapshot
     fields/surface_000012_0003.vtu    that of rank 3, arrays appended as compressed binary
 
@@ -22,7 +22,8 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.errors import RecordError, RunError
-from wavetank.records.directory import FIELDS, index_file
+from wavetank.records.directory import FIELDS, INDEX_END, index_file
+from wavetank.records.growing import GrowingFile, lacks
 from wavetank.records.whole import replace, sync
 from wavetank.stateful import Held
 
@@ -105,17 +106,18 @@ class VtuSeries:
 
     def __init__(self, run: Path, name: str, *, comm: MPI.Comm):
         self._run, self._name, self._comm = run, name, comm
-        self._snapshots: list[tuple[float, str]] = []
+        self._snapshots, self._index = 0, GrowingFile(index_file(run, name))
         self._folder: os.stat_result | None = None  # once a snapshot has been written to it
         self._new: list[Path] = []  # files of this rank that a power cut may still take
 
     def held(self) -> Held:
-        """Return the snapshots so far."""
-        return {"snapshots": [list(one) for one in self._snapshots]}
+        """Return how many snapshots there are, and how far the file that tells them has grown."""
+        return {"snapshots": self._snapshots, "index": self._index.held()}
 
     def take(self, held: Held) -> None:
         """Go on after those."""
-        self._snapshots = [(t, file) for t, file in held["snapshots"]]
+        self._snapshots = int(held["snapshots"])
+        self._index.take(held["index"])
 
     def sync(self) -> None:
         """See to it that what this rank has written outlives a power cut."""
@@ -129,7 +131,7 @@ class VtuSeries:
         Arrays have shape (N,) or (N, components), by their names; each is written in the precision it has.
         Raises ``RunError`` on all ranks for a number that is not finite or a file that cannot be written on one.
         """
-        stem = f"{FIELDS}/{self._name}_{len(self._snapshots):06d}"
+        stem = _stem(self._name, self._snapshots)
         described = [Block("points", points), *(Block(name, values) for name, values in arrays.items())]
 
         def write_piece() -> None:
@@ -142,14 +144,25 @@ class VtuSeries:
 
         def write_index() -> None:
             if self._comm.rank == 0:
-                whole, index = self._run / f"{stem}.pvtu", index_file(self._run, self._name)
+                whole = self._run / f"{stem}.pvtu"
                 replace(whole, _pieces(Path(stem).name, described, self._comm.size))
-                replace(index, _index(self._snapshots))
-                self._new += [whole, self._run / FIELDS, index]
+                self._tell(t, f"{stem}.pvtu")
+                self._new += [whole, self._run / FIELDS, index_file(self._run, self._name)]
 
         self._together(write_piece)
-        self._snapshots.append((t, f"{stem}.pvtu"))
         self._together(write_index)
+        self._snapshots += 1
+
+    def _tell(self, t: float, file: str) -> None:
+        """Add a snapshot to those that are told."""
+        said = ElementTree.Element("DataSet", timestep=repr(float(t)), part="0", file=file)
+        head, over = (b"", len(INDEX_END)) if self._snapshots else (_index_head(), 0)
+        self._index.open()
+        try:
+            self._index.write(head + ElementTree.tostring(said) + b"\n" + INDEX_END, over=over)
+        finally:
+            self._index.close()
+        self._index.take(self._index.held())
 
     def _check(self, t: float, arrays: list[Array]) -> None:
         if not all(np.all(np.isfinite(values)) for values in arrays):
@@ -177,12 +190,20 @@ class VtuSeries:
                 raise met
 
 
-def missing(run: Path, held: Held) -> str:
-    """Return the first file that is not there of a series as it was held; nothing where all are."""
-    for _, file in held["snapshots"]:
-        whole = run / file
+def _stem(name: str, number: int) -> str:
+    """Return what the files of a snapshot of a series are called, in a run directory."""
+    return f"{FIELDS}/{name}_{number:06d}"
+
+
+def missing(run: Path, name: str, held: Held) -> str:
+    """Return the first file that is not there, or not all of it, of a series as it was held; nothing where all are."""
+    index = index_file(run, name)
+    if held["snapshots"] and lacks(index, held["index"]):
+        return index.name
+    for number in range(held["snapshots"]):
+        whole = run / f"{_stem(name, number)}.pvtu"
         if not whole.exists():
-            return str(file)
+            return f"{FIELDS}/{whole.name}"
         for piece in ElementTree.fromstring(whole.read_bytes()).iter("Piece"):
             if not (whole.parent / piece.attrib["Source"]).exists():
                 return f"{FIELDS}/{piece.attrib['Source']}"
@@ -225,9 +246,8 @@ def _pieces(stem: str, described: list[Block], ranks: int) -> bytes:
     return ElementTree.tostring(document)
 
 
-def _index(snapshots: list[tuple[float, str]]) -> bytes:
-    """Return a .pvd file, which tells times and files of snapshots."""
+def _index_head() -> bytes:
+    """Return the beginning of a .pvd file, which tells times and files of snapshots."""
     document, collection = _document("Collection")
-    for t, file in snapshots:
-        ElementTree.SubElement(collection, "DataSet", timestep=repr(float(t)), part="0", file=file)
-    return ElementTree.tostring(document)
+    collection.text = "\n"
+    return ElementTree.tostring(document).removesuffix(INDEX_END.strip())

@@ -204,11 +204,18 @@ class RunWriter:
 
     def _why_not(self, about: dict[str, Any]) -> str:
         """Return why the run cannot go on from a checkpoint, nothing where it can."""
+        try:
+            return self._lost(about)
+        except (KeyError, TypeError):
+            return "it is of another version of this program"
+
+    def _lost(self, about: dict[str, Any]) -> str:
+        """Return what a checkpoint counts on that is not there."""
         for name, held in about["records"].items():
             if lacks(self.path / name, held):
                 return f"it counts on more than there is in {name}"
-        lost = (missing(self.path, held) for held in about.get("fields", {}).values())
-        return next((f"it counts on {file}, which is no longer there" for file in lost if file), "")
+        lost = (missing(self.path, name, held) for name, held in about.get("fields", {}).items())
+        return next((f"it counts on {file}, which is no longer there, or not all of it" for file in lost if file), "")
 
     def broken(self, columns: Mapping[str, Vector]) -> None:
         """Write the surface from which the run cannot go on; on a full disk it is left out."""
