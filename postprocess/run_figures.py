@@ -12,7 +12,7 @@ from wavetank.postprocess.broken_figure import broken_figure
 from wavetank.postprocess.figures import energy_figure, gauges_overview, surface_figure
 from wavetank.postprocess.style import DAMPED
 from wavetank.postprocess.within_cells import within_cells
-from wavetank.records.directory import BROKEN, GAUGES, SURFACE, RunDirectory, index_file
+from wavetank.records.directory import BROKEN, GAUGES, PROBES, SURFACE, RunDirectory, index_file
 from wavetank.records.surface import Surface
 
 
@@ -28,6 +28,10 @@ def draw_run(run: RunDirectory) -> list[Path]:
         pictures.append(draw_surface(run))
     if any(gauge.t.size > 1 for gauge in gauges):
         pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
+    if (run.path / PROBES).exists() and run.probes.sizes["time"] > 1:
+        from wavetank.postprocess.probe_figure import probes_figure
+
+        pictures.append(probes_figure(run, run.path / "probes.png"))
     if all(column.size > 1 for column in energy.values()) and energy:
         pictures.append(
             energy_figure(energy, run.path / "energy.png", title=f"{run.title}: energy budget".lstrip(": "))

@@ -23,11 +23,12 @@ from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
 from wavetank.records.checkpoint import kept as checkpoints
-from wavetank.records.directory import ENERGY, LOG, PADDLE, RunDirectory
+from wavetank.records.directory import ENERGY, LOG, PADDLE, PROBES, RunDirectory
 from wavetank.records.environment import environment
 from wavetank.records.log import RunLog
 from wavetank.records.paddle_table import columns as paddle_columns
 from wavetank.records.place import Place
+from wavetank.records.probe_table import columns as probe_columns
 from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
 from wavetank.resuming import GoingOn, KeptRun, kept_scene
@@ -254,14 +255,17 @@ def _observe(
 def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records:
     """Return where gauges, energy, the surface of a slice and a wall that moves go; opened when the run begins."""
     if writer is None:
-        return Records(Discard(), Discard(), None, paddle=Discard() if scene.wall.moves else None)
+        moved, probed = (Discard() if there else None for there in (scene.wall.moves, scene.probes))
+        return Records(Discard(), Discard(), None, paddle=moved, probes=probed)
     dimensions = waves.plane.mesh.topology.dim
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions))
     surface = Kept(writer.surface().append) if dimensions == 1 else None
-    moved = paddle_columns(scene.wall.places(scene.tank))
-    paddle = Kept(writer.table(PADDLE, moved).append) if scene.wall.moves else None
-    return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle)
+    rates = paddle_columns(scene.wall.places(scene.tank))
+    paddle = Kept(writer.table(PADDLE, rates).append) if scene.wall.moves else None
+    points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
+    probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).append) if points else None
+    return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle, probes=probes)
 
 
 def _said_of(scene: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:

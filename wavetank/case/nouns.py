@@ -21,6 +21,7 @@ from wavetank.case.paddles import (
     RecordedMotion,
     SinusoidMotion,
 )
+from wavetank.case.probes import Probe
 from wavetank.case.scene import LinearWater, NonlinearWater, Physics, Scene, Water
 from wavetank.case.seas import (
     BichromaticMotion,
@@ -80,6 +81,7 @@ __all__ = [
     "Physics",
     "PiersonMoskowitzSpectrum",
     "PistonWall",
+    "Probe",
     "Problem",
     "ProfileWall",
     "PythonBed",

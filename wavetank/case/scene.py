@@ -14,6 +14,7 @@ from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, StillWater
 from wavetank.case.moving_wall import MovingWall
 from wavetank.case.numerics import Gauge, Numerics, Output, RunNoun, named
+from wavetank.case.probes import Probe
 from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.walls import FixedWall, Wall
@@ -56,6 +57,9 @@ class Scene(Noun):
     sponge: Sponge | None = Field(default=None, description="where waves are absorbed; default: nowhere")
     gauges: Annotated[tuple[Gauge, ...], BeforeValidator(named)] = Field(default=(), description="the gauges")
     gauge_lines: Annotated[tuple[GaugeLine, ...], Strict(False)] = Field(default=(), description="rows of gauges")
+    probes: Annotated[tuple[Probe, ...], BeforeValidator(named)] = Field(
+        default=(), description="points where velocity, acceleration and pressure are recorded"
+    )
     run: RunNoun = Field(description="how long is computed")
     numerics: Numerics = Field(default=Numerics(), description="how it is computed")
     output: Output = Field(default=Output(), description="what is recorded, and how often")
@@ -156,7 +160,7 @@ class Scene(Noun):
     def _fits_together(self) -> Self:
         parts = (self.wall, self.initial, self.numerics, self.output, self.sponge, self.tank.bed)
         nouns = [noun for noun in parts if noun is not None]
-        own = (*self._depth_problems(), *self._gauge_problems())
+        own = (*self._depth_problems(), *self._gauge_problems(), *self._probe_problems())
         problems = [*own, *(problem for noun in nouns for problem in noun.problems(self))]
         if problems:
             text = "; ".join(str(problem) for problem in problems)
@@ -193,6 +197,16 @@ class Scene(Noun):
             yield from self._place_problems(("gauges", n), gauge.x, gauge.y)
             if count[gauge.name] > 1:
                 yield Problem(("gauges", n, "name"), gauge.name, "must be a name that no other gauge has")
+
+    def _probe_problems(self) -> Iterator[Problem]:
+        count = Counter(probe.name for probe in self.probes)
+        for n, probe in enumerate(self.probes):
+            yield from self._place_problems(("probes", n), probe.x, probe.y)
+            if self.tank.bed is None and probe.z < -self.tank.depth:
+                allowed = f"must be in the water, above the bed at {metres(-self.tank.depth)} m"
+                yield Problem(("probes", n, "z"), probe.z, allowed)
+            if count[probe.name] > 1:
+                yield Problem(("probes", n, "name"), probe.name, "must be a name that no other probe has")
 
     def _place_problems(self, key: tuple[str | int, ...], x: float, y: float) -> Iterator[Problem]:
         left, low, right, high = 0.0, 0.0, self.tank.length, 0.0

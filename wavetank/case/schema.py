@@ -4,6 +4,7 @@ from typing import Any
 
 from wavetank.case.keys import tables, tag
 from wavetank.case.numerics import Gauge
+from wavetank.case.probes import Probe
 from wavetank.case.scene import Scene
 from wavetank.case.tanks import SliceTank
 
@@ -17,11 +18,11 @@ def schema() -> dict[str, Any]:
     known = whole["$defs"]
     for noun in {noun for table in tables() for noun in table.nouns if tag(noun) and noun is not SliceTank}:
         known[noun.__name__].setdefault("required", []).insert(0, "type")
-    gauge = known[Gauge.__name__]
-    gauge["required"].remove("name")
-    gauge["properties"]["name"]["description"] += "; default: its number"
+    for noun in (known[one.__name__] for one in (Gauge, Probe)):
+        noun["required"].remove("name")
+        noun["properties"]["name"]["description"] += "; default: its number"
     gauges = whole["properties"]["gauges"]
-    gauges["items"] = {"anyOf": [gauges["items"], gauge["properties"]["x"]]}
+    gauges["items"] = {"anyOf": [gauges["items"], known[Gauge.__name__]["properties"]["x"]]}
     return whole
 
 

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field
 from wavetank.case.beds import Bed
 from wavetank.meshes import Layout
 from wavetank.values.noun import Noun
-from wavetank.values.quantities import Gravity, Length
+from wavetank.values.quantities import Density, Gravity, Length
 
 
 class _Filled(Noun):
@@ -18,6 +18,7 @@ class _Filled(Noun):
     usual_cell: ClassVar[float] = 0.2  # in depths
     depth: Length = Field(description="still-water depth d [m]; over a bed, that at the paddle, to 1 %")
     gravity: Gravity = Field(default=9.81, description="gravity g [m/s^2]")
+    density: Density = Field(default=1000.0, description="density of the water [kg/m^3], of pressures and forces")
 
 
 class SliceTank(_Filled):

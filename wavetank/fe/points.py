@@ -89,8 +89,21 @@ class Points:
         cells[seen], distances[seen], local[seen] = near.array[best], found.distances[best], found.local[best]
         return cells, Nearest(local, distances)
 
+    @property
+    def cells(self) -> Cells:
+        """The cells of this rank in which points are evaluated, one for each of these."""
+        return (self._found or self._owned(self._points))[1]
+
     def evaluate(self, field: Field) -> Vector:
         """Return the field's values, shape (N,), on every rank; collective."""
-        values, (mine, *_) = np.zeros(len(self._points)), self._found or self._owned(self._points)
-        values[mine] = (self._weights * field.rows[:, 0][self._dofs]).sum(axis=1)
+        return self.of(field.rows[:, 0])
+
+    def of(self, rows: Vector) -> Vector:
+        """Return values at the points, shape (N, ...), of those at all degrees of freedom, (rows, ...); collective.
+
+        They are the same on every rank.
+        """
+        values, (mine, *_) = np.zeros((len(self._points), *rows.shape[1:])), self._found or self._owned(self._points)
+        weights = self._weights.reshape(*self._weights.shape, *[1] * (rows.ndim - 1))
+        values[mine] = (weights * rows[self._dofs]).sum(axis=1)
         return summed(self._plane.comm, values)

@@ -75,6 +75,10 @@ class VerticalBasis:
         """Return P_j(zeta), shape (len(zeta), n+1)."""
         return np.asarray(self._legendre(zeta)[0] @ self._change)
 
+    def slopes_at(self, zeta: Vector) -> Vector:
+        """Return P_j'(zeta), shape (len(zeta), n+1)."""
+        return np.asarray(self._legendre(zeta)[1] @ self._change)
+
     def moment(self, power: int, left: Vector, right: Vector) -> Vector:
         """Return int zeta^power left_i right_j dzeta, shape (n+1, n+1), for columns tabulated at ``zeta``."""
         return np.asarray((left.T * (self.weights * self.zeta**power)) @ right)

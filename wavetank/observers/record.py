@@ -1,6 +1,7 @@
 """Where an observer's rows go: the contract with the run directory."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite, nan
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,8 +18,8 @@ from wavetank.records.vtu_series import VtkCells
 class Record(Protocol):
     """A table that grows by rows of numbers; only rank 0's rows are kept."""
 
-    def append(self, row: Sequence[float]) -> None:
-        """Append one row."""
+    def append(self, row: Sequence[float | None]) -> None:
+        """Append one row, empty at None."""
 
 
 class FieldRecord(Protocol):
@@ -31,9 +32,9 @@ class FieldRecord(Protocol):
 class Discard:
     """The record of every rank but the first, which has the same row: it fails where the first one's fails."""
 
-    def append(self, row: Sequence[float]) -> None:
+    def append(self, row: Sequence[float | None]) -> None:
         """Drop the row; raises ``RunError`` for a number that is not finite."""
-        if not np.all(np.isfinite(row)):
+        if not all(value is None or isfinite(value) for value in row):
             raise RunError(f"t = {row[0]:.6g} s: a recorded value is not a finite number; the run has broken down.")
 
 
@@ -43,9 +44,9 @@ class Memory:
     def __init__(self) -> None:
         self.rows: list[list[float]] = []
 
-    def append(self, row: Sequence[float]) -> None:
-        """Append one row."""
-        self.rows.append([float(value) for value in row])
+    def append(self, row: Sequence[float | None]) -> None:
+        """Append one row, nan at None."""
+        self.rows.append([nan if value is None else float(value) for value in row])
 
     def array(self) -> Vector:
         """Return all rows, shape (rows, columns)."""

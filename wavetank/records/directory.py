@@ -7,6 +7,9 @@
     energy.csv      the energy budget, units in the header
     paddle.csv      position [m], velocity [m/s], acceleration [m/s^2] of a wall that moves, when the gauges are read;
                     of one in segments at places along it, "position@y=2 [m]"
+    probes.csv      velocity [m/s], accelerations [m/s^2] and pressure [Pa] of each probe, empty while it is dry:
+                    "velocity_x A@x=2,z=-0.1 [m/s]"
+    probes.nc       the same as CF-NetCDF, when the run has ended
     surface.nc      of a slice or ring, snapshots of x [m], elevation [m], surface potential [m²/s], as CF-NetCDF
     surface.xdmf    opens them in ParaView
     surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
@@ -34,20 +37,22 @@ from numpy.typing import NDArray
 
 from wavetank.errors import InputError
 from wavetank.records.lock import is_held
-from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable, conventions, netcdf
+from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Variable, conventions, netcdf
+from wavetank.records.probe_table import point, quantities
 from wavetank.records.series import GaugeSeries, place
 from wavetank.records.surface import Surface, snapshots, whole
 
 if TYPE_CHECKING:
     import xarray
 
-MANIFEST, GAUGES_NETCDF, SURFACE, SURFACE_INDEX = "manifest.json", "gauges.nc", "surface.nc", "surface.xdmf"
-TABLES = GAUGES, ENERGY, PADDLE = "gauges.csv", "energy.csv", "paddle.csv"
+MANIFEST, SURFACE, SURFACE_INDEX = "manifest.json", "surface.nc", "surface.xdmf"
+TABLES = GAUGES, ENERGY, PADDLE, PROBES = "gauges.csv", "energy.csv", "paddle.csv", "probes.csv"
+COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the run has ended
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
-PICTURES = "surface.png", "gauges.png", "energy.png", "view.png"
+PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "view.png"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.csv", "analysis-*.png", "analysis-*.csv"
 INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
@@ -60,7 +65,7 @@ def index_file(run: Path, name: str) -> Path:
 
 def recorded(run: Path) -> Iterator[Path]:
     """Yield the records in a run directory, and what has been drawn of them."""
-    files = (*TABLES, *BROKENS, GAUGES_NETCDF, SURFACE, SURFACE_INDEX, LOG, *PICTURES, *ANALYSES, *CHECKPOINTS)
+    files = (*TABLES, *BROKENS, *COPIES.values(), SURFACE, SURFACE_INDEX, LOG, *PICTURES, *ANALYSES, *CHECKPOINTS)
     indices = (f"{name}.pvd" for name in SERIES)
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *indices, *pieces):
@@ -144,6 +149,16 @@ class RunDirectory:
         return self._over_time(PADDLE)
 
     @property
+    def probes(self) -> "xarray.Dataset":
+        """What probes have recorded over probe and time [s], each quantity by its name with its units; nan: dry.
+
+        Probes by their names, with their places x, y and z [m]. Raises ``InputError`` where there are none.
+        """
+        from xarray import Dataset
+
+        return Dataset(self._probes()).set_coords(["x", "y", "z"])
+
+    @property
     def surface(self) -> "xarray.Dataset":
         """``elevation`` [m] and ``surface_potential`` [m²/s] of a slice or ring over time [s] and place.
 
@@ -189,20 +204,22 @@ class RunDirectory:
         except (KeyError, ValueError) as error:
             raise InputError(f"{self.path / SURFACE}: is no record of a surface ({error}).") from None
 
-    def gauges_netcdf(self) -> bytes:
-        """Return the gauges as a CF-NetCDF file, of time series at stations (CF 1.8, section H.2).
+    def netcdf_of(self, table: str) -> bytes:
+        """Return one of ``COPIES``, a CF-NetCDF file of time series at stations (CF 1.8, section H.2).
 
-        Raises ``InputError`` where there is no gauge or no row.
+        Raises ``InputError`` where there is no gauge, probe or row.
         """
-        variables = self._stations()
-        elevation = variables["elevation"]
-        missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there
-        said = {**elevation.attributes, "coordinates": "x y", **missing}
-        variables["elevation"] = elevation._replace(attributes=said)
+        variables = self._stations() if table == GAUGES else self._probes()
+        missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there, while a probe is dry
+        places = " ".join(name for name in ("x", "y", "z") if name in variables)
+        recorded = [name for name, one in variables.items() if len(one.dimensions) == 2]
+        for name in recorded:
+            said = {**variables[name].attributes, "coordinates": places, **missing}
+            variables[name] = variables[name]._replace(attributes=said)
         try:
             return netcdf(variables, conventions(self.manifest) | {"featureType": "timeSeries"})
         except ValueError:
-            raise InputError(f"{GAUGES} has no elevation") from None
+            raise InputError(f"{table} has no {recorded[0]}") from None
 
     def fields(self, name: str) -> list[tuple[float, Path]]:
         """Return time [s] and file, for pyvista or ParaView, of each snapshot of a series, one of ``SERIES``."""
@@ -247,6 +264,32 @@ class RunDirectory:
             "x": Variable(("gauge",), x, ALONG),
             "y": Variable(("gauge",), y, ACROSS),
             "elevation": Variable(("gauge", "time"), found.eta, ELEVATION),
+        }
+
+    def _probes(self) -> dict[str, Variable]:
+        """Return the probes' names, places and records as variables."""
+        header, rows = self._table(PROBES)
+        try:
+            found = [point(column) for column in header[1:]]
+        except (KeyError, ValueError):
+            raise InputError(f"{self.path / PROBES}: its columns {header[1:]} tell no probes.") from None
+        points = list(dict.fromkeys(at for _, at in found))
+        names, x, y, z = zip(*points, strict=True)
+        told, shape = quantities(2), (len(points), len(rows))
+        values = {name: np.full(shape, np.nan) for name, _ in found}
+        for (name, at), column in zip(found, rows.T[1:], strict=True):
+            values[name][points.index(at)] = column
+        return {
+            "time": Variable(("time",), rows[:, 0], TIME),
+            "probe": Variable(("probe",), np.array(names, dtype=str), {"cf_role": "timeseries_id"}),
+            **{
+                axis: Variable(("probe",), np.array(at, dtype=float), said)
+                for axis, at, said in (("x", x, ALONG), ("y", y, ACROSS), ("z", z, UPWARDS))
+            },
+            **{
+                name: Variable(("probe", "time"), each, {"units": told[name][0], "long_name": told[name][1]})
+                for name, each in values.items()
+            },
         }
 
     def _over_time(self, file: str) -> "xarray.Dataset":

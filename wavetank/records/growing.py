@@ -121,6 +121,11 @@ class TableWriter(GrowingFile):
         super().__init__(path)
         self._columns, self._rows = columns, 0
 
+    @property
+    def has_values(self) -> bool:
+        """Whether it has a column beside the time's."""
+        return len(self._columns) > 1
+
     def open(self) -> None:
         """Make the file, with the names of its columns, or go on; raises ``RecordError``."""
         if self._kept:
@@ -148,8 +153,8 @@ class TableWriter(GrowingFile):
         """Go on after these, once it is opened."""
         self._rows, self._kept = held["rows"], _end(self._path, held["rows"]) or 0
 
-    def append(self, row: Sequence[float]) -> None:
-        """Append one row, time [s] first, a value for each column.
+    def append(self, row: Sequence[float | None]) -> None:
+        """Append one row, time [s] first, a value for each column or None, which leaves it empty.
 
         Raises ``RunError`` for a number that is not finite, before anything of the row is written, and for a file that
         cannot be written; ``ValueError`` for a row of another length.
@@ -158,6 +163,6 @@ class TableWriter(GrowingFile):
         width = len(self._columns)
         if values.shape != (width,):
             raise ValueError(f"{self._path.name}: row of shape {values.shape} received; it has {width} columns.")
-        self._check(values)
-        self.write(_csv_line(repr(float(value)) for value in values))
+        self._check(values[[value is not None for value in row]])
+        self.write(_csv_line("" if value is None else repr(float(value)) for value in row))
         self._rows += 1

@@ -16,6 +16,7 @@ ELEVATION = {
 TIME = {"long_name": "time since the start", "units": "s", "axis": "T"}  # no date to count from: not CF's ``time``
 ALONG = {"long_name": "distance along the tank from the paddle at rest", "units": "m", "axis": "X"}
 ACROSS = {"long_name": "distance across the tank", "units": "m", "axis": "Y"}
+UPWARDS = {"long_name": "height above still water", "units": "m", "axis": "Z", "positive": "up"}
 
 
 class Variable(NamedTuple):

@@ -1,5 +1,6 @@
 """A gauge's record: surface elevation against time at one place, measured or computed; how tables name its place."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,14 +37,24 @@ class GaugeSeries:
 
 def column(name: str, x: float, y: float = 0.0) -> str:
     """Return how the header of the gauges' table names one."""
-    place = {"x": x, "y": y} if y else {"x": x}
-    return f"{name}@" + ",".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
+    return named_place(name, {"x": x, "y": y} if y else {"x": x})
 
 
 def place(column: str) -> tuple[str, float, float]:
     """Return name, x and y [m] of a gauge from its column; raises ``ValueError`` if it tells none."""
-    name, told, place = column.rpartition("@x=")
-    if not told:
-        raise ValueError(f"{column!r} tells no place")
-    x, _, y = place.partition(",y=")
-    return name, float(x), float(y or 0.0)
+    name, at = place_named(column)
+    return name, at["x"], at.get("y", 0.0)
+
+
+def named_place(name: str, place: Mapping[str, float]) -> str:
+    """Return a name with its place [m], axis by axis from x on, as ``5@x=50,y=2``."""
+    return f"{name}@" + ",".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
+
+
+def place_named(told: str) -> tuple[str, dict[str, float]]:
+    """Return name and place [m] by axis of what ``named_place`` told; raises ``ValueError`` for anything else."""
+    name, found, place = told.rpartition("@x=")
+    if not found:
+        raise ValueError(f"{told!r} tells no place")
+    axes = (part.partition("=") for part in f"x={place}".split(","))
+    return name, {axis: float(at) for axis, _, at in axes}

@@ -16,8 +16,8 @@ from wavetank.records.directory import (
     BROKEN,
     CHECKPOINT,
     CHECKPOINT_BEFORE,
+    COPIES,
     GAUGES,
-    GAUGES_NETCDF,
     MANIFEST,
     ROOM,
     SURFACE,
@@ -57,7 +57,7 @@ class RunWriter:
 
     def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
         self._records: list[GrowingFile] = []
-        self._has_gauges = self._begun = self._older = self._kept_one = False
+        self._begun = self._older = self._kept_one = False
         place = place if isinstance(place, Place) else Place(place)
         self._resume = resume
         identity: str | None = uuid4().hex
@@ -138,7 +138,6 @@ class RunWriter:
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
         """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
-        self._has_gauges = bool(gauges)
         return self.table(GAUGES, ["t", *(column(*gauge) for gauge in gauges)])
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
@@ -229,14 +228,15 @@ class RunWriter:
     def finish(self, status: str, figures: dict[str, Any]) -> None:
         """Close all files and write the manifest's last word, ``"finished"``, or another with its cause.
 
-        The gauges are written as CF-NetCDF, too; where that is not possible the manifest's ``warnings`` say so, for
-        their table has them. Raises ``RunError`` if the manifest cannot be written, for a figure that is not finite,
+        Gauges and probes are written as CF-NetCDF, too; where that is not possible the manifest's ``warnings`` say so:
+        their tables have them. Raises ``RunError`` if the manifest cannot be written, for a figure that is not finite,
         and where the directory is another's by now: then it stays.
         """
         self._close()
         self._check_held()
-        if self._has_gauges:
-            self._write_netcdf()
+        for one in self._records:
+            if one.name in COPIES and isinstance(one, TableWriter) and one.has_values:
+                self._copy(one.name)
         try:
             self._lock.reserve(0)
             last = self._manifest | {"status": status, "finished": now(), **figures}
@@ -244,12 +244,13 @@ class RunWriter:
         except OSError as error:
             raise RunError(f"{self.path}: cannot be written ({error.strerror}).") from None
 
-    def _write_netcdf(self) -> None:
+    def _copy(self, name: str) -> None:
+        """Write a table as CF-NetCDF, too."""
         try:
-            replace(self.path / GAUGES_NETCDF, RunDirectory(self.path).gauges_netcdf())
+            replace(self.path / COPIES[name], RunDirectory(self.path).netcdf_of(name))
         except (OSError, InputError) as error:
             why = getattr(error, "strerror", None) or str(error)
-            said = f"{GAUGES_NETCDF} could not be written ({why}); {GAUGES} has the same"
+            said = f"{COPIES[name]} could not be written ({why}); {name} has the same"
             self._manifest.setdefault("warnings", []).append(said)
 
     def _check_held(self) -> None:

@@ -23,6 +23,7 @@ from wavetank.observers.energy import EnergyBudget, Sink
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.paddle import RATES, PaddleMotion
+from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
 from wavetank.observers.schedule import EverySteps, EveryTime
 from wavetank.observers.stability import StabilityWatch
@@ -33,7 +34,8 @@ from wavetank.runs.own import own_scheme
 from wavetank.runs.run import Run
 from wavetank.runs.sponges import build_sponge
 from wavetank.runs.starts import initial_surface
-from wavetank.runs.waters import AnyWaves, fill
+from wavetank.runs.waters import AnyWaves, fill, moving_water
+from wavetank.stateful import Stateful
 from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.edge_penalty import EdgePenalty
@@ -52,8 +54,8 @@ class Records(NamedTuple):
         Tables.
     surface
         Of snapshots along a slice or ring; None on all ranks but the first.
-    paddle
-        A table; None where the wall stands still.
+    paddle, probes
+        Tables; None where the wall stands still, and where there are no probes.
     fields
         Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
     """
@@ -63,6 +65,7 @@ class Records(NamedTuple):
     surface: SurfaceRecord | None
     fields: Callable[[str], FieldRecord] | None = None
     paddle: Record | None = None
+    probes: Record | None = None
 
 
 class Beginning(NamedTuple):
@@ -230,7 +233,7 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
         motion, schedule = scene.motion(), EverySteps(scene.output.gauges_every)
         rates = {name: scene.of_paddle(motion, name) for name in RATES}
         observers.append(PaddleMotion(rates, record=records.paddle, schedule=schedule))
-    return observers
+    return observers + _in_the_water(scene, waves, records)
 
 
 def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
@@ -240,6 +243,20 @@ def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
         return Gauges(waves, places, record=record, schedule=EverySteps(scene.output.gauges_every))
     except OutsideError as error:
         raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
+
+
+def _in_the_water(scene: Scene, waves: AnyWaves, records: Records) -> list[Observer]:
+    """Return what records velocity and pressure, on water of its own; collective. Raises as ``_gauges``."""
+    if records.probes is None:
+        return []
+    water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
+    kept: list[Observer] = [WaterKept(water)] if isinstance(water, Stateful) else []
+    points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
+    try:
+        probes = Probes(water, points, density=scene.tank.density, record=records.probes, schedule=schedule)
+    except OutsideError as error:
+        raise SceneError([Problem(("probes", error.index), None, str(error))]) from None
+    return [*kept, probes]
 
 
 def _field_observers(scene: Scene, waves: AnyWaves, records: Records, sinks: Sequence[Sink]) -> list[Observer]:

@@ -9,12 +9,14 @@ from mpi4py import MPI
 from wavetank.case import Physics, Scene
 from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
+from wavetank.motions.tangent import Tangent
 from wavetank.runs.footprints import Footprint, build_footprint
 from wavetank.runs.walls import build_wall, kind_of
 from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.bed import Depth, FlatBed, VaryingBed
 from wavetank.water.footprint import Ring
 from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.rates import LinearRates, MovingWater, NonlinearRates
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 AnyWaves = NonlinearWaves | LinearWaves
@@ -91,6 +93,23 @@ def _linear(scene: Scene, footprint: Footprint, plane: Plane) -> LinearWaves:
         wall=build_wall(scene, footprint, plane),
         vertical_order=scene.numerics.vertical_order,
         tolerance=scene.numerics.tolerance,
+    )
+
+
+def moving_water(scene: Scene, waves: AnyWaves) -> MovingWater:
+    """Return water of an observer's own like the scene's, of which rates are found; collective."""
+    numerics = scene.numerics
+    if isinstance(waves, LinearWaves):
+        return LinearRates(waves, tolerance=0.1 * numerics.tolerance)
+    tangent = Tangent(scene.motion())
+    return NonlinearRates(
+        waves.plane,
+        tangent=tangent,
+        depth=_depth(scene),
+        gravity=scene.tank.gravity,
+        wall=waves.wall.moved_by(tangent),
+        vertical_order=numerics.vertical_order,
+        tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
     )
 
 

@@ -96,7 +96,7 @@ class LinearWaves:
         self.still = self.layer.assemble()
         direct = isinstance(self.potential, DirectPotential)
         self.stages = LinearStages.of(self, tolerance=COUPLED_TOLERANCE if direct else tolerance, direct=direct)
-        self._inflow, self._recoil = self.potential.response(self._flux(still))
+        self._inflow, self._recoil = self.potential.response(self.flux(still))
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._G_psi: Vector = self._q
@@ -109,8 +109,8 @@ class LinearWaves:
         _, layer, minimum = interior_of(still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance)
         return IterativePotential(minimum, plane=plane, components=vertical.n + 1), layer
 
-    def _flux(self, still: WaterEnergy) -> Vector:
-        """Return dF/dphi, shape (owned, n+1)."""
+    def flux(self, still: WaterEnergy) -> Vector:
+        """Return dF/dphi for the energy of still water, shape (owned, n+1)."""
         components = self.vertical.n + 1
         phi = self.plane.layered_function(components, "potential").function
         total = np.zeros((self.plane.owned, components))

@@ -110,6 +110,9 @@ class Wall(Placed, Protocol):
     def velocities(self) -> Vector:
         """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
 
+    def moved_by(self, motion: Motion) -> "Wall":
+        """Return one like it, at the same place, by another motion; collective."""
+
     def set_time(self, t: float) -> bool:
         """Move to where the wall stands at t [s]; return whether the mapping has changed; collective."""
 

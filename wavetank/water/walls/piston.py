@@ -71,6 +71,10 @@ class Piston:
         self.mapping = self.after(0.0)
         self.set_time(0.0)
 
+    def moved_by(self, motion: Motion) -> "Piston":
+        """See ``Wall``."""
+        return Piston(motion, plane=self._plane, reach=self.reach, side=self.side)
+
     def _carried(self, s: Field) -> NDArray[np.int32]:
         """Return this rank's cells, ghosts among them, in which s is not zero."""
         return np.flatnonzero((s.rows[self._plane.V.dofmap.list, 0] != 0.0).any(axis=1)).astype(np.int32)

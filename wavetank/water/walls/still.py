@@ -30,6 +30,10 @@ class StillWall:
     shape: Shape = UPRIGHT
     carried: ufl.Measure | None = None
 
+    def moved_by(self, motion: Motion) -> "StillWall":
+        """See ``Wall``: it does not move."""
+        return self
+
     def set_time(self, t: float) -> bool:
         """Do nothing."""
         return False

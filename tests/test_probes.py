@@ -1,0 +1,178 @@
+"""Velocity, acceleration and pressure in the water, at probes of a case."""
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from mpi4py import MPI
+from rich.console import Console
+
+from wavetank.case import Scene
+from wavetank.fe.plane import Plane
+from wavetank.motions import AtRest, Sinusoid
+from wavetank.motions.tangent import Tangent
+from wavetank.observers.contract import Moment
+from wavetank.observers.probes import Probes
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.recording import record_run, resume_run
+from wavetank.records.directory import RunDirectory
+from wavetank.theory.stream_function import stream_function_wave
+from wavetank.water.footprint import Ring, Slice
+from wavetank.water.rates import NonlinearRates
+from wavetank.water.walls import Piston, StillWall
+from wavetank.water.waves import Tolerances
+
+GRAVITY, DENSITY = 9.81, 1025.0
+FINE = Tolerances(stage=1e-12, interior=1e-13)
+
+
+def seen(water, state, points, t=0.0):
+    """Return velocity, local acceleration, acceleration and pressure at points (x, z), shape (N, 7)."""
+    record, (x, z) = Memory(), np.array(points).T
+    at = np.column_stack([x, 0 * x, z])
+    Probes(water, at, density=DENSITY, record=record, schedule=EverySteps()).observe(Moment(0, t, *state))
+    return record.array()[0, 1:].reshape(-1, 7)
+
+
+def ring(cells, *, order, n):
+    footprint = Ring(2 * np.pi, cells, comm=MPI.COMM_SELF)
+    plane, still = Plane(footprint.mesh, order, footprint.chart), Tangent(AtRest())
+    return NonlinearRates(plane, tangent=still, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=FINE)
+
+
+def exact_kinematics(wave, x, z):
+    """Return velocity, accelerations and pressure of a wave that only travels: d/dt = -c d/dx; shape (N, 7)."""
+    step, c = 1e-3, wave.speed
+    weights = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
+    (u, _, w), each = wave.velocity(x, z).T, (f * wave.velocity(x + k * step, z) / step for k, f in weights.items())
+    u_x, _, w_x = sum(each).T
+    ahead, up = -c * u_x + u * u_x + w * w_x, -c * w_x + u * w_x - w * u_x  # no divergence, no vorticity
+    top = wave.velocity(wave.crest, wave.elevation(wave.crest))
+    level = 0.5 * top @ top - c * top[0] + GRAVITY * wave.elevation(wave.crest)
+    pressure = DENSITY * (level - 0.5 * (u**2 + w**2) + c * u - GRAVITY * z)
+    return np.column_stack([u, w, -c * u_x, -c * w_x, ahead, up, pressure])
+
+
+def steady_errors(cells, *, order, n):
+    """Return the largest errors of each quantity in a steady wave of 0.3 m, k d = 1, from bed to surface.
+
+    In SI units, pressures over that of 1 m of water; shape (7,).
+    """
+    wave = stream_function_wave(0.3, 2 * np.pi, depth=1.0)
+    x = np.linspace(0.05, 3.1, 41)
+    points = [(at, part * (1.0 + float(wave.elevation(at))) - 1.0) for at in x for part in (0.0, 0.37, 0.8, 0.99)]
+    water = ring(cells, order=order, n=n)
+    found = seen(water, water.state(*wave.surface(water.plane.x)), points)
+    errors = np.abs(found - exact_kinematics(wave, *np.array(points).T)).max(axis=0)
+    return errors / np.array([1, 1, 1, 1, 1, 1, DENSITY * GRAVITY])
+
+
+def test_a_steady_wave_s_kinematics_are_exact_to_the_order_of_the_elements():
+    """Velocity, pressure and local acceleration to p = 3; particles' acceleration, of second derivatives, to 2."""
+    cells = np.array([12, 24, 48])
+    errors = np.array([steady_errors(int(number), order=3, n=8) for number in cells])
+    slopes = [fitted_slope(1 / cells, each) for each in errors.T]
+    assert min(slopes[:4]) > 2.4 and min(slopes[4:6]) > 1.5 and slopes[6] > 2.8, slopes
+    assert errors[-1, :4].max() < 2e-4 and errors[-1, 4:6].max() < 1e-3 and errors[-1, 6] < 3e-6
+
+
+@pytest.mark.slow
+def test_on_fine_elements_they_are_exact_to_a_millionth():
+    assert steady_errors(48, order=6, n=12) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_still_water_s_pressure_is_that_of_its_depth():
+    water = ring(12, order=3, n=8)
+    found = seen(water, water.state(0 * water.plane.x, 0 * water.plane.x), [(1.0, -0.3), (4.0, -1.0), (2.0, 0.1)])
+    assert found[:2, 6] == pytest.approx(DENSITY * GRAVITY * np.array([0.3, 1.0]), rel=1e-13)
+    assert np.abs(found[:2, :6]).max() < 1e-13 and np.isnan(found[2]).all()
+
+
+def driven(cells, *, bed=1.0, order=3, n=8):
+    """Return water in a slice of 6 m whose paddle moves, a state of it and the time, and the paddle's velocity."""
+    motion, t = Sinusoid(0.2, 2.0), 0.3
+    footprint, tangent = Slice(6.0, cells, comm=MPI.COMM_SELF), Tangent(motion)
+    plane = Plane(footprint.mesh, order, footprint.chart)
+    wall = Piston(tangent, plane=plane, reach=3.0, side=footprint.side())
+    water = NonlinearRates(plane, tangent=tangent, depth=bed, wall=wall, vertical_order=n, tolerances=FINE)
+    water.set_time(t)
+    x, position, speed = wall.to_physical(plane.places)[:, 0], motion.position(t), motion.velocity(t)
+    k = np.pi / (6.0 - position)
+    eta = 0.08 * np.cos(k * (x - position)) + 0.03 * np.cos(2 * k * (x - position))
+    psi = -speed * (6.0 - x) ** 2 / (12.0 - 2 * position) + 0.2 * np.cos(2 * k * (x - position))
+    return water, water.state(eta, psi, t), t
+
+
+def test_in_front_of_a_moving_paddle_rates_are_those_of_the_water_that_goes_on():
+    """Oracle: differences in time of the velocity at points where the wall carries the tank along, over a bed."""
+    water, (q, p), t = driven(16, bed=lambda x, y: 1.0 - 0.1 * np.sin(0.8 * x))
+    points, step = [(0.8, -0.5), (2.1, -0.2)], 1e-3
+    q_rate, p_rate = water.H_p(q, p, t).copy(), -water.H_q(q, p, t)
+    local = seen(water, (q, p), points, t)[:, 2:4]
+    velocity = {}
+    for sign in (-1, 1):
+        moved, *_ = driven(16, bed=lambda x, y: 1.0 - 0.1 * np.sin(0.8 * x))
+        later = q + sign * step * q_rate, p + sign * step * p_rate
+        velocity[sign] = seen(moved, later, points, t + sign * step)[:, :2]
+    assert local == pytest.approx((velocity[1] - velocity[-1]) / (2 * step), abs=2e-3)
+
+
+# ---------------------------------------------------------------- in a case
+CASE = {
+    "tank": {"length": 4.0, "depth": 0.5, "density": DENSITY},
+    "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.2, "ramp": 0.2}},
+    "probes": [{"name": "below", "x": 0.9, "z": -0.2}, {"name": "above", "x": 0.3, "z": 0.002}],
+    "run": {"duration": 0.6},
+    "numerics": {"cell_size": 0.25, "order": 3, "vertical_order": 8, "dt": 0.04},
+}
+
+
+def record(path, *, comm=MPI.COMM_SELF, **changes):
+    record_run(Scene.model_validate(CASE | changes), path, comm=comm, console=Console(quiet=True))
+    return RunDirectory(path)
+
+
+def record_on_all_ranks(path):
+    record(path, comm=MPI.COMM_WORLD)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("probes") / "run")
+
+
+def test_probes_are_recorded_and_dry_ones_are_gaps(run):
+    """Oracle: what elevation stands above them; still water's pressure at the start."""
+    xarray = pytest.importorskip("xarray")
+    probes = run.probes
+    assert {name: one.units for name, one in probes.items()} == {
+        **{f"velocity_{axis}": "m/s" for axis in "xz"},
+        **{f"{of}acceleration_{axis}": "m/s^2" for of in ("", "local_") for axis in "xz"},
+        "pressure": "Pa",
+    }
+    assert probes.x.values.tolist() == [0.9, 0.3] and probes.z.values.tolist() == [-0.2, 0.002]
+    above, below = (probes.pressure.sel(probe=name).values for name in ("above", "below"))
+    assert below[0] == pytest.approx(0.2 * DENSITY * GRAVITY, rel=1e-12)
+    assert np.isnan(above[0]) and np.nanmin(above) > 0.0
+    with xarray.open_dataset(run.path / "probes.nc") as kept:
+        xarray.testing.assert_equal(kept.load(), probes)
+
+
+def test_what_is_stepped_is_the_same_bit_for_bit_with_probes_and_without(run, tmp_path):
+    """And a run that goes on has the same probes as one that does not stop."""
+    plain = record(tmp_path / "plain", probes=[])
+    for table in ("gauges.csv", "energy.csv", "paddle.csv"):
+        assert (plain.path / table).read_bytes() == (run.path / table).read_bytes()
+    short = tmp_path / "short"
+    record(short, run={"duration": 0.3})
+    resume_run(short, ["run.duration=0.6"], comm=MPI.COMM_SELF, console=Console(quiet=True))
+    assert (short / "probes.csv").read_bytes() == (run.path / "probes.csv").read_bytes()
+
+
+@pytest.mark.slow
+def test_on_any_number_of_ranks_they_are_the_same(run, on_ranks, tmp_path):
+    """To the tolerance of the run, 1e-6 of the waves, in pressures of 20 Pa."""
+    on_ranks(record_on_all_ranks, tmp_path / "3")
+    one, three = (each.probes.fillna(0.0) for each in (run, RunDirectory(tmp_path / "3")))
+    assert float(np.abs(three.pressure - one.pressure).max()) < 1e-2
+    assert float(np.abs(three.acceleration_x - one.acceleration_x).max()) < 1e-4

@@ -1,0 +1,180 @@
+"""The potential of a state and its rate of change, which pressure and acceleration are made of.
+
+The potential phi below a surface makes K + W stationary: A phi + w = 0 in the interior columns, with the operator A
+and the wall's vector w of ``waves.py``. That holds at all times, so the rate of phi at fixed places (X, zeta) of the
+reference tank solves the same problem once more (docs/method.md, section 7),
+
+    A phi' = -(A' phi + w'),   phi' = psi' at the surface,   psi' = -H_Q,  Q' = H_psi.
+
+A' phi + w' is how the residual of a potential that stays changes when the state goes on as it moves now: a central
+difference of fourth order, of products of the operator that there is, exact to 1e-11 and the same for any wall and
+bed. Waves of the observer's own do it, so that those that are stepped stay, bit for bit, what they are.
+"""
+
+from typing import Protocol
+
+import numpy as np
+from dolfinx import fem
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.fe.plane import Field, LayeredField, Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.motions.tangent import Tangent
+from wavetank.water.bed import Bed
+from wavetank.water.energy import WaterEnergy
+from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.potential import interior_of
+from wavetank.water.walls import Placed
+from wavetank.water.waves import NonlinearWaves
+
+PART = 2e-3  # of the water column, or of the depth a paddle goes: so far a state goes on for its rates
+STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}  # steps, and weights of a derivative of fourth order
+
+
+class MovingWater(Protocol):
+    """The water of a state, and how it moves: what pressure and acceleration are made of.
+
+    Attributes
+    ----------
+    plane, vertical, bed, gravity
+        As of the waves.
+    densities
+        Of the velocity, in UFL.
+    h, h_rate, d_rate
+        The column [m], its rate and the still-water depth's [m/s] at fixed places of the reference tank.
+    phi, phi_rate
+        The potential [m²/s] and its rate [m²/s²] at fixed places (X, zeta), but for their levels.
+    level, level_rate
+        What is left out of them.
+    """
+
+    plane: Plane
+    vertical: VerticalBasis
+    bed: Bed
+    gravity: float
+    densities: WaterEnergy
+    h: Field
+    h_rate: Field
+    d_rate: Field
+    phi: LayeredField
+    phi_rate: LayeredField
+    level: float
+    level_rate: float
+
+    @property
+    def wall(self) -> Placed:
+        """The wall, as it stands."""
+
+    def find_rates(self, q: Vector, p: Vector, t: float) -> None:
+        """Find the potential of a state and its rate; collective."""
+
+    def head(self, velocity: Vector) -> Vector:
+        """Return what velocities, shape (..., 3), add to Bernoulli's sum [m²/s²], shape (...)."""
+
+
+class NonlinearRates(NonlinearWaves):
+    """Nonlinear waves of an observer's own; see ``MovingWater``.
+
+    Their wall is moved by a ``Tangent``.
+    """
+
+    def __init__(self, plane: Plane, *, tangent: Tangent, **parts: object):
+        self._tangent, self._has_rates = tangent, False
+        super().__init__(plane, **parts)  # type: ignore[arg-type]
+        self.h_rate, self.d_rate = (plane.function(f"rate of the {name}") for name in ("column", "depth"))
+        self.phi_rate = plane.layered_function(self.vertical.n + 1, "rate of the potential")
+        self.level_rate = 0.0
+
+    def find_rates(self, q: Vector, p: Vector, t: float) -> None:
+        """See ``MovingWater``."""
+        if self._has_rates and self._knows(q, p, t):
+            return
+        q_rate, p_rate = self.H_p(q, p, t), -self.H_q(q, p, t)
+        column, step = self.h.owned.copy(), self._step(q_rate)
+        rates = {"h": np.zeros_like(column), "d": np.zeros_like(column), "residual": np.zeros_like(self.phi.owned)}
+        for steps, weight in STENCIL.items():
+            super()._stand(t + steps * step)
+            self.h.set(self.columns.solve(q + steps * step * q_rate))
+            self.operator.update()
+            residual = self.operator.apply(self.phi.rows) + self._wall_terms.vector()
+            now = {"h": self.h.owned, "d": self.bed.still, "residual": residual}
+            for name, rate in rates.items():
+                rate += weight / step * now[name]
+        self._stand(t)
+        self.h.set(column)
+        self.operator.update()
+        self.h_rate.set(rates["h"])
+        self.d_rate.set(rates["d"])
+        self.level_rate = self.plane.sum(p_rate) / self.plane.size
+        self.phi_rate.owned[:] = 0.0
+        self.phi_rate.owned[:, -1] = p_rate - self.level_rate
+        self.potential.minimiser.find(self.phi_rate.owned, rates["residual"])
+        self.phi_rate.fetch()
+        self._know(q, p, t, self._H_p)
+        self._has_rates = True
+
+    def _stand(self, t: float) -> None:
+        """Move the wall to where its motion is touched; collective."""
+        self._tangent.at = t
+        super()._stand(t)
+
+    def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
+        super()._know(q, p, t, H_p)
+        self._has_rates = False
+
+    def _step(self, q_rate: Vector) -> float:
+        """Return for how long the state goes on [s]; collective."""
+        rising = float(np.abs(self.mass.solve(q_rate) / self.h.owned).max(initial=0.0))
+        going = float(np.abs(self.wall.velocities).max(initial=0.0)) / self.depth
+        fastest = self.plane.comm.allreduce(max(rising, going), op=MPI.MAX)
+        return float(PART / fastest) if fastest > 0.0 else 1.0
+
+    def head(self, velocity: Vector) -> Vector:
+        """See ``MovingWater``."""
+        return np.asarray(0.5 * (velocity**2).sum(axis=-1))
+
+    def _set_up_stages(self, tolerances: object) -> None:
+        """Set up nothing: these waves are not stepped."""
+
+
+class LinearRates:
+    """The water of linear waves, which goes up to z = 0; see ``MovingWater``.
+
+    Potential and rate are two solves of one problem: for psi and X_p', and for psi' = -g eta and X_p''.
+    """
+
+    def __init__(self, waves: LinearWaves, *, tolerance: float):
+        self.plane, self.vertical, self.bed = waves.plane, waves.vertical, waves.bed
+        self.wall, self.gravity, self._waves = waves.wall, waves.gravity, waves
+        components = waves.vertical.n + 1
+        names = ("water column", "rate of the column", "rate of the depth")
+        self.h, self.h_rate, self.d_rate = (self.plane.function(name) for name in names)
+        self.h.set(np.zeros(self.plane.owned) + self.bed.still)
+        self.phi = self.plane.layered_function(components, "potential")
+        self.phi_rate = self.plane.layered_function(components, "rate of the potential")
+        self.level = self.level_rate = 0.0
+        g = fem.Constant(self.plane.mesh, waves.gravity)
+        self.densities = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=waves.wall.mapping)
+        column = self.densities.column
+        self._minimum = interior_of(column, self.plane, self.vertical, column=self.h, tolerance=tolerance).minimum
+        self._minimum.factor()
+        self._flux = waves.flux(self.densities)
+
+    def find_rates(self, q: Vector, p: Vector, t: float) -> None:
+        """See ``MovingWater``."""
+        self.level = self._solve(self.phi, p, self._waves.motion.velocity(t))
+        self.level_rate = self._solve(self.phi_rate, -self._waves.H_q(q, p, t), self._waves.motion.acceleration(t))
+
+    def _solve(self, field: LayeredField, surface: Vector, speed: float) -> float:
+        """Set a field to the potential below a surface's, less its mean there, which is returned; collective."""
+        level = self.plane.sum(surface) / self.plane.size
+        field.owned[:] = 0.0
+        field.owned[:, -1] = surface - level
+        self._minimum.find(field.owned, speed * self._flux)
+        field.fetch()
+        return level
+
+    def head(self, velocity: Vector) -> Vector:
+        """Return nothing: it is of second order."""
+        return np.zeros(velocity.shape[:-1])
