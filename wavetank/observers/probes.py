@@ -42,7 +42,7 @@ class Probes:
 
     def _coordinates(self) -> Vector:
         """Return where the probes are in the mesh, shape (N, 3)."""
-        return self._water.plane.chart.place(self._water.wall.to_reference(self._places))
+        return self._water.plane.chart.place(self._water.wall.to_reference(self._places, self._z))
 
     def _patch(self) -> Cells:
         return patch(self._water.plane, self._cells, rings=RINGS)

@@ -7,7 +7,7 @@ Density divided out, with phi_t the rate of the potential at fixed points in spa
 and the acceleration of a particle is grad B, for the flow has no vorticity. Of the rate phi' at places of the reference
 tank, which are carried with the velocity c,
 
-    phi_t = phi' - c . grad phi,   c = (mesh velocity, zeta h' - d').
+    phi_t = phi' - c . grad phi.
 """
 
 from typing import NamedTuple
@@ -52,7 +52,6 @@ class Kinematics:
         self._potentials = [plane.layered_function(components, name) for name in ("phi_t", "B")]
         self._gradients = [Velocity(water, potential=one, cells=cells) for one in self._potentials]
         self._to_modes = np.linalg.inv(water.vertical.at(self.levels))
-        self._places = plane.chart.places(plane.V.tabulate_dof_coordinates())
 
     def be_in(self, cells: NDArray[np.int32]) -> None:
         """Look at other cells; collective."""
@@ -72,9 +71,7 @@ class Kinematics:
         """Return what pressure is made of, and keep it for ``accelerations``; collective."""
         water, velocity = self.water, self.velocity
         phi_rate = water.vertical.at(self.levels) @ water.phi_rate.rows.T + water.level_rate
-        carried = (velocity[..., :2] * water.wall.mesh_velocities(self._places)).sum(axis=-1)
-        rising = self.levels[:, None] * water.h_rate.rows[:, 0] - water.d_rate.rows[:, 0]
-        rate = phi_rate - carried - rising * velocity[..., 2]
+        rate = phi_rate - (water.carried * velocity).sum(axis=-1)
         layers = Layers(velocity, rate, rate + water.head(velocity))
         for field, values in zip(self._potentials, (layers.rate, layers.head), strict=True):
             field.rows[:] = (self._to_modes @ values).T

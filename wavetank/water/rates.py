@@ -2,7 +2,7 @@
 
 The potential phi below a surface makes K + W stationary: A phi + w = 0 in the interior columns, with the operator A
 and the wall's vector w of ``waves.py``. That holds at all times, so the rate of phi at fixed places (X, zeta) of the
-reference tank solves the same problem once more (docs/method.md, section 7),
+reference tank solves the same problem once more (docs/method.md, section 8),
 
     A phi' = -(A' phi + w'),   phi' = psi' at the surface,   psi' = -H_Q,  Q' = H_psi.
 
@@ -41,8 +41,11 @@ class MovingWater(Protocol):
         As of the waves.
     densities
         Of the velocity, in UFL.
-    h, h_rate, d_rate
-        The column [m], its rate and the still-water depth's [m/s] at fixed places of the reference tank.
+    h
+        The column [m].
+    carried
+        How fast the Gauss nodes zeta of the columns move in the laboratory, along x, y and z [m/s], at all degrees of
+        freedom that this rank sees, shape (levels, rows, 3).
     phi, phi_rate
         The potential [m²/s] and its rate [m²/s²] at fixed places (X, zeta), but for their levels.
     level, level_rate
@@ -55,8 +58,7 @@ class MovingWater(Protocol):
     gravity: float
     densities: WaterEnergy
     h: Field
-    h_rate: Field
-    d_rate: Field
+    carried: Vector
     phi: LayeredField
     phi_rate: LayeredField
     level: float
@@ -82,7 +84,8 @@ class NonlinearRates(NonlinearWaves):
     def __init__(self, plane: Plane, *, tangent: Tangent, **parts: object):
         self._tangent, self._has_rates = tangent, False
         super().__init__(plane, **parts)  # type: ignore[arg-type]
-        self.h_rate, self.d_rate = (plane.function(f"rate of the {name}") for name in ("column", "depth"))
+        self._places, self._d = plane.chart.places(plane.V.tabulate_dof_coordinates()), plane.function("depth")
+        self.carried: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
         self.phi_rate = plane.layered_function(self.vertical.n + 1, "rate of the potential")
         self.level_rate = 0.0
 
@@ -92,27 +95,27 @@ class NonlinearRates(NonlinearWaves):
             return
         q_rate, p_rate = self.H_p(q, p, t), -self.H_q(q, p, t)
         column, step = self.h.owned.copy(), self._step(q_rate)
-        rates = {"h": np.zeros_like(column), "d": np.zeros_like(column), "residual": np.zeros_like(self.phi.owned)}
+        residual_rate, self.carried = np.zeros_like(self.phi.owned), np.zeros_like(self.carried)
         for steps, weight in STENCIL.items():
             super()._stand(t + steps * step)
             self.h.set(self.columns.solve(q + steps * step * q_rate))
             self.operator.update()
-            residual = self.operator.apply(self.phi.rows) + self._wall_terms.vector()
-            now = {"h": self.h.owned, "d": self.bed.still, "residual": residual}
-            for name, rate in rates.items():
-                rate += weight / step * now[name]
-        self._stand(t)
-        self.h.set(column)
-        self.operator.update()
-        self.h_rate.set(rates["h"])
-        self.d_rate.set(rates["d"])
+            residual_rate += weight / step * (self.operator.apply(self.phi.rows) + self._wall_terms.vector())
+            self.carried += weight / step * self._nodes()
+        self._begin(q, p, t, column)
         self.level_rate = self.plane.sum(p_rate) / self.plane.size
         self.phi_rate.owned[:] = 0.0
         self.phi_rate.owned[:, -1] = p_rate - self.level_rate
-        self.potential.minimiser.find(self.phi_rate.owned, rates["residual"])
+        self.potential.minimiser.find(self.phi_rate.owned, residual_rate)
         self.phi_rate.fetch()
         self._know(q, p, t, self._H_p)
         self._has_rates = True
+
+    def _nodes(self) -> Vector:
+        """Return where the Gauss nodes of the columns are in the laboratory [m], as ``carried``; collective."""
+        self._d.set(np.zeros(self.plane.owned) + self.bed.still)
+        heights = self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0]
+        return np.array([np.column_stack([self.wall.to_physical(self._places, z), z]) for z in heights])
 
     def _stand(self, t: float) -> None:
         """Move the wall to where its motion is touched; collective."""
@@ -148,8 +151,8 @@ class LinearRates:
         self.plane, self.vertical, self.bed = waves.plane, waves.vertical, waves.bed
         self.wall, self.gravity, self._waves = waves.wall, waves.gravity, waves
         components = waves.vertical.n + 1
-        names = ("water column", "rate of the column", "rate of the depth")
-        self.h, self.h_rate, self.d_rate = (self.plane.function(name) for name in names)
+        self.h = self.plane.function("water column")
+        self.carried: Vector = np.zeros((components, len(self.h.rows), 3))
         self.h.set(np.zeros(self.plane.owned) + self.bed.still)
         self.phi = self.plane.layered_function(components, "potential")
         self.phi_rate = self.plane.layered_function(components, "rate of the potential")

@@ -73,7 +73,7 @@ class Piston:
 
     def moved_by(self, motion: Motion) -> "Piston":
         """See ``Wall``."""
-        return Piston(motion, plane=self._plane, reach=self.reach, side=self.side)
+        return type(self)(motion, plane=self._plane, reach=self.reach, side=self.side, shape=self.shape)
 
     def _carried(self, s: Field) -> NDArray[np.int32]:
         """Return this rank's cells, ghosts among them, in which s is not zero."""
