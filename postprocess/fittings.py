@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from wavetank.case.sponges import EndSponge, FormulaSponge, Sponge
+from wavetank.case.walls import ShapedWall, Wall
 from wavetank.records.directory import GAUGES, RunDirectory
 from wavetank.records.series import GaugeSeries
 
@@ -33,6 +34,15 @@ def damping_along(run: RunDirectory, length: float) -> Callable[[Array], Array] 
         width = sponge.length
         return lambda x: np.clip((x - length + width) / width, 0.0, 1.0) ** POWER
     return _shares(sponge, length) if isinstance(sponge, FormulaSponge) else None
+
+
+def leaning(run: RunDirectory, depth: float) -> Callable[[Array], Array] | None:
+    """Return the share f(z) of a run's paddle, at heights z [m], in which it leans; None of one that is vertical."""
+    try:
+        wall: Any = TypeAdapter(Wall).validate_python(run.manifest["scene"]["wall"])
+    except (KeyError, ValidationError):
+        return None
+    return (lambda z: wall.maker.share(z, depth)) if isinstance(wall, ShapedWall) else None
 
 
 def _shares(sponge: FormulaSponge, length: float) -> Callable[[Array], Array]:

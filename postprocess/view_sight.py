@@ -212,7 +212,11 @@ def curtain(rim: Array, low: Array | float) -> pv.PolyData:
     """Return what hangs from a closed line [m], shape (N, 3), down to z = low [m], shape (N,) or one for all."""
     foot = rim.copy()
     foot[:, 2] = low
-    rows = np.array([foot, rim])
+    return hung(np.array([foot, rim]))
+
+
+def hung(rows: Array) -> pv.PolyData:
+    """Return what hangs from the last of some closed lines [m], shape (R, N, 3), along the others."""
     hanging = sheet(np.concatenate([rows, rows[:, :1]], axis=1))
     hanging[HEIGHT] = hanging.points[:, 2]
     return hanging

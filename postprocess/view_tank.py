@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from wavetank.errors import InputError
 from wavetank.postprocess.beds import still_water
-from wavetank.postprocess.fittings import damping_along, gauges_of
+from wavetank.postprocess.fittings import damping_along, gauges_of, leaning
 from wavetank.postprocess.style import CM, FLAT, SATURATED
 from wavetank.postprocess.view_basin import BasinView
 from wavetank.postprocess.view_sight import (
@@ -32,6 +32,7 @@ from wavetank.postprocess.view_sight import (
     TankView,
     WaveSizes,
     curtain,
+    hung,
     said,
     sheet,
     ticks,
@@ -41,6 +42,7 @@ from wavetank.postprocess.view_sight import (
 from wavetank.records.directory import RunDirectory
 
 FINE = 800  # places along a flume that a picture tells apart
+LEANS, LEVELS = 5.0, 24  # depths from a paddle over which columns lean, and how many lines tell how
 PLATE = 0.006  # thickness of paddle and walls, over the flume's length
 
 
@@ -58,6 +60,7 @@ class FlumeView:
         self.length, self._flat = (float(said(run, key)) for key in ("length", "depth"))
         self._bed, self._damping = still_water(run), damping_along(run, self.length)
         self._gauges, self.note = gauges_of(run), SPONGE if self._damping else ""
+        self._leaning = leaning(run, self._flat)
         self.depth = float(self._still_water(np.linspace(0.0, self.length, FINE, dtype=np.float64)).max())
         surface = run.snapshots()
         if not surface.t.size:
@@ -83,9 +86,8 @@ class FlumeView:
         rows = self._rows(x, eta)
         surface = sheet(rows)
         surface[ELEVATION] = CM * np.tile(eta, len(rows))
-        foot = -self._still_water(x)
-        sides = curtain(_rim(rows), np.concatenate([foot, foot[::-1]]))
-        return Sight(surface, sides, self._paddle(x[0]), sponge=self._sponge(surface, x))
+        sides = hung(np.array([_rim(self._rows(*line)) for line in self._columns(x, eta)]))
+        return Sight(surface, sides, self._paddle(x[0], eta[0]), sponge=self._sponge(surface, x))
 
     def parts(self) -> Iterator[Part]:
         """Yield the bed and the walls that stand still."""
@@ -161,19 +163,41 @@ class FlumeView:
         half = self.width / 2
         return np.array([np.stack([*self._plan(x, y), z], axis=1) for y in (-half, half)])
 
+    def _columns(self, x: Array, eta: Array) -> Iterator[tuple[Array, Array]]:
+        """Yield lines (x, z) through columns of the water from the bed to the surface; beside a paddle they lean."""
+        foot, f = -self._still_water(x), self._leaning
+        moved = self._position(x[0], eta[0]) * np.clip(1.0 - (x - x[0]) / (LEANS * self.depth), 0.0, 1.0)
+        for part in (0.0, 1.0) if f is None else np.linspace(0.0, 1.0, LEVELS):
+            z = foot + part * (eta - foot)
+            yield (x if f is None else x + (f(z) - f(eta)) * moved), z
+
+    def _position(self, x: float, eta: float) -> float:
+        """Return X_p [m] of a paddle that meets the surface at x and eta [m]."""
+        f = 1.0 if self._leaning is None else float(self._leaning(np.array([eta]))[0])
+        return x / f if f else 0.0
+
     def _sponge(self, surface: pv.PolyData, x: Array) -> pv.PolyData | None:
         if self._damping is None:
             return None
         return veiled(surface, np.tile(self._damping(x), 2), self.waves.high - self.waves.low)
 
-    def _paddle(self, x: float) -> pv.PolyData | None:
-        return self._plate(x - PLATE * self.length) if self._moving else None
+    def _paddle(self, x: float, eta: float) -> pv.PolyData | None:
+        """Return the paddle that meets the surface at x and eta [m]."""
+        if not self._moving or self._leaning is None:
+            return self._plate(x - PLATE * self.length) if self._moving else None
+        z = np.linspace(-float(self._still_water(np.zeros(1))[0]), self._top, FINE, dtype=np.float64)
+        line = self._rows(self._position(x, eta) * self._leaning(z), z)
+        return sheet(line).extrude((-PLATE * self.length, 0.0, 0.0), capping=True)
+
+    @property
+    def _top(self) -> float:
+        """The height of walls [m], which no crest overtops."""
+        return 1.3 * self.waves.high - 0.3 * self.waves.low
 
     def _plate(self, x: float) -> pv.PolyData:
-        """Return a plate across the flume from its bed, its left side at x [m], which no crest overtops."""
-        half, top = self.width / 2, 1.3 * self.waves.high - 0.3 * self.waves.low
-        foot = -float(self._still_water(np.array([x]))[0])
-        return pv.Box((x, x + PLATE * self.length, -half, half, foot, top))
+        """Return a plate across the flume from its bed, its left side at x [m]."""
+        half, foot = self.width / 2, -float(self._still_water(np.array([x]))[0])
+        return pv.Box((x, x + PLATE * self.length, -half, half, foot, self._top))
 
 
 class RingView(FlumeView):
