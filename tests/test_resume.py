@@ -5,6 +5,7 @@ What it becomes is held against the run that was not interrupted, or that has ha
 
 import os
 import shutil
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ import wavetank as wt
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
+from wavetank.integrators import StormerVerlet
 from wavetank.observers import checkpoints
 from wavetank.observers.schedule import EverySteps
 from wavetank.records import whole
@@ -254,6 +256,51 @@ def test_what_cannot_change_is_refused_and_nothing_is_touched(part, options, sai
     error = capsys.readouterr().err
     assert said in error and str(part) in error or "--extend" in error
     assert error.count("\n") == 1 and contents(part) == before
+
+
+class Own(StormerVerlet):
+    """A scheme of somebody's own."""
+
+    name = "own"
+
+
+def test_a_run_of_a_scheme_of_ones_own_goes_on_with_it_alone(tmp_path):
+    """Whatever scheme the case names, which does not step it; no numerics have changed then."""
+    one = scene(SLICE | {"numerics": SLICE["numerics"] | {"integrator": "gauss-legendre-4"}}, duration=0.2)
+    for name in ("whole", "part"):
+        with ending(written=2, after=3 if name == "part" else 99), suppress(RunError):
+            wt.run(one, tmp_path / name, integrator=Own(), quiet=True)
+    with pytest.raises(InputError, match="stepped by integrator 'own', and would be by 'simpson-4': must be the same"):
+        wt.resume(tmp_path / "part")
+    run = wt.resume(tmp_path / "part", integrator=Own())
+    same(tmp_path / "whole", tmp_path / "part")
+    assert [part["numerics"]["integrator"] for part in run.manifest["parts"]] == ["own", "own"]
+    with pytest.raises(InputError, match="must be the same"):
+        wt.resume(tmp_path / "part", ["numerics.dt=0.025"], extend=0.1)
+    assert wt.resume(tmp_path / "part", ["numerics.integrator=third-order"], extend=0.1).status == "finished"
+
+
+PADDLE = """
+import numpy as np
+
+
+def motion(t, order):
+    return {amplitude} * 4.0**order * np.sin(4.0 * t + order * np.pi / 2)
+"""
+
+
+def test_a_file_of_the_same_name_and_another_content_is_another_scene(tmp_path, capsys):
+    paddle, run = tmp_path / "paddle.py", tmp_path / "run"
+    paddle.write_text(PADDLE.format(amplitude=0.01))
+    motion = {"type": "python", "file": str(paddle), "ramp": 0.4}
+    record(SLICE | {"wall": SLICE["wall"] | {"motion": motion}}, run, {"duration": 0.1})
+    paddle.write_text(PADDLE.format(amplitude=0.02))
+    before = contents(run)
+    assert main(["resume", str(run), "--extend", "0.1", "--no-plots"]) == 2
+    said = f'{run}: wall.motion.file = "{paddle}": its content must be what it was when the run began, and has changed'
+    assert said in capsys.readouterr().err and contents(run) == before
+    paddle.write_text(PADDLE.format(amplitude=0.01))
+    assert resumed(run, "--extend", "0.1").manifest["t"] == pytest.approx(0.2)
 
 
 def test_what_is_no_run_is_refused(tmp_path, capsys):

@@ -156,14 +156,18 @@ def test_a_reference_that_is_none_is_refused(tmp_path):
 
 
 def test_a_run_of_another_scene_is_left_where_it_is(tmp_path):
-    """A study that goes on runs its own unfinished ones again, and gives a number where the folder is another's."""
+    """A study that goes on runs its own unfinished ones again, and gives a number where the folder is another's.
+
+    So it is where a file that the scene names had another content.
+    """
     (one,) = combinations(CASE, parse_axes(["dt=0.02"], []), [])
-    for scene in (read_case(CASE, ["tank.depth=2.0"]), one.scene):
+    other, files = read_case(CASE, ["tank.depth=2.0"]), {"wall.motion.file": "of another content"}
+    for scene, more in ((other, {}), (one.scene, {"files": files}), (one.scene, {})):
         runner = Runner(CASE, tmp_path, at_once=1)
         folder = runner.directory(one)
-        with RunWriter(folder, {"scene": scene.model_dump(mode="json")}):
+        with RunWriter(folder, {"scene": scene.model_dump(mode="json"), **more}):
             pass
-    assert folder == tmp_path / f"{one.name}-2"
+    assert folder == tmp_path / f"{one.name}-3"
     assert Runner(CASE, tmp_path, at_once=1).directory(one) == folder
     assert not is_finished(folder, one)
 

@@ -10,6 +10,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.case import Scene
+from wavetank.case.contents import contents
 from wavetank.errors import BreakdownError, InputError, RunError
 from wavetank.fe.agreed import agreed, from_first, on_first
 from wavetank.integrators.contract import Integrator
@@ -129,7 +130,9 @@ def record_run(
     """
     began, log = time.monotonic(), RunLog(console)
     warnings = Warnings(log)
-    known = {"scene": _said_of(scene, integrator), "ranks": comm.size, **environment()}
+    if integrator is not None:
+        scene = scene.model_copy(update={"numerics": scene.numerics.without_integrator()})
+    known = {"scene": _said_of(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
     known["warnings"] = warnings.sentences  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
     with ExitStack() as at_the_end:

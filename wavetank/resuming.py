@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from wavetank.arrays import Vector
 from wavetank.case import Scene, StillWater
+from wavetank.case.contents import contents, named_files
 from wavetank.case.numerics import Numerics
 from wavetank.case.reading import changed_scene
 from wavetank.errors import InputError, RecordError, RunError
@@ -92,6 +93,7 @@ class KeptRun:
         warnings: list[str],
     ):
         self._scene, self._chosen = (one.model_dump(mode="json") for one in (asked, computed))
+        self._files = contents(asked)
         self._run, self._waves, self._fields, self._parts = run, waves, fields, parts
         self._writer, self._warnings = writer, warnings
         self._written = -1  # the last step of which there is one
@@ -174,6 +176,7 @@ class KeptRun:
             "mass": waves.total_mass(reached.q),
             "scene": self._scene,
             "chosen": self._chosen,
+            "files": self._files,
             "parts": self._parts.so_far(reached.step),
             "warnings": [one for one in self._warnings if one != self._missed],
             "records": reached.records,
@@ -291,8 +294,18 @@ class GoingOn:
         if asked.run.duration < self.about["t"] * (1 - 1e-9):
             allowed = f"must be {self.about['t']:g} s or more: the run has come there"
             problems.append(Problem(("run", "duration"), asked.run.duration, allowed))
+        problems += self._changed_files(asked)
         if problems:
             raise SceneError(problems)
+
+    def _changed_files(self, asked: Scene) -> list[Problem]:
+        """Return which files of the same name have another content."""
+        now, allowed = contents(asked), "its content must be what it was when the run began, and has changed since"
+        return [
+            Problem(tuple(key.split(".")), name, allowed)
+            for key, name in named_files(asked)
+            if key in self.about["files"] and now.get(key) != self.about["files"][key]
+        ]
 
     # ------------------------------------------------------------------------------------------ the run
     @property
@@ -317,8 +330,11 @@ class GoingOn:
     def take(self, run: Run, waves: AnyWaves, *, scene: Scene, fields: Mapping[str, VtuSeries]) -> str:
         """Let a run take what was held, and its records go on; return what there is to say; collective.
 
-        Raises ``InputError`` where it is another run's.
+        Raises ``InputError`` where it is another run's, or of a scheme of somebody's own that is not given.
         """
+        its, mine = self.about["parts"][-1]["numerics"]["integrator"], run.integrator.name
+        if its != mine and scene.numerics.integrator == self._chosen.numerics.integrator:
+            raise InputError(f"the run was stepped by integrator {its!r}, and would be by {mine!r}: must be the same.")
         try:
             told = self._carry(run, waves, scene) if self.anew else self._take(run, waves, scene)
         except (KeyError, TypeError, ValueError) as error:

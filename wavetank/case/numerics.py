@@ -98,6 +98,10 @@ class Numerics(Noun):
             changes = {"dt": None} | changes
         return others.model_copy(update=changes)
 
+    def without_integrator(self) -> "Numerics":
+        """Return the same, as if none had been named: another one steps."""
+        return Numerics(**{key: getattr(self, key) for key in self.model_fields_set - {"integrator"}})
+
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield too few cells for the tank, or a number of them for a basin."""
         fewest = scene.tank.fewest_cells

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+from wavetank.case.contents import contents
 from wavetank.errors import InputError, RunError
 from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import MANIFEST, RunDirectory
@@ -54,7 +55,9 @@ def _status(directory: Path, combination: Combination) -> str | None:
         run = RunDirectory(directory)
     except InputError:
         return None
-    return run.status if run.manifest.get("scene") == combination.scene.model_dump(mode="json") else None
+    held, files = run.manifest.get("scene"), run.manifest.get("files", {})
+    same = held == combination.scene.model_dump(mode="json") and files == contents(combination.scene)
+    return run.status if same else None
 
 
 class Runner:

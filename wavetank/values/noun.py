@@ -98,10 +98,14 @@ def one_of(*keys: str, needed: bool = True) -> Any:
     return model_validator(mode="after")(check)
 
 
-def _located(reference: str, info: ValidationInfo) -> str:
+class Located(str):
+    """A path that a noun names, absolute, or data:NAME/FILE."""
+
+
+def _located(reference: str, info: ValidationInfo) -> Located:
     """Return a path made absolute from the case file's folder; data:NAME/FILE is kept, it is looked up when read."""
     folder = (info.context or {}).get("folder", Path())
-    return reference if reference.startswith("data:") else str((folder / reference).resolve())
+    return Located(reference if reference.startswith("data:") else (folder / reference).resolve())
 
 
 FilePath = Annotated[str, Field(min_length=1), AfterValidator(_located)]
