@@ -182,7 +182,7 @@ class FixedPoint:
     """Solves stages of many oscillators at once by iteration to round-off."""
 
     def solve(
-        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Any = None
     ) -> Vector:
         """Return z with residual(z) = 0, shape (n,); an orbit that has left all bounds is left alone."""
         z = start

@@ -33,7 +33,7 @@ def exact(expressions: Any) -> sympy.Matrix:
 class SymbolicStage:
     """Solves z = c + A z exactly, in symbols."""
 
-    def solve(self, stage: Stage, residual: Callable[[Any], Any], start: Any, *, leap: Any = None) -> Any:
+    def solve(self, stage: Stage, residual: Callable[[Any], Any], start: Any, *, near: Any = None) -> Any:
         """Return z with residual(z) = 0, an array of expressions, shape (n,)."""
         zero = np.array([sympy.Integer(0)] * len(start))
         constant = exact(residual(zero))

@@ -91,7 +91,7 @@ class Traced:
 class Unrolled:
     """Solves a stage by a number of rounds of fixed-point iteration."""
 
-    def solve(self, stage: Stage, residual: Callable[[Any], Any], start: Any, *, leap: Any = None) -> Any:
+    def solve(self, stage: Stage, residual: Callable[[Any], Any], start: Any, *, near: Any = None) -> Any:
         """Return z with residual(z) = 0 to round-off, shape (n,)."""
         z = start
         for _ in range(ITERATIONS):

@@ -6,7 +6,7 @@ from dataclasses import asdict
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import Stage
+from wavetank.hamiltonian.contract import Near, Stage
 from wavetank.hamiltonian.stage_solver import Preconditioner, StageCounters, identity
 from wavetank.stateful import Held
 
@@ -29,7 +29,7 @@ class DirectStage:
         self._inverse, self.counters = inverse, StageCounters()
 
     def solve(
-        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
     ) -> Vector:
         """Return z with residual(z) = 0, shape (n,); collective if the inverse is."""
         self.counters += StageCounters(solves=1, evaluations=1)
@@ -57,7 +57,7 @@ class AffineStage:
         self._systems = systems
 
     def solve(
-        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
     ) -> Vector:
         """Return z with residual(z) = 0, shape (n,)."""
         blocks = start.size // self._systems

@@ -36,17 +36,33 @@ class Stage(NamedTuple):
     weight: float
 
 
+class Near(NamedTuple):
+    """What a scheme knows next to a stage z = c + a f(z).
+
+    Attributes
+    ----------
+    known
+        c.
+    z, slope
+        A point next to the stage's solution, and f there.
+    """
+
+    known: Vector
+    z: Vector
+    slope: Vector
+
+
 class StageSolver(Protocol):
     """Solves the implicit stages in which one set of unknowns takes part."""
 
     def solve(
-        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
     ) -> Vector:
         """Return z with ``residual(z) = 0``; collective.
 
-        ``start`` is the integrator's own start value; the solver may replace it by a better one extrapolated from
-        earlier steps, of which it may know that they lead a step on by ``leap``, dt times the slope between them. The
-        residual is written so that its derivative is close to the identity: z - c - a f(z).
+        ``start`` is the integrator's own start value; the solver may replace it by a better one found among earlier
+        steps, and of what is known ``near`` the solution. The residual is written so that its derivative is close to
+        the identity: z - c - a f(z).
         Raises ``ConvergenceError`` naming time, stage and residual.
         """
 

@@ -22,8 +22,8 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector, nearest, summed
 from wavetank.errors import ConvergenceError, WavetankError
-from wavetank.hamiltonian.contract import Stage
-from wavetank.hamiltonian.start_values import Extrapolation
+from wavetank.hamiltonian.contract import Near, Stage
+from wavetank.hamiltonian.start_values import Combination, Extrapolation
 from wavetank.stateful import Held, give_back, held_by
 
 Preconditioner = Callable[[Stage, Vector], Vector]
@@ -35,6 +35,7 @@ ROUND_OFF = 30 * np.finfo(float).eps  # of the solution, below which no residual
 MIXED = 5  # earlier iterates that take part in an iteration
 SHORTEST = 1e-15  # squared, of their steps against the longest
 SAFETY = 10.0  # on what an iteration is known to leave: errors of stages that repeat from step to step take energy
+WRONG = 10.0  # of what residuals are to have: what may be wrong of points that start values are combined of
 CONFIRMED = 8  # solves after which what is known is measured anew
 
 
@@ -98,6 +99,7 @@ class AndersonStageSolver:
         self._tolerance, self._size = tolerance, size
         self._floor, self._precondition = floor, precondition
         self._extrapolations: dict[str, Extrapolation] = {}
+        self._combinations: dict[str, Combination] = {}
         self._sizes: dict[str, float] = {}
         self._left: dict[str, tuple[float, int]] = {}  # of an error by an iteration, and how many solves ago
         self._coupled: dict[int, AndersonStageSolver] = {}
@@ -137,22 +139,35 @@ class AndersonStageSolver:
         return float(self._norms(z[None])[0])
 
     def solve(
-        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, leap: Vector | None = None
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
     ) -> Vector:
         """Return z with residual(z) = 0, shape (n,); collective.
 
         Raises ``ConvergenceError`` naming time, stage and residual.
         """
-        earlier = self._earlier(stage.name)
-        guess = earlier.predict(stage.t, stage.dt, start=start, leap=leap)
         self._stage, self._residual = stage, residual
+        if near is None:
+            earlier = self._earlier(stage.name)
+            solution = self._solved(earlier.predict(stage.t, stage.dt, start=start))
+            earlier.record(stage.t, solution)
+            return solution
+        among = self._among(stage.name)
+        among.begin(stage.weight)
+        among.add(near.z, near.z - stage.weight * near.slope)
+        z, missed = among.guess(near.known, wrong=WRONG * self._root_of_length * self._wanted(stage.name))
+        solution = self._solved(z + self._precondition(stage, missed))
+        among.add(solution, near.known)
+        return solution
+
+    def _solved(self, guess: Vector) -> Vector:
+        """Return the solution of the stage from a start value on; collective."""
         self._counters.solves += 1
         solution = self._iterated(guess)
         if solution is None:
             self._counters.newton_solves += 1
             solution = self._newton(guess)
-        earlier.record(stage.t, solution)
-        self._sizes[stage.name] = max(self._distance(solution), MEMORY * self._sizes[stage.name])
+        name = self._stage.name
+        self._sizes[name] = max(self._distance(solution), MEMORY * self._sizes[name])
         return solution
 
     def _iterated(self, z: Vector) -> Vector | None:
@@ -184,14 +199,22 @@ class AndersonStageSolver:
             self._extrapolations[stage] = Extrapolation(self._norms, self._shape)
         return self._extrapolations[stage]
 
+    def _among(self, stage: str) -> Combination:
+        if stage not in self._combinations:
+            self._combinations[stage] = Combination(self._comm, self._scale, self._shape)
+        return self._combinations[stage]
+
+    def _wanted(self, stage: str) -> float:
+        """Return the root mean square that residuals of a stage are to have [scaled units], of none yet 0."""
+        return self._tolerance * self._sizes.get(stage, 0.0)
+
     def _distance(self, z: Vector) -> float:
         """Return how far from rest the point last evaluated is, or z [scaled units]; collective."""
         return self._size() if self._size else self._norm(z)
 
     def _target(self, guess: Vector) -> float:
         """Return the root mean square to which a residual is to fall [scaled units]; collective."""
-        wanted = self._tolerance * self._sizes[self._stage.name]
-        return float(max(wanted, ROUND_OFF * max(self._norm(guess), self._floor)))
+        return float(max(self._wanted(self._stage.name), ROUND_OFF * max(self._norm(guess), self._floor)))
 
     def _newton(self, guess: Vector) -> Vector:
         """Return the solution by PETSc's Newton-Krylov method; collective."""
@@ -237,6 +260,7 @@ class AndersonStageSolver:
             "sizes": dict(self._sizes),
             "left": {stage: list(known) for stage, known in self._left.items()},
             "earlier": held_by(self._extrapolations),
+            "among": held_by(self._combinations),
             "coupled": {str(copies): one.held() for copies, one in self._coupled.items()},
         }
 
@@ -246,6 +270,8 @@ class AndersonStageSolver:
         self._left = {stage: (left, age) for stage, (left, age) in held["left"].items()}
         self._extrapolations.clear()
         give_back({stage: self._earlier(stage) for stage in held["earlier"]}, held["earlier"])
+        self._combinations.clear()
+        give_back({stage: self._among(stage) for stage in held["among"]}, held["among"])
         self._coupled.clear()
         for copies, one in held["coupled"].items():
             self.coupled(int(copies)).take(one)

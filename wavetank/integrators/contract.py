@@ -35,7 +35,7 @@ class State(Protocol):
 
     @property
     def known(self) -> tuple[Evaluated, ...]:
-        """The points next to (q, p), at its time, that the scheme evaluates anyway; the next step begins at the last.
+        """The points next to (q, p), at its time, that the scheme evaluates anyway: ended at the first, begins at the last.
 
         Their mean is (q, p), or nearly so.
         """

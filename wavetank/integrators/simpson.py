@@ -23,7 +23,7 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
+from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage
 from wavetank.integrators.contract import Evaluated, Map
 from wavetank.integrators.flow import flow
 
@@ -104,16 +104,17 @@ class Simpson4:
             return np.concatenate(flow(system, q, p, t))
 
         z, d, *_ = state.pairs
-        f_0 = f(z + d / 2, t)
+        plus = z + d / 2
+        f_0 = f(plus, t)
         known = z - d / 4 + dt / 4 * f_0
 
         def residual(z_half: Vector) -> Vector:
             return z_half - known - dt / 4 * f(z_half, t + dt / 2)
 
         stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4)
-        z_half = system.stages.pair.solve(stage, residual, z + d / 2 + dt / 2 * f_0, leap=dt * f_0)
+        z_half = system.stages.pair.solve(stage, residual, plus + dt / 2 * f_0, near=Near(known, plus, f_0))
         f_half = (z_half - known) / (dt / 4)
-        minus = z + d / 2 + dt * f_half
+        minus = plus + dt * f_half
         f_1 = f(minus, t + dt)
         smooth = dt / 6 * (f_0 - 2 * f_half + f_1)
         jumps = (2 * smooth - d, *state.pairs[1:4])

@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
+from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage
 from wavetank.integrators.flow import flow
 from wavetank.integrators.states import Traces
 
@@ -57,8 +57,9 @@ class ThirdOrder:
             dq_half, dp_half = flow(system, q, p, t + dt / 2)
             return np.concatenate([q - q_known - dt / 4 * dq_half, p - p_known - dt / 4 * dp_half])
 
-        start = np.concatenate([q_plus + dt / 2 * dq, p_plus + dt / 2 * dp])
-        half = system.stages.pair.solve(Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4), residual, start)
+        stage, plus, slope = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4), [q_plus, p_plus], [dq, dp]
+        near = Near(*map(np.concatenate, ([q_known, p_known], plus, slope)))
+        half = system.stages.pair.solve(stage, residual, near.z + dt / 2 * near.slope, near=near)
         q_half, p_half = half.reshape(2, -1)
         dq, dp = flow(system, q_half, p_half, t + dt / 2)
         q_half, p_half = q_known + dt / 4 * dq, p_known + dt / 4 * dp  # keeps what the flow keeps, e.g. mass, exactly

@@ -5,7 +5,7 @@ from typing import Generic
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.change import change
 from wavetank.hamiltonian.contract import HamiltonianSystem
-from wavetank.integrators.contract import Integrator, Map, S, State
+from wavetank.integrators.contract import Evaluated, Integrator, Map, S, State
 from wavetank.stateful import Held, Stateful
 
 
@@ -63,17 +63,18 @@ class Wrapper(Generic[S]):
 def mapped(
     system: HamiltonianSystem, state: S, t: float, *, coordinate: Map, momentum: Map
 ) -> tuple[S, tuple[float, float]]:
-    """Return a state mapped, and the energy that it reports before and after; collective."""
-    after = state.mapped(coordinate, momentum)
-    return after, (_energy(system, state, t), _energy(system, after, t))
+    """Return a state mapped, and the energy that it reports before and after; collective.
 
-
-def _energy(system: HamiltonianSystem, state: State, t: float) -> float:
-    """Return H at a state's (q, p), to the square of what lies between them and the last point known; collective.
-
-    That point, at which the next step begins, is evaluated, and no other.
+    Evaluated are the first point known of the state, at which a step ends, and the last of the mapped one, at which the
+    next begins.
     """
-    q, p = state.known[-1]
+    after = state.mapped(coordinate, momentum)
+    return after, (_energy(system, state, state.known[0], t), _energy(system, after, after.known[-1], t))
+
+
+def _energy(system: HamiltonianSystem, state: State, known: Evaluated, t: float) -> float:
+    """Return H at a state's (q, p), to the square of what lies between them and a point known; collective."""
+    q, p = known
     energy = system.energy(q, p, t)
     if q is state.q and p is state.p:
         return energy
