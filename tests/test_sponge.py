@@ -80,13 +80,16 @@ def test_the_damped_oscillator_is_met_to_second_order(scheme):
 
 @pytest.mark.parametrize("scheme", SCHEMES, ids=named)
 def test_without_damping_nothing_changes(scheme):
-    """To round-off, which is what a jump loses that is added to a trace and taken from it again."""
+    """To round-off, which is what a jump loses that is added to a trace and taken from it again.
+
+    The energy of Simpson 4 is that at a step's end before its jumps are damped and at the next one's start after it.
+    """
     waves = linear()
     start = waves.state(0.1 * np.cos(np.pi * waves.plane.x), 0.1 * np.cos(2 * np.pi * waves.plane.x))
     absorbing = Absorbing(scheme, np.zeros(waves.plane.owned))
     bare, wrapped = (ends(waves, one, start, steps=20, dt=0.01) for one in (scheme, absorbing))
     assert max(np.abs(bare.q - wrapped.q).max(), np.abs(bare.p - wrapped.p).max()) < 1e-14
-    assert abs(absorbing.energy_taken) < 1e-15
+    assert abs(absorbing.energy_taken) < (1e-15 if scheme.name != "simpson-4" else 1e-10 * waves.energy(*start, 0.0))
     known = ("name", "stability_limit", "frequency_error", "nodes")
     assert all(getattr(absorbing, name) == getattr(scheme, name) for name in known)
 
@@ -126,9 +129,9 @@ def test_a_step_below_the_schemes_limit_is_stable_with_a_sponge_of_any_strength(
     assert np.abs(np.linalg.eigvals(matrix)).max() == pytest.approx(1.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("inner", [ThirdOrder(), Simpson4()], ids=named)
-def test_it_costs_two_evaluations_a_step_of_a_system_that_remembers_its_last_point(inner):
-    """Counted in solves of linear waves, which remember the potential of the last psi, with a look at every step."""
+@pytest.mark.parametrize(("inner", "more"), [(ThirdOrder(), 2), (Simpson4(), 1)])
+def test_what_it_costs_a_step_of_a_system_that_remembers_its_last_point(inner, more):
+    """Two evaluations, or one where the scheme has evaluated the end of its step and knows that; counted in solves of linear waves, which remember the potential of the last psi, with a look at every step."""
     waves, found = linear(), []
     start = waves.state(np.zeros(waves.plane.owned), np.cos(np.pi * waves.plane.x))
     for scheme in (inner, Absorbing(inner, np.full(waves.plane.owned, 0.5))):
@@ -138,7 +141,7 @@ def test_it_costs_two_evaluations_a_step_of_a_system_that_remembers_its_last_poi
                 waves.energy(*point, step * 0.01)
             state = scheme.step(waves, state, step * 0.01, 0.01)
         found.append((waves.potential.counters.solves - before) / 10)
-    assert found[1] - found[0] == pytest.approx(2, abs=0.2)  # the first look may find its point known
+    assert found[1] - found[0] == pytest.approx(more, abs=0.2)  # the first look may find its point known
 
 
 # ---------------------------------------------------------------- the energy budget

@@ -7,7 +7,7 @@ from mpi4py import MPI
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
-from wavetank.hamiltonian.start_values import Extrapolation
+from wavetank.hamiltonian.start_values import Combination, Extrapolation
 
 
 def stage(t=0.0, dt=0.1):
@@ -55,17 +55,46 @@ def test_an_error_within_the_residual_reaches_the_caller():
 
 
 def test_extrapolation_is_exact_for_polynomials_and_starts_anew_after_a_gap():
-    """From zero, and beyond a leap that misses a part of the change."""
-    for leap in (None, np.array([0.5, 0.0])):
-        earlier, zero = Extrapolation(lambda rows: np.abs(rows).max(axis=1), (2,)), np.zeros(2)
-        for step in range(8):
-            predicted = earlier.predict(0.1 * step, 0.1, start=zero, leap=leap)
-            earlier.record(0.1 * step, np.array([1.0 + step, step**3]))
-        assert np.abs(predicted - [8.0, 7**3]).max() < 1e-9
-        for t, dt in ((5.0, 0.1), (4.9, -0.1)):
-            start = np.full(2, t)
-            assert earlier.predict(t, dt, start=start, leap=leap) is start
-            earlier.record(t, zero)
+    earlier, zero = Extrapolation(lambda rows: np.abs(rows).max(axis=1), (2,)), np.zeros(2)
+    for step in range(8):
+        predicted = earlier.predict(0.1 * step, 0.1, start=zero)
+        earlier.record(0.1 * step, np.array([1.0 + step, step**3]))
+    assert np.abs(predicted - [8.0, 7**3]).max() < 1e-9
+    for t, dt in ((5.0, 0.1), (4.9, -0.1)):
+        start = np.full(2, t)
+        assert np.array_equal(earlier.predict(t, dt, start=start), start)
+        earlier.record(t, zero)
+
+
+def points(matrix, weight, count):
+    """Return pairs of points, as of three oscillations, and their z - a f(z), f(z) = A z + 1."""
+    for t in 0.3 * np.arange(count):
+        z = np.concatenate([np.cos(omega * t + np.arange(4.0)) for omega in (1.0, 2.0, 3.0)])
+        yield z, z - weight * (matrix @ z + 1.0)
+
+
+def test_a_combination_of_points_is_exact_where_the_flow_is_linear_and_their_images_span_what_is_asked_for():
+    """The solution of (1 - a A) z = c + a, of twelve points and seven needed; of others c is missed by what is said.
+
+    Of images that may be anything the newest is taken as it is, and of those of another a none.
+    """
+    rng, weight = np.random.default_rng(1), 0.1
+    matrix, scale = rng.normal(size=(12, 12)), 1.0 + rng.random(12)
+    among = Combination(MPI.COMM_SELF, scale, (2, 6))
+    among.begin(weight)
+    given = list(points(matrix, weight, 21))
+    for point in given[:-1]:
+        among.add(*point)
+    z, c = given[-1]
+    guess = among.guess(c, wrong=1e-9)
+    assert np.allclose(guess.z, z, atol=1e-6) and np.abs(guess.missed).max() < 1e-6
+    guess = among.guess(c + 1.0, wrong=1e-9)
+    inverse = np.linalg.inv(np.eye(12) - weight * matrix)
+    assert np.allclose(guess.z + inverse @ guess.missed, z + inverse @ np.ones(12), atol=1e-6)
+    assert np.allclose(among.guess(c, wrong=1e6).z, given[-2][0], atol=1e-9)
+    among.begin(2 * weight)
+    among.add(*given[0])
+    assert np.array_equal(among.guess(c, wrong=0.0).z, given[0][0])
 
 
 def test_what_an_iteration_leaves_is_measured_once_in_a_while_and_saves_evaluations_between():

@@ -21,9 +21,9 @@ from wavetank.stateful import Held
 class Absorbing(Wrapper[S]):
     """A scheme with damping of the momenta, which counts the energy taken; stable where the scheme is.
 
-    A system that remembers its last point evaluates two points a step more than the bare scheme, those between which
-    the second factor acts: the first is for the count alone, at the second observers look. The first factor's are where
-    that ended and where the scheme begins.
+    A system that remembers its last point evaluates one or two points a step more than the bare scheme, those between
+    which the second factor acts: the first is for the count alone, unless the scheme knows that it ended there, at the
+    second observers look. The first factor's are where that ended and where the scheme begins.
 
     Parameters
     ----------

@@ -26,6 +26,7 @@ from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
+from wavetank.water.carried_waves import CarriedWaves, Surface
 from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
 from wavetank.water.potential import InteriorPotential, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
@@ -219,6 +220,10 @@ class NonlinearWaves:
         rows[1] = self.phi.owned[:, -1] / np.sqrt(self.gravity * self.depth)
         return rows
 
+    def seen(self) -> Surface | None:
+        """Return the surface of the point last evaluated, unless the wall has moved since."""
+        return None if np.isnan(self._t) else Surface(self.h.owned - self.bed.still, self._p, self._H_p)
+
     def size(self) -> float:
         """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
         squares = self._deviation(np.empty((2, self.plane.owned))) ** 2
@@ -344,7 +349,9 @@ class NonlinearWaves:
             floor=self.depth,
         )
         coordinate, momentum = solver(column), solver(speed)
-        pair = solver(np.stack([column, speed]), precondition=StillWaterWaves(self))
+        still = StillWaterWaves(self)
+        inverse = CarriedWaves(self, still) if self.plane.mesh.topology.dim == 1 else still
+        pair = solver(np.stack([column, speed]), precondition=inverse)
         self.stages = IteratedStages(coordinate, momentum, pair)
 
     @cached_property
