@@ -131,7 +131,10 @@ def test_a_step_below_the_schemes_limit_is_stable_with_a_sponge_of_any_strength(
 
 @pytest.mark.parametrize(("inner", "more"), [(ThirdOrder(), 2), (Simpson4(), 1)])
 def test_what_it_costs_a_step_of_a_system_that_remembers_its_last_point(inner, more):
-    """Two evaluations, or one where the scheme has evaluated the end of its step and knows that; counted in solves of linear waves, which remember the potential of the last psi, with a look at every step."""
+    """Two evaluations, or one where the scheme has evaluated the end of its step and knows that.
+
+    Counted in solves of linear waves, which remember the potential of the last psi, with a look at every step.
+    """
     waves, found = linear(), []
     start = waves.state(np.zeros(waves.plane.owned), np.cos(np.pi * waves.plane.x))
     for scheme in (inner, Absorbing(inner, np.full(waves.plane.owned, 0.5))):

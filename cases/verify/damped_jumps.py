@@ -181,9 +181,7 @@ OTHERS: dict[str, Integrator[Any]] = {"(23), plus trace": ThirdOrder(), "Gauss-L
 class FixedPoint:
     """Solves stages of many oscillators at once by iteration to round-off."""
 
-    def solve(
-        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Any = None
-    ) -> Vector:
+    def solve(self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Any = None) -> Vector:
         """Return z with residual(z) = 0, shape (n,); an orbit that has left all bounds is left alone."""
         z = start
         for _ in range(60):

@@ -72,7 +72,7 @@ class Combination:
         return np.asarray(summed(self._comm, self._images[1 : 1 + known] @ image))
 
     def guess(self, c: Vector, *, wrong: float) -> Guess:
-        """Return the combination for c, of images that are wrong by so much, scaled, as a root of squares; collective."""
+        """Return the combination for c, of images that are wrong by so much, a root of squares, scaled; collective."""
         known = min(self._recorded - 1, len(self._gram))
         away = (c - self._images[0]) / self._scale
         gram = self._gram[:known, :known] + wrong**2 * np.eye(known)
@@ -117,7 +117,7 @@ class Extrapolation:
         self._count = 0  # values that take part in the next prediction
 
     def predict(self, t: float, dt: float, *, start: Vector) -> Vector:
-        """Return the value expected at t [s], from a start; that, if the earlier ones do not lead there in steps of dt."""
+        """Return the value expected at t [s], from a start; that, unless earlier ones lead there in steps of dt."""
         self._base = start
         if not len(self._differences) or dt != self._dt or abs(t - self._t - dt) > 1e-6 * abs(dt):
             self._differences = self._differences[:0]

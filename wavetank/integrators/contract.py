@@ -35,7 +35,9 @@ class State(Protocol):
 
     @property
     def known(self) -> tuple[Evaluated, ...]:
-        """The points next to (q, p), at its time, that the scheme evaluates anyway: ended at the first, begins at the last.
+        """The points next to (q, p), at its time, that the scheme evaluates anyway.
+
+        A step ends at the first and the next one begins at the last.
 
         Their mean is (q, p), or nearly so.
         """

@@ -51,15 +51,16 @@ class CarriedWaves:
         self._waves, self._still, self._points = waves, still, SurfacePoints(waves.plane)
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
         self._t = np.nan  # of the stage for which the velocities were found
-        self._V: Vector | None = None  # at the points
+        self._V: Vector = np.zeros(0)  # at the points
         self._B: Vector = np.zeros(waves.plane.owned)
+        self._known = False  # both
 
     def __call__(self, stage: Stage, residual: Vector) -> Vector:
         """Return the preconditioned residual, shape (2 owned,); collective."""
         if stage.t != self._t:
             self._t = stage.t
             self._look(LARGEST * self._shortest / abs(stage.weight))
-        if self._V is None:
+        if not self._known:
             return self._still(stage, residual)
         mass, a = self._waves.mass, stage.weight
         q, psi = residual.reshape(2, -1)
@@ -72,8 +73,8 @@ class CarriedWaves:
     def _look(self, most: float) -> None:
         """Find the velocities at the surface of the point last evaluated, cut off at so much [m/s]; collective."""
         surface = self._waves.seen()
+        self._known = surface is not None
         if surface is None:
-            self._V = None
             return
         at, solve = self._points, self._waves.mass.solve
         slope, psi_x, rate = at.slopes(surface.eta), at.slopes(surface.psi), at.values(solve(surface.rate))
