@@ -7,6 +7,7 @@ import os
 import re
 import shlex
 import sys
+import time
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,14 @@ import pytest
 from conftest import CHECKOUT, commanded
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from ranks import begun
+from ranks import begun, members
 from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RecordError, RunError, StoppedError
 from wavetank.records.checkpoint import last_checkpoint
-from wavetank.records.directory import RunDirectory
+from wavetank.records.directory import CHECKPOINT, RunDirectory
 from wavetank.records.writer import RunWriter
 from wavetank.study.drawing import draw_study, pareto_front
 from wavetank.study.exact import exact_solution
@@ -350,6 +351,22 @@ def test_a_run_that_was_killed_goes_on_in_a_study_from_its_checkpoint_and_costs_
     assert again[0].errors == rows[0].errors
     first, second = ({name: row.costs[name] for name in ("steps", "interior solves")} for row in (again[0], rows[0]))
     assert first == second
+
+
+@pytest.mark.slow
+def test_a_run_ends_with_the_study_that_is_killed(tmp_path):
+    """Between two steps, with a checkpoint; none is left that would be computed on for nobody."""
+    command = ["study", str(CASE), "--sweep", "initial.wave_amplitude=0.02,0.03", "--at-once", "2"]
+    changes = _set(["run.duration=100.0", "numerics.cells=16", "numerics.dt=0.04"])
+    with begun([sys.executable, "-m", "wavetank", *command, *changes, "--out", str(tmp_path)]) as process:
+        while len(list(tmp_path.glob(f"*/{CHECKPOINT}"))) < 2:
+            assert process.poll() is None
+        process.kill()
+        process.wait()
+        while members(process.pid):
+            time.sleep(0.01)
+    runs = [RunDirectory(path.parent) for path in tmp_path.glob("*/manifest.json")]
+    assert [run.status for run in runs] == ["stopped"] * 2 and all(last_checkpoint(run.path) for run in runs)
 
 
 def _set(changes) -> list[str]:

@@ -75,6 +75,7 @@ class Runner:
         self._case, self._out, self._at_once, self._yes = case, out, at_once, yes
         self._directories: dict[str, Path] = {}
         self._processes: set[subprocess.Popen[str]] = set()
+        self._input = subprocess.DEVNULL  # of the processes
 
     def directory(self, combination: Combination) -> Path:
         """Return where a combination is run: in a folder of its name, numbered where that holds another scene's run."""
@@ -92,7 +93,7 @@ class Runner:
         finished = [one for one in combinations if is_finished(self.directory(one), one)]
         yield from ((one, Outcome("finished", again=False)) for one in finished)
         waiting = [one for one in combinations if one not in finished]
-        with _termination_as_interrupt(), ThreadPoolExecutor(self._at_once) as pool:
+        with _termination_as_interrupt(), _tie() as self._input, ThreadPoolExecutor(self._at_once) as pool:
             futures = {pool.submit(self._run, one): one for one in waiting}
             try:
                 for future in as_completed(futures):
@@ -118,7 +119,8 @@ class Runner:
         """Return how a ``wavetank run`` with these arguments has ended."""
         options = ["--no-plots", *(["--yes"] if self._yes else [])]
         process = subprocess.Popen(
-            [sys.executable, "-m", "wavetank", "run", str(self._case), *options, *arguments],
+            [sys.executable, "-m", "wavetank.study.tied", "run", str(self._case), *options, *arguments],
+            stdin=self._input,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
@@ -140,6 +142,17 @@ def _outcome(code: int, errors: str) -> Outcome:
     lines = [line for line in errors.splitlines() if line.strip()] or [f"ended with code {code}"]
     status: Status = "refused" if code == InputError.exit_code else "failed"
     return Outcome(status, lines[-1].removeprefix("wavetank: "))
+
+
+@contextmanager
+def _tie() -> Iterator[int]:
+    """Give an input that ends when this process does, or the block; see ``tied.py``."""
+    ends = os.pipe()
+    try:
+        yield ends[0]
+    finally:
+        for end in ends:
+            os.close(end)
 
 
 @contextmanager
