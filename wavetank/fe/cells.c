@@ -25,23 +25,61 @@ typedef struct {
 #define EACH(i, most) for (int i = 0; i < (most); ++i)
 #define INLINE static inline __attribute__((always_inline))
 
+/* Rows of numbers are read and written four at a time, those of four lanes, as the transpose of such a square. */
+typedef REAL four __attribute__((vector_size(sizeof(REAL) * 4), aligned(sizeof(REAL)), may_alias));
+#define PICK __builtin_shufflevector
+
+INLINE void transpose(const four *rows, four *columns)
+{
+    const four a = PICK(rows[0], rows[1], 0, 4, 1, 5), b = PICK(rows[2], rows[3], 0, 4, 1, 5);
+    const four c = PICK(rows[0], rows[1], 2, 6, 3, 7), d = PICK(rows[2], rows[3], 2, 6, 3, 7);
+    columns[0] = PICK(a, b, 0, 1, 4, 5), columns[1] = PICK(a, b, 2, 3, 6, 7);
+    columns[2] = PICK(c, d, 0, 1, 4, 5), columns[3] = PICK(c, d, 2, 3, 6, 7);
+}
+
 INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X)
 {
     EACH(i, NODES)
-        EACH(l, LANES) {
-            const REAL *row = x + (long)c->dofs[(b * NODES + i) * LANES + l] * stride;
-            EACH(j, numbers)
-                ((REAL *)&X[i * numbers + j])[l] = row[j];
+        EACH(l, LANES / 4) {
+            const int *dofs = c->dofs + (b * NODES + i) * LANES + 4 * l;
+            const REAL *row[4];
+            four rows[4], columns[4];
+            EACH(k, 4)
+                row[k] = x + (long)dofs[k] * stride;
+            int j = 0;
+            for (; j + 4 <= numbers; j += 4) {
+                EACH(k, 4)
+                    rows[k] = *(const four *)(row[k] + j);
+                transpose(rows, columns);
+                EACH(k, 4)
+                    ((four *)&X[i * numbers + j + k])[l] = columns[k];
+            }
+            for (; j < numbers; ++j)
+                EACH(k, 4)
+                    ((REAL *)&X[i * numbers + j])[4 * l + k] = row[k][j];
         }
 }
 
 INLINE void scatter(const Cells *c, long b, int numbers, const v *Y, REAL *y, int stride)
 {
     EACH(i, NODES)
-        EACH(l, LANES) {
-            REAL *row = y + (long)c->dofs[(b * NODES + i) * LANES + l] * stride;
-            EACH(j, numbers)
-                row[j] += ((const REAL *)&Y[i * numbers + j])[l];
+        EACH(l, LANES / 4) {
+            const int *dofs = c->dofs + (b * NODES + i) * LANES + 4 * l;
+            REAL *row[4];
+            four rows[4], columns[4];
+            EACH(k, 4)
+                row[k] = y + (long)dofs[k] * stride;
+            int j = 0;
+            for (; j + 4 <= numbers; j += 4) {
+                EACH(k, 4)
+                    columns[k] = ((const four *)&Y[i * numbers + j + k])[l];
+                transpose(columns, rows);
+                EACH(k, 4)
+                    *(four *)(row[k] + j) += rows[k];
+            }
+            for (; j < numbers; ++j)
+                EACH(k, 4)
+                    row[k][j] += ((const REAL *)&Y[i * numbers + j])[4 * l + k];
         }
 }
 

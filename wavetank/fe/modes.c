@@ -111,12 +111,25 @@ static void smooth(long size, const REAL *inverse_diagonals, REAL keep, REAL tak
     }
 }
 
-/* y += A x, A of sparse rows, [row][mode]. */
+INLINE void spread_rows(long rows, const int *pointers, const int *columns, const REAL *entries, int many,
+                        const REAL *restrict x, REAL *restrict y)
+{
+    for (long i = 0; i < rows; ++i) {
+        REAL sum[NUMBERS] = {0};
+        for (int k = pointers[i]; k < pointers[i + 1]; ++k)
+            EACH(j, many)
+                sum[j] += entries[k] * x[(long)columns[k] * many + j];
+        EACH(j, many)
+            y[i * many + j] = sum[j];
+    }
+}
+
+/* y = A x, A of sparse rows, [row][mode]. */
 static void spread(long rows, const int *pointers, const int *columns, const REAL *entries, int many,
                    const REAL *restrict x, REAL *restrict y)
 {
-    for (long i = 0; i < rows; ++i)
-        for (int k = pointers[i]; k < pointers[i + 1]; ++k)
-            EACH(j, many)
-                y[i * many + j] += entries[k] * x[(long)columns[k] * many + j];
+    if (many == NUMBERS)
+        spread_rows(rows, pointers, columns, entries, NUMBERS, x, y);
+    else
+        spread_rows(rows, pointers, columns, entries, NUMBERS - 1, x, y);
 }

@@ -226,7 +226,7 @@ class LinearModes:
 
     def _spread(self, matrix: sparse.csr_matrix, x: Singles) -> Singles:
         rows, many, at = matrix.shape[0], x.shape[1], self._kernel.pointer
-        y = np.zeros((rows, many), dtype=np.float32)
+        y = np.empty((rows, many), dtype=np.float32)
         parts = at(matrix.indptr), at(matrix.indices), at(matrix.data)
         self._kernel.call.spread(rows, *parts, many, at(x), at(y))
         return y
