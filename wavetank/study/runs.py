@@ -1,13 +1,19 @@
-"""Runs combinations, each as a ``wavetank run`` of its own, as many at a time as there are cores; resumable."""
+"""Runs combinations, each by a ``wavetank run``, as many at a time as there are cores; resumable.
 
+As many processes take the commands, one after another; where one dies, its run has failed, and another takes the next.
+"""
+
+import json
 import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
+from tempfile import TemporaryFile
 from typing import Literal, NamedTuple
 
 from wavetank.case.contents import contents
@@ -74,8 +80,7 @@ class Runner:
     def __init__(self, case: Path, out: Path, *, at_once: int, yes: bool = False):
         self._case, self._out, self._at_once, self._yes = case, out, at_once, yes
         self._directories: dict[str, Path] = {}
-        self._processes: set[subprocess.Popen[str]] = set()
-        self._input = subprocess.DEVNULL  # of the processes
+        self._idle, self._workers = SimpleQueue[Worker](), list[Worker]()
 
     def directory(self, combination: Combination) -> Path:
         """Return where a combination is run: in a folder of its name, numbered where that holds another scene's run."""
@@ -93,7 +98,10 @@ class Runner:
         finished = [one for one in combinations if is_finished(self.directory(one), one)]
         yield from ((one, Outcome("finished", again=False)) for one in finished)
         waiting = [one for one in combinations if one not in finished]
-        with _termination_as_interrupt(), _tie() as self._input, ThreadPoolExecutor(self._at_once) as pool:
+        with ExitStack() as at_the_end:
+            at_the_end.callback(self._dismiss)
+            at_the_end.enter_context(_termination_as_interrupt())
+            pool = at_the_end.enter_context(ThreadPoolExecutor(self._at_once))
             futures = {pool.submit(self._run, one): one for one in waiting}
             try:
                 for future in as_completed(futures):
@@ -118,22 +126,70 @@ class Runner:
     def _called(self, arguments: Sequence[str]) -> Outcome:
         """Return how a ``wavetank run`` with these arguments has ended."""
         options = ["--no-plots", *(["--yes"] if self._yes else [])]
-        process = subprocess.Popen(
-            [sys.executable, "-m", "wavetank.study.tied", "run", str(self._case), *options, *arguments],
-            stdin=self._input,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
+        worker = self._worker()
+        code, errors = worker.called(["run", str(self._case), *options, *arguments])
+        if worker.serves:
+            self._idle.put(worker)
+        return _outcome(code, errors)
+
+    def _worker(self) -> "Worker":
+        """Return one that has nothing to do."""
+        with suppress(Empty):
+            return self._idle.get_nowait()
+        self._workers.append(Worker())
+        return self._workers[-1]
+
+    def _terminate(self) -> None:
+        for worker in self._workers:
+            worker.terminate()
+
+    def _dismiss(self) -> None:
+        """Let the workers go, which have nothing to do any more."""
+        for worker in self._workers:
+            worker.dismiss()
+        self._idle, self._workers = SimpleQueue(), []
+
+
+class Worker:
+    """A process that takes commands of ``wavetank`` one after another."""
+
+    def __init__(self) -> None:
+        self._errors = TemporaryFile()
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "wavetank.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
             text=True,
             env={**os.environ, "OMP_NUM_THREADS": "1"},  # without what MPI has set for this process alone
         )
-        self._processes.add(process)
-        _, errors = process.communicate()
-        self._processes.discard(process)
-        return _outcome(process.returncode, errors)
 
-    def _terminate(self) -> None:
-        for process in tuple(self._processes):
-            process.terminate()
+    def called(self, words: Sequence[str]) -> tuple[int, str]:
+        """Return the exit code of a command, and what it has written of errors; of a process that dies, its own."""
+        asked, answers = self._process.stdin, self._process.stdout
+        assert asked is not None and answers is not None
+        with suppress(BrokenPipeError):
+            print(json.dumps(list(words)), file=asked, flush=True)
+        if line := answers.readline():
+            code, said = json.loads(line)
+            return code, said
+        code = self._process.wait()
+        self._errors.seek(0)
+        return code or 1, self._errors.read().decode(errors="replace")
+
+    @property
+    def serves(self) -> bool:
+        """Whether it can take another command."""
+        return self._process.poll() is None
+
+    def terminate(self) -> None:
+        """End the run that it is at between two steps."""
+        self._process.terminate()
+
+    def dismiss(self) -> None:
+        """Let it go."""
+        self._process.communicate()
+        self._errors.close()
 
 
 def _outcome(code: int, errors: str) -> Outcome:
@@ -142,17 +198,6 @@ def _outcome(code: int, errors: str) -> Outcome:
     lines = [line for line in errors.splitlines() if line.strip()] or [f"ended with code {code}"]
     status: Status = "refused" if code == InputError.exit_code else "failed"
     return Outcome(status, lines[-1].removeprefix("wavetank: "))
-
-
-@contextmanager
-def _tie() -> Iterator[int]:
-    """Give an input that ends when this process does, or the block; see ``tied.py``."""
-    ends = os.pipe()
-    try:
-        yield ends[0]
-    finally:
-        for end in ends:
-            os.close(end)
 
 
 @contextmanager
