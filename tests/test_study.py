@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shlex
+import signal
 import sys
 import time
 from itertools import product
@@ -30,7 +31,7 @@ from wavetank.study.drawing import draw_study, pareto_front
 from wavetank.study.exact import exact_solution
 from wavetank.study.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
 from wavetank.study.refinement import finest, refined, same_but_numerics
-from wavetank.study.runs import Outcome, Runner, is_finished
+from wavetank.study.runs import Outcome, Runner, Worker, is_finished
 from wavetank.study.study import Study
 from wavetank.study.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
 from wavetank.study.table import Row, write_table
@@ -404,6 +405,42 @@ def test_what_has_not_finished_goes_on_or_where_that_is_refused_or_vain_begins_a
     monkeypatch.setattr(Runner, "_called", called)
     outcomes = list(Runner(CASE, tmp_path, at_once=1).run([one]))
     assert outcomes == [(one, Outcome("finished"))] and asked == ways
+
+
+def test_a_process_that_takes_commands_answers_each_and_one_that_dies_says_so():
+    worker = Worker()
+    for name in ("this.toml", "that.toml"):
+        code, said = worker.called(["run", name])
+        assert code == 2 and said.startswith(f"wavetank: {name}: cannot be read") and worker.serves
+    worker.terminate()
+    code, _ = worker.called(["run", "this.toml"])
+    assert code == -signal.SIGTERM and not worker.serves
+    worker.dismiss()
+
+
+def test_where_a_process_dies_its_run_alone_is_lost(tmp_path, monkeypatch):
+    made = []
+
+    class Mortal:
+        """Takes two commands, and dies of the second."""
+
+        def __init__(self):
+            self.serves = True
+            made.append(self)
+
+        def called(self, words):
+            self.serves = not hasattr(self, "tired")
+            self.tired = True
+            return (0, "") if self.serves else (-signal.SIGSEGV, "")
+
+        def dismiss(self):
+            pass
+
+    monkeypatch.setattr("wavetank.study.runs.Worker", Mortal)
+    found = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04,0.05"]), [])
+    outcomes = [outcome for _, outcome in Runner(CASE, tmp_path, at_once=1).run(found)]
+    assert [one.status for one in outcomes] == ["finished", "failed", "finished", "failed", "finished"]
+    assert outcomes[1].cause == "ended with code -11" and len(made) == 3
 
 
 def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):

@@ -35,10 +35,10 @@ def study(
 ) -> None:
     """Run all combinations of some settings: error against cost.
 
-    Each is run in a process of its own. Where a key changes what is modelled, a wave's height, say: highest crest and
-    deepest trough over that key, or each --response; of seeds (seed=1..20) means, their confidence, and quantiles. What
-    has finished is not run again, and no run of another scene is replaced. Keys are those of the case, or short: dt,
-    dx, cells, n, p, order, integrator, tolerance.
+    Each is a run, taken by one of as many processes as there are cores. Where a key changes what is modelled, a
+    wave's height, say: highest crest and deepest trough over that key, or each --response; of seeds (seed=1..20)
+    means, their confidence, and quantiles. What has finished is not run again, and no run of another scene is
+    replaced. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator, tolerance.
     """
     from mpi4py import MPI
 

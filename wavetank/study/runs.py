@@ -154,7 +154,8 @@ class Worker:
     """A process that takes commands of ``wavetank`` one after another."""
 
     def __init__(self) -> None:
-        self._errors = TemporaryFile()
+        self._at_the_end = ExitStack()
+        self._errors = self._at_the_end.enter_context(TemporaryFile())
         self._process = subprocess.Popen(
             [sys.executable, "-m", "wavetank.worker"],
             stdin=subprocess.PIPE,
@@ -189,7 +190,7 @@ class Worker:
     def dismiss(self) -> None:
         """Let it go."""
         self._process.communicate()
-        self._errors.close()
+        self._at_the_end.close()
 
 
 def _outcome(code: int, errors: str) -> Outcome:
