@@ -154,8 +154,7 @@ class Worker:
     """A process that takes commands of ``wavetank`` one after another."""
 
     def __init__(self) -> None:
-        self._at_the_end = ExitStack()
-        self._errors = self._at_the_end.enter_context(TemporaryFile())
+        self._errors = TemporaryFile()  # noqa: SIM115 (as long as the process)
         self._process = subprocess.Popen(
             [sys.executable, "-m", "wavetank.worker"],
             stdin=subprocess.PIPE,
@@ -190,7 +189,7 @@ class Worker:
     def dismiss(self) -> None:
         """Let it go."""
         self._process.communicate()
-        self._at_the_end.close()
+        self._errors.close()
 
 
 def _outcome(code: int, errors: str) -> Outcome:
