@@ -33,7 +33,8 @@ WAVE = 2 * np.pi / 4.0  # 1/m
 def algebraic(basin: NonlinearWaves) -> Krylov:
     """Return the baseline: BoomerAMG, with PETSc's defaults, on one matrix of all modes interlaced at order p."""
     layer = LayerMatrices(basin.densities.layer, basin.plane)
-    return Krylov(basin.operator, layer, basin.plane, basin.vertical, tolerance=1e-10)
+    single = basin.potential.minimiser.single
+    return Krylov(basin.operator, single, layer, basin.plane, basin.vertical, tolerance=1e-10)
 
 
 class Cost(NamedTuple):

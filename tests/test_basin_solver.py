@@ -9,7 +9,7 @@ from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
-from wavetank.fe.conjugate_gradients import condition_number, conjugate_gradients
+from wavetank.fe.conjugate_gradients import condition_number, conjugate_gradients, corrected
 from wavetank.fe.plane import Plane
 from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
@@ -144,3 +144,26 @@ def test_iterations_solve_and_tell_the_condition_number():
     )
     assert solution == pytest.approx(known, rel=1e-10)
     assert condition_number(steps[:5]) == pytest.approx(14.0, rel=1e-9) and condition_number([]) == 1.0
+
+
+def test_corrections_of_single_precision_make_a_solution_of_double_precision():
+    """Of a diagonal operator the inverse is known. Each correction takes five digits, and needs a residual of its own."""
+    eigenvalues, known = np.array([0.5, 1.0, 2.0, 3.0, 7.0]), np.array([1e-9, -2.0, 3.0, 0.5, 4e6])
+    small, solution, residuals = eigenvalues.astype(np.float32), np.zeros(5), []
+
+    def left():
+        residuals.append(eigenvalues * (known - solution))
+        return residuals[-1]
+
+    steps, last = corrected(
+        left,
+        lambda x: small * x,
+        np.copy,
+        solution,
+        within=lambda first: 1e-28 * first,
+        comm=MPI.COMM_SELF,
+        most=99,
+    )
+    assert solution == pytest.approx(known, rel=1e-13, abs=1e-13 * 4e6)
+    assert len(residuals) == 3 and 3 <= len(steps) <= 15
+    assert last == pytest.approx(eigenvalues * (known - solution), abs=1e-8)

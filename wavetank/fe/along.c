@@ -57,16 +57,11 @@ static void respond(const Chain *c, const REAL *s, const double *r, double *x, R
     }
 }
 
-INLINE void within_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
-{
-    multiply(what, c, b, q, MODES, u, r);
-}
-
 /* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
 static void product_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y,
                            REAL *by_surface)
 {
-    const Multiplied what = {layers, (const stored *)state};
+    const Multiplied what = {layers, state};
     EACH(b, c->batches) {
         v X[NODES * MODES], Y[NODES * NUMBERS];
         gather(c, b, MODES, x, ROW, X);

@@ -37,7 +37,8 @@ INLINE void transpose(const four *rows, four *columns)
     columns[2] = PICK(c, d, 0, 1, 4, 5), columns[3] = PICK(c, d, 2, 3, 6, 7);
 }
 
-INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X)
+/* X[node][number] of ``width`` numbers, of which these are some. */
+INLINE void gather_among(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X, int width)
 {
     EACH(i, NODES)
         EACH(l, LANES / 4) {
@@ -52,12 +53,17 @@ INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int strid
                     rows[k] = *(const four *)(row[k] + j);
                 transpose(rows, columns);
                 EACH(k, 4)
-                    ((four *)&X[i * numbers + j + k])[l] = columns[k];
+                    ((four *)&X[i * width + j + k])[l] = columns[k];
             }
             for (; j < numbers; ++j)
                 EACH(k, 4)
-                    ((REAL *)&X[i * numbers + j])[4 * l + k] = row[k][j];
+                    ((REAL *)&X[i * width + j])[4 * l + k] = row[k][j];
         }
+}
+
+INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X)
+{
+    gather_among(c, b, numbers, x, stride, X, numbers);
 }
 
 INLINE void scatter(const Cells *c, long b, int numbers, const v *Y, REAL *y, int stride)
@@ -99,8 +105,8 @@ INLINE v measure_at(const Cells *c, long b, int q)
     return ((const stored *)c->measure)[PLACES == 1 ? b : b * POINTS + q] * c->weights[q];
 }
 
-/* Fields at a point in space, f[field][value, slopes ...], of u as ``through`` has it. */
-INLINE void in_space(const Cells *c, long b, int q, int fields, const v *u, v *f)
+/* Fields at a point in space, f[field][value, slopes ...], of u as ``through`` has it, where they are among ``width``. */
+INLINE void in_space(const Cells *c, long b, int q, int fields, const v *u, int width, v *f)
 {
     const stored *inverse = inverse_at(c, b, q);
     EACH(n, fields) {
@@ -108,7 +114,7 @@ INLINE void in_space(const Cells *c, long b, int q, int fields, const v *u, v *f
         EACH(i, GDIM) {
             v slope = zero;
             EACH(a, DIM)
-                slope += inverse[i * DIM + a] * u[(1 + a) * fields + n];
+                slope += inverse[i * DIM + a] * u[(1 + a) * width + n];
             f[n * (1 + GDIM) + 1 + i] = slope;
         }
     }

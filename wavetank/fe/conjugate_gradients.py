@@ -1,24 +1,34 @@
-"""Conjugate gradients on arrays of owned values: two reductions an iteration, no copies."""
+"""Conjugate gradients on arrays of owned values: two reductions an iteration, no copies.
+
+A solution of double precision is corrected by some of single precision (``corrected``).
+"""
 
 from collections.abc import Callable
+from math import prod
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import NDArray
 from scipy.linalg import eigvalsh_tridiagonal
-from scipy.linalg.blas import daxpy
+from scipy.linalg.blas import daxpy, saxpy
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 
-Map = Callable[[Vector], Vector]
+Array = NDArray[Any]  # of double or single precision
+Map = Callable[[Array], Array]
 Steps = list[tuple[float, float]]  # the length of each, and how much of its direction the next has kept
+
+PIECE = 2**16  # numbers of single precision that are summed in it
+LEAST = 1e-10  # of a residual's energy: what is less is round-off of single precision
 
 
 def conjugate_gradients(
     product: Map,
     precondition: Map,
-    solution: Vector,
-    residual: Vector,
+    solution: Array,
+    residual: Array,
     *,
     within: Callable[[float], float],
     comm: MPI.Comm,
@@ -42,8 +52,8 @@ def conjugate_gradients(
     Raises ``ConvergenceError`` where A or M is not positive, or after ``most`` iterations.
     """
 
-    def inner(a: Vector, b: Vector) -> float:
-        return float(comm.allreduce(float(np.dot(a.ravel(), b.ravel()))))
+    def inner(a: Array, b: Array) -> float:
+        return float(comm.allreduce(dot(a, b)))
 
     steps: Steps = []
     z = precondition(residual)
@@ -67,10 +77,76 @@ def conjugate_gradients(
     return steps
 
 
-def add(factor: float, x: Vector, y: Vector) -> None:
-    """Set y to y + factor x, both contiguous."""
+def corrected(
+    left: Callable[[], Vector],
+    product: Map,
+    precondition: Map,
+    solution: Vector,
+    *,
+    within: Callable[[float], float],
+    comm: MPI.Comm,
+    most: int,
+) -> tuple[Steps, Vector]:
+    """Improve a solution by conjugate gradients of single precision, which correct it; collective.
+
+    A correction takes the error down by up to five digits, and then there is a new residual. Returns all steps taken,
+    and the last correction's residual.
+
+    Parameters
+    ----------
+    left
+        Returns b - A x of the solution as it is, of double precision.
+    product, precondition
+        As ``conjugate_gradients`` takes them, of single precision.
+    solution
+        x, which is improved in place.
+    within, comm, most
+        As ``conjugate_gradients`` takes them.
+
+    Raises ``ConvergenceError`` where A or M is not positive, or after ``most`` iterations.
+    """
+    taken: Steps = []
+    scale, energy, target = 1.0, np.inf, -1.0
+
+    def scaled() -> Array:
+        nonlocal scale
+        residual = left()
+        scale = float(np.sqrt(comm.allreduce(dot(residual, residual)))) or 1.0
+        return np.asarray(residual / scale, dtype=np.float32)
+
+    def enough(first: float) -> float:
+        nonlocal energy, target
+        energy = scale**2 * first
+        target = target if target >= 0.0 else within(energy)
+        return max(target / scale**2, LEAST * first)
+
+    while True:
+        residual = scaled()
+        change = np.zeros_like(residual)
+        more = most - len(taken)
+        steps = conjugate_gradients(product, precondition, change, residual, within=enough, comm=comm, most=more)
+        taken += steps
+        energy *= prod(kept for _, kept in steps)
+        change *= scale
+        solution += change
+        if abs(energy) <= target:
+            residual *= scale
+            return taken, residual
+
+
+def dot(a: Array, b: Array) -> float:
+    """Return the product of two arrays of this rank, of single precision summed in double."""
+    a, b = a.reshape(-1), b.reshape(-1)
+    if a.dtype != np.float32:
+        return float(np.dot(a, b))
+    return sum(float(np.dot(a[k : k + PIECE], b[k : k + PIECE])) for k in range(0, a.size, PIECE))
+
+
+def add(factor: float, x: Array, y: Array) -> None:
+    """Set y to y + factor x, both contiguous and of one precision."""
     if x.size:
-        daxpy(x.reshape(-1), y.reshape(-1), a=factor)
+        axpy = saxpy if y.dtype == np.float32 else daxpy
+        axpy(x.reshape(-1), y.reshape(-1), a=factor)
 
 
 def condition_number(steps: Steps | Vector) -> float:

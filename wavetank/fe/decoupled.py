@@ -13,7 +13,7 @@ from petsc4py import PETSc
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import compile_form, owned_rows
-from wavetank.fe.layers import LayerEnergy
+from wavetank.fe.layers import Array, LayerEnergy
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
 
@@ -69,7 +69,7 @@ class Responding:
         """See ``Modes``."""
         return np.asarray(self.solve(np.asarray(np.outer(right, shares), dtype=np.float64), cycles=cycles) @ shares)
 
-    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
+    def solve(self, right: Array, *, cycles: int = 1) -> Array:
         """Return a for r, both of shape (owned, m), nearer after more cycles of multigrid; collective."""
         raise NotImplementedError
 
@@ -94,7 +94,7 @@ class InterlacedModes(Responding):
         self._rows.set(S_u[:, None] + S_w[:, None] * self._eigenvalues)
         self._ksp.setUp()
 
-    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
+    def solve(self, right: Array, *, cycles: int = 1) -> Array:
         """Return a for r, both of shape (owned, m), on a slice in one cycle; collective."""
         self._ksp.setTolerances(max_it=cycles)
         self._in.array = right.ravel()

@@ -1,8 +1,9 @@
 /* The operator of wavetank/fe/layers.py; layer.c stands before.
 
-STORED          whether second derivatives are kept from state to state of the fields, or found anew in every product */
+STORED          whether second derivatives are kept from state to state of the fields, state[batch][point][level][...][lane],
+                or found anew in every product, of the fields themselves, state[dof][field] */
 #define MANY ((REAL)1e30)
-#define STATE (STORED ? LEVELS * HESSIANS : OF_FIELDS) /* numbers of a point */
+#define BESIDE (STORED ? 0 : FIELDS) /* numbers that go to the points beside the potential's */
 
 typedef struct {
     const Layers *layers;
@@ -13,57 +14,54 @@ typedef struct {
 INLINE void take_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
     const Fields *fields = what;
-    stored *state = fields->state + (b * POINTS + q) * STATE;
-    v f[OF_FIELDS];
-    in_space(c, b, q, FIELDS, u, f);
     EACH(l, LANES)
-        *fields->least = f[0][l] < *fields->least ? f[0][l] : *fields->least;
-    if (STORED)
+        *fields->least = u[0][l] < *fields->least ? u[0][l] : *fields->least;
+    if (STORED) {
+        v f[OF_FIELDS];
+        in_space(c, b, q, FIELDS, u, FIELDS, f);
         EACH(z, LEVELS) {
             v k[HESSIANS];
             second(c, fields->layers, b, q, z, f, k);
             EACH(i, HESSIANS)
-                state[z * HESSIANS + i] = k[i];
+                fields->state[((b * POINTS + q) * LEVELS + z) * HESSIANS + i] = k[i];
         }
-    else
-        EACH(i, OF_FIELDS)
-            state[i] = f[i];
+    }
 }
 
-/* What products need of the fields, [dof][field]: state[batch][point][...][lane]. Returns the first field's least value. */
+/* Keep what is to be kept of the fields, [dof][field]. Returns the first field's least value. */
 static REAL take(const Cells *c, const Layers *layers, const REAL *fields, REAL *state)
 {
     REAL least = MANY;
     const Fields what = {layers, (stored *)state, &least};
     EACH(b, c->batches) {
         v X[NODES * FIELDS];
-        gather(c, b, FIELDS, fields, FIELDS, X);
-        through(c, b, DIM, FIELDS, X, 0, X, take_at, &what);
+        gather(c, b, STORED ? FIELDS : 1, fields, FIELDS, X);
+        through(c, b, STORED ? DIM : 0, STORED ? FIELDS : 1, X, 0, X, take_at, &what);
     }
     return least;
 }
 
 typedef struct {
     const Layers *layers;
-    const stored *state;
+    const REAL *state;
 } Multiplied;
 
-/* The first numbers are ``given``; the others are nothing. */
+/* The first numbers are ``given``, and then there may be fields; the others are nothing. */
 INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int given, const v *u, v *r)
 {
     const Layers *layers = m->layers;
-    const stored *state = m->state + (b * POINTS + q) * STATE;
+    const stored *kept = (const stored *)m->state + (b * POINTS + q) * LEVELS * HESSIANS;
+    const int width = given + BESIDE;
     v f[OF_FIELDS];
     if (!STORED)
-        EACH(i, OF_FIELDS)
-            f[i] = state[i];
+        in_space(c, b, q, FIELDS, u + given, width, f);
     clear((1 + DIM) * NUMBERS, r);
     EACH(z, LEVELS) {
         const REAL *P = layers->P + z * NUMBERS, *dP = layers->dP + z * NUMBERS;
         v k[HESSIANS], s[DIM], w = zero, by_s[DIM];
         if (STORED)
             EACH(i, HESSIANS)
-                k[i] = state[z * HESSIANS + i];
+                k[i] = kept[z * HESSIANS + i];
         else
             second(c, layers, b, q, z, f, k);
         const v *uu = k, *uw = k + DIM * (DIM + 1) / 2;
@@ -73,7 +71,7 @@ INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int giv
         EACH(a, DIM) {
             s[a] = zero;
             EACH(j, given)
-                s[a] += P[j] * u[(1 + a) * given + j];
+                s[a] += P[j] * u[(1 + a) * width + j];
             by_s[a] = uw[a] * w;
             by_w += uw[a] * s[a];
             EACH(d, a + 1) {
@@ -96,34 +94,47 @@ INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v
     multiply(what, c, b, q, NUMBERS, u, r);
 }
 
-/* y += A x, [dof][number]. */
-static void product(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y)
+INLINE void within_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
-    const Multiplied what = {layers, (const stored *)state};
+    multiply(what, c, b, q, NUMBERS - 1, u, r);
+}
+
+INLINE void product_of(const Cells *c, const Layers *layers, const REAL *state, int given, Point at, const REAL *x, REAL *y)
+{
+    const Multiplied what = {layers, state};
+    const int width = given + BESIDE;
     EACH(b, c->batches) {
-        v X[NODES * NUMBERS], Y[NODES * NUMBERS];
-        gather(c, b, NUMBERS, x, NUMBERS, X);
+        v X[NODES * MOST], Y[NODES * NUMBERS];
+        gather_among(c, b, given, x, NUMBERS, X, width);
+        if (!STORED)
+            gather_among(c, b, FIELDS, state, FIELDS, X + given, width);
         clear(NODES * NUMBERS, Y);
-        through(c, b, DIM, NUMBERS, X, NUMBERS, Y, multiply_at, &what);
+        through(c, b, DIM, width, X, NUMBERS, Y, at, &what);
         scatter(c, b, NUMBERS, Y, y, NUMBERS);
     }
 }
 
-/* The derivative of the energy by the first field; u has the potential's numbers and the fields. */
-INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+/* y += A x, [dof][number]. */
+static void product(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y)
+{
+    product_of(c, layers, state, NUMBERS, multiply_at, x, y);
+}
+
+/* The same of x whose last number is nothing. */
+static void interior_product(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y)
+{
+    product_of(c, layers, state, NUMBERS - 1, within_at, x, y);
+}
+
+/* The derivative of the energy by the first field; x has the potential's numbers and the fields. */
+INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *x, v *r)
 {
     const Layers *layers = what;
     const stored *inverse = inverse_at(c, b, q);
     const REAL *constants = layers->constants;
     const v measure = measure_at(c, b, q);
-    v of_x[(1 + DIM) * NUMBERS], of_fields[(1 + DIM) * FIELDS], f[OF_FIELDS];
-    EACH(a, 1 + DIM) {
-        EACH(j, NUMBERS)
-            of_x[a * NUMBERS + j] = u[a * (NUMBERS + FIELDS) + j];
-        EACH(n, FIELDS)
-            of_fields[a * FIELDS + n] = u[a * (NUMBERS + FIELDS) + NUMBERS + n];
-    }
-    in_space(c, b, q, FIELDS, of_fields, f);
+    v f[OF_FIELDS];
+    in_space(c, b, q, FIELDS, x + NUMBERS, MOST, f);
     clear(1 + DIM, r);
     EACH(z, LEVELS) {
         const REAL zeta = layers->zeta[z];
@@ -132,11 +143,11 @@ INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *
         EACH(i, GDIM)
             u[i] = zero;
         EACH(j, NUMBERS)
-            w += layers->dP[z * NUMBERS + j] * of_x[j];
+            w += layers->dP[z * NUMBERS + j] * x[j];
         EACH(a, DIM) {
             v s = zero;
             EACH(j, NUMBERS)
-                s += layers->P[z * NUMBERS + j] * of_x[(1 + a) * NUMBERS + j];
+                s += layers->P[z * NUMBERS + j] * x[(1 + a) * MOST + j];
             EACH(i, GDIM)
                 u[i] += inverse[i * DIM + a] * s;
         }
@@ -152,17 +163,11 @@ INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *
 static void derivative(const Cells *c, const Layers *layers, const REAL *fields, const REAL *x, REAL *y)
 {
     EACH(b, c->batches) {
-        v X[NODES * MOST], of_x[NODES * NUMBERS], of_fields[NODES * FIELDS], Y[NODES];
-        gather(c, b, NUMBERS, x, NUMBERS, of_x);
-        gather(c, b, FIELDS, fields, FIELDS, of_fields);
-        EACH(i, NODES) {
-            EACH(j, NUMBERS)
-                X[i * (NUMBERS + FIELDS) + j] = of_x[i * NUMBERS + j];
-            EACH(n, FIELDS)
-                X[i * (NUMBERS + FIELDS) + NUMBERS + n] = of_fields[i * FIELDS + n];
-        }
+        v X[NODES * MOST], Y[NODES];
+        gather_among(c, b, NUMBERS, x, NUMBERS, X, MOST);
+        gather_among(c, b, FIELDS, fields, FIELDS, X + NUMBERS, MOST);
         clear(NODES, Y);
-        through(c, b, DIM, NUMBERS + FIELDS, X, 1, Y, derive_at, layers);
+        through(c, b, DIM, MOST, X, 1, Y, derive_at, layers);
         scatter(c, b, 1, Y, y, 1);
     }
 }

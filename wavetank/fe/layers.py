@@ -25,6 +25,7 @@ from wavetank.fe.vertical import VerticalBasis
 
 LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
 Indices = NDArray[np.intp]
+Array = NDArray[Any]  # of the operator's precision
 
 LANES = {"double": 8, "float": 16}  # cells at a time
 LAYERS = """
@@ -35,6 +36,7 @@ typedef struct {
 DECLARATIONS = """
 REAL take(const Cells *, const Layers *, const REAL *fields, REAL *state);
 void product(const Cells *, const Layers *, const REAL *state, const REAL *x, REAL *y);
+void interior_product(const Cells *, const Layers *, const REAL *state, const REAL *x, REAL *y);
 void derivative(const Cells *, const Layers *, const REAL *fields, const REAL *x, REAL *y);
 """
 
@@ -101,7 +103,7 @@ class LayerOperator:
     density
         The energy at a point.
     kernel, cells, layers, state
-        The compiled functions, and what they are called with; the state is that of the fields.
+        The compiled functions, and what they are called with; the state is the fields, or what is kept of them.
     least
         The column's least value at the points of this rank's cells: between nodes it may be lower than there.
     """
@@ -147,10 +149,11 @@ class LayerOperator:
         parts = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
         self._constants = self.density.constants().astype(self.kernel.real)
         self.layers = self.kernel.struct("Layers", {**parts, "constants": self._constants})
-        numbers = len(vertical.zeta) * sizes["HESSIANS"] if stored else (1 + sizes["GDIM"]) * self.density.fields
-        self.state = np.empty((cells.parts["batches"], len(cells.points), numbers, lanes), dtype=self.kernel.real)
+        kept = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], lanes)
+        self._stored, self.state = stored, np.empty(kept if stored else 0, dtype=self.kernel.real)
         self.least = np.inf
-        self._halos = {count: Halo(plane.V.dofmap.index_map, count) for count in (1, self._numbers)}
+        numbering = plane.V.dofmap.index_map
+        self._halos = {count: Halo(numbering, count, self.kernel.real) for count in (1, self._numbers)}
 
     def update(self) -> None:
         """Take over the fields as they are, ghosts included."""
@@ -159,13 +162,21 @@ class LayerOperator:
         if self._order is not None:
             rows = rows[self._order]
         rows = rows.astype(self.kernel.real, copy=False)
+        self.state = self.state if self._stored else rows
         self.least = self.kernel.call.take(self.cells, self.layers, at(rows), at(self.state))
 
-    def apply(self, rows: Vector) -> Vector:
+    def apply(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
+        return self._applied(self.kernel.call.product, rows)
+
+    def apply_to_interior(self, rows: Array) -> Array:
+        """Return A x, shape (owned, n+1), for an x of that shape whose last column is zero; collective."""
+        return self._applied(self.kernel.call.interior_product, rows)
+
+    def _applied(self, product: Any, rows: Array) -> Array:
         halo, at = self._halos[self._numbers], self.kernel.pointer
-        x, y = halo.fetch(rows[: self._owned]), np.zeros((halo.size, self._numbers))
-        self.kernel.call.product(self.cells, self.layers, at(self.state), at(x), at(y))
+        x, y = halo.fetch(rows[: self._owned]), np.zeros((halo.size, self._numbers), dtype=self.kernel.real)
+        product(self.cells, self.layers, at(self.state), at(x), at(y))
         return halo.collect(y)
 
     def derivative(self, rows: Vector) -> Vector:

@@ -13,7 +13,7 @@ INLINE void weigh_at(const void *what, const Cells *c, long b, int q, const v *u
     const Weights *weights = what;
     const double *constants = weights->constants;
     v f[OF_FIELDS + 1], density;
-    in_space(c, b, q, FIELDS, u, f);
+    in_space(c, b, q, FIELDS, u, FIELDS, f);
     DENSITY
     weights->weights[b * POINTS + q] = measure_at(c, b, q) * density;
 }

@@ -8,7 +8,7 @@ INLINE void average_at(const void *what, const Cells *c, long b, int q, const v 
     const Layers *layers = both[0];
     stored *mean = (stored *)both[1] + (b * POINTS + q) * MEANS;
     v f[OF_FIELDS], sum[MEANS];
-    in_space(c, b, q, FIELDS, u, f);
+    in_space(c, b, q, FIELDS, u, FIELDS, f);
     clear(MEANS, sum);
     EACH(z, LEVELS) {
         v k[HESSIANS];

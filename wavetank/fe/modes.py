@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from wavetank.arrays import Vector
 from wavetank.fe.decoupled import LayerMatrices
-from wavetank.fe.layers import LayerDensity, LayerEnergy
+from wavetank.fe.layers import Array, LayerDensity, LayerEnergy
 from wavetank.fe.order_multigrid import LayerMeans
 from wavetank.fe.plane import Field, Plane
 
@@ -31,7 +31,7 @@ class Modes(Protocol):
 class SolvableModes(Modes, Protocol):
     """Such that are solved for any right-hand sides."""
 
-    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
+    def solve(self, right: Array, *, cycles: int = 1) -> Array:
         """Return a for r, both of shape (owned, m), nearer after more cycles of multigrid; collective."""
 
 

@@ -15,7 +15,7 @@ from wavetank.fe.cells import DECLARATION, Cells, defined, source
 from wavetank.fe.decoupled import LEVELS, Averages, LayerMatrices, Responding
 from wavetank.fe.halo import Halo
 from wavetank.fe.kernels import FLAGS, Kernel
-from wavetank.fe.layers import LAYERS, LayerDensity, LayerEnergy
+from wavetank.fe.layers import LAYERS, Array, LayerDensity, LayerEnergy
 from wavetank.fe.plane import Plane
 
 Singles = NDArray[np.float32]
@@ -184,7 +184,7 @@ class OrderMultigrid(Responding):
         r -= self.product(correction)
         return x, self._smooth(r, x)
 
-    def solve(self, right: Vector, *, cycles: int = 1) -> Vector:
+    def solve(self, right: Array, *, cycles: int = 1) -> Array:
         """See ``Modes``."""
         r: Singles = right.astype(np.float32)
         x, last = self._cycle(r)
@@ -192,7 +192,7 @@ class OrderMultigrid(Responding):
             r -= self.product(last)
             more, last = self._cycle(r)
             x += more
-        return np.asarray(x, dtype=np.float64)
+        return x
 
 
 class LinearModes:

@@ -14,7 +14,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fe.along import NO_MINIMUM, Along, Minimum
-from wavetank.fe.conjugate_gradients import Steps, condition_number, conjugate_gradients
+from wavetank.fe.conjugate_gradients import Array, Steps, condition_number, corrected
 from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.modes import Layer, SolvableLayer, layer_of
 from wavetank.fe.plane import Field, LayeredField, Plane
@@ -126,10 +126,17 @@ class Krylov:
 
     Parameters
     ----------
-    operator, layer
-        A(h), and what its preconditioner is made of.
+    operator, single
+        A(h), and the same in single precision.
+    layer
+        What the preconditioner is made of.
     tolerance
         Of the error's energy, relative to that of the potential; its square root.
+
+    Attributes
+    ----------
+    single
+        The operator in single precision.
     """
 
     most = 200  # iterations
@@ -137,15 +144,17 @@ class Krylov:
     def __init__(
         self,
         operator: LayerOperator,
+        single: LayerOperator,
         layer: SolvableLayer,
         plane: Plane,
         vertical: VerticalBasis,
         *,
         tolerance: float,
     ):
-        self._operator, self._layer, self._plane, self._tolerance = operator, layer, plane, tolerance
+        self._operator, self.single, self._layer = operator, single, layer
+        self._plane, self._tolerance = plane, tolerance
         self._modes = layer.modes(vertical.eigenvalues)
-        self._preconditioned = np.zeros((plane.owned, vertical.n + 1))
+        self._preconditioned = np.zeros((plane.owned, vertical.n + 1), dtype=np.float32)
         self._steps: Steps = []
         self.flow: Vector = np.zeros(plane.owned)
 
@@ -153,32 +162,42 @@ class Krylov:
         """See ``Minimiser``."""
         self._modes.take(self._layer.assemble())
 
-    def _precondition(self, residual: Vector) -> Vector:
+    def _precondition(self, residual: Array) -> Array:
         """Return what the modes make of the interior's residual, and zero for the surface's."""
         self._preconditioned[:, :-1] = self._modes.solve(residual[:, :-1])
         return self._preconditioned
 
     def find(self, phi: Vector, wall: Vector) -> int:
         """See ``Minimiser``."""
-        image = self._operator.apply(phi)
-        energy = self._plane.sum(phi * image if self._operator.least > 0.0 else np.full(1, np.nan))
-        if np.isnan(energy):
-            raise ConvergenceError(NO_MINIMUM)
-        residual = -image
-        residual[:, :-1] -= wall[:, :-1]
+        kinetic = np.nan
+
+        def left() -> Vector:
+            """Return what is left of the equation for the interior; the flow is that of phi as it is."""
+            nonlocal kinetic
+            image = self._operator.apply(phi)
+            kinetic = self._plane.sum(phi * image if self._operator.least > 0.0 else np.full(1, np.nan))
+            if np.isnan(kinetic):
+                raise ConvergenceError(NO_MINIMUM)
+            self.flow = image[:, -1].copy()
+            np.negative(image, out=image)
+            image[:, :-1] -= wall[:, :-1]
+            image[:, -1] = 0.0  # it has no share in any energy, and follows what corrections change of A phi
+            return image
+
+        self.single.update()
         try:
-            self._steps = conjugate_gradients(
-                self._operator.apply,
+            self._steps, last = corrected(
+                left,
+                self.single.apply_to_interior,
                 self._precondition,
                 phi,
-                residual,  # its last column has no share in any energy, and follows A phi
-                within=lambda first: self._tolerance**2 * (energy + first),
+                within=lambda first: self._tolerance**2 * (kinetic + first),
                 comm=self._plane.comm,
                 most=self.most,
             )
         except ConvergenceError as error:
             raise ConvergenceError(f"the interior potential: {error}") from None
-        self.flow = -residual[:, -1]
+        self.flow -= last[:, -1]
         return len(self._steps)
 
     @property
@@ -204,5 +223,6 @@ def interior_of(
     if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
         along = Along(energy, plane, vertical, column=column)
         return Interior(operator, along, Minimum(operator, along, plane, vertical, tolerance=tolerance))
+    single = LayerOperator(energy, plane, vertical, column=column, real="float")
     layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)
-    return Interior(operator, layer, Krylov(operator, layer, plane, vertical, tolerance=tolerance))
+    return Interior(operator, layer, Krylov(operator, single, layer, plane, vertical, tolerance=tolerance))
