@@ -147,7 +147,7 @@ def test_iterations_solve_and_tell_the_condition_number():
 
 
 def test_corrections_of_single_precision_make_a_solution_of_double_precision():
-    """Of a diagonal operator the inverse is known. Each correction takes five digits, and needs a residual of its own."""
+    """Of a diagonal operator the inverse is known. Each correction takes five digits, and then a new residual."""
     eigenvalues, known = np.array([0.5, 1.0, 2.0, 3.0, 7.0]), np.array([1e-9, -2.0, 3.0, 0.5, 4e6])
     small, solution, residuals = eigenvalues.astype(np.float32), np.zeros(5), []
 
