@@ -42,6 +42,7 @@ class Asked:
 
     def _read(self) -> None:
         for line in sys.stdin:
+            self._at_work = True
             self._lines.put(line)
         self._lines.put("")
         if self._at_work:
@@ -50,7 +51,6 @@ class Asked:
     def __iter__(self) -> Iterator[str]:
         """Yield each line, and end with them."""
         while line := self._lines.get():
-            self._at_work = True
             yield line
             self._at_work = False
 
