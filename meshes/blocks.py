@@ -48,6 +48,7 @@ class Blocks:
         self._points: dict[Point, int] = {}
         self._sides: dict[tuple[Point, Point], int] = {}
         self._uses: Counter[int] = Counter()
+        self._arcs = set[int]()
         self._groups: dict[str, list[int]] = {"water": [], "sponge": []}
 
     def _point(self, place: Point) -> int:
@@ -62,6 +63,7 @@ class Blocks:
         if (start, end) not in self._sides:
             a, b = self._point(start), self._point(end)
             line = self._geo.addCircleArc(a, self._point(centre), b) if centre else self._geo.addLine(a, b)
+            self._arcs.update([line] if centre else [])
             self._geo.mesh.setTransfiniteCurve(line, cells + 1)
             self._sides[start, end] = line
         return self._sides[start, end]
@@ -110,8 +112,8 @@ class Blocks:
             (left, right, along), (low, high, across) = column, row
             self.add([(left, low), (right, low), (right, high), (left, high)], (along, across), group=group)
 
-    def finish(self, *, paddle: float) -> None:
-        """Name the groups; the paddle is the wall on the line x = ``paddle`` [m]."""
+    def finish(self, *, paddle: float, arcs: str = "") -> None:
+        """Name the groups; the paddle is the wall on the line x = ``paddle`` [m], and round walls may have a name."""
         self._geo.synchronize()
         at = round(paddle, DIGITS)
         walls = {ends: line for ends, line in self._sides.items() if self._uses[line] == 1}
@@ -119,6 +121,8 @@ class Blocks:
         add = self._gmsh.model.addPhysicalGroup
         add(CURVE, moving, name="paddle")
         add(CURVE, [line for line in walls.values() if line not in moving], name="wall")
+        if arcs:
+            add(CURVE, [line for line in walls.values() if line in self._arcs], name=arcs)
         for name, surfaces in self._groups.items():
             if surfaces:
                 add(SURFACE, surfaces, name=name)

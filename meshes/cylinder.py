@@ -68,7 +68,7 @@ class Cylinder(Rectangular):
         self._add_ring(blocks, column, row, cell_size=cell_size)
         if self.sponge_length:
             blocks.add_grid([Part.of(last, right, cell_size)], rows, group="sponge")
-        blocks.finish(paddle=left)
+        blocks.finish(paddle=left, arcs="cylinder")
 
     def _add_ring(self, blocks: Blocks, column: Part, row: Part, *, cell_size: float) -> None:
         """Add the blocks between cylinder and box: four, or three around half a cylinder."""

@@ -1,6 +1,7 @@
 """What a layout is: a recipe by which gmsh draws and meshes it, with named groups.
 
-Curves belong to the groups ``paddle`` and ``wall``, surfaces to ``water`` and ``sponge``.
+Curves belong to the groups ``paddle`` and ``wall``, a cylinder's to ``cylinder``, too; surfaces to ``water`` and
+``sponge``.
 """
 
 from abc import abstractmethod

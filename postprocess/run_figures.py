@@ -10,9 +10,10 @@ from wavetank.case.sponges import FormulaSponge
 from wavetank.postprocess.beds import still_water
 from wavetank.postprocess.broken_figure import broken_figure
 from wavetank.postprocess.figures import energy_figure, gauges_overview, surface_figure
+from wavetank.postprocess.in_water_figures import loads_figure, probes_figure
 from wavetank.postprocess.style import DAMPED
 from wavetank.postprocess.within_cells import within_cells
-from wavetank.records.directory import BROKEN, GAUGES, PROBES, SURFACE, RunDirectory, index_file
+from wavetank.records.directory import BROKEN, GAUGES, LOADS, PROBES, SURFACE, RunDirectory, index_file
 from wavetank.records.surface import Surface
 
 
@@ -28,14 +29,21 @@ def draw_run(run: RunDirectory) -> list[Path]:
         pictures.append(draw_surface(run))
     if any(gauge.t.size > 1 for gauge in gauges):
         pictures.append(gauges_overview(gauges, run.path / "gauges.png", title=run.title))
-    if (run.path / PROBES).exists() and run.probes.sizes["time"] > 1:
-        from wavetank.postprocess.probe_figure import probes_figure
-
-        pictures.append(probes_figure(run, run.path / "probes.png"))
+    pictures += _in_the_water(run)
     if all(column.size > 1 for column in energy.values()) and energy:
         pictures.append(
             energy_figure(energy, run.path / "energy.png", title=f"{run.title}: energy budget".lstrip(": "))
         )
+    return pictures
+
+
+def _in_the_water(run: RunDirectory) -> list[Path]:
+    """Draw probes and loads, where there are rows of them; return the paths."""
+    pictures = list[Path]()
+    if (run.path / PROBES).exists() and run.probes.sizes["time"] > 1:
+        pictures.append(probes_figure(run, run.path / "probes.png"))
+    if (run.path / LOADS).exists() and run.loads.sizes["time"] > 1:
+        pictures.append(loads_figure(run, run.path / "loads.png"))
     return pictures
 
 

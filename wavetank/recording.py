@@ -11,6 +11,7 @@ from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.case.contents import contents
+from wavetank.case.loads import PADDLE as PUSHED
 from wavetank.errors import BreakdownError, InputError, RunError
 from wavetank.fe.agreed import agreed, from_first, on_first
 from wavetank.integrators.contract import Integrator
@@ -24,9 +25,11 @@ from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
 from wavetank.records.checkpoint import kept as checkpoints
-from wavetank.records.directory import ENERGY, LOG, PADDLE, PROBES, RunDirectory
+from wavetank.records.directory import ENERGY, LOADS, LOG, PADDLE, PROBES, RunDirectory
 from wavetank.records.environment import environment
+from wavetank.records.load_table import columns as load_columns
 from wavetank.records.log import RunLog
+from wavetank.records.paddle_table import PUSH
 from wavetank.records.paddle_table import columns as paddle_columns
 from wavetank.records.place import Place
 from wavetank.records.probe_table import columns as probe_columns
@@ -258,17 +261,21 @@ def _observe(
 def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records:
     """Return where gauges, energy, the surface of a slice and a wall that moves go; opened when the run begins."""
     if writer is None:
-        moved, probed = (Discard() if there else None for there in (scene.wall.moves, scene.probes))
-        return Records(Discard(), Discard(), None, paddle=moved, probes=probed)
+        asked = (scene.wall.moves, scene.probes, scene.loads)
+        moved, probed, loaded = (Discard() if there else None for there in asked)
+        return Records(Discard(), Discard(), None, paddle=moved, probes=probed, loads=loaded)
     dimensions = waves.plane.mesh.topology.dim
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions))
     surface = Kept(writer.surface().append) if dimensions == 1 else None
-    rates = paddle_columns(scene.wall.places(scene.tank))
+    pushed = PUSH[dimensions] if any(load.on == PUSHED for load in scene.loads) else ()
+    rates = [*paddle_columns(scene.wall.places(scene.tank)), *pushed]
     paddle = Kept(writer.table(PADDLE, rates).append) if scene.wall.moves else None
     points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
     probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).append) if points else None
-    return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle, probes=probes)
+    walls = [load.called for load in scene.loads]
+    loads = Kept(writer.table(LOADS, load_columns(walls, dimensions)).append) if walls else None
+    return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle, probes=probes, loads=loads)
 
 
 def _said_of(scene: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:

@@ -72,8 +72,8 @@ class HalfBasin:
             radius=ka,
             factor=FINER,
         )
-        self.mesh = draw_layout(lambda: layout.draw(size * WAVE_LENGTH), comm).mesh
-        self.plane = Plane(self.mesh, order)
+        drawn = draw_layout(lambda: layout.draw(size * WAVE_LENGTH), comm)
+        self.mesh, self.plane = drawn.mesh, Plane(drawn.mesh, order, walls=drawn.facets_of)
         self.phase = layout.centre[0]
         self.omega = float(angular_frequency(1.0, 1.0, GRAVITY))
         x, y = layout.centre[0] + ka * np.cos(ANGLES), ka * np.sin(ANGLES)

@@ -12,6 +12,7 @@ from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, SolitaryWave, StandingWave, StillWater, StreamFunctionWave
 from wavetank.case.initial_formula import FormulaSurface
 from wavetank.case.initial_run import RunState
+from wavetank.case.loads import WallLoad
 from wavetank.case.numerics import Gauge, IntegratorName, Numerics, Output, RunNoun
 from wavetank.case.paddles import (
     AtRestMotion,
@@ -108,5 +109,6 @@ __all__ = [
     "Tank",
     "TmaSpectrum",
     "Wall",
+    "WallLoad",
     "Water",
 ]

@@ -131,7 +131,7 @@ class Output(Noun):
 
     energy_every: Count = Field(default=1, description="steps between rows of the energy budget")
     gauges_every: Count = Field(default=1, description="steps between rows of the gauges' record")
-    probes_every: Count = Field(default=1, description="steps between rows of the probes' record")
+    probes_every: Count = Field(default=1, description="steps between rows of the probes' and loads' records")
     surface_every: Duration | None = Field(
         default=None, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
     )

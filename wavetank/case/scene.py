@@ -12,6 +12,7 @@ from pydantic_core import PydanticCustomError
 from wavetank import motions
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, StillWater
+from wavetank.case.loads import ENDS, WallLoad
 from wavetank.case.moving_wall import MovingWall
 from wavetank.case.numerics import Gauge, Numerics, Output, RunNoun, named
 from wavetank.case.probes import Probe
@@ -59,6 +60,9 @@ class Scene(Noun):
     gauge_lines: Annotated[tuple[GaugeLine, ...], Strict(False)] = Field(default=(), description="rows of gauges")
     probes: Annotated[tuple[Probe, ...], BeforeValidator(named)] = Field(
         default=(), description="points where velocity, acceleration and pressure are recorded"
+    )
+    loads: Annotated[tuple[WallLoad, ...], Strict(False)] = Field(
+        default=(), description="walls on which force and moment are recorded"
     )
     run: RunNoun = Field(description="how long is computed")
     numerics: Numerics = Field(default=Numerics(), description="how it is computed")
@@ -160,7 +164,7 @@ class Scene(Noun):
     def _fits_together(self) -> Self:
         parts = (self.wall, self.initial, self.numerics, self.output, self.sponge, self.tank.bed)
         nouns = [noun for noun in parts if noun is not None]
-        own = (*self._depth_problems(), *self._gauge_problems(), *self._probe_problems())
+        own = (*self._depth_problems(), *self._gauge_problems(), *self._probe_problems(), *self._load_problems())
         problems = [*own, *(problem for noun in nouns for problem in noun.problems(self))]
         if problems:
             text = "; ".join(str(problem) for problem in problems)
@@ -207,6 +211,16 @@ class Scene(Noun):
                 yield Problem(("probes", n, "z"), probe.z, allowed)
             if count[probe.name] > 1:
                 yield Problem(("probes", n, "name"), probe.name, "must be a name that no other probe has")
+
+    def _load_problems(self) -> Iterator[Problem]:
+        count = Counter(load.called for load in self.loads)
+        for n, load in enumerate(self.loads):
+            if self.tank.type == "ring":
+                yield Problem(("loads", n, "on"), load.on, "must be left out: a ring has no walls")
+            elif self.tank.type == "slice" and load.on not in ENDS:
+                yield Problem(("loads", n, "on"), load.on, f"must be {' or '.join(map(repr, ENDS))} in a slice")
+            if count[load.called] > 1:
+                yield Problem(("loads", n), load.called, "must have a name that no other load has")
 
     def _place_problems(self, key: tuple[str | int, ...], x: float, y: float) -> Iterator[Problem]:
         left, low, right, high = 0.0, 0.0, self.tank.length, 0.0

@@ -1,5 +1,6 @@
 """The horizontal finite-element space: Lagrange elements of order p on the horizontal mesh of the reference tank."""
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +10,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
+from wavetank.errors import InputError
 from wavetank.fe.charts import Chart, Straight
 from wavetank.fe.forms import ScalarForm
 
@@ -22,6 +24,8 @@ class Plane:
         p.
     chart
         Where a place (x, y) of the tank lies in the mesh; in a straight one they are its first coordinates.
+    walls
+        Returns tags with 1 at a wall of a name, raises ``InputError`` if there is none; collective.
 
     Attributes
     ----------
@@ -33,8 +37,16 @@ class Plane:
         Number of degrees of freedom this rank owns.
     """
 
-    def __init__(self, horizontal: mesh.Mesh, order: int, chart: Chart | None = None):
+    def __init__(
+        self,
+        horizontal: mesh.Mesh,
+        order: int,
+        chart: Chart | None = None,
+        *,
+        walls: Callable[[str], mesh.MeshTags] | None = None,
+    ):
         self.mesh, self.order, self.chart = horizontal, order, chart or Straight()
+        self._walls = walls
         self.V = fem.functionspace(horizontal, ("Lagrange", order))
         self.dx = ufl.dx(domain=horizontal, metadata={"quadrature_degree": 3 * order})
         self.owned: int = self.V.dofmap.index_map.size_local
@@ -96,6 +108,12 @@ class Plane:
         self.mesh.topology.create_connectivity(facets.dim, self.mesh.topology.dim)
         found: NDArray[np.int32] = fem.locate_dofs_topological(self.V, facets.dim, facets.find(1))
         return found[found < self.owned]
+
+    def wall(self, name: str) -> mesh.MeshTags:
+        """Return tags with 1 at a wall of a name; raises ``InputError`` if there is none; collective."""
+        if self._walls is None:
+            raise InputError(f"{name!r}: the walls of this mesh have no names.")
+        return self._walls(name)
 
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""

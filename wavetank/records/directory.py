@@ -10,6 +10,7 @@
     probes.csv      velocity [m/s], accelerations [m/s^2] and pressure [Pa] of each probe, empty while it is dry:
                     "velocity_x A@x=2,z=-0.1 [m/s]"
     probes.nc       the same as CF-NetCDF, when the run has ended
+    loads.csv       force and moment on walls, "force_x paddle [N/m]", of a slice per width
     surface.nc      of a slice or ring, snapshots of x [m], elevation [m], surface potential [m²/s], as CF-NetCDF
     surface.xdmf    opens them in ParaView
     surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
@@ -36,6 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
+from wavetank.records.load_table import wall
 from wavetank.records.lock import is_held
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Variable, conventions, netcdf
 from wavetank.records.probe_table import point, quantities
@@ -46,13 +48,13 @@ if TYPE_CHECKING:
     import xarray
 
 MANIFEST, SURFACE, SURFACE_INDEX = "manifest.json", "surface.nc", "surface.xdmf"
-TABLES = GAUGES, ENERGY, PADDLE, PROBES = "gauges.csv", "energy.csv", "paddle.csv", "probes.csv"
+TABLES = GAUGES, ENERGY, PADDLE, PROBES, LOADS = "gauges.csv", "energy.csv", "paddle.csv", "probes.csv", "loads.csv"
 COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the run has ended
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
-PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "view.png"
+PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.csv", "analysis-*.png", "analysis-*.csv"
 INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
@@ -157,6 +159,24 @@ class RunDirectory:
         from xarray import Dataset
 
         return Dataset(self._probes()).set_coords(["x", "y", "z"])
+
+    @property
+    def loads(self) -> "xarray.Dataset":
+        """Forces and moments over wall and time [s], each by its name with its units, of a slice per width.
+
+        Walls by their loads' names. Raises ``InputError`` where there are none.
+        """
+        from xarray import DataArray, Dataset
+
+        header, rows = self._table(LOADS)
+        found = [wall(column) for column in header[1:]]
+        walls = list(dict.fromkeys(name for _, name, _ in found))
+        at: dict[str, list[NDArray[np.float64]]] = {}
+        for (quantity, _, _), column in zip(found, rows.T[1:], strict=True):
+            at.setdefault(quantity, []).append(column)
+        units = {name: {"units": unit, "long_name": name.replace("_", " along ")} for name, _, unit in found}
+        places = {"wall": walls, "time": DataArray(rows[:, 0], dims="time", attrs=TIME)}
+        return Dataset({name: (("wall", "time"), np.array(each), units[name]) for name, each in at.items()}, places)
 
     @property
     def surface(self) -> "xarray.Dataset":

@@ -2,6 +2,7 @@
 
 from wavetank.arrays import Vector
 
+PUSH = {1: ("force [N/m]", "power [W/m]"), 2: ("force [N]", "power [W]")}  # of a tank of one or two dimensions
 RATES = {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"}  # a motion's methods, with their units
 
 

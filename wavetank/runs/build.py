@@ -2,13 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from math import inf
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
+from dolfinx.mesh import MeshTags
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.case import RingTank, Scene
+from wavetank.case.loads import PADDLE
 from wavetank.errors import InputError, OutsideError
 from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.stage_solver import ITERATES
@@ -22,6 +24,7 @@ from wavetank.observers.crest import HighestCrest
 from wavetank.observers.energy import EnergyBudget, Sink
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.gauges import Gauges
+from wavetank.observers.loads import Loads, Pushing
 from wavetank.observers.paddle import RATES, PaddleMotion
 from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
@@ -40,8 +43,10 @@ from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.rates import MovingWater
 from wavetank.water.short_waves import ShortWaves
 from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.wall_pressure import PaddlePush, Pushed, WallPressure
 from wavetank.water.waves import NonlinearWaves
 
 
@@ -54,8 +59,8 @@ class Records(NamedTuple):
         Tables.
     surface
         Of snapshots along a slice or ring; None on all ranks but the first.
-    paddle, probes
-        Tables; None where the wall stands still, and where there are no probes.
+    paddle, probes, loads
+        Tables; None where the wall stands still, and where there are no probes or loads.
     fields
         Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
     """
@@ -66,6 +71,7 @@ class Records(NamedTuple):
     fields: Callable[[str], FieldRecord] | None = None
     paddle: Record | None = None
     probes: Record | None = None
+    loads: Record | None = None
 
 
 class Beginning(NamedTuple):
@@ -229,11 +235,12 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
     observers += _field_observers(scene, waves, records, sinks)
     if scene.all_gauges:
         observers.append(_gauges(scene, waves, records.gauges))
+    look = InTheWater.of(scene, waves, records)
     if records.paddle is not None:
         motion, schedule = scene.motion(), EverySteps(scene.output.gauges_every)
         rates = {name: scene.of_paddle(motion, name) for name in RATES}
-        observers.append(PaddleMotion(rates, record=records.paddle, schedule=schedule))
-    return observers + _in_the_water(scene, waves, records)
+        observers.append(PaddleMotion(rates, record=records.paddle, schedule=schedule, push=look.push))
+    return observers + look.observers
 
 
 def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
@@ -245,18 +252,55 @@ def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
         raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
 
 
-def _in_the_water(scene: Scene, waves: AnyWaves, records: Records) -> list[Observer]:
-    """Return what records velocity and pressure, on water of its own; collective. Raises as ``_gauges``."""
-    if records.probes is None:
-        return []
-    water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
-    kept: list[Observer] = [WaterKept(water)] if isinstance(water, Stateful) else []
+class InTheWater(NamedTuple):
+    """What looks below the surface, on water of its own.
+
+    Attributes
+    ----------
+    observers
+        What records probes and loads, and remembers the water.
+    push
+        Of the paddle, where a load on it is asked for.
+    """
+
+    observers: list[Observer]
+    push: Pushing | None = None
+
+    @classmethod
+    def of(cls, scene: Scene, waves: AnyWaves, records: Records) -> "InTheWater":
+        """Return what a scene asks for; collective. Raises ``SceneError`` for a probe or wall that is not there."""
+        if records.probes is None and records.loads is None:
+            return cls([])
+        water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
+        observers: list[Observer] = [WaterKept(water)] if isinstance(water, Stateful) else []
+        if records.probes is not None:
+            observers.append(_probes(scene, water, records.probes, schedule))
+        if records.loads is None:
+            return cls(observers)
+        walls = [_wall(scene, waves, n) for n in range(len(scene.loads))]
+        pressure = WallPressure(water, walls, density=scene.tank.density)
+        points = [np.array(load.point(scene.tank.depth)) for load in scene.loads]
+        observers.append(Loads(pressure, points, record=records.loads, schedule=schedule))
+        on_paddle = [n for n, load in enumerate(scene.loads) if load.on == PADDLE]
+        if not on_paddle or records.paddle is None:
+            return cls(observers)
+        push = PaddlePush(pressure, on_paddle[0], cast(Pushed, water.wall))
+        return cls(observers, Pushing(push, scene.motion().velocity))
+
+
+def _probes(scene: Scene, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
+    """Return what records the probes; collective. Raises ``SceneError`` for one outside the mesh."""
     points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
     try:
-        probes = Probes(water, points, density=scene.tank.density, record=records.probes, schedule=schedule)
+        return Probes(water, points, density=scene.tank.density, record=record, schedule=schedule)
     except OutsideError as error:
         raise SceneError([Problem(("probes", error.index), None, str(error))]) from None
-    return [*kept, probes]
+
+
+def _wall(scene: Scene, waves: AnyWaves, n: int) -> MeshTags:
+    """Return the facets of a load's wall; collective. Raises ``SceneError`` if there is none of that name."""
+    with about("loads", n, "on"):
+        return waves.plane.wall(scene.loads[n].on)
 
 
 def _field_observers(scene: Scene, waves: AnyWaves, records: Records, sinks: Sequence[Sink]) -> list[Observer]:

@@ -31,7 +31,7 @@ def build_waves(scene: Scene, comm: MPI.Comm) -> AnyWaves:
 def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
     """Return a footprint with the scene's water in it; collective."""
     with about("tank", "bed"):
-        plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart)
+        plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart, walls=footprint.facets_of)
         check_depth(scene, footprint, plane)
         return WATERS[scene.physics].build(scene, footprint, plane)
 

@@ -47,4 +47,5 @@ Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
 Count = Annotated[int, Field(ge=1, le=10**9)]
 Share = Annotated[float, Field(ge=1e-9, lt=1)]  # of a whole
 
+Triple = Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(False)]  # x, y and z [m]; a list of three
 Pair = Annotated[tuple[Coordinate, Coordinate], Strict(False)]  # x and y, or from where to where [m]; a list of two

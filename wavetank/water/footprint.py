@@ -8,6 +8,7 @@ import numpy as np
 from dolfinx import mesh
 from mpi4py import MPI
 
+from wavetank.errors import InputError
 from wavetank.fe.charts import Polygon, Straight
 from wavetank.fe.layout_mesh import LayoutMesh
 from wavetank.fe.partition import cell_partitioner
@@ -43,10 +44,13 @@ class Slice:
 
     def side(self) -> Side:
         """Return the wall at x = 0; collective."""
-        dim = self.mesh.topology.dim - 1
-        facets = mesh.locate_entities_boundary(self.mesh, dim, lambda x: np.isclose(x[0], 0.0, atol=1e-9 * self.length))
-        tags = mesh.meshtags(self.mesh, dim, facets, np.ones(facets.size, dtype=np.int32))
-        return Side(tags, point=np.zeros(2), normal=np.array([1.0, 0.0]))
+        return Side(self.facets_of("paddle"), point=np.zeros(2), normal=np.array([1.0, 0.0]))
+
+    def facets_of(self, name: str) -> mesh.MeshTags:
+        """Return tags with 1 at a wall, ``paddle``, which may stand still, or ``far wall``; collective."""
+        dim, x = self.mesh.topology.dim - 1, {"paddle": 0.0, "far wall": self.length}[name]
+        facets = mesh.locate_entities_boundary(self.mesh, dim, lambda at: np.isclose(at[0], x, atol=1e-9 * self.length))
+        return mesh.meshtags(self.mesh, dim, facets, np.ones(facets.size, dtype=np.int32))
 
 
 class Ring:
@@ -71,6 +75,10 @@ class Ring:
         corners = self.chart.corners()[corner]
         self.mesh = mesh.create_mesh(comm, edges, x=corners, e=edge, partitioner=cell_partitioner())  # as of a slice
 
+    def facets_of(self, name: str) -> mesh.MeshTags:
+        """Raise ``InputError``: it has no walls."""
+        raise InputError(f"a ring has no wall {name!r}.")
+
 
 class Basin:
     """A tank of two horizontal dimensions, as drawn or read.
@@ -88,6 +96,10 @@ class Basin:
         """Return the wall of the group ``paddle``; raises ``InputError`` if it is none, or not straight; collective."""
         point, normal = self.layout.paddle_line()
         return Side(self.layout.facets_of("paddle"), point=point, normal=normal)
+
+    def facets_of(self, name: str) -> mesh.MeshTags:
+        """Return tags with 1 at a group of walls; raises ``InputError`` if there is no such group."""
+        return self.layout.facets_of(name)
 
     def free_reach(self, side: Side) -> float:
         """Return how far from the paddle all walls run along its motion [m]: others must not move with it; collective.

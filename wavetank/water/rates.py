@@ -43,9 +43,9 @@ class MovingWater(Protocol):
         Of the velocity, in UFL.
     h
         The column [m].
-    carried
-        How fast the Gauss nodes zeta of the columns move in the laboratory, along x, y and z [m/s], at all degrees of
-        freedom that this rank sees, shape (levels, rows, 3).
+    nodes, carried
+        Where the Gauss nodes zeta of the columns are in the laboratory, along x, y and z [m], and how fast they move
+        [m/s]; at all degrees of freedom that this rank sees, shape (levels, rows, 3).
     phi, phi_rate
         The potential [m²/s] and its rate [m²/s²] at fixed places (X, zeta), but for their levels.
     level, level_rate
@@ -58,6 +58,7 @@ class MovingWater(Protocol):
     gravity: float
     densities: WaterEnergy
     h: Field
+    nodes: Vector
     carried: Vector
     phi: LayeredField
     phi_rate: LayeredField
@@ -84,8 +85,9 @@ class NonlinearRates(NonlinearWaves):
     def __init__(self, plane: Plane, *, tangent: Tangent, **parts: object):
         self._tangent, self._has_rates = tangent, False
         super().__init__(plane, **parts)  # type: ignore[arg-type]
-        self._places, self._d = plane.chart.places(plane.V.tabulate_dof_coordinates()), plane.function("depth")
-        self.carried: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
+        self._places, self._d = _places(plane), plane.function("depth")
+        self.nodes: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
+        self.carried = self.nodes
         self.phi_rate = plane.layered_function(self.vertical.n + 1, "rate of the potential")
         self.level_rate = 0.0
 
@@ -103,6 +105,7 @@ class NonlinearRates(NonlinearWaves):
             residual_rate += weight / step * (self.operator.apply(self.phi.rows) + self._wall_terms.vector())
             self.carried += weight / step * self._nodes()
         self._begin(q, p, t, column)
+        self.nodes = self._nodes()
         self.level_rate = self.plane.sum(p_rate) / self.plane.size
         self.phi_rate.owned[:] = 0.0
         self.phi_rate.owned[:, -1] = p_rate - self.level_rate
@@ -115,7 +118,7 @@ class NonlinearRates(NonlinearWaves):
         """Return where the Gauss nodes of the columns are in the laboratory [m], as ``carried``; collective."""
         self._d.set(np.zeros(self.plane.owned) + self.bed.still)
         heights = self.vertical.zeta[:, None] * self.h.rows[:, 0] - self._d.rows[:, 0]
-        return np.array([np.column_stack([self.wall.to_physical(self._places, z), z]) for z in heights])
+        return _standing(self.wall, self._places, heights)
 
     def _stand(self, t: float) -> None:
         """Move the wall to where its motion is touched; collective."""
@@ -152,8 +155,10 @@ class LinearRates:
         self.wall, self.gravity, self._waves = waves.wall, waves.gravity, waves
         components = waves.vertical.n + 1
         self.h = self.plane.function("water column")
-        self.carried: Vector = np.zeros((components, len(self.h.rows), 3))
         self.h.set(np.zeros(self.plane.owned) + self.bed.still)
+        heights = np.multiply.outer(self.vertical.zeta - 1.0, self.h.rows[:, 0])
+        self.nodes = _standing(self.wall, _places(self.plane), heights)
+        self.carried = np.zeros_like(self.nodes)
         self.phi = self.plane.layered_function(components, "potential")
         self.phi_rate = self.plane.layered_function(components, "rate of the potential")
         self.level = self.level_rate = 0.0
@@ -181,3 +186,13 @@ class LinearRates:
     def head(self, velocity: Vector) -> Vector:
         """Return nothing: it is of second order."""
         return np.zeros(velocity.shape[:-1])
+
+
+def _places(plane: Plane) -> Vector:
+    """Return where all degrees of freedom that this rank sees are in the reference tank [m], shape (rows, 2)."""
+    return plane.chart.places(plane.V.tabulate_dof_coordinates())
+
+
+def _standing(wall: Placed, places: Vector, heights: Vector) -> Vector:
+    """Return where reference places are in the laboratory at heights [m], shape (levels, rows): (levels, rows, 3)."""
+    return np.array([np.column_stack([wall.to_physical(places, z), z]) for z in heights])

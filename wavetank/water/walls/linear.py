@@ -28,9 +28,9 @@ class LinearPaddle(StillWall):
     told = "x = X, F = J = 1: linear waves leave the wall where it is"
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, shape: Shape = UPRIGHT):
-        self.motion, self._side, self.shape = motion, side, shape
+        self.motion, self.side, self.shape = motion, side, shape
         self.openings = (ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1),)
 
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the paddle at rest [m], shape (owned,)."""
-        return self._side.distances(plane.places)
+        return self.side.distances(plane.places)

@@ -1,0 +1,235 @@
+"""Forces and moments of the water on walls, and what a paddle does against it."""
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from dolfinx import fem
+from mpi4py import MPI
+from rich.console import Console
+from test_probes import DENSITY, FINE, GRAVITY, MOTION, driven
+
+from wavetank.case import Scene
+from wavetank.case.reading import read_case
+from wavetank.fe.forms import ScalarForm
+from wavetank.fe.plane import Plane
+from wavetank.integrators import Simpson4, StormerVerlet
+from wavetank.motions import AtRest
+from wavetank.motions.tangent import Tangent
+from wavetank.recording import record_run
+from wavetank.records.directory import RunDirectory
+from wavetank.theory.mccamy_fuchs import CylinderDiffraction
+from wavetank.theory.standing_wave import ThirdOrderStandingWave
+from wavetank.verify.cylinder import HalfBasin
+from wavetank.verify.watched import watched
+from wavetank.water.footprint import Slice
+from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.rates import LinearRates, NonlinearRates
+from wavetank.water.velocity import Velocity
+from wavetank.water.wall_pressure import PaddlePush, WallPressure
+from wavetank.water.walls import Piston, Polynomial, Shaped, StillWall
+from wavetank.water.waves import NonlinearWaves
+
+ENDS = "paddle", "far wall"
+BED = np.array([0.0, 0.0, -1.0])
+
+
+def closed(cells):
+    """Return water in a closed slice of 3 m, 1 m deep."""
+    footprint = Slice(3.0, cells, comm=MPI.COMM_SELF)
+    plane, still = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of), Tangent(AtRest())
+    return NonlinearRates(plane, tangent=still, depth=1.0, wall=StillWall(), vertical_order=8, tolerances=FINE)
+
+
+def on_walls(water, state, t=0.0):
+    """Return the pressure on the ends of a slice, found."""
+    pressure = WallPressure(water, [water.plane.wall(name) for name in ENDS], density=DENSITY)
+    pressure.find(*state, t)
+    return pressure
+
+
+def test_still_water_presses_by_its_depth():
+    """Oracle: rho g d²/2 a metre of wall, at a third of the depth."""
+    water = closed(8)
+    pressure = on_walls(water, water.state(0 * water.plane.x, 0 * water.plane.x))
+    for wall, out in enumerate((-1.0, 1.0)):
+        load = pressure.load(wall, BED)
+        assert load.force == pytest.approx([out * DENSITY * GRAVITY / 2, 0, 0], rel=1e-13)
+        assert load.moment == pytest.approx([0, out * DENSITY * GRAVITY / 6, 0], rel=1e-13)
+
+
+def momentum(water, state):
+    """Return the water's momentum along x [kg/s]: the integral of its velocity."""
+    water.evaluate(*state, 0.0)
+    velocity, u = Velocity(water), water.plane.function("u")
+    whole, form = 0.0, ScalarForm(water.h.function * u.function * water.plane.dx, MPI.COMM_SELF)
+    for zeta, weight in zip(water.vertical.zeta, water.vertical.weights, strict=True):
+        u.rows[:] = velocity.at(zeta)[:, :1]
+        whole += weight * form.assemble()
+    return DENSITY * whole
+
+
+def test_forces_on_the_ends_change_the_momentum_of_the_tank():
+    """Newton's second law for all the water of a closed slice, in steep waves that slosh; to the order p = 3."""
+    cells, errors, step = np.array([4, 8, 16]), [], 1e-3
+    for number in cells:
+        water = closed(int(number))
+        x, k = water.plane.x, np.pi / 3
+        one, two = np.cos(k * x), np.cos(2 * k * x)
+        q, p = water.state(0.15 * one + 0.05 * two, 0.5 * one - 0.2 * two)
+        q_rate, p_rate = water.H_p(q, p, 0.0).copy(), -water.H_q(q, p, 0.0)
+        later, earlier = (momentum(water, (q + sign * step * q_rate, p + sign * step * p_rate)) for sign in (1, -1))
+        pressure = on_walls(water, (q, p))
+        force = -sum(pressure.load(wall, BED).force[0] for wall in range(2))
+        errors.append(abs(force - (later - earlier) / (2 * step)) / (DENSITY * GRAVITY))
+    assert fitted_slope(1 / cells, errors) > 3.0, errors
+    assert errors[-1] < 1e-5
+
+
+def leaning(plane):
+    return Polynomial([fem.Constant(plane.mesh, c) for c in (1.0, 1.0)], fem.Constant(plane.mesh, 1.0))
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "slope"),
+    [(Piston, {}, 4.5), pytest.param(Shaped, {"shape": leaning}, 1.5, marks=pytest.mark.slow)],
+)
+def test_a_paddle_puts_in_what_its_force_does(kind, more, slope):
+    """Oracle: the rate at which the discrete energy changes along the discrete flow, which the budget integrates.
+
+    In front of a piston the bed varies. What the velocity at the wall misses enters squared: twice the order p = 3. The
+    flap's surface is not one that it makes, and the flow in the corner below it not smooth.
+    """
+    bed = (lambda x, y: 1.0 - 0.1 * np.sin(0.8 * x)) if kind is Piston else 1.0
+    cells, errors, step = np.array([4, 8, 16]), [], 1e-3
+    for number in cells:
+        water, (q, p), t = driven(int(number), bed=bed, kind=kind, **more)
+        q_rate, p_rate = water.H_p(q, p, t).copy(), -water.H_q(q, p, t)
+        push = PaddlePush(on_walls(water, (q, p), t), 0, water.wall)
+        power = push.against(MOTION.velocity(t))
+        assert push.against(1.0) * MOTION.velocity(t) == pytest.approx(power, rel=1e-12)
+        energy = [
+            water.energies(q + k * step * q_rate, p + k * step * p_rate, t + k * step).total for k in (-2, -1, 1, 2)
+        ]
+        water._tangent.at = t
+        rate = DENSITY * (energy[0] - 8 * energy[1] + 8 * energy[2] - energy[3]) / (12 * step)
+        errors.append(abs(power / rate - 1))
+    assert fitted_slope(1 / cells, errors) > slope, errors
+    assert errors[-1] < 3e-6
+
+
+# ---------------------------------------------------------------- in a case
+CASE = {
+    "tank": {"length": 2.0, "depth": 0.5, "density": DENSITY},
+    "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.2, "ramp": 0.8}},
+    "loads": [{"on": "paddle"}, {"on": "far wall", "name": "end", "about": [0.0, 0.0, 0.0]}],
+    "run": {"duration": 1.2},
+    "numerics": {"cell_size": 0.25, "order": 3, "vertical_order": 8, "dt": 0.025},
+}
+
+
+def record(path, *, comm=MPI.COMM_SELF, **changes):
+    record_run(Scene.model_validate(CASE | changes), path, comm=comm, console=Console(quiet=True))
+    return RunDirectory(path)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return record(tmp_path_factory.mktemp("loads") / "run")
+
+
+def test_loads_are_recorded_and_the_paddle_s_power_is_that_of_the_budget(run):
+    """Oracle: the budget's work, per unit of density, by Simpson's rule."""
+    from scipy.integrate import simpson
+
+    loads, paddle, energy = run.loads, run.paddle, run.energy
+    assert loads.wall.values.tolist() == ["paddle", "end"] and loads.moment_y.units == "N m/m"
+    still = DENSITY * GRAVITY * 0.5**2 / 2
+    assert loads.force_x[:, 0].values == pytest.approx([-still, still], rel=1e-12)
+    assert loads.moment_y[:, 0].values == pytest.approx([-still * 0.5 / 3, -still * 2 * 0.5 / 3], rel=1e-12)
+    assert paddle.force.values == pytest.approx(-loads.force_x[0].values - still, rel=1e-9, abs=1e-9 * still)
+    assert paddle.power.values == pytest.approx((paddle.force * paddle.velocity).values, rel=1e-9, abs=1e-12)
+    work = simpson(paddle.power.values, x=paddle.time.values)
+    assert work == pytest.approx(DENSITY * float(energy.paddle_work[-1]), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("loads", "tank", "said"),
+    [
+        ("{on = 'wall'}", "", "loads.0.on = \"wall\": must be 'paddle' or 'far wall' in a slice"),
+        ("{on = 'paddle'}", "type = 'ring'\n", 'loads.0.on = "paddle": must be left out: a ring has no walls'),
+        ("{on = 'paddle'}, {on = 'far wall', name = 'paddle'}", "", 'loads.0 = "paddle": must have a name'),
+    ],
+)
+def test_walls_that_are_not_there_are_refused(loads, tank, said, tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(f"loads = [{loads}]\n[tank]\n{tank}length = 4.0\ndepth = 0.5\n[run]\nduration = 1.0\n")
+    with pytest.raises(Exception, match=".") as refused:
+        read_case(path)
+    assert said in str(refused.value)
+
+
+# ---------------------------------------------------------------- against theory
+def test_a_standing_wave_presses_more_than_still_water():
+    """Oracle: the mean force of second order, 1/8 rho g A² (1 + 4 k d / sinh 2 k d) for A cos(k x) cos(omega t).
+
+    To 0.5 %: what is left is of fourth order, of (k A)² = 0.2 %. The wave is of third order, and begins anywhere.
+    """
+    wave, water, force = ThirdOrderStandingWave(amplitude=0.04, length=3.0, depth=1.0), closed(8), []
+    steps, period, kd = 32, 2 * np.pi / wave.frequency, np.pi / 3
+    pressure = WallPressure(water, [water.plane.wall(name) for name in ENDS], density=DENSITY)
+    waves = NonlinearWaves(water.plane, depth=1.0, wall=StillWall(), vertical_order=8, tolerances=FINE)
+
+    def add(state, step):
+        if step:
+            pressure.find(state.q, state.p, step * period / steps)
+            force.append([pressure.load(wall, BED).force[0] for wall in range(2)])
+
+    start = waves.state(*wave.surface(water.plane.x))
+    watched(waves, Simpson4(), add, start=start, dt=period / steps, steps=steps)
+    beyond = np.mean(force, axis=0) - DENSITY * GRAVITY / 2 * np.array([-1, 1])
+    expected = DENSITY * GRAVITY * wave.amplitude**2 / 8 * (1 + 4 * kd / np.sinh(2 * kd))
+    assert beyond == pytest.approx(expected * np.array([-1, 1]), rel=5e-3)
+
+
+def cylinder_force(basin):
+    """Return the amplitude of the force on a cylinder over rho g a [m²]: by the recipe of the run-up.
+
+    A standing wave is two that travel, whose forces are opposite: theirs is one's by 1 / sin(phase). Twice that on half
+    a cylinder in half a basin.
+    """
+    plane = basin.plane
+    waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=4, tolerance=1e-6)
+    pressure = WallPressure(LinearRates(waves, tolerance=1e-7), [plane.wall("cylinder")], density=1.0 / GRAVITY)
+    limit = min(0.9 * basin.omega / waves.largest_frequency, np.sin(np.pi / 24))
+    steps = int(np.ceil(np.pi / np.arcsin(limit)))
+    harmonic, eta = [], np.cos(plane.x)
+
+    def add(state, step):
+        if step > 2 * steps:
+            pressure.find(state.q, state.p, 0.0)
+            harmonic.append(pressure.load(0, BED).force[0] * np.exp(2j * np.pi * step / steps))
+
+    start = waves.state(eta, 0 * eta)
+    watched(waves, StormerVerlet(), add, start=start, dt=2 / basin.omega * np.sin(np.pi / steps), steps=3 * steps)
+    return 2 * abs(2 / steps * sum(harmonic) / np.sin(basin.phase))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ka", [0.5, 1.0])
+def test_the_force_on_a_cylinder_is_that_of_mccamy_and_fuchs(ka):
+    """To 0.5 %, for k d = 1."""
+    expected = CylinderDiffraction(1.0, ka).force(1.0)
+    assert cylinder_force(HalfBasin(ka, 0.25, order=3)) == pytest.approx(expected, rel=5e-3)
+
+
+def record_on_all_ranks(path):
+    record(path, comm=MPI.COMM_WORLD)
+
+
+@pytest.mark.slow
+def test_on_any_number_of_ranks_they_are_the_same(run, on_ranks, tmp_path):
+    """To the tolerance of the run, 1e-6 of the waves, in forces of 100 N/m; the far wall is another rank's."""
+    on_ranks(record_on_all_ranks, tmp_path / "3")
+    three = RunDirectory(tmp_path / "3")
+    assert float(np.abs(three.loads.force_x - run.loads.force_x).max()) < 1e-2
+    assert float(np.abs(three.paddle.power - run.paddle.power).max()) < 1e-3
