@@ -32,6 +32,7 @@ from wavetank.errors import InputError
 from wavetank.postprocess.analysis.similarity import surface_similarity
 from wavetank.records.series import GaugeSeries
 
+MINIMA = 4  # of all clock offsets: which is least is seen when they are refined
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
 ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
 MATCH = 1e-3  # m; two gauges nearer than that stand at one place
@@ -141,7 +142,7 @@ def _bounds(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last
 
 
 def _offset(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last: float) -> float:
-    """Return the offset [s] of least misfit: a scan of a mean period in twelve finds the right one of many minima."""
+    """Return the offset [s] of least misfit: a scan of a mean period in twelve finds the minima, which are refined."""
     splines = [(CubicSpline(one.t, one.eta), other.t, other.eta) for one, other in pairs]
 
     def misfit(offset: float, every: int = 1) -> float:
@@ -158,10 +159,13 @@ def _offset(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last
     number = int(np.clip((last - first) * pace * 12 / (2 * np.pi), 24, 4000))
     scan, step = np.linspace(first, last, number + 1, retstep=True)
     sparse = max(1, max(t.size for _, t, _ in splines) // 1000)
-    start = float(min(scan, key=lambda offset: misfit(offset, sparse)))
-    bounds = (max(first, start - step), min(last, start + step))
-    refined = minimize_scalar(misfit, bounds=bounds, method="bounded", options={"xatol": 1e-6})
-    return float(min((start, refined.x), key=misfit))
+    seen = np.array([misfit(offset, sparse) for offset in scan])
+    before, after = np.append(np.inf, seen[:-1]), np.append(seen[1:], np.inf)
+    minima = np.flatnonzero((seen <= before) & (seen <= after))
+    starts = [float(scan[n]) for n in minima[np.argsort(seen[minima])][:MINIMA]]
+    bounds = [(max(first, start - step), min(last, start + step)) for start in starts]
+    refined = [minimize_scalar(misfit, bounds=one, method="bounded", options={"xatol": 1e-6}).x for one in bounds]
+    return float(min((*starts, *refined), key=misfit))
 
 
 def compare(

@@ -118,6 +118,21 @@ def test_one_clock_serves_all_gauges():
     assert offset == pytest.approx(-1.05, abs=1e-3)
 
 
+def test_a_clock_is_not_off_by_a_wave_of_slow_groups():
+    """A wave on costs 0.17 of them, and half a step of the scan, by which it may miss the right one, more."""
+
+    def group(t):
+        phase = np.pi * (t - 30.0)
+        return np.exp(-(((t - 30.0) / 12.0) ** 2)) * (np.cos(phase) + 0.3 * np.cos(2 * phase))
+
+    t = np.arange(0.0, 60.0, 0.05)
+    computed = [GaugeSeries("1", 2.0, t, group(t), "computed")]
+    for lag in 1.0 + np.arange(8) / 48:
+        measured = GaugeSeries("1", 2.0, t + lag, group(t), "measured")
+        _, offset = synchronised(computed, data.GaugeRecords((measured,), (-9.0, 9.0)))
+        assert offset == pytest.approx(-lag, abs=1e-4)
+
+
 def test_a_file_for_each_gauge(tmp_path):
     """As benchmarks come: no header, blanks; the second column is the elevation."""
     for n in (1, 2):
@@ -198,6 +213,7 @@ def test_what_does_not_fit_is_a_sentence(run, folder, tmp_path, old, new, said):
         ("0.0,1.0\n0.1,2.0\n", "its first line must name the columns"),
         ("t,1 [mm]\n0.0,1.0\n", r"column '1 \[mm\]' received; a table is in s and m, or has a dataset.toml"),
         ("t,1\n0.0,1.0\n0.1,\n", "line 3: '0.1,' received; allowed are finite numbers, as many in each row"),
+        ("t,1@x=2,1@x=3\n0.0,1.0,2.0\n", "mine.csv: gauges: '1' is the name of several; each must have its own"),
         ("t,1\n0.0,1.0\n0.0,2.0\n", "line 3: time 0 received after 0; times must ascend"),
     ],
 )

@@ -215,6 +215,7 @@ VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verif
     "extremes": "Measure growing modes, steepness, breaking; two hours.",
     "sponge": "Measure what a sponge reflects; two minutes.",
     "second_order": "Measure the free waves that a paddle makes; minutes.",
+    "focused_group": "Hold a focused group against theory to third order; a minute.",
     "cylinder": "Hold run-up around a cylinder against McCamy and Fuchs.",
     "directional_focus": "Hold waves from many directions against linear theory.",
     "layouts": "Draw the recipes of basins' layouts; some seconds.",

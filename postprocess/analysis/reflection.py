@@ -78,10 +78,10 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
 
     By the gauges' cross spectra (Welch's, segments of ``spectrum``, in Hann windows that go along with the incident
     waves at the group velocity of their peak, lest what passes one gauge in a window and the next outside it counts as
-    reflected). Not numbers where the gauges cannot tell them
-    apart, by half wave lengths between them or because these are much longer than their row (``condition`` above 6.3).
-    The attribute ``coefficient`` is the root of reflected over incident variance, where the waves are. Raises
-    ``InputError`` for fewer than two gauges, and where no frequency of the waves can be told apart.
+    reflected). Not numbers where the gauges cannot tell them apart, by half wave lengths between them or because these
+    are much longer than their row (``condition`` above 6.3). The attribute ``coefficient`` is the root of reflected
+    over incident variance, where the waves are. Raises ``InputError`` for fewer than two gauges, and where no frequency
+    of the waves can be told apart.
     """
     x, dt = places(eta), time_step(eta)
     _check(x.size, 2)

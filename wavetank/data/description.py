@@ -211,9 +211,14 @@ def read_dataset(folder: Path) -> Dataset:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}).") from None
     except ValidationError as error:
-        raise InputError("\n".join(f"{path}: {_said(one)}." for one in error.errors(include_url=False))) from None
+        raise refused(path, error) from None
     except ValueError as error:
         raise InputError(f"{path}: not valid TOML: {error}.") from None
+
+
+def refused(path: Path, error: ValidationError) -> InputError:
+    """Return what is wrong with a description or a table, a line for each mistake."""
+    return InputError("\n".join(f"{path}: {_said(one)}." for one in error.errors(include_url=False)))
 
 
 def _said(details: ErrorDetails) -> str:

@@ -3,8 +3,10 @@
 import os
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from wavetank.cache import places
-from wavetank.data.description import DATASET, Dataset, Gauge, Records, read_dataset
+from wavetank.data.description import DATASET, Dataset, Gauge, Records, read_dataset, refused
 from wavetank.errors import InputError
 from wavetank.records.series import place
 from wavetank.values.columns import read_columns
@@ -77,7 +79,7 @@ def plain(path: Path) -> Dataset:
     """Return a table as a data set: the first column is the time [s], the header names the gauges [m] of the others.
 
     A name may tell its place, ``5@x=50`` or ``5@x=50,y=2``, as in a run's own ``gauges.csv``. Raises ``InputError`` for
-    a file without a header, and for other units.
+    a file without a header, for other units, and for gauges of one name.
     """
     columns = read_columns(path).names
     if len(columns) < 2:
@@ -87,7 +89,10 @@ def plain(path: Path) -> Dataset:
     numbers = tuple(range(2, len(columns) + 1))
     _unit_taken_off(path, columns[0])
     records = Records(files=(path.name,), columns=numbers, source=path.stem)
-    return Dataset(name=path.stem, folder=path.parent, gauges=tuple(gauges), records=(records,))
+    try:
+        return Dataset(name=path.stem, folder=path.parent, gauges=tuple(gauges), records=(records,))
+    except ValidationError as error:
+        raise refused(path, error) from None
 
 
 def _unit_taken_off(path: Path, column: str) -> str:

@@ -9,10 +9,7 @@ of Zakharov's equations for the elevation and the potential at the surface
     omega eta_s = G psi,
     omega psi_s = -g eta - 1/2 |grad psi|^2 + 1/2 (G psi + grad eta . grad psi)^2 / (1 + |grad eta|^2),
 
-with the Dirichlet-Neumann operator G = G_0 + G_1 + G_2 of Craig and Sulem, G_0 = K tanh(K d):
-
-    G_1 psi = -div(eta grad psi) - G_0(eta G_0 psi),
-    G_2 psi = 1/2 lap(eta^2 G_0 psi) + 1/2 G_0(eta^2 lap psi) + G_0(eta G_0(eta G_0 psi)).
+with the Dirichlet-Neumann operator G (``dirichlet_neumann.py``).
 
 Order one is eta_1 = cos(kappa_x x) cos(kappa_y y) cos s, psi_1 = -g / omega_0 cos cos sin s; the next orders are linear
 problems, one for each product of cosines, and omega_2 is what keeps the third from resonance. Products of three cosines
@@ -21,19 +18,19 @@ where psi = 0, and a is the whole of eta's part with cos(kappa_x x) cos(kappa_y 
 everywhere and grows linearly in time is left out: it moves nothing.
 
 Sources: I. Tadjbakhsh and J. B. Keller, J. Fluid Mech. 8, 1960 (one dimension, any depth; their omega_2 is twice this
-one); G. R. Verma and J. B. Keller, Phys. Fluids 5, 1962 (two dimensions); W. Craig and C. Sulem, J. Comput. Phys. 108,
-1993 (G).
+one); G. R. Verma and J. B. Keller, Phys. Fluids 5, 1962 (two dimensions).
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wavetank.errors import InputError
-from wavetank.theory.airy import angular_frequency, relative_depth
+from wavetank.theory.airy import angular_frequency
+from wavetank.theory.dirichlet_neumann import DirichletNeumann
 from wavetank.theory.wave import Array, Wave, in_depth
 
 _POINTS = 8  # each way of x, y and s
@@ -184,46 +181,19 @@ class _Expansion(NamedTuple):
     frequency_shift: float
 
 
-class _Water:
+class _Water(DirichletNeumann):
     """The linear operators on functions at the points, arrays of shape (8, 8, 8) along x, y and s."""
 
     def __init__(self, wave_numbers: tuple[float, float], *, depth: float, gravity: float):
         index = np.fft.fftfreq(_POINTS, 1 / _POINTS)
         i, j, self.harmonic = np.meshgrid(index, index, index, indexing="ij")
-        self.k = wave_numbers[0] * i, wave_numbers[1] * j
-        self.K: Array = np.hypot(*self.k)
-        moving = np.where(self.K > 0, self.K, 1.0)  # the mean, whose K is 0, would have no product with infinite d
-        self.G: Array = self.K * np.tanh(relative_depth(moving, depth))
+        super().__init__((wave_numbers[0] * i, wave_numbers[1] * j), depth)
         self.gravity, self.omega = gravity, float(angular_frequency(np.hypot(*wave_numbers), depth, gravity))
         angles = 2 * np.pi / _POINTS * np.arange(_POINTS)
         x, y, s = np.meshgrid(angles, angles, angles, indexing="ij")
         plan = np.cos(x * (wave_numbers[0] > 0)) * np.cos(y * (wave_numbers[1] > 0))
         self.cosine: Array = plan * np.cos(s)
         self.sine: Array = plan * np.sin(s)
-
-    def apply(self, multipliers: NDArray[Any], f: Array) -> Array:
-        """Return f with its Fourier coefficients multiplied."""
-        return np.asarray(np.fft.ifftn(multipliers * np.fft.fftn(f)).real)
-
-    def slopes(self, f: Array) -> Array:
-        """Return grad f, shape (2, 8, 8, 8)."""
-        return np.stack([self.apply(1j * k, f) for k in self.k])
-
-    def G_0(self, psi: Array) -> Array:
-        """Return K tanh(K d) psi."""
-        return self.apply(self.G, psi)
-
-    def G_1(self, eta: Array, psi: Array) -> Array:
-        """Return the part of G psi that is linear in eta."""
-        flux = eta * self.slopes(psi)
-        divergence = sum(self.apply(1j * k, part) for k, part in zip(self.k, flux, strict=True))
-        return np.asarray(-divergence - self.G_0(eta * self.G_0(psi)))
-
-    def G_2(self, eta: Array, psi: Array) -> Array:
-        """Return the part of G psi that is quadratic in eta."""
-        rise = self.G_0(psi)
-        curved = self.apply(self.K**2, eta**2 * rise) + self.G_0(eta**2 * self.apply(self.K**2, psi))
-        return self.G_0(eta * self.G_0(eta * rise)) - 0.5 * curved
 
     def respond(self, F: Array, R: Array) -> tuple[Array, Array]:
         """Return eta and psi with omega eta_s - G_0 psi = F, omega psi_s + g eta = R.
