@@ -266,6 +266,15 @@ def test_components_of_a_file_meet_where_they_were_published_to():
     assert eta.max() == pytest.approx(0.1516, abs=2e-4) and t[eta.argmax()] == pytest.approx(64.0, abs=0.03)
 
 
+def test_a_lag_is_a_phase_the_other_way(tmp_path):
+    """In a crest at t = 3 s of a wave of 0.5 Hz a phase of pi / 2 comes half a second earlier, a lag later."""
+    (tmp_path / "one.txt").write_text(f"0.5 0.02 {np.pi / 2}\n")
+    motion = {"type": "components", "file": str(tmp_path / "one.txt"), "time": 3.0}
+    for column, crest in (("phase", 2.5), ("lag", 3.5)):
+        target = waves(motion | {"columns": ["frequency", "amplitude", column]})
+        assert target.elevation(0.0, crest) == pytest.approx(0.02)
+
+
 # ---------------------------------------------------------------- formulae
 @pytest.mark.parametrize(
     "text",

@@ -155,7 +155,7 @@ def resume(
     plots: Annotated[bool, typer.Option(help="draw the standard plots at the end")] = True,
     yes: Annotated[bool, typer.Option("--yes", help="even if it takes days, or more memory than there is")] = False,
 ) -> None:
-    """Go on with a run from its last checkpoint, or the one before; also under mpirun."""
+    """Go on with a run from its last checkpoint, or the one before."""
     from wavetank.recording import resume_run
 
     options = {"draw": _draw if plots else None, "unasked": yes}
@@ -215,7 +215,7 @@ VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verif
     "extremes": "Measure growing modes, steepness, breaking; two hours.",
     "sponge": "Measure what a sponge reflects; two minutes.",
     "second_order": "Measure the free waves that a paddle makes; minutes.",
-    "focused_group": "Hold a focused group against theory to third order; a minute.",
+    "focused_group": "Hold a focused group against theory to third order.",
     "cylinder": "Hold run-up around a cylinder against McCamy and Fuchs.",
     "directional_focus": "Hold waves from many directions against linear theory.",
     "layouts": "Draw the recipes of basins' layouts; some seconds.",

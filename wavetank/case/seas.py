@@ -30,7 +30,7 @@ MOST_PAIRS = 2000  # components: of so many there are 4 million pairs
 Heights = Annotated[tuple[Height, Height], Strict(False)]
 Periods = Annotated[tuple[Duration, Duration], Strict(False)]
 Frequencies = Annotated[tuple[Frequency, Frequency], Strict(False)]
-Column = Literal["frequency", "omega", "amplitude", "phase", "other"]
+Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "other"]
 
 
 class PaddleNoun(Noun):
@@ -261,7 +261,8 @@ class ComponentsMotion(MadeWaves):
         default=("frequency", "amplitude", "phase"),
         min_length=3,
         max_length=20,
-        description="what its columns are: frequency in Hz or omega in rad/s, amplitude in m, phase in rad, other",
+        description="what its columns are: frequency in Hz or omega in rad/s, amplitude in m, phase in rad or lag, its "
+        "opposite, other",
     )
     x: Coordinate = Field(default=0.0, description="where the phases hold [m]")
     time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="when they hold [s]")
@@ -270,10 +271,9 @@ class ComponentsMotion(MadeWaves):
 
     @model_validator(mode="after")
     def _enough_columns(self) -> "ComponentsMotion":
-        if sorted({"amplitude", "phase"} & {*self.columns}) != ["amplitude", "phase"] or not (
-            ("frequency" in self.columns) ^ ("omega" in self.columns)
-        ):
-            raise ValueError("columns must have amplitude, phase, and one of frequency and omega")
+        one_of_each = all(len({*pair} & {*self.columns}) == 1 for pair in (("frequency", "omega"), ("phase", "lag")))
+        if "amplitude" not in self.columns or not one_of_each:
+            raise ValueError("columns must have amplitude, one of frequency and omega, and one of phase and lag")
         named = [name for name in self.columns if name != "other"]
         if len({*named}) < len(named):
             raise ValueError("columns must each be named once, but for other")

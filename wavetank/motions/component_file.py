@@ -20,7 +20,8 @@ def read_components(path: Path, columns: Sequence[str]) -> tuple[Array, Array, A
     path
         The file.
     columns
-        What is in its columns: "frequency" [Hz] or "omega" [rad/s], "amplitude" and "phase", and what else there is.
+        What is in its columns: "frequency" [Hz] or "omega" [rad/s], "amplitude", "phase" or "lag", its
+        opposite, and what else there is.
 
     Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not that many finite numbers,
     if a frequency is not positive, or where no component is left, or more than ``MOST``.
@@ -35,4 +36,5 @@ def read_components(path: Path, columns: Sequence[str]) -> tuple[Array, Array, A
     kept = by_name["amplitude"] != 0.0
     if not 0 < kept.sum() <= MOST:
         raise InputError(f"{path}: {kept.sum()} components received; allowed are 1 to {MOST}.")
-    return f[kept], by_name["amplitude"][kept], by_name["phase"][kept]
+    phase = by_name["phase"] if "phase" in by_name else -by_name["lag"]
+    return f[kept], by_name["amplitude"][kept], phase[kept]
