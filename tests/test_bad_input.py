@@ -276,6 +276,10 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "table": SLICE + RUN + IRREGULAR + "spectrum = {type = 'table', file = 'spectrum.txt'}\n",
     "components": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'components'\nfile = 'waves.txt'\n"
     "generation = 'second-order'\n",
+    "crest": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'focused'\ncomponents = 32\n" + FOCUS
+    + "[target]\ntype = 'crest'\nheight = 0.1\nx = 5.0\ntime = 10.0\n",
+    "linear": SLICE + RUN + "[target]\ntype = 'components'\nx = 5.0\n",
+    "wanted": SLICE + RUN + "[target]\ntype = 'record'\nx = 5.0\nfile = 'eta.txt'\nstart = 1.0\nend = 4.0\n",
     "surface": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'surface'\nfile = 'eta.txt'\nx = 4.0\n"
     "delay = 16.0\n",
     "solitary": SLICE + RUN + "[wall]\ntype = 'piston'\nmotion = {type = 'solitary-wave', height = 0.2}\n",

@@ -17,6 +17,7 @@ from mpi4py import MPI
 from typer.core import TyperGroup
 
 import wavetank
+from wavetank.calibrate.command import calibrate
 from wavetank.case.new import KINDS, write_case
 from wavetank.console import console, drain
 from wavetank.errors import InputError, WavetankError, printable
@@ -34,7 +35,7 @@ from wavetank.study.command import study
 # of use
 ORDER = (
     *("new", "plan", "motion", "run", "resume", "status"),
-    *("view", "compare", "analyse", "study", "data", "verify", "schema"),
+    *("view", "compare", "analyse", "study", "calibrate", "data", "verify", "schema"),
 )
 
 
@@ -75,6 +76,7 @@ app.command(epilog=example("status runs"))(status)
 app.command(epilog=example("view runs/focusing --film runs/focusing/film.mp4"))(view)
 app.command(epilog=example("compare runs/marin-202002 --with marin-202002"))(compare)
 app.command(epilog=example("analyse runs/focusing spectrum groups"))(analyse)
+app.command(epilog=example("calibrate cases/focusing.toml"))(calibrate)
 app.command(epilog=example("study cases/standing-wave.toml --sweep dt=0.02,0.01"))(study)
 
 

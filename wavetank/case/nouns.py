@@ -42,6 +42,7 @@ from wavetank.case.spectra import (
 )
 from wavetank.case.sponges import AnySponge, EndSponge, FormulaSponge, GroupSponge, Sponge
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank, Tank
+from wavetank.case.targets import ComponentsTarget, CrestTarget, RecordTarget, Target
 from wavetank.case.walls import FixedWall, FlapWall, PistonWall, ProfileWall, Wall
 from wavetank.values.noun import Noun, Problem, SceneError
 
@@ -53,6 +54,8 @@ __all__ = [
     "Bed",
     "BichromaticMotion",
     "ComponentsMotion",
+    "ComponentsTarget",
+    "CrestTarget",
     "DirectionalFocusMotion",
     "DirectionalIrregularMotion",
     "EndSponge",
@@ -87,6 +90,7 @@ __all__ = [
     "ProfileWall",
     "PythonBed",
     "PythonMotion",
+    "RecordTarget",
     "RecordedMotion",
     "ReflectedFocusMotion",
     "RegularMotion",
@@ -107,6 +111,7 @@ __all__ = [
     "SurfaceMotion",
     "TableSpectrum",
     "Tank",
+    "Target",
     "TmaSpectrum",
     "Wall",
     "WallLoad",

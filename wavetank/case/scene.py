@@ -18,6 +18,7 @@ from wavetank.case.numerics import Gauge, Numerics, Output, RunNoun, named
 from wavetank.case.probes import Probe
 from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
+from wavetank.case.targets import Target
 from wavetank.case.walls import FixedWall, Wall
 from wavetank.motions.extent import Extent, extent, times, values
 from wavetank.values.noun import Noun, Problem, SceneError, about
@@ -64,6 +65,7 @@ class Scene(Noun):
     loads: Annotated[tuple[WallLoad, ...], Strict(False)] = Field(
         default=(), description="walls on which force and moment are recorded"
     )
+    target: Target | None = Field(default=None, description="what `wavetank calibrate` aims at; default: by the motion")
     run: RunNoun = Field(description="how long is computed")
     numerics: Numerics = Field(default=Numerics(), description="how it is computed")
     output: Output = Field(default=Output(), description="what is recorded, and how often")
@@ -162,7 +164,7 @@ class Scene(Noun):
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        parts = (self.wall, self.initial, self.numerics, self.output, self.sponge, self.tank.bed)
+        parts = (self.wall, self.initial, self.target, self.numerics, self.output, self.sponge, self.tank.bed)
         nouns = [noun for noun in parts if noun is not None]
         own = (*self._depth_problems(), *self._gauge_problems(), *self._probe_problems(), *self._load_problems())
         problems = [*own, *(problem for noun in nouns for problem in noun.problems(self))]

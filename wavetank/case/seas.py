@@ -267,6 +267,7 @@ class ComponentsMotion(MadeWaves):
     x: Coordinate = Field(default=0.0, description="where the phases hold [m]")
     time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="when they hold [s]")
     scale: float = Field(default=1.0, ge=1e-12, le=1e12, description="factor of the amplitudes [-]")
+    phase: float = Field(default=0.0, ge=-360, le=360, description="added to all phases [deg]: 180 turns crests over")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods of the highest")
 
     @model_validator(mode="after")
@@ -296,7 +297,7 @@ class ComponentsMotion(MadeWaves):
         """Return the motion by linear theory."""
         f, a, phase = self.components()
         where = {"x": self.x, "time": self.time, "depth": tank.depth, "gravity": tank.gravity}
-        return motions.Sea(waves_along(f, self.scale * a, phase, **where), maker)
+        return motions.Sea(waves_along(f, self.scale * a, phase + np.radians(self.phase), **where), maker)
 
     def ramp_in(self, tank: AnyTank) -> float:
         """Return the length of the ramp [s], default resolved."""

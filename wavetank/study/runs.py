@@ -52,10 +52,10 @@ def cores() -> int:
 
 def is_finished(directory: Path, combination: Combination) -> bool:
     """Return whether a directory holds the finished run of that very scene."""
-    return _status(directory, combination) == "finished"
+    return status_of(directory, combination) == "finished"
 
 
-def _status(directory: Path, combination: Combination) -> str | None:
+def status_of(directory: Path, combination: Combination) -> str | None:
     """Return how the run of that very scene which a directory holds has ended, or None if it holds no such run."""
     try:
         run = RunDirectory(directory)
@@ -86,7 +86,7 @@ class Runner:
         """Return where a combination is run: in a folder of its name, numbered where that holds another scene's run."""
         if (name := combination.name) not in self._directories:
             numbered = Place(self._out / name, numbered=True).candidates
-            fitting = (path for path in numbered if not (path / MANIFEST).exists() or _status(path, combination))
+            fitting = (path for path in numbered if not (path / MANIFEST).exists() or status_of(path, combination))
             self._directories[name] = next(fitting)
         return self._directories[name]
 
@@ -116,7 +116,7 @@ class Runner:
     def _run(self, combination: Combination) -> Outcome:
         changes = [word for change in combination.overrides for word in ("--set", change)]
         out = self.directory(combination)
-        if _status(out, combination) in CAN_GO_ON and last_checkpoint(out) is not None:
+        if status_of(out, combination) in CAN_GO_ON and last_checkpoint(out) is not None:
             outcome = self._called([*changes, "--out", str(out), "--resume"])
             if outcome.status != "refused":
                 return outcome  # else its checkpoint is of another version of this program, say

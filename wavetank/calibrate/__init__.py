@@ -1,0 +1,1 @@
+"""Calibration: which motion of the paddle makes a wave that is wanted of the nonlinear tank."""

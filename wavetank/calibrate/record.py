@@ -1,0 +1,138 @@
+"""A record as a target: waves are corrected, each frequency with its phase, until the tank's record is the wanted one.
+
+Of the waves that the paddle is told to make, linear theory expects a record u(t) at the place; the tank has m(t), and
+w(t) is wanted. In bands of frequency the tank's transfer is G = <M U*> / <U U*>, with its phase; what is missing,
+W - M, is added over G. So bound harmonics, which the tank makes by itself and the record has, are not made again. Where
+the components alone are wanted, m is what is odd of two runs, one with all phases turned by 180 degrees: second
+harmonics, and whatever else is even, are taken out.
+
+Sources: J. R. Chaplin, "On frequency-focusing unidirectional waves", Int. J. Offshore and Polar Eng. 6, 1996; S.
+Schmittner, S. Kosleck, J. Hennig, "A phase-amplitude iteration scheme for the optimization of deterministic wave
+sequences", OMAE 2009; E. Buldakov, D. Stagonas, R. Simons, "Extreme wave groups in a wave flume: controlled generation
+and breaking onset", Coastal Eng. 128, 2017, for runs with turned phases.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from wavetank.calibrate.aim import Aim, Elevation, Found, Setting, Tried, at
+from wavetank.calibrate.waves import Complex, Lines, scale
+from wavetank.postprocess.compare import rms
+from wavetank.records.directory import RunDirectory
+from wavetank.theory.plane_waves import PlaneWaves
+from wavetank.theory.wave import Array
+
+BAND = 0.04  # of the mean frequency, at least that of the record: standard deviation of a band
+LITTLE = 1e-3  # of the largest band's energy: where there is less, linear theory's transfer, 1, is taken
+HARDLY = 0.5  # of a transfer: what hardly arrives is hardly corrected
+LOWER = 0.8
+TURNED = 2  # attempts at a whole record with turned phases, too
+CREST, TROUGH = 0.0, 180.0
+
+
+class RecordAim(Aim):
+    """An elevation over time at a place.
+
+    Parameters
+    ----------
+    wanted
+        At equally spaced times.
+    waves
+        Those that the paddle is told to make at first.
+    tolerance
+        Of the nrms.
+    linear
+        Whether the wanted elevation is that of linear waves alone.
+    judged
+        Angular frequencies [rad/s] that a record is judged by; default: those of the waves.
+    """
+
+    def __init__(
+        self,
+        x: float,
+        wanted: Elevation,
+        waves: PlaneWaves,
+        *,
+        tolerance: float,
+        linear: bool,
+        judged: Array | None = None,
+    ):
+        self.x, self.start, self._wanted, self._waves = x, waves.amplitudes, wanted, waves
+        self._tolerance, self._linear = tolerance, linear
+        period = scale(waves).period
+        self._lines = Lines(wanted.t, waves.omega, period=period)
+        self._judge = self._lines if judged is None else Lines(wanted.t, judged, period=period)
+
+    @property
+    def wanted(self) -> Elevation:
+        """The record."""
+        return self._wanted
+
+    def waves(self, setting: Setting) -> PlaneWaves:
+        """Return waves of other amplitudes."""
+        return replace(self._waves, amplitudes=setting)
+
+    def phases(self, tried: Sequence[Tried]) -> tuple[float, ...]:
+        """Return both, as long as the tank's transfer, or what is linear, is to be known."""
+        return (CREST, TROUGH) if self._linear or len(tried) < TURNED else (CREST,)
+
+    def found(self, runs: Sequence[RunDirectory]) -> Found:
+        """Return what the tank has at the wanted times, and how much of the waves' frequencies is missing."""
+        t, wanted = self._wanted
+        crest, *trough = (CubicSpline(*at(run, self.x))(t) for run in runs)
+        odd, top = (crest - trough[0]) / 2 if trough else None, int(crest.argmax())
+        eta = odd if self._linear and odd is not None else crest
+        nrms = rms(self._judge.kept(wanted - eta)) / rms(self._judge.kept(wanted))
+        misfit = nrms / self._tolerance
+        return Found(float(crest[top]), self.x, float(t[top]), misfit, Elevation(t, eta), nrms=nrms, odd=odd)
+
+    def corrected(self, tried: Sequence[Tried]) -> Setting:
+        """Return the newest setting with what it misses, as far as those before do not tell better."""
+        transfer = self._transfer(tried)
+        reaches = np.minimum(1.0, np.abs(transfer) / HARDLY) ** 2 / transfer * np.exp(-1j * self._waves.k_x * self.x)
+        same = [one for one in tried if one.numerics == tried[-1].numerics]
+        settings = np.array([one.setting for one in same])
+        missing = np.array([reaches * self._lines.of(self._wanted.eta - one.found.elevation.eta) for one in same])
+        return mixed(settings, missing)
+
+    def _transfer(self, tried: Sequence[Tried]) -> Complex:
+        """Return G in bands: of what the paddle was told first, and of how that was changed, all that arrived."""
+        pairs = [(self._told(one.setting), self._lines.of(odd)) for one in tried if (odd := one.found.odd) is not None]
+        told, come = zip(*pairs, strict=True)
+        U, M = (np.concatenate([each[-1:], np.diff(each, axis=0)]) for each in (told, come))
+        band, energy = self._band(told[-1]), (np.abs(U) ** 2).sum(axis=0)
+        whole = band @ energy
+        little = LITTLE * whole.max()
+        return np.asarray((band @ (M * U.conj()).sum(axis=0) + little) / (whole + little))
+
+    def _told(self, setting: Setting) -> Complex:
+        """Return what linear theory expects of a setting in the record."""
+        return self._lines.of(self.waves(setting).elevation(self.x, self._wanted.t))
+
+    def _band(self, told: Complex) -> Array:
+        """Return by how much each frequency counts for each other."""
+        omega, energy = self._waves.omega, np.abs(told) ** 2
+        width = max(BAND * float(energy @ omega / energy.sum()), 2 * np.pi / float(np.ptp(self._wanted.t)))
+        return np.asarray(np.exp(-0.5 * (np.subtract.outer(omega, omega) / width) ** 2))
+
+    def gentler(self, setting: Setting) -> Setting:
+        """Return waves a fifth lower."""
+        return np.asarray(LOWER * setting)
+
+
+def mixed(settings: Complex, missing: Complex) -> Complex:
+    """Return the newest setting with what is missing, by Anderson's mixing.
+
+    Both of shape (attempts, N). Of the changes of the settings so far that combination is taken, too, that would have
+    made least of what is missing now.
+
+    Source: D. G. Anderson, "Iterative procedures for nonlinear integral equations", J. ACM 12, 1965.
+    """
+    changes, effects = np.diff(settings, axis=0), np.diff(missing, axis=0)
+    stacked = np.concatenate([effects.real, effects.imag], axis=1).T
+    now = np.concatenate([missing[-1].real, missing[-1].imag])
+    shares = np.linalg.lstsq(stacked, now, rcond=None)[0] if len(effects) else np.zeros(0)
+    return np.asarray(settings[-1] + missing[-1] - shares @ (changes + effects))

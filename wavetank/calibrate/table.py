@@ -1,0 +1,45 @@
+"""What a calibration has tried: a row for each attempt."""
+
+import csv
+from collections.abc import Sequence
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+
+from wavetank.calibrate.aim import Tried
+from wavetank.errors import RecordError
+from wavetank.records.whole import replace
+
+COLUMNS = (
+    *("run", "runs so far", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
+    *("CPU [s]", "cause"),
+)
+
+
+def told(one: Tried) -> str:
+    """Return what is said of an attempt while others are to come."""
+    found = one.found
+    if one.cause:
+        return one.cause
+    nrms = "" if np.isnan(found.nrms) else f"nrms {found.nrms:.3g}, "
+    return (
+        f"crest {found.crest:.4g} m at x = {found.x:.4g} m, t = {found.t:.4g} s; {nrms}misfit {found.misfit:.2g} of "
+        f"what is allowed; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
+    )
+
+
+def write_table(path: Path, tried: Sequence[Tried]) -> None:
+    """Write ``calibration.csv``, in one step; raise ``RecordError``."""
+    text = StringIO()
+    writer = csv.writer(text)
+    writer.writerow(COLUMNS)
+    for one in tried:
+        found = one.found
+        figures = [found.crest, found.x, found.t, found.nrms, found.misfit]
+        shown = [f"{figure:.6g}" if np.isfinite(figure) else "" for figure in figures]
+        writer.writerow([one.number, one.runs, one.numerics, *shown, f"{one.cpu:.3g}", one.cause])
+    try:
+        replace(path, text.getvalue().encode())
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be written ({error.strerror}).") from None
