@@ -275,11 +275,14 @@ def write_comparison(path: Path, comparisons: Sequence[GaugeComparison]) -> None
 
 
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table as CSV, numbers with six digits."""
-    with path.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+    """Write a table as CSV, numbers with six digits; raises ``InputError`` where it cannot be written."""
+    try:
+        with path.open("w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(columns)
+            writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
 
 
 def comparison_table(comparisons: Sequence[GaugeComparison]) -> Table:

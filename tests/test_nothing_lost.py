@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from contextlib import contextmanager
 from pathlib import Path
@@ -253,6 +254,52 @@ def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
     assert not any("checkpoint.zip: cannot be written" in one for one in manifest["warnings"])
     assert "could not all be drawn" in done.stdout
     assert not list((tmp_path / "run").glob(".*"))
+
+
+ANOTHER = 12345  # a user who has nothing here but what is given
+AS_ANOTHER = f"""
+as() {{ env -u WAVETANK_INSIDE -u XDG_CACHE_HOME HOME=$PWD/home TMPDIR=$PWD/home PYTHONPATH=$PWD/house \\
+    setpriv --reuid={ANOTHER} --regid={ANOTHER} --clear-groups venv/bin/python -m wavetank "$@" 2>> said
+    echo $? >> codes; }}
+mkdir venv house home roots && chown {ANOTHER} home && cp -r "$3" roots/run || exit
+mount --bind "$1" venv && mount --bind "$2" house || exit
+short="house/cases/standing-wave.toml --set run.duration=0.1 --set numerics.dt=0.02 --no-plots"
+as run $short --out home/run
+as resume home/run --extend 0.1 --no-plots
+as status home roots
+as run $short --out roots/new
+as run $short --out roots/run --overwrite
+as resume roots/run --extend 0.1
+as compare roots/run --with roots/run
+mv home/.cache/wavetank home/wavetank-{ANOTHER}; chown root home/.cache
+as run $short --out home/again
+umount venv house
+"""
+
+
+@pytest.mark.slow
+def test_another_user_runs_in_what_is_theirs_and_is_refused_elsewhere(tmp_path):
+    """As somebody who is not root, from an empty cache: their runs are theirs, and root's are as they were."""
+    if os.getuid() or not shutil.which("setpriv"):
+        pytest.skip("only root can become another user")
+    assert main(["run", CASE, *SHORT, "--no-plots", "--out", str(tmp_path / "run")]) == 0
+    with tempfile.TemporaryDirectory() as folder:  # pytest's own is closed to others
+        os.chmod(folder, 0o755)
+        here = ["sh", "-c", AS_ANOTHER, "sh", sys.prefix, str(CHECKOUT), str(tmp_path / "run")]
+        command = ["unshare", "--mount", "--propagation", "unchanged", *here]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        if not (Path(folder) / "codes").exists():
+            pytest.skip("nothing can be mounted here")
+        home, roots = Path(folder) / "home", Path(folder) / "roots"
+        assert (Path(folder) / "codes").read_text().split() == ["0", "0", "0", "2", "2", "2", "2", "0"], done
+        assert RunDirectory(home / "run").manifest["t"] == pytest.approx(0.2)
+        assert {path.stat().st_uid for path in (home / "run").iterdir()} == {ANOTHER}
+        assert "home/run: finished" in done.stdout and "roots/run: finished" in done.stdout
+        said = (Path(folder) / "said").read_text().splitlines()
+        refused = ["roots/new", "roots/run", "roots/run", "roots/run/compare.csv"]
+        assert said == [f"wavetank: {path}: cannot be written (Permission denied)." for path in refused]
+        assert RunDirectory(home / "again").status == "finished"  # by a cache in the place of one that is closed
+        assert contents(roots / "run") == contents(tmp_path / "run") and os.listdir(roots) == ["run"]
 
 
 def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatch, capsys):

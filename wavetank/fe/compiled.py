@@ -78,9 +78,11 @@ def _python() -> list[str]:
 def _kept(name: str, build: Callable[[Path], object]) -> Path:
     """Return the folder where a piece is kept, built if it is not; raises ``WavetankError``, which ranks agree on."""
     for folder in places(PART):
-        if os.path.isdir(folder / name):  # Path.is_dir fails where a folder cannot be entered
+        if os.access(folder / name, os.R_OK | os.X_OK):
             return folder / name
     kept = writable(PART) / name
+    if os.path.isdir(kept):
+        raise WavetankError(f"{kept}: is another user's, and cannot be read; {VARIABLE} must name another folder.")
     try:
         return _built(kept, build)
     except OSError as error:  # of its folder or lock: a disk that is full, say
