@@ -33,6 +33,7 @@ kernel = Kernel("one", "double one(void);", key=code, source=lambda: code, comm=
 print(kernel.call.one())
 """
 CODE = pytest.mark.parametrize("code", [FORM, KERNEL], ids=["form", "kernel"])
+CACHE = "Süd & Co."  # whatever a folder is called
 
 
 @pytest.fixture
@@ -44,7 +45,7 @@ def world(tmp_path):
     (tmp_path / "tmp").mkdir()
     return {
         **os.environ,
-        "XDG_CACHE_HOME": f"{tmp_path}/cache",
+        "XDG_CACHE_HOME": f"{tmp_path}/{CACHE}",
         "TMPDIR": f"{tmp_path}/tmp",
         "CC": str(compiler),
         "SLOW": "0",
@@ -76,7 +77,7 @@ def test_who_is_killed_while_compiling_hinders_nobody(code, world, tmp_path):
         killed.wait()
         out, err = ran(code, world)  # while the compiler of the one that was killed goes on
         assert out == "1.0\n", err
-        assert not list((tmp_path / "cache" / "wavetank" / "compiled").glob("*.*"))  # no lock, nothing half done
+        assert not list((tmp_path / CACHE / "wavetank" / "compiled").glob("*.*"))  # no lock, nothing half done
 
 
 @CODE
@@ -116,8 +117,18 @@ def test_a_cache_that_cannot_be_written_is_replaced_with_a_word(world, tmp_path)
     assert (out, err) == ("1.0\n1.0\n", "")
 
 
+def test_a_piece_that_may_not_be_read_is_told(tmp_path, monkeypatch):
+    """As a user's who was root once; whoever runs the tests."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    kept = compiled.compiled(MPI.COMM_SELF, "code", build=lambda folder: None)
+    assert compiled.compiled(MPI.COMM_SELF, "code", build=None) == kept
+    monkeypatch.setattr(compiled.os, "access", lambda path, kind: False)
+    with pytest.raises(WavetankError, match=f"{kept}: is another user's, and cannot be read; XDG_CACHE_HOME must name"):
+        compiled.compiled(MPI.COMM_SELF, "code", build=None)
+
+
 def test_where_nothing_can_be_kept_and_where_nothing_compiles_all_ranks_say_so(world, tmp_path):
-    (tmp_path / "cache").write_text("a file in the folder's place")
+    (tmp_path / CACHE).write_text("a file in the folder's place")
     code = f"""
 from wavetank.errors import WavetankError
 try:
