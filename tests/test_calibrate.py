@@ -94,7 +94,7 @@ def test_the_highest_crest_is_found_between_snapshots_and_points():
 
 # ---------------------------------------------------------------- tanks whose answer is known
 def tried(aim, setting, found, number=1):
-    return Tried(number, number, "the case's", setting, Path(), 0.0, found)
+    return Tried(number, number, "the case's", setting, Path(), 0.0, found=found)
 
 
 def test_a_crest_that_is_off_as_linear_waves_are_is_right_at_the_second_run():
@@ -230,6 +230,11 @@ def tiny(tmp_path, monkeypatch):
     return run
 
 
+def read_case_of(folder, text):
+    (folder / "case.toml").write_text(text)
+    return read_case(folder / "case.toml")
+
+
 def rows(folder):
     with (folder / TABLE).open() as file:
         return list(csv.DictReader(file))
@@ -261,6 +266,16 @@ def test_what_the_paddle_cannot_do_is_said_before_the_first_run(tiny, tmp_path):
     assert not list((tmp_path / "out").glob("runs/*"))
 
 
+def test_what_the_drive_cannot_do_is_said_of_the_run_that_needs_it(tiny, tmp_path):
+    """A higher crest than the first is wanted: it takes a longer stroke, of which linear theory tells how much."""
+    scene = read_case_of(tmp_path, TINY.format(crest=0.05))
+    stroke = scene.extent(scene.motion()).stroke
+    said = tiny("--set", f"wall.limits.stroke={1.02 * stroke}")
+    assert said.returncode == 1 and len(said.stderr.splitlines()) == 1
+    assert "run 2 would need what the paddle cannot do" in said.stderr and "is too little" in said.stderr
+    assert read_case(tmp_path / "out" / CASE).motion() is not None  # the best there is
+
+
 def test_what_cannot_be_run_is_given_up_in_a_sentence(tiny, monkeypatch, tmp_path):
     monkeypatch.setattr(module, "draw", lambda tried, aim, path, title: path.touch() or path)
     monkeypatch.setattr(module.Runner, "run", lambda self, runs: ((one, Outcome("failed", "it broke")) for one in runs))
@@ -281,13 +296,28 @@ def test_what_cannot_be_run_is_given_up_in_a_sentence(tiny, monkeypatch, tmp_pat
         ("focusing", ["target={type='crest', height=0.1, x=30.0, time=9.0}"], "target.x = 30.0: must be inside"),
         ("focusing", ["target={type='crest', height=0.1, x=3.0, time=24.5}"], "target.time = 24.5: must be before"),
         ("focusing", ["target={type='record', file='none.txt', x=3.0}"], "none.txt: cannot be read"),
+        ("focusing", ["target={type='record', file='ETA', x=3.0, start=30.0}"], "has 0 rows that count"),
+        ("focusing", ["target={type='record', file='ETA', x=23.0}"], "when none of them can be there"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_calibrated_is_refused_in_a_sentence(tmp_path, capsys, case, changes, sentence):
-    changes = [word for one in changes for word in ("--set", one)]
+def test_what_cannot_be_calibrated_is_refused_in_a_sentence(tmp_path, case, changes, sentence):
+    t = np.arange(0.0, 6.0, 0.1)
+    np.savetxt(tmp_path / "eta.txt", np.column_stack([t, np.sin(5.0 * t)]))
+    changes = [word for one in changes for word in ("--set", one.replace("ETA", str(tmp_path / "eta.txt")))]
     said = commanded("calibrate", f"cases/{case}.toml", "--out", str(tmp_path / "out"), *changes)
     assert said.returncode == 2 and sentence in said.stderr and len(said.stderr.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_surface_that_is_wished_for_is_the_record_that_is_wanted(tmp_path):
+    """Without a target; its first waves are those of the motion itself, but for what comes too late."""
+    t = np.arange(0.0, 30.0, 0.05)
+    np.savetxt(tmp_path / "eta.txt", np.column_stack([t, np.exp(-(((t - 16) / 3) ** 2)) * np.cos(5.0 * t)]))
+    motion = f"wall.motion={{type='surface', file='{tmp_path / 'eta.txt'}', x=4.0, delay=8.0}}"
+    scene = read_case(FOCUSING, [motion, "run.duration=40.0"])
+    aim, meant = aim_of(scene), scene.wall.motion.waves(scene.tank, scene.wall.maker).target
+    times = np.arange(20.0, 28.0, 0.3)
+    np.testing.assert_allclose(aim.waves(aim.start).elevation(4.0, times), meant.elevation(4.0, times), atol=0.02)
 
 
 def test_a_gauge_that_is_not_in_a_table_is_refused_by_its_name(tmp_path):

@@ -70,6 +70,8 @@ class Tried:
         The run directory, of several the first.
     cpu
         CPU time of all its runs [s].
+    broke
+        How many waves broke in them, and were damped.
     found
         What came of it; nothing of runs that have not finished.
     cause
@@ -82,6 +84,7 @@ class Tried:
     setting: Setting
     run: Path
     cpu: float
+    broke: int = 0
     found: Found = NOTHING
     cause: str = ""
 

@@ -14,7 +14,7 @@ from wavetank.case.scene import Scene
 from wavetank.case.seas import FocusedMotion, MadeWaves, SurfaceMotion
 from wavetank.case.targets import ComponentsTarget, CrestTarget, RecordTarget, Target
 from wavetank.case.walls import PaddleWall
-from wavetank.motions.wished_surface import wished_surface
+from wavetank.motions.wished_surface import WishedSurface, wished_surface
 from wavetank.theory import airy
 from wavetank.theory.plane_waves import PlaneWaves, waves_along
 from wavetank.theory.wave import Array
@@ -69,38 +69,47 @@ def _components(target: ComponentsTarget, scene: Scene) -> Aim:
 
 
 def _record(target: RecordTarget, scene: Scene) -> Aim:
-    """Return the aim of a record, whose waves are at first those of linear theory.
-
-    Before it begins the water is still, so that no copy of its waves comes before they do.
-    """
-    t, eta = target.record()
-    start = float(t[0]) if target.start is None else max(target.start, float(t[0]))
-    end = min(t[-1] if target.end is None else target.end, scene.run.duration, t[-1])
-    inside = (t >= start) & (t <= end)
-    if np.count_nonzero(inside) < FEWEST or start < 0.0:
-        received = f"{np.count_nonzero(inside)} rows from {start:g} to {end:g} s"
-        raise SceneError([Problem(("target", "file"), target.file, f"has {received}; at least {FEWEST} from 0 s on")])
+    """Return the aim of a record, whose waves are at first those of linear theory, as far as they can be there."""
+    t, eta = _counting(target, scene)
     with about("target", "file"):
-        band = target.lowest_frequency, target.highest_frequency
-        lull = np.arange(0.0, start, float(np.diff(t[inside]).mean()))[:-1]
-        period = 1 / wished_surface(t[inside], eta[inside], band=band).mean_frequency
-        waving = (eta[inside] - eta[inside].mean()) * eased(t[inside], period)
-        found = wished_surface(np.append(lull, t[inside]), np.append(0 * lull, waving), band=band)
-    where = {"x": target.x, "time": found.begin, "depth": scene.tank.depth, "gravity": scene.tank.gravity}
-    waves = waves_along(found.frequencies, found.amplitudes, found.phases, **where)
-    arrive = target.x / airy.group_velocity(waves.k_x, scene.tank.depth, scene.tank.gravity) < _middle(
-        t[inside], waving
-    )
-    told = waves_along(*(values[arrive] for values in found[:3]), **where)
-    most = int(MOST_NUMBERS / waves.omega.size)
-    times = _times(start, end, float(waves.omega.max()), fewest=min(np.count_nonzero(inside), most))
+        found = _waves_in(t, eta, band=(target.lowest_frequency, target.highest_frequency))
+    tank, where = scene.tank, {"x": target.x, "time": found.begin}
+    k = airy.wave_number(2 * np.pi * found.frequencies, tank.depth, tank.gravity)
+    there = target.x / airy.group_velocity(k, tank.depth, tank.gravity) < (middle := _middle(t, eta))
+    if not there.any():
+        allowed = f"has its waves at {middle:.4g} s, when none of them can be there; target.delay moves them"
+        raise SceneError([Problem(("target", "file"), target.file, allowed)])
+    of = (values[there] for values in (found.frequencies, found.amplitudes, found.phases))
+    waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
+    judged = 2 * np.pi * found.frequencies
+    fewest = min(t.size, int(MOST_NUMBERS / judged.size))
+    times = _times(t[0], t[-1], float(judged.max()), fewest=fewest)
     wanted = Elevation(times, CubicSpline(t, eta)(times))
-    return RecordAim(target.x, wanted, told, tolerance=target.tolerance, linear=False, judged=waves.omega)
+    return RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
+
+
+def _counting(target: RecordTarget, scene: Scene) -> tuple[Array, Array]:
+    """Return times [s] and elevations [m] that count of a record."""
+    t, eta = target.record()
+    start, end = (default if said is None else said for said, default in ((target.start, 0.0), (target.end, np.inf)))
+    inside = (t >= max(start, 0.0)) & (t <= min(end, scene.run.duration))
+    if np.count_nonzero(inside) < FEWEST:
+        received = f"{np.count_nonzero(inside)} rows that count, from {t[0]:g} to {t[-1]:g} s"
+        raise SceneError([Problem(("target", "file"), target.file, f"has {received}; at least {FEWEST} are needed")])
+    return t[inside], eta[inside]
+
+
+def _waves_in(t: Array, eta: Array, *, band: tuple[float | None, float | None]) -> WishedSurface:
+    """Return the waves in a record, before which the water is still from t = 0: no copy of them is to come before."""
+    lull = np.arange(0.0, t[0], float(np.diff(t).mean()))[:-1]
+    period = 1 / wished_surface(t, eta, band=band).mean_frequency
+    waving = (eta - eta.mean()) * eased(t, period)
+    return wished_surface(np.append(lull, t), np.append(0 * lull, waving), band=band)
 
 
 def _middle(t: Array, eta: Array) -> float:
     """Return when [s] half of a record's energy has passed."""
-    passed = np.cumsum(eta**2)
+    passed = np.cumsum((eta - eta.mean()) ** 2)
     return float(t[np.searchsorted(passed, passed[-1] / 2)])
 
 

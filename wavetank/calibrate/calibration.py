@@ -116,6 +116,7 @@ class Calibration:
             setting=setting,
             run=runs[0].path,
             cpu=sum(one.manifest.get("timings", {}).get("stepping_cpu_s", 0.0) for one in runs),
+            broke=sum(one.manifest.get("breaking", {}).get("waves", 0) for one in runs),
             found=NOTHING if cause else self._aim.found(runs),
             cause=cause,
         )
@@ -173,7 +174,7 @@ class Calibration:
         """Write the best there is, and raise ``RunError``."""
         said = f"the target is not reached: {why}"
         if finished := self._finished:
-            best = min(finished, key=lambda one: one.found.misfit)
+            best = min(finished, key=lambda one: (one.numerics == CHEAP, one.found.misfit))
             self._leave(best)
             found = f"run {best.number}, off by {best.found.misfit:.3g} times what is allowed"
             said = f"{said}; {self._out / CASE} has the best, {found}"

@@ -13,7 +13,7 @@ from wavetank.records.whole import replace
 
 COLUMNS = (
     *("run", "runs so far", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
-    *("CPU [s]", "cause"),
+    *("waves that broke", "CPU [s]", "cause"),
 )
 
 
@@ -22,10 +22,11 @@ def told(one: Tried) -> str:
     found = one.found
     if one.cause:
         return one.cause
+    broke = f"; {one.broke} waves break" if one.broke else ""
     nrms = "" if np.isnan(found.nrms) else f"nrms {found.nrms:.3g}, "
     return (
         f"crest {found.crest:.4g} m at x = {found.x:.4g} m, t = {found.t:.4g} s; {nrms}misfit {found.misfit:.2g} of "
-        f"what is allowed; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
+        f"what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
     )
 
 
@@ -38,7 +39,7 @@ def write_table(path: Path, tried: Sequence[Tried]) -> None:
         found = one.found
         figures = [found.crest, found.x, found.t, found.nrms, found.misfit]
         shown = [f"{figure:.6g}" if np.isfinite(figure) else "" for figure in figures]
-        writer.writerow([one.number, one.runs, one.numerics, *shown, f"{one.cpu:.3g}", one.cause])
+        writer.writerow([one.number, one.runs, one.numerics, *shown, one.broke, f"{one.cpu:.3g}", one.cause])
     try:
         replace(path, text.getvalue().encode())
     except OSError as error:
