@@ -129,13 +129,14 @@ def main() -> None:
         "baseline": lambda asked: against_the_baseline(asked.steps),
         "mesh": lambda asked: against_the_mesh(asked.steps),
         "profile": lambda asked: where_the_time_goes(asked.steps),
-        "scaling": lambda asked: scaling.report(largest=asked.largest),
+        "scaling": lambda asked: scaling.report(largest=asked.largest, cells=asked.cells),
         "beside": lambda asked: asked.other and beside.report(asked.other, CONSOLE),
     }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=list(benchmarks), action="append", help="may be given several times")
     parser.add_argument("--steps", type=int, default=40)
-    parser.add_argument("--largest", action="store_true", help="scaling up to 10^7 unknowns: minutes and 10 GB")
+    parser.add_argument("--largest", action="store_true", help="scaling up to 10^7 unknowns: minutes and 2 GB")
+    parser.add_argument("--cells", type=int, help="scaling on one mesh of so many cells a side; 1054: 10^8 unknowns")
     parser.add_argument("--other", type=Path, help="another checkout, beside which cases are run")
     arguments = parser.parse_args()
     for name in arguments.only or benchmarks:
