@@ -101,16 +101,19 @@ class OrderMultigrid(Responding):
     ----------
     inverse_diagonals
         Of their matrices, shape (owned, m).
+    steps
+        Of smoothing, before and after.
+    spread
+        Largest over smallest of the eigenvalues that smoothing takes down; elements of order 1 have the others.
     """
 
-    steps = 2  # of smoothing, before and after
-    spread = 8.0  # largest over smallest of the eigenvalues that smoothing takes down
     lanczos = 10  # steps, which see the largest eigenvalue to a few per cent
     margin = 1.1  # over what they see
 
     def __init__(self, layer: LayerMeans, eigenvalues: Vector):
         self._plane, self._kernel, self._cells = layer.plane, layer.kernel, layer.cells
-        self._eigenvalues = eigenvalues.astype(np.float32)
+        self._eigenvalues, p = eigenvalues.astype(np.float32), layer.plane.order
+        self.steps, self.spread = max(2, (p + 1) // 2), max(8.0, p**2 / 2)
         numbering = layer.plane.V.dofmap.index_map
         self._halo, self._one = (Halo(numbering, many, np.float32) for many in (eigenvalues.size, 2))
         self._coarse = LinearModes(layer, eigenvalues)
