@@ -263,6 +263,7 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "gaussian": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'focused'\ncomponents = 32\n"
     + FOCUS.replace("'jonswap'", "'gaussian', bandwidth = 0.05") + "[water]\ntype = 'nonlinear'\n",
     "regular": "probes = [{x = 1.0, z = -0.5}]\nloads = [{on = 'far wall', about = [0.0, 0.0, -1.0]}]\n"
+    "windows = [{name = 'inlet', start = [1.0, 0.0], every = 0.5}]\n"
     + SLICE + RUN + "[wall]\ntype = 'piston'\nlimits = {stroke = 1.0, speed = 1.0, acceleration = 3.0}\n"
     "[wall.motion]\ntype = 'regular'\nheight = 0.05\nperiod = 2.0\ngeneration = 'second-order'\n",
     "flap": SLICE + RUN + "[wall]\ntype = 'flap'\nhinge = 0.1\nstroke_height = 1.2\nmotion_as = 'angle'\n"

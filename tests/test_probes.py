@@ -19,6 +19,7 @@ from wavetank.records.directory import RunDirectory
 from wavetank.theory.stream_function import stream_function_wave
 from wavetank.water.footprint import Ring, Slice
 from wavetank.water.rates import NonlinearRates
+from wavetank.water.sounding import Sounding
 from wavetank.water.walls import Piston, StillWall
 from wavetank.water.waves import Tolerances
 
@@ -30,7 +31,8 @@ def seen(water, state, points, t=0.0):
     """Return velocity, local acceleration, acceleration and pressure at points (x, z), shape (N, 7)."""
     record, (x, z) = Memory(), np.array(points).T
     at = np.column_stack([x, 0 * x, z])
-    Probes(water, at, density=DENSITY, record=record, schedule=EverySteps()).observe(Moment(0, t, *state))
+    sounding = Sounding(water, at, density=DENSITY)
+    Probes(water, sounding, record=record, schedule=EverySteps()).observe(Moment(0, t, *state))
     return record.array()[0, 1:].reshape(-1, 7)
 
 
@@ -125,7 +127,12 @@ def test_in_front_of_a_moving_paddle_rates_are_those_of_the_water_that_goes_on()
 CASE = {
     "tank": {"length": 2.0, "depth": 0.5, "density": DENSITY},
     "wall": {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.02, "period": 1.2, "ramp": 0.2}},
+    "gauges": [{"name": "1", "x": 0.3}, {"name": "2", "x": 0.9}],
     "probes": [{"name": "below", "x": 0.9, "z": -0.2}, {"name": "above", "x": 0.3, "z": 0.002}],
+    "windows": [
+        {"name": "inlet", "start": [0.3, 0], "end": [0.9, 0], "columns": 3, "levels": 5, "begin": 0.2, "every": 0.1},
+        {"name": "table", "start": [0.9, 0.0], "levels": 3, "until": 0.4, "every": 0.2, "format": "csv"},
+    ],
     "run": {"duration": 0.6},
     "numerics": {"cell_size": 0.25, "order": 3, "vertical_order": 8, "dt": 0.04},
 }
@@ -162,8 +169,31 @@ def test_probes_are_recorded_and_dry_ones_are_gaps(run):
         xarray.testing.assert_equal(kept.load(), probes)
 
 
+def test_a_window_has_what_probes_and_gauges_have_there(run):
+    """From bed to surface, a row every 0.1 s from 0.2 s on; the table the same of one column."""
+    window = run.window("inlet")
+    assert dict(window.sizes) == {"time": 5, "column": 3, "level": 5}
+    assert window.time.values == pytest.approx([0.2, 0.32, 0.4, 0.52, 0.6])
+    assert window.velocity_x.standard_name == "sea_water_x_velocity" and window.pressure.units == "Pa"
+    eta = run.gauges.sel(gauge="2", time=window.time)
+    np.testing.assert_allclose(window.elevation[:, 2], eta, atol=1e-12)
+    np.testing.assert_allclose(window.z[:, 2], -0.5 + np.outer(0.5 + eta, np.linspace(0, 1, 5)), atol=1e-12)
+    surface, still = window.pressure[:, :, -1], DENSITY * GRAVITY * 0.5
+    assert float(np.abs(surface).max()) < 1e-3 * still
+    below = run.probes.sel(probe="below", time=window.time)
+    column = window.isel(column=2)
+    for name in ("velocity_x", "acceleration_z"):
+        at = [np.polyval(np.polyfit(z, u, 4), -0.2) for z, u in zip(column.z.values, column[name].values, strict=True)]
+        np.testing.assert_allclose(at, below[name], atol=0.01 * float(np.abs(column[name]).max()))
+    header, *rows = (run.path / "window-table.csv").read_text().splitlines()
+    assert header == "t [s],x [m],z [m],elevation [m],velocity_x [m/s],velocity_z [m/s],pressure [Pa]"
+    table = np.array([row.split(",") for row in rows], dtype=float)
+    assert table[:, 0] == pytest.approx(np.repeat([0.0, 0.2, 0.4], 3)) and set(table[:, 1]) == {0.9}
+    np.testing.assert_allclose(table[-3:, 4], column.velocity_x.sel(time=0.4)[[0, 2, 4]], atol=1e-12)
+
+
 def test_what_is_stepped_is_the_same_bit_for_bit_with_probes_and_without(run, tmp_path):
-    plain = record(tmp_path / "plain", probes=[])
+    plain = record(tmp_path / "plain", probes=[], windows=[])
     for table in ("gauges.csv", "energy.csv", "paddle.csv"):
         assert (plain.path / table).read_bytes() == (run.path / table).read_bytes()
 
@@ -173,7 +203,9 @@ def test_a_run_that_goes_on_has_the_same_probes_as_one_that_does_not_stop(run, t
     short = tmp_path / "short"
     record(short, run={"duration": 0.3})
     resume_run(short, ["run.duration=0.6"], comm=MPI.COMM_SELF, console=Console(quiet=True))
-    assert (short / "probes.csv").read_bytes() == (run.path / "probes.csv").read_bytes()
+    for table in ("probes.csv", "window-table.csv"):
+        assert (short / table).read_bytes() == (run.path / table).read_bytes()
+    assert RunDirectory(short).window("inlet").equals(run.window("inlet"))
 
 
 @pytest.mark.slow

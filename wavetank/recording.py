@@ -6,12 +6,14 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.loads import PADDLE as PUSHED
+from wavetank.case.windows import Window
 from wavetank.errors import BreakdownError, InputError, RunError
 from wavetank.fe.agreed import agreed, from_first, on_first
 from wavetank.integrators.contract import Integrator
@@ -20,7 +22,7 @@ from wavetank.observers.contract import Judge, Observer
 from wavetank.observers.energy import columns as energy_columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar, Standing
-from wavetank.observers.record import Discard, Kept, RecordCheck
+from wavetank.observers.record import Discard, DiscardArrays, Kept, RecordCheck
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
@@ -253,7 +255,7 @@ def _observe(
 
     records = _records(scene, waves, writer)
     run.observers += build_observers(scene, waves, records._replace(fields=fields), sinks=run.sinks)
-    run.observers.append(RecordCheck(comm, [one for one in records if isinstance(one, Kept)]))
+    run.observers.append(RecordCheck(comm, [one for one in (*records, *records.windows) if isinstance(one, Kept)]))
     run.observers += build_watch(scene, run, waves, warnings.at_once)
     return series
 
@@ -263,7 +265,8 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     if writer is None:
         asked = (scene.wall.moves, scene.probes, scene.loads)
         moved, probed, loaded = (Discard() if there else None for there in asked)
-        return Records(Discard(), Discard(), None, paddle=moved, probes=probed, loads=loaded)
+        dropped = [DiscardArrays() for _ in scene.windows]
+        return Records(Discard(), Discard(), None, paddle=moved, probes=probed, loads=loaded, windows=dropped)
     dimensions = waves.plane.mesh.topology.dim
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions))
@@ -275,7 +278,15 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).append) if points else None
     walls = [load.called for load in scene.loads]
     loads = Kept(writer.table(LOADS, load_columns(walls, dimensions)).append) if walls else None
-    return Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle, probes=probes, loads=loads)
+    windows = [Kept(_window(one, writer, dimensions)) for one in scene.windows]
+    tables = Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle, probes=probes, loads=loads)
+    return tables._replace(windows=windows)
+
+
+def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[..., None]:
+    """Return what appends to a window's record."""
+    places = np.array(window.places)
+    return writer.window(window.name, form=window.format, places=places, levels=window.levels, dimensions=dimensions)
 
 
 def _said_of(scene: Scene, integrator: Integrator[Any] | None) -> dict[str, Any]:

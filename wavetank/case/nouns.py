@@ -44,6 +44,7 @@ from wavetank.case.sponges import AnySponge, EndSponge, FormulaSponge, GroupSpon
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank, Tank
 from wavetank.case.targets import ComponentsTarget, CrestTarget, RecordTarget, Target
 from wavetank.case.walls import FixedWall, FlapWall, PistonWall, ProfileWall, Wall
+from wavetank.case.windows import Window
 from wavetank.values.noun import Noun, Problem, SceneError
 
 __all__ = [
@@ -116,4 +117,5 @@ __all__ = [
     "Wall",
     "WallLoad",
     "Water",
+    "Window",
 ]

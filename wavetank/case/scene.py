@@ -20,6 +20,7 @@ from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.targets import Target
 from wavetank.case.walls import FixedWall, Wall
+from wavetank.case.windows import Window
 from wavetank.motions.extent import Extent, extent, times, values
 from wavetank.values.noun import Noun, Problem, SceneError, about
 from wavetank.values.quantities import Label, metres
@@ -66,6 +67,9 @@ class Scene(Noun):
         default=(), description="walls on which force and moment are recorded"
     )
     target: Target | None = Field(default=None, description="what `wavetank calibrate` aims at; default: by the motion")
+    windows: Annotated[tuple[Window, ...], Strict(False)] = Field(
+        default=(), description="columns of water whose motion is kept for other programs"
+    )
     run: RunNoun = Field(description="how long is computed")
     numerics: Numerics = Field(default=Numerics(), description="how it is computed")
     output: Output = Field(default=Output(), description="what is recorded, and how often")
@@ -166,7 +170,8 @@ class Scene(Noun):
     def _fits_together(self) -> Self:
         parts = (self.wall, self.initial, self.target, self.numerics, self.output, self.sponge, self.tank.bed)
         nouns = [noun for noun in parts if noun is not None]
-        own = (*self._depth_problems(), *self._gauge_problems(), *self._probe_problems(), *self._load_problems())
+        looked_at = (*self._gauge_problems(), *self._probe_problems(), *self._load_problems(), *self._window_problems())
+        own = (*self._depth_problems(), *looked_at)
         problems = [*own, *(problem for noun in nouns for problem in noun.problems(self))]
         if problems:
             text = "; ".join(str(problem) for problem in problems)
@@ -213,6 +218,23 @@ class Scene(Noun):
                 yield Problem(("probes", n, "z"), probe.z, allowed)
             if count[probe.name] > 1:
                 yield Problem(("probes", n, "name"), probe.name, "must be a name that no other probe has")
+
+    def _window_problems(self) -> Iterator[Problem]:
+        count = Counter(window.name for window in self.windows)
+        for n, window in enumerate(self.windows):
+            for end, place in (("start", window.start), ("end", window.end)):
+                if place is not None:
+                    yield from self._place_problems(("windows", n, end), *place)
+            if (window.end is None) != (window.columns == 1):
+                allowed = "must be at least 2 with an end of the line, and 1 without"
+                yield Problem(("windows", n, "columns"), window.columns, allowed)
+            if not window.begin <= self.run.duration:
+                allowed = f"must be before the end of the run, {self.run.duration:g} s"
+                yield Problem(("windows", n, "begin"), window.begin, allowed)
+            if window.until is not None and not window.begin <= window.until:
+                yield Problem(("windows", n, "until"), window.until, f"must be from {window.begin:g} s on, its begin")
+            if count[window.name] > 1:
+                yield Problem(("windows", n, "name"), window.name, "must be a name that no other window has")
 
     def _load_problems(self) -> Iterator[Problem]:
         count = Counter(load.called for load in self.loads)

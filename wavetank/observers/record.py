@@ -38,6 +38,15 @@ class Discard:
             raise RunError(f"t = {row[0]:.6g} s: a recorded value is not a finite number; the run has broken down.")
 
 
+class DiscardArrays:
+    """The record of arrays of every rank but the first."""
+
+    def append(self, t: float, *arrays: Vector) -> None:
+        """Drop them; raises ``RunError`` for a number that is not finite."""
+        if not all(np.isfinite(one).all() for one in arrays):
+            raise RunError(f"t = {t:.6g} s: a recorded value is not a finite number; the run has broken down.")
+
+
 class Memory:
     """A record kept in memory, for use from Python."""
 

@@ -11,6 +11,7 @@
                     "velocity_x A@x=2,z=-0.1 [m/s]"
     probes.nc       the same as CF-NetCDF, when the run has ended
     loads.csv       force and moment on walls, "force_x paddle [N/m]", of a slice per width
+    window-NAME.nc  what columns of water do, for other programs (``window.py``), or window-NAME.csv
     surface.nc      of a slice or ring, snapshots of x [m], elevation [m], surface potential [m²/s], as CF-NetCDF
     surface.xdmf    opens them in ParaView
     surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
@@ -37,12 +38,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
+from wavetank.records.growing_netcdf import whole
 from wavetank.records.load_table import wall
 from wavetank.records.lock import is_held
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Variable, conventions, netcdf
 from wavetank.records.probe_table import point, quantities
 from wavetank.records.series import GaugeSeries, place
-from wavetank.records.surface import Surface, snapshots, whole
+from wavetank.records.surface import Surface, snapshots
+from wavetank.records.window import file_of
 
 if TYPE_CHECKING:
     import xarray
@@ -68,7 +71,7 @@ def index_file(run: Path, name: str) -> Path:
 def recorded(run: Path) -> Iterator[Path]:
     """Yield the records in a run directory, and what has been drawn of them."""
     files = (*TABLES, *BROKENS, *COPIES.values(), SURFACE, SURFACE_INDEX, LOG, *PICTURES, *ANALYSES, *CHECKPOINTS)
-    indices = (f"{name}.pvd" for name in SERIES)
+    indices = (*(f"{name}.pvd" for name in SERIES), "window-*.nc", "window-*.csv")
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *indices, *pieces):
         yield from run.glob(pattern)
@@ -195,6 +198,18 @@ class RunDirectory:
             return data.assign_coords(x=data.x[0].drop_vars("time")).swap_dims(point="x")
         return data
 
+    def window(self, name: str) -> "xarray.Dataset":
+        """Return what the columns of a window do, over time [s], column and level.
+
+        Raises ``InputError`` where there is no such window, or its file is a table.
+        """
+        from xarray import load_dataset
+
+        file = file_of(name, "netcdf")
+        if not (content := self._whole(file)):
+            raise InputError(f"{self.path / file}: has no row.")
+        return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z"])
+
     # ------------------------------------------------------------ as arrays
     def gauge_series(self) -> list[GaugeSeries]:
         """Return each gauge's record, from when it was there."""
@@ -258,10 +273,14 @@ class RunDirectory:
         """Return the surface's file with all its complete snapshots; raises ``InputError`` for that of a basin."""
         if index_file(self.path, "surface").exists():
             raise InputError(f"{self.path}: its surface is a basin's, in surface.pvd, which pyvista and ParaView open.")
+        return self._whole(SURFACE)
+
+    def _whole(self, file: str) -> bytes:
+        """Return a NetCDF file that grows with all its complete records."""
         try:
-            return whole(self._read(SURFACE))
+            return whole(self._read(file))
         except ValueError as error:
-            raise InputError(f"{self.path / SURFACE}: {error}.") from None
+            raise InputError(f"{self.path / file}: {error}.") from None
 
     def _gauges(self) -> "_Gauges":
         """Return what the gauges' table holds."""

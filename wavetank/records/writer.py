@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -33,6 +33,7 @@ from wavetank.records.series import column
 from wavetank.records.surface import SurfaceWriter
 from wavetank.records.vtu_series import missing
 from wavetank.records.whole import replace, unfinished
+from wavetank.records.window import WindowFile, WindowTable, file_of
 from wavetank.stateful import Held
 
 R = TypeVar("R", bound=GrowingFile)
@@ -143,6 +144,16 @@ class RunWriter:
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
         """Return a new table with these columns, time first, units in their names."""
         return self._kept(TableWriter(self.path / file, columns))
+
+    def window(
+        self, name: str, *, form: str, places: Vector, levels: int, dimensions: int
+    ) -> Callable[[float, Vector, Vector, Vector], None]:
+        """Return what appends to a window's record, NetCDF or CSV by its ``form``; see ``window.py``."""
+        path = self.path / file_of(name, form)
+        if form == "csv":
+            return self._kept(WindowTable(path, places=places, dimensions=dimensions)).append_columns
+        said = conventions(self._manifest)
+        return self._kept(WindowFile(path, said, places=places, levels=levels, dimensions=dimensions)).append
 
     def surface(self) -> SurfaceWriter:
         """Return the record of snapshots."""

@@ -28,9 +28,10 @@ from wavetank.observers.loads import Loads, Pushing
 from wavetank.observers.paddle import RATES, PaddleMotion
 from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
-from wavetank.observers.schedule import EverySteps, EveryTime
+from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.stability import StabilityWatch
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
+from wavetank.observers.windows import WindowObserver, WindowRecord
 from wavetank.runs.clock import Clock
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.own import own_scheme
@@ -45,6 +46,7 @@ from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.rates import MovingWater
 from wavetank.water.short_waves import ShortWaves
+from wavetank.water.sounding import Sounding
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.wall_pressure import PaddlePush, Pushed, WallPressure
 from wavetank.water.waves import NonlinearWaves
@@ -61,6 +63,8 @@ class Records(NamedTuple):
         Of snapshots along a slice or ring; None on all ranks but the first.
     paddle, probes, loads
         Tables; None where the wall stands still, and where there are no probes or loads.
+    windows
+        Of each window.
     fields
         Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
     """
@@ -72,6 +76,7 @@ class Records(NamedTuple):
     paddle: Record | None = None
     probes: Record | None = None
     loads: Record | None = None
+    windows: Sequence[WindowRecord] = ()
 
 
 class Beginning(NamedTuple):
@@ -269,12 +274,14 @@ class InTheWater(NamedTuple):
     @classmethod
     def of(cls, scene: Scene, waves: AnyWaves, records: Records) -> "InTheWater":
         """Return what a scene asks for; collective. Raises ``SceneError`` for a probe or wall that is not there."""
-        if records.probes is None and records.loads is None:
+        if records.probes is None and records.loads is None and not records.windows:
             return cls([])
         water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
         observers: list[Observer] = [WaterKept(water)] if isinstance(water, Stateful) else []
         if records.probes is not None:
             observers.append(_probes(scene, water, records.probes, schedule))
+        for n, record in enumerate(records.windows):
+            observers.append(_window(scene, waves, water, n, record))
         if records.loads is None:
             return cls(observers)
         walls = [_wall(scene, waves, n) for n in range(len(scene.loads))]
@@ -292,9 +299,26 @@ def _probes(scene: Scene, water: MovingWater, record: Record, schedule: EverySte
     """Return what records the probes; collective. Raises ``SceneError`` for one outside the mesh."""
     points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
     try:
-        return Probes(water, points, density=scene.tank.density, record=record, schedule=schedule)
+        sounding = Sounding(water, points, density=scene.tank.density)
+        return Probes(water, sounding, record=record, schedule=schedule)
     except OutsideError as error:
         raise SceneError([Problem(("probes", error.index), None, str(error))]) from None
+
+
+def _window(scene: Scene, waves: AnyWaves, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
+    """Return what records a window; collective. Raises ``SceneError`` for a column outside the mesh."""
+    window = scene.windows[n]
+    until = scene.run.duration if window.until is None else window.until
+    with about("windows", n):
+        return WindowObserver(
+            waves,
+            water,
+            np.array(window.places),
+            levels=window.levels,
+            density=scene.tank.density,
+            record=record,
+            schedule=EveryTimeBetween(window.every, window.begin, until),
+        )
 
 
 def _wall(scene: Scene, waves: AnyWaves, n: int) -> MeshTags:

@@ -1,0 +1,99 @@
+"""CF-NetCDF files that grow by records, each at a time: what is cut is not counted, what grows can be read.
+
+How many records there are stands in four bytes of the NetCDF header, which are rewritten after each.
+"""
+
+from bisect import bisect_left
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.records.growing import GrowingFile
+from wavetank.records.netcdf import Variable, netcdf
+from wavetank.stateful import Held
+
+NUMBER = np.dtype(">f8")  # the format's
+MAGIC, COUNT = b"CDF\x02", slice(4, 8)  # of the header: what the file is, and how many records there are
+STANDS = "_records", "_begin"  # what tells where a record is
+
+
+class GrowingNetCDF(GrowingFile):
+    """A file of records, all of one length.
+
+    Parameters
+    ----------
+    attributes
+        What is said of the file, title and the like.
+    """
+
+    def __init__(self, path: Path, attributes: Mapping[str, str]):
+        super().__init__(path)
+        self._attributes = attributes
+        self._records = self._begin = 0
+
+    def open(self) -> None:
+        """Make the file, or go on with it; raises ``RecordError``."""
+        super().open()
+        if self._records:
+            self._tell()
+
+    def held(self) -> Held:
+        """Return how far it has grown, and where its records stand."""
+        return super().held() | {name: getattr(self, name) for name in STANDS}
+
+    def take(self, held: Held) -> None:
+        """Go on from there, once it is opened."""
+        super().take(held)
+        for name in STANDS:
+            setattr(self, name, held[name])
+
+    def append_record(self, row: NDArray[np.float64], first: Callable[[], dict[str, Variable]]) -> None:
+        """Append a record, numbers in the order of the variables, time first; ``first`` are those of the first record.
+
+        Raises ``RunError`` for a number that is not finite, before anything is written, and for a file that cannot be.
+        """
+        self._check(row)
+        if self._records:
+            self.write(row.astype(NUMBER).tobytes())
+        else:
+            content = netcdf(first(), self._attributes, growing="time")
+            self._begin = len(content) - row.size * NUMBER.itemsize
+            self.write(content)
+        self._records += 1
+        self._tell()
+
+    def _tell(self) -> None:
+        """Write into the header how many records there are."""
+        self.write(self._records.to_bytes(4, "big"), at=COUNT.start)
+
+
+def whole(content: bytes) -> bytes:
+    """Return the file with as many records as are complete in it; empty where there are none.
+
+    Raises ``ValueError`` for what is no NetCDF of this format.
+    """
+    if content[: len(MAGIC)] != MAGIC[: len(content)]:
+        raise ValueError("is no NetCDF in the classic 64-bit format")
+    claimed = int.from_bytes(content[COUNT], "big")
+    if claimed and _complete(content):
+        return content
+    complete = bisect_left(range(claimed + 1), True, lo=1, key=lambda n: not _complete(_counted(content, n))) - 1
+    return _counted(content, complete) if complete else b""
+
+
+def _counted(content: bytes, number: int) -> bytes:
+    """Return a file whose header tells this number of records."""
+    return content[: COUNT.start] + number.to_bytes(4, "big") + content[COUNT.stop :]
+
+
+def _complete(content: bytes) -> bool:
+    """Return whether a file holds all that its header tells."""
+    from scipy.io import netcdf_file
+
+    with suppress(Exception), netcdf_file(BytesIO(content), mmap=False) as file:  # a header that is cut says anything
+        return all(np.size(variable.data) for variable in file.variables.values())
+    return False
