@@ -244,7 +244,7 @@ def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path)
     """In a linear tank, where one correction does."""
     out = tmp_path / "out"
     first = tiny("--most", "1")
-    assert first.returncode == 1 and "not in 1 runs; --most allows more" in first.stderr
+    assert first.returncode == 1 and "1 of at most 1 runs were not enough; --most allows more" in first.stderr
     before = (out / "runs" / "1" / "manifest.json").read_bytes()
     said = tiny()
     assert said.returncode == 0, said.stderr
@@ -255,7 +255,7 @@ def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path)
     assert float(last["x [m]"]) == pytest.approx(2.4, abs=0.06)
     assert float(last["t [s]"]) == pytest.approx(10.2, abs=0.03)
     scene = read_case(out / CASE)
-    paddle = RunDirectory(out / "runs" / last["run"]).paddle.position
+    paddle = RunDirectory(out / "runs" / last["attempt"]).paddle.position
     np.testing.assert_allclose(scene.motion().position(paddle.time.values), paddle.values, atol=1e-9)
     assert {PADDLE, WAVES, PICTURE, "attempt-1.png"} <= {path.name for path in out.iterdir()}
 
@@ -272,7 +272,7 @@ def test_what_the_drive_cannot_do_is_said_of_the_run_that_needs_it(tiny, tmp_pat
     stroke = scene.extent(scene.motion()).stroke
     said = tiny("--set", f"wall.limits.stroke={1.02 * stroke}")
     assert said.returncode == 1 and len(said.stderr.splitlines()) == 1
-    assert "run 2 would need what the paddle cannot do" in said.stderr and "is too little" in said.stderr
+    assert "attempt 2 would need what the paddle cannot do" in said.stderr and "is too little" in said.stderr
     assert read_case(tmp_path / "out" / CASE).motion() is not None  # the best there is
 
 
@@ -357,7 +357,7 @@ def test_components_at_the_focus_are_those_that_are_meant(tmp_path):
     said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path), *changes)
     assert said.returncode == 0, said.stderr
     first, *_, last = rows(tmp_path)
-    assert float(first["nrms"]) > 0.2 and float(last["nrms"]) <= 0.02 and int(last["runs so far"]) < 10
+    assert float(first["nrms"]) > 0.2 and float(last["nrms"]) <= 0.02 and int(last["runs"]) < 10
 
 
 @pytest.mark.slow
@@ -369,7 +369,7 @@ def test_the_paddle_of_a_record_is_found_again(tmp_path):
     target = f"target={{type='record', file='{known / 'gauges.csv'}', gauge='4', x=10.0}}"
     said = commanded("calibrate", str(FOCUSING), "--out", str(out), "--set", target, *longer)
     assert said.returncode == 0, said.stderr
-    assert int(rows(out)[-1]["runs so far"]) < 10
-    mine, its = (RunDirectory(one).paddle.position for one in (known, out / "runs" / rows(out)[-1]["run"]))
+    assert int(rows(out)[-1]["runs"]) < 10
+    mine, its = (RunDirectory(one).paddle.position for one in (known, out / "runs" / rows(out)[-1]["attempt"]))
     missed = np.sqrt(np.mean((its.interp(time=mine.time) - mine) ** 2) / np.mean(mine**2))
     assert missed < 0.05

@@ -82,7 +82,7 @@ class Calibration:
             if cheap and tried.found.misfit <= CLOSE:
                 self._stages.pop(0)
             setting = setting if reached else self._aim.corrected(self._finished)
-        self._give_up(f"not in {self._runs} runs; --most allows more")
+        self._give_up(f"{self._runs} of at most {self._most} runs were not enough; --most allows more")
 
     @property
     def _phases(self) -> tuple[float, ...]:
@@ -104,9 +104,9 @@ class Calibration:
         except InputError as error:
             if not self._tried:
                 raise
-            self._give_up(f"run {number} would need what the paddle cannot do: {error}")
+            self._give_up(f"attempt {number} would need what the paddle cannot do: {error}")
         runner = Runner(attempt.case, self._out / RUNS, at_once=cores(), yes=self._yes)
-        with self._console.status(f"run {number}"):
+        with self._console.status(f"attempt {number}"):
             cause = self._cause(runner, attempt.runs)
         runs = [RunDirectory(runner.directory(one)) for one in attempt.runs]
         return Tried(
@@ -136,7 +136,7 @@ class Calibration:
     def _tell(self) -> None:
         """Print, table and draw what the last attempt has come to."""
         last = self._tried[-1]
-        self._console.print(f"run {last.number}: {told(last)}", markup=False, highlight=False)
+        self._console.print(f"attempt {last.number}: {told(last)}", markup=False, highlight=False)
         write_table(self._out / TABLE, self._tried)
         picture = draw(self._tried, self._aim, self._out / f"attempt-{last.number}.png", title=self._scene.title)
         shutil.copyfile(picture, self._out / PICTURE)
@@ -176,6 +176,6 @@ class Calibration:
         if finished := self._finished:
             best = min(finished, key=lambda one: (one.numerics == CHEAP, one.found.misfit))
             self._leave(best)
-            found = f"run {best.number}, off by {best.found.misfit:.3g} times what is allowed"
+            found = f"attempt {best.number}, off by {best.found.misfit:.3g} times what is allowed"
             said = f"{said}; {self._out / CASE} has the best, {found}"
         raise RunError(f"{said}.")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,6 +13,7 @@ from wavetank.postprocess.style import BLUE, CM, GREY, INK, PALE_GREY, VERMILION
 from wavetank.theory.plane_waves import PlaneWaves
 
 PERIODS = 6.0  # shown on either side of a crest
+LINE = 70  # characters
 
 
 def draw(tried: Sequence[Tried], aim: Aim, path: Path, *, title: str) -> Path:
@@ -21,7 +23,7 @@ def draw(tried: Sequence[Tried], aim: Aim, path: Path, *, title: str) -> Path:
         _draw_records(records, tried[-1], aim)
         _draw_spectrum(spectrum, aim.waves(tried[-1].setting), aim.waves(aim.start))
         _draw_misfits(misfits, tried)
-        figure.suptitle(f"{title}{': ' if title else ''}run {tried[-1].number}", fontsize=12, parse_math=False)
+        figure.suptitle(f"{title}{': ' if title else ''}attempt {tried[-1].number}", fontsize=12, parse_math=False)
     return path
 
 
@@ -33,7 +35,9 @@ def _draw_records(panel: Axes, one: Tried, aim: Aim) -> None:
     if not one.cause:
         panel.plot(one.found.elevation.t, CM * one.found.elevation.eta, color=BLUE, label="found")
     else:
-        panel.text(0.02, 0.95, one.cause, transform=panel.transAxes, va="top", wrap=True, fontsize=8)
+        panel.axhline(0.0, color=GREY, lw=0.8)
+        why = panel.text(0.02, 0.5, fill(one.cause, LINE), transform=panel.transAxes, va="center", fontsize=9)
+        why.set_in_layout(False)
     if alone:
         half = PERIODS * scale(aim.waves(one.setting)).period
         last = np.inf if one.cause else one.found.elevation.t[-1]
@@ -60,8 +64,9 @@ def _draw_misfits(panel: Axes, tried: Sequence[Tried]) -> None:
         marks = np.where(these, misfits, np.nan)
         panel.plot(numbers, marks, "o", color=BLUE, mfc=face, label=f"{numerics} numerics")
     panel.axhline(1.0, color=GREY, lw=0.8, ls="--")
-    panel.set(xlabel="run", title="misfit, of what is allowed", yscale="log")
+    panel.set(xlabel="attempt", title="misfit, of what is allowed", yscale="log")
     panel.set_xticks(numbers)
+    panel.set_xlim(0.7, numbers[-1] + 0.3)
     panel.set_ylim(*(np.nanmin(np.append(misfits, 0.5)) / 1.5, np.nanmax(np.append(misfits, 2.0)) * 1.5))
     number_logarithms(panel.yaxis)
     panel.legend()

@@ -12,7 +12,7 @@ from wavetank.errors import RecordError
 from wavetank.records.whole import replace
 
 COLUMNS = (
-    *("run", "runs so far", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
+    *("attempt", "runs", "numerics", "crest [m]", "x [m]", "t [s]", "nrms", "misfit over allowed"),
     *("waves that broke", "CPU [s]", "cause"),
 )
 
