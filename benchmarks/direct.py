@@ -53,5 +53,6 @@ class DirectMinimum:
         right.array = -right.array - np.broadcast_to(wall[:, : self._n], (len(phi), self._n)).ravel()
         self._ksp.solve(right, solution)
         phi[:, : self._n] = solution.array.reshape(-1, self._n)
-        self.flow = self._operator.apply_surface(phi)
+        image = self._operator.apply(phi)
+        self.flow, self.kinetic = image[:, -1].copy(), float((phi * image).sum())
         return 1

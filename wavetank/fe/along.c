@@ -1,4 +1,4 @@
-/* Interior potentials along a slice or ring, of wavetank/fe/along.py; layers.c and chain.c stand before.
+/* Interior potentials along a slice or ring, of wavetank/fe/along.py; layers.c and decoupled.c stand before.
 
 MODES           vertical modes; a chain is a matrix for each of them
 
@@ -6,56 +6,6 @@ All is of single precision: a correction to a potential, whose residual is of do
 #define GROUPS ((MODES + ABREAST - 1) / ABREAST)
 #define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
 #define ENOUGH 1e-10            /* of a residual's energy: less is round-off of single precision */
-
-/* Take over the modes of layers that are averaged over the depth; lambda[group][mode]. */
-static void decouple(const Cells *cells, const Layers *layers, const REAL *state, const REAL *lambda, const Chain *c)
-{
-    clear_chain(c);
-    EACH(b, cells->batches) {
-        v A[NODES][NODES] = {{{0.0}}}, B[NODES][NODES] = {{{0.0}}};
-        EACH(q, POINTS) {
-            v along = zero, up = zero;
-            EACH(z, LEVELS) {
-                const stored *k = (const stored *)state + (((long)b * POINTS + q) * LEVELS + z) * HESSIANS;
-                along += k[0], up += k[HESSIANS - 1];
-            }
-            EACH(i, NODES)
-                EACH(j, NODES) {
-                    A[i][j] += cells->slopes[q * NODES + i] * cells->slopes[q * NODES + j] * along;
-                    B[i][j] += cells->values[q * NODES + i] * cells->values[q * NODES + j] * up;
-                }
-        }
-        EACH(i, NODES)
-            EACH(j, NODES)
-                EACH(l, LANES) {
-                    const long row = cells->dofs[(b * NODES + i) * LANES + l];
-                    const long other = cells->dofs[(b * NODES + j) * LANES + l];
-                    if (other > row)
-                        continue;
-                    EACH(group, c->groups)
-                        *entry(c, group, row, other) += A[i][j][l] + ((const abreast *)lambda)[group] * B[i][j][l];
-                }
-    }
-    factorise(c);
-}
-
-/* x <- the sum over modes j of s_j times the inverse of mode j of s_j r, all [degree of freedom]; s[group][mode]. */
-static void respond(const Chain *c, const REAL *s, const double *r, double *x, REAL *work)
-{
-    abreast *rows = (abreast *)work;
-    memset(x, 0, sizeof(double) * c->dofs);
-    EACH(group, c->groups) {
-        const abreast share = ((const abreast *)s)[group];
-        EACH(i, c->dofs)
-            rows[c->row[i]] = share * (REAL)r[i];
-        solve_group(c, group, 1, rows, rows);
-        EACH(i, c->dofs) {
-            const abreast part = share * rows[c->row[i]];
-            EACH(j, ABREAST)
-                x[i] += part[j];
-        }
-    }
-}
 
 /* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
 static void product_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y,

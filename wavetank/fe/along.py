@@ -5,6 +5,8 @@ section 4). A residual is of double precision; what is added to the potential fo
 of it compiled as one (``along.c``), and takes the error down by up to five digits. Then there is a new residual.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,83 +19,91 @@ from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
 
-Singles = NDArray[np.float32]
-
 MOST = 200  # iterations
 ABREAST = 8  # modes at a time
 NO_MINIMUM = "the interior potential has no minimum: the water column is not positive everywhere"
-DECLARATIONS = f"""{CHAIN}
-typedef struct {{
-    double kinetic, residual;
-}} Found;
-void decouple(const Cells *, const Layers *, const REAL *state, const REAL *lambda, const Chain *);
+DECLARATIONS = """
+void decouple(const Cells *, const Layers *, const REAL *fields, const REAL *lambda, const Chain *);
 void respond(const Chain *, const REAL *s, const double *r, double *x, REAL *work);
+"""
+CORRECTION = """
+typedef struct {
+    double kinetic, residual;
+} Found;
 int correct(const Cells *, const Layers *, const REAL *state, const Chain *, const double *wall, int stride,
             double *phi, double *image, double tolerance, int most, double *steps, Found *, REAL *work);
 """
 
 
-class Along:
-    """The operator of a slice or ring in single precision, and its modes where layers are averaged; see ``Layer``.
+def along(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
+    """Return the operator of a slice or ring, with its modes where layers are averaged; see ``LayerOperator``."""
+    more = _code(plane, vertical, ordered=False), CHAIN + DECLARATIONS
+    return LayerOperator(energy, plane, vertical, column=column, more=more)
+
+
+def _single(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
+    """Return the same in single precision, its rows as places follow each other, with what is compiled for solves."""
+    more = _code(plane, vertical, ordered=True) + source("along.c"), CHAIN + DECLARATIONS + CORRECTION
+    order = followed(plane)
+    return LayerOperator(energy, plane, vertical, column=column, more=more, real="float", order=order, stored=True)
+
+
+def _code(plane: Plane, vertical: VerticalBasis, *, ordered: bool) -> str:
+    sizes = {"MODES": vertical.n, "BAND": plane.order, "ABREAST": ABREAST, "ORDERED": int(ordered)}
+    return defined(sizes) + source("chain.c") + source("decoupled.c")
+
+
+class Averaged:
+    """A layer averaged over the depth, along a slice or ring; see ``Layer``.
 
     Parameters
     ----------
-    energy
-        e(u, w, zeta), in UFL.
-    column
-        The field by which derivatives are taken.
-
-    Attributes
-    ----------
     operator
-        See ``LayerOperator``; its rows stand as places follow each other.
+        Made by ``along``.
     """
 
-    def __init__(self, energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field):
-        sizes = {"MODES": vertical.n, "BAND": plane.order, "ABREAST": ABREAST}
-        more = defined(sizes) + source("chain.c") + source("along.c"), DECLARATIONS
-        self.plane = plane
-        self.operator = LayerOperator(
-            energy, plane, vertical, column=column, more=more, real="float", order=followed(plane), stored=True
-        )
+    def __init__(self, operator: LayerOperator, plane: Plane):
+        self._operator, self._plane = operator, plane
 
-    def assemble(self) -> Singles:
-        """Return the operator's state for the fields as they are, of which modes make averages themselves."""
-        self.operator.update()
-        return self.operator.state.copy()
+    def assemble(self) -> Vector:
+        """Return the fields as they are, of which modes make averages themselves."""
+        self._operator.update()
+        return np.array(self._operator.rows)
 
-    def modes(self, eigenvalues: Vector) -> "AlongModes":
+    def modes(self, eigenvalues: Vector) -> "AveragedModes":
         """See ``Layer``."""
-        return AlongModes(self, eigenvalues)
+        return AveragedModes(self._operator, self._plane, eigenvalues)
 
 
-class AlongModes:
+class AveragedModes:
     """The decoupled problems of some vertical modes: (S_u + Lambda_j S_w) a_j = r_j, layers averaged; see ``Modes``.
 
     Parameters
     ----------
+    operator
+        Made by ``along``, or the same in single precision.
     eigenvalues
         Lambda_j, shape (m,).
     """
 
-    def __init__(self, along: Along, eigenvalues: Vector):
-        self._operator, plane, m = along.operator, along.plane, eigenvalues.size
-        self._padding = (0, -m % ABREAST)
-        groups = (m + self._padding[1]) // ABREAST
-        self._eigenvalues = np.pad(eigenvalues, self._padding, mode="edge").astype(np.float32)
-        self._work = np.empty((plane.size, ABREAST), dtype=np.float32)
-        self.chain = chain(self._operator.kernel, plane, groups=groups, abreast=ABREAST)
+    def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector):
+        self._operator, groups = operator, -(-eigenvalues.size // ABREAST)
+        padding, real = (0, groups * ABREAST - eigenvalues.size), operator.kernel.real
+        self._eigenvalues = np.pad(eigenvalues, padding, mode="edge").astype(real)
+        self._work = np.empty((plane.size, ABREAST), dtype=real)
+        self.chain = chain(operator.kernel, plane, groups=groups, abreast=ABREAST)
 
-    def take(self, averages: Singles) -> None:
-        """Take over the operator with this state."""
+    def take(self, averages: NDArray[Any]) -> None:
+        """Take over the operator with these fields."""
         kernel, operator, at = self._operator.kernel, self._operator, self._operator.kernel.pointer
         kernel.call.decouple(operator.cells, operator.layers, at(averages), at(self._eigenvalues), self.chain)
 
     def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
-        """See ``Modes``; to single precision."""
+        """See ``Modes``; exactly."""
         kernel, found, at = self._operator.kernel, np.empty_like(right), self._operator.kernel.pointer
-        shares = np.pad(shares, self._padding).astype(np.float32)
-        kernel.call.respond(self.chain, at(shares), at(np.ascontiguousarray(right)), at(found), at(self._work))
+        padded = np.zeros_like(self._eigenvalues)
+        padded[: shares.size] = shares
+        kernel.call.respond(self.chain, at(padded), at(np.ascontiguousarray(right)), at(found), at(self._work))
         return found
 
 
@@ -103,9 +113,9 @@ class Minimum:
     Parameters
     ----------
     operator
-        Of the energy, in double precision.
-    along
-        The same in single precision.
+        Made by ``along``.
+    energy, column
+        As given to that.
     tolerance
         Of the error's energy, relative to that of the potential; its square root.
 
@@ -118,27 +128,39 @@ class Minimum:
     """
 
     def __init__(
-        self, operator: LayerOperator, along: Along, plane: Plane, vertical: VerticalBasis, *, tolerance: float
+        self,
+        operator: LayerOperator,
+        energy: LayerEnergy,
+        plane: Plane,
+        vertical: VerticalBasis,
+        *,
+        column: Field,
+        tolerance: float,
     ):
-        self._operator, self._along, self._tolerance = operator, along, tolerance
-        self._modes = along.modes(vertical.eigenvalues)
+        self._operator, self._tolerance = operator, tolerance
+        self._single = single = _single(energy, plane, vertical, column=column)
+        self._modes = AveragedModes(single, plane, vertical.eigenvalues)
         row = ABREAST * -(-vertical.n // ABREAST)
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
         self._steps, self._last = np.empty((MOST + 1, 2)), 0
-        self._found = along.operator.kernel.struct("Found", {"kinetic": 0.0, "residual": 0.0})
+        kernel = single.kernel
+        self._found = kernel.struct("Found", {"kinetic": 0.0, "residual": 0.0})
+        self._of = single.cells, single.layers, kernel.pointer(single.state), self._modes.chain
+        self._room = kernel.pointer(self._steps), self._found, kernel.pointer(self._work)
         self.flow: Vector = np.zeros(plane.size)
         self.kinetic = 0.0
 
     def factor(self) -> None:
         """Make a preconditioner of the operator for the fields as they are."""
-        self._modes.take(self._along.assemble())
+        self._single.update()
+        self._modes.take(self._single.rows)
 
     def find(self, phi: Vector, wall: Vector) -> int:
         """Set the interior columns of phi, shape (dofs, n+1), from what they are; return the iterations.
 
         ``wall`` is what the wall adds, broadcastable to that shape. Raises ``ConvergenceError``.
         """
-        self._along.operator.update()
+        self._single.follow(self._operator)
         iterations, wall = 0, np.ascontiguousarray(wall)
         while True:
             image = self._operator.apply(phi)
@@ -155,22 +177,9 @@ class Minimum:
 
     def _correct(self, phi: Vector, image: Vector, wall: Vector, most: int) -> int:
         """Add to phi what takes its error down, and to its image's last column; return the iterations."""
-        operator, at = self._along.operator, self._along.operator.kernel.pointer
-        taken: int = operator.kernel.call.correct(
-            operator.cells,
-            operator.layers,
-            at(operator.state),
-            self._modes.chain,
-            at(wall),
-            wall.shape[1] if len(wall) > 1 else 0,
-            at(phi),
-            at(image),
-            self._tolerance,
-            most,
-            at(self._steps),
-            self._found,
-            at(self._work),
-        )
+        call, at = self._single.kernel.call, self._single.kernel.pointer
+        rows = wall.shape[1] if len(wall) > 1 else 0
+        taken: int = call.correct(*self._of, at(wall), rows, at(phi), at(image), self._tolerance, most, *self._room)
         self._last = max(0, taken)
         return taken
 

@@ -67,16 +67,14 @@ class CellPlaces:
             Shape (N,).
         """
         nodes, targets = self._nodes[cells], points[:, : self._gdim]
+        if nodes.shape[1] == 2:  # a straight piece of a line
+            return _on_line(targets, nodes[:, 0], nodes[:, 1] - nodes[:, 0])
         local = np.tile(basix.geometry(self._element.cell_type).mean(axis=0), (len(points), 1))
         for _ in range(ITERATIONS):
             values = tabulate(self._element, 1, local)
             off = targets - np.einsum("nd,ndg->ng", values[0], nodes)
             jacobians = np.einsum("knd,ndg->ngk", values[1:], nodes)
-            if jacobians.shape[2] == 1:
-                along = jacobians[:, :, 0]
-                towards = (along * off).sum(axis=1, keepdims=True) / (along * along).sum(axis=1, keepdims=True)
-            else:
-                towards = np.einsum("nkg,ng->nk", np.linalg.pinv(jacobians), off)
+            towards = np.einsum("nkg,ng->nk", np.linalg.pinv(jacobians), off)
             moved = self._inside(local + towards)
             step, local = np.abs(moved - local).max(initial=0.0), moved
             if step < SETTLED:
@@ -91,3 +89,12 @@ class CellPlaces:
             local = np.maximum(local, 0.0)
             return np.asarray(local / np.maximum(1.0, local.sum(axis=1, keepdims=True)))
         return np.clip(local, 0.0, 1.0)
+
+
+def _on_line(targets: Vector, start: Vector, along: Vector) -> Nearest:
+    """Return the nearest places of points on pieces of lines from a start along something, all of shape (N, axes)."""
+    off = targets - start
+    part = ((off * along).sum(axis=1) / (along * along).sum(axis=1))[:, None]
+    local = np.minimum(np.maximum(part, 0.0), 1.0)
+    away = off - local * along
+    return Nearest(local, np.sqrt((away * away).sum(axis=1)))

@@ -42,6 +42,7 @@ class Density:
         self._constants = [one for one in extract_constants(e) if one not in inputs]
         index_map = plane.V.dofmap.index_map
         self._values, self._size = [one.x.array for one in self._fields], index_map.size_local + index_map.num_ghosts
+        self._numbers = [one.value for one in self._constants]  # where they are kept
         self.fields = len(self._fields)
         self._names = dict(inputs)
         self._names |= {one: f"f{n}" for n, one in enumerate(self._fields)}
@@ -61,7 +62,7 @@ class Density:
 
     def constants(self) -> Vector:
         """Return the constants as they are; at least one number."""
-        return np.array([float(constant.value) for constant in self._constants] or [0.0])
+        return np.array([float(number) for number in self._numbers] or [0.0])
 
     def put_in(self, code: str, made: Mapping[str, Makes]) -> str:
         """Return C code where each name, a line of its own, is what is ``made`` of the density at that point.

@@ -104,6 +104,8 @@ class LayerOperator:
         The energy at a point.
     kernel, cells, layers, state
         The compiled functions, and what they are called with; the state is the fields, or what is kept of them.
+    rows
+        The fields as they were taken over, [degree of freedom][field], as arrays stand here.
     least
         The column's least value at the points of this rank's cells: between nodes it may be lower than there.
     """
@@ -150,20 +152,27 @@ class LayerOperator:
         self._constants = self.density.constants().astype(self.kernel.real)
         self.layers = self.kernel.struct("Layers", {**parts, "constants": self._constants})
         kept = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], lanes)
-        self._stored, self.state = stored, np.empty(kept if stored else 0, dtype=self.kernel.real)
-        self.least = np.inf
+        rows = self.density.rows()
+        self.rows, self.least = np.empty(rows.shape, dtype=self.kernel.real), np.inf
+        self.state = np.empty(kept, dtype=self.kernel.real) if stored else self.rows
+        self._at_rows, self._at_state = self.kernel.pointer(self.rows), self.kernel.pointer(self.state)
+        self._of = self.cells, self.layers
         numbering = plane.V.dofmap.index_map
         self._halos = {count: Halo(numbering, count, self.kernel.real) for count in (1, self._numbers)}
 
     def update(self) -> None:
         """Take over the fields as they are, ghosts included."""
         self._constants[:] = self.density.constants()
-        at, rows = self.kernel.pointer, self.density.rows()
-        if self._order is not None:
-            rows = rows[self._order]
-        rows = rows.astype(self.kernel.real, copy=False)
-        self.state = self.state if self._stored else rows
-        self.least = self.kernel.call.take(self.cells, self.layers, at(rows), at(self.state))
+        self._take(self.density.rows())
+
+    def follow(self, other: "LayerOperator") -> None:
+        """Take over the fields as another operator of the same energy has, which stand in their own order there."""
+        self._constants[:] = other._constants
+        self._take(other.rows)
+
+    def _take(self, rows: Array) -> None:
+        self.rows[:] = rows if self._order is None else rows[self._order]
+        self.least = self.kernel.call.take(*self._of, self._at_rows, self._at_state)
 
     def apply(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
@@ -176,12 +185,12 @@ class LayerOperator:
     def _applied(self, product: Any, rows: Array) -> Array:
         halo, at = self._halos[self._numbers], self.kernel.pointer
         x, y = halo.fetch(rows[: self._owned]), np.zeros((halo.size, self._numbers), dtype=self.kernel.real)
-        product(self.cells, self.layers, at(self.state), at(x), at(y))
+        product(*self._of, self._at_state, at(x), at(y))
         return halo.collect(y)
 
     def derivative(self, rows: Vector) -> Vector:
         """Return the derivative of 1/2 x A x by the water column, shape (owned,), for x of (owned, n+1); collective."""
         halo, at = self._halos[1], self.kernel.pointer
         x, y = self._halos[self._numbers].fetch(rows[: self._owned]), np.zeros((halo.size, 1))
-        self.kernel.call.derivative(self.cells, self.layers, at(self.density.rows()), at(x), at(y))
+        self.kernel.call.derivative(*self._of, self._at_rows, at(x), at(y))
         return halo.collect(y)[:, 0]

@@ -199,6 +199,10 @@ class BandedMass(MassMatrix):
         super().__init__(plane, J)
 
     @cached_property
+    def _at_work(self) -> Any:
+        return self._kernel.pointer(self._work)
+
+    @cached_property
     def _factors(self) -> Any:
         return chain(self._kernel, self._plane, groups=1, abreast=1)
 
@@ -208,5 +212,5 @@ class BandedMass(MassMatrix):
     def solve(self, right: Vector) -> Vector:
         """Return the solution for owned values r, shape (owned,)."""
         found, at = np.empty_like(right), self._kernel.pointer
-        self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(found), at(self._work))
+        self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(found), self._at_work)
         return found

@@ -19,6 +19,7 @@ import scipy
 from numpy.typing import NDArray
 
 from wavetank.motions.motion import Array, Motion
+from wavetank.motions.pieces import derivative
 
 Complex = NDArray[np.complex128]
 
@@ -75,6 +76,8 @@ class Tabulated(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative."""
+        if np.ndim(t) == 0:
+            return derivative(self._block(int(t // self._span)), t, order)
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
         which = np.floor(flat / self._span).astype(np.int64)
@@ -84,7 +87,7 @@ class Tabulated(Motion):
         values = np.empty((flat.size, *self.lines.b.shape[1:]))
         for block in blocks:
             here = which == block
-            values[here] = self._block(int(block))(flat[here], nu=order)
+            values[here] = derivative(self._block(int(block)), flat[here], order)
         return values.reshape(times.shape + self.lines.b.shape[1:])[()]
 
     @cached_property

@@ -22,8 +22,16 @@ def largest_stroke(reach: float) -> float:
 
 def share(r: Array) -> Array:
     """Return s(r), shape (N,); before the wall the line that it begins with, for places that the wall has passed."""
-    within = np.clip(r, 0.0, 1.0)
-    return np.where(r < 0.0, 1.0 - r, (1.0 - within) ** 2 * (1.0 + within))
+    within = _between(r, 0.0)
+    return np.where(r < 0.0, 1.0 - r, _inside(within))
+
+
+def _inside(r: Array) -> Array:
+    return np.asarray((1.0 - r) * (1.0 - r) * (1.0 + r))
+
+
+def _between(r: Array, lowest: Array | float) -> Array:
+    return np.asarray(np.minimum(np.maximum(r, lowest), 1.0))
 
 
 def unmapped(r: Array, moved: Array) -> Array:
@@ -32,14 +40,14 @@ def unmapped(r: Array, moved: Array) -> Array:
     Newton's method, started where it converges from one side: at an end where the map is flattest inside, at r = 1/3,
     or at that place where it is steepest there.
     """
-    third = np.full_like(r, 1 / 3)
-    inside = np.clip(r, moved, 1.0)  # places beyond both ends are found without
-    end = np.where(inside > third + share(third) * moved, 1.0, 0.0)
+    third = 1 / 3
+    inside = _between(r, moved)  # places beyond both ends are found without
+    end = inside > third + _inside(np.asarray(third)) * moved
     R = np.where(moved > 0.0, end, third)
     for _ in range(100):
-        change = (R + share(R) * moved - inside) / (1.0 - np.maximum((1.0 - R) * (1.0 + 3.0 * R), 0.0) * moved)
-        R = np.clip(R - change, 0.0, 1.0)
-        if not np.any(np.abs(change) > 1e-14):
+        change = (R + _inside(R) * moved - inside) / (1.0 - (1.0 - R) * (1.0 + 3.0 * R) * moved)
+        R = _between(R - change, 0.0)
+        if not (np.abs(change) > 1e-14).any():
             break
     before = (r - moved) / (1.0 - moved)
     return np.where(r >= 1.0, r, np.where(before < 0.0, before, R))

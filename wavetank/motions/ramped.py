@@ -50,7 +50,7 @@ class Ramped(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of the product by Leibniz' rule; after the ramp that of S."""
-        if np.min(t) >= self.start + self.ramp:
+        if (t if isinstance(t, float) else np.min(t)) >= self.start + self.ramp:
             return self.motion.derivative(t, order, y)
         return sum(self._term(t, order, n, y) for n in range(order + 1))
 

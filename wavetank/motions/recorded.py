@@ -12,6 +12,7 @@ import scipy
 from wavetank.errors import InputError
 from wavetank.motions.lines import hermite
 from wavetank.motions.motion import Array, Motion
+from wavetank.motions.pieces import derivative
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,11 +66,13 @@ class Recorded(Motion):
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; raise ``InputError`` beyond the record."""
         self._check(t)
-        value = self.spline(np.maximum(t, self.start), nu=order)
-        standing = (order > 0) & np.less(t, self.start)
-        return np.where(standing, 0.0, value)[()]
+        if isinstance(t, float) and t >= self.start:
+            return derivative(self.spline, t, order)
+        value = derivative(self.spline, np.maximum(t, self.start), order)
+        return value if order == 0 else value * np.greater_equal(t, self.start)
 
     def _check(self, t: Any) -> None:
         # The last of many steps may end a rounding error late; the spline is smooth enough to go on that far.
-        if np.max(t) > self.duration + 1e-9 * max(1.0, abs(self.duration)):
-            raise InputError(f"paddle motion: t = {np.max(t):g} s asked for; the record ends at {self.duration:g} s.")
+        last = t if isinstance(t, float) else np.max(t)
+        if last > self.duration + 1e-9 * max(1.0, abs(self.duration)):
+            raise InputError(f"paddle motion: t = {last:g} s asked for; the record ends at {self.duration:g} s.")

@@ -25,6 +25,7 @@ class ProgressBar:
     """
 
     plain_lines = 20  # at most
+    every = 0.1  # s, of a bar
 
     def __init__(
         self,
@@ -48,6 +49,7 @@ class ProgressBar:
             disable=not log.console.is_terminal,
         )
         self._task = self._bar.add_task("", total=duration)
+        self._shown = -inf  # when the bar was
 
     def __enter__(self) -> "ProgressBar":
         self._bar.start()
@@ -58,17 +60,21 @@ class ProgressBar:
 
     def observe(self, moment: Moment) -> None:
         """Show the moment."""
+        now = time.monotonic()
+        if not self._bar.disable and (now > self._shown + self.every or moment.t >= self._duration):
+            self._shown, done = now, min(moment.t, self._duration)
+            self._bar.update(self._task, completed=done, description=self._per_step(moment))
+        if moment.t >= self._reported + self._duration / self.plain_lines:
+            self._reported = moment.t
+            left = (now - self._began) * (self._duration - moment.t) / (moment.t - self._t)
+            self._say(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {self._per_step(moment)}")
+
+    def _per_step(self, moment: Moment) -> str:
         solves, iterations = (
             (now - before) / max(1, moment.step - self._step)
             for now, before in zip(self._cost(), self._set_up, strict=True)
         )
-        per_step = f"{solves:.1f} solves, {iterations:.1f} iterations a step"
-        self._bar.update(self._task, completed=min(moment.t, self._duration), description=per_step)
-        if moment.t >= self._reported + self._duration / self.plain_lines:
-            self._reported = moment.t
-            elapsed = time.monotonic() - self._began
-            left = elapsed * (self._duration - moment.t) / (moment.t - self._t)
-            self._say(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {per_step}")
+        return f"{solves:.1f} solves, {iterations:.1f} iterations a step"
 
 
 class Standing:

@@ -123,13 +123,15 @@ class StabilityWatch:
         self._flow.update(moment.q, moment.p, moment.t)
         eta, jump, look = self._flow.elevation, moment.jump, IN_ELEVATION if moment.jump is None else IN_JUMP
         self._last.append(eta.copy() if jump is None else self._waves.mass.solve(jump))
-        self._wall.append(np.zeros_like(eta) + self._dt * self._waves.wall.velocities)
+        self._wall.append(self._dt * self._waves.wall.velocities)
         self._highest = max(self._highest, self._largest(eta))
         if len(self._last) < look.length:
             return
         self._driven = max(self._driven, look.driven * self._largest(look.lower(self._wall)))
-        lower, higher = self._largest(look.lower(self._last)), self._largest(look.higher(self._last))
-        noise = max(0.0, lower - self._driven) / self._highest if higher > SHORT * lower else 0.0
+        lower = self._largest(look.lower(self._last))
+        noise = max(0.0, lower - self._driven) / self._highest
+        if noise and not self._largest(look.higher(self._last)) > SHORT * lower:
+            noise = 0.0
         if noise < look.noise / 10:  # what moves is still the water
             self._frequency = max(self._frequency, self._short.largest_frequency(self._flow))
         self._steps = self._steps + 1 if noise > look.noise else 0
@@ -140,13 +142,14 @@ class StabilityWatch:
 
     def held(self) -> Held:
         """Return the last steps' values, and the largest of what has been seen."""
-        shape = (len(self._last), self._waves.plane.owned)
-        fields = {"last": np.array(self._last).reshape(shape), "wall": np.array(self._wall).reshape(shape)}
-        return fields | {name: getattr(self, name) for name in SEEN}
+        wall = [way.tolist() if way.size == 1 else way for way in self._wall]  # one, of a wall that moves as a whole
+        last = np.array(self._last).reshape(len(self._last), self._waves.plane.owned)
+        return {"last": last, "wall": wall} | {name: getattr(self, name) for name in SEEN}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._last, self._wall = (deque(held[name], maxlen=IN_ELEVATION.length) for name in ("last", "wall"))
+        self._last = deque(held["last"], maxlen=IN_ELEVATION.length)
+        self._wall = deque(map(np.asarray, held["wall"]), maxlen=IN_ELEVATION.length)
         for name in SEEN:
             setattr(self, name, held[name])
 

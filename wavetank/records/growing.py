@@ -82,7 +82,7 @@ class GrowingFile:
         os.fsync(self._file.fileno())
 
     def _check(self, row: NDArray[np.float64]) -> None:
-        if not np.all(np.isfinite(row)):
+        if not np.isfinite(row).all():
             raise RunError(
                 f"t = {row[0]:.6g} s: a value for {self._path.name} is not a finite number; the run has broken down."
             )
@@ -93,7 +93,7 @@ class GrowingFile:
         They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place.
         """
         try:
-            if not os.path.samestat(os.fstat(self._file.fileno()), self._path.stat()):
+            if not os.path.samestat(os.fstat(self._file.fileno()), os.stat(self._path)):
                 raise FileNotFoundError(errno.ENOENT, "replaced by another file")
             place = self._size - over if at is None else at
             self._file.seek(place)
@@ -159,10 +159,9 @@ class TableWriter(GrowingFile):
         Raises ``RunError`` for a number that is not finite, before anything of the row is written, and for a file that
         cannot be written; ``ValueError`` for a row of another length.
         """
-        values = np.array(row, dtype=float)
-        width = len(self._columns)
-        if values.shape != (width,):
-            raise ValueError(f"{self._path.name}: row of shape {values.shape} received; it has {width} columns.")
-        self._check(values[[value is not None for value in row]])
-        self.write(_csv_line("" if value is None else repr(float(value)) for value in row))
+        if len(row) != len(self._columns):
+            raise ValueError(f"{self._path.name}: {len(row)} values received; it has {len(self._columns)} columns.")
+        values = [None if value is None else float(value) for value in row]
+        self._check(np.array([value for value in values if value is not None]))
+        self.write(",".join("" if value is None else repr(value) for value in values).encode() + b"\n")
         self._rows += 1

@@ -60,9 +60,13 @@ class BreakingWatch:
     def look(self, q: Vector, p: Vector, t: float) -> list[SteepCrest]:
         """Return the crests of a state that are steep and swift enough; collective. The first look sees none."""
         self._flow.update(q, p, t)
+        (last, self._last), self.crests = (self._last, None), []
+        steepest = self._flow.largest_slope
+        if steepest < GENTLE / 2:  # nor will there be a steep crest at the next look
+            return []
         profile = self._flow.profile
-        (last, self._last), self.crests = (self._last, (t, profile)), []
-        if last is None or np.abs(profile.slope).max() < GENTLE:
+        self._last = t, profile
+        if last is None or steepest < GENTLE:
             return []
         before = last[1]
         first, end = profile.x[0] + self._waves.depth, profile.x[-1] - self._waves.depth
@@ -74,7 +78,7 @@ class BreakingWatch:
         return [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
 
     def held(self) -> Held:
-        """Return the surface of the last look."""
+        """Return the surface of the last look, if it was not gentle."""
         last = self._last and {"t": self._last[0], "profile": [values.tolist() for values in self._last[1]]}
         return {"last": last}
 

@@ -83,8 +83,8 @@ class CarriedWaves:
 
     def _out_of(self, q: Vector) -> Vector:
         """Return int V eta dv/dx for the masses of eta; collective."""
-        return self._points.integral(self._V * self._points.values(self._waves.mass.solve(q)), slopes=True)
+        return self._points.carried(self._V, self._waves.mass.solve(q), along=False)
 
     def _along(self, chi: Vector) -> Vector:
         """Return V dchi/dx; collective."""
-        return self._waves.mass.solve(self._points.integral(self._V * self._points.slopes(chi)))
+        return self._waves.mass.solve(self._points.carried(self._V, chi, along=True))

@@ -118,11 +118,11 @@ def peaks(height: Vector, *, ripple: float) -> list[tuple[int, int, int]]:
 
 def _trough(height: Vector, peak: int, step: int, ripple: float) -> int:
     """Return where the trough beside a crest is: behind it the surface rises again, or is higher than the crest."""
-    side = height[peak::step] if step > 0 else height[peak::-1]
-    lowest = np.minimum.accumulate(side)
-    ends = np.flatnonzero((side > lowest + ripple) & (lowest < side[0] - ripple) | (side > side[0]))
-    until = int(ends[0]) if ends.size else len(side)
-    return peak + step * int(np.argmin(side[:until]))
+    side = height[peak:] if step > 0 else height[peak::-1]
+    until = int((side > side[0]).argmax()) or len(side)
+    lowest = np.minimum.accumulate(side[:until])
+    rising = (side[:until] > lowest + ripple) & (lowest < side[0] - ripple)
+    return peak + step * int(side[: int(rising.argmax()) or until].argmin())
 
 
 def _crest(
@@ -156,6 +156,6 @@ def _current(x: Vector, velocity: Vector) -> float:
 
 def _upper_half(height: Vector, peak: int, troughs: tuple[int, int]) -> slice:
     left, right = troughs
-    middle = 0.5 * (height[peak] + max(height[left], height[right]))
-    below = np.flatnonzero(height[left : right + 1] <= middle) + left
-    return slice(int(max(below[below < peak], default=left)), int(min(below[below > peak], default=right)) + 1)
+    above = height > 0.5 * (height[peak] + max(height[left], height[right]))
+    before, behind = above[peak:left:-1].argmin(), above[peak : right + 1].argmin()
+    return slice(int(peak - before) if before else left, int(peak + behind) + 1 if behind else right + 1)

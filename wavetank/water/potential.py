@@ -13,7 +13,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.along import NO_MINIMUM, Along, Minimum
+from wavetank.fe.along import NO_MINIMUM, Averaged, Minimum, along
 from wavetank.fe.conjugate_gradients import Array, Steps, condition_number, corrected
 from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.modes import Layer, SolvableLayer, layer_of
@@ -39,9 +39,12 @@ class Minimiser(Protocol):
     ----------
     flow
         The last column of A phi, of the potential found last, shape (owned,).
+    kinetic
+        phi A phi of that, twice its energy.
     """
 
     flow: Vector
+    kinetic: float
 
     def factor(self) -> None:
         """Make a preconditioner of the operator as it is; collective."""
@@ -85,9 +88,8 @@ class InteriorPotential:
         a start value is found among earlier solves; None of a solution like no other. Returns (A phi)_n, shape
         (owned,). Raises ``ConvergenceError``.
         """
-        interior = self._phi.owned[:, :-1]
-        start = None if inputs is None else self._recall.guess(inputs)
-        interior[:] = 0.0 if start is None else start.reshape(interior.shape)
+        if inputs is None or not self._recall.guess(inputs, self._phi.owned):
+            self._phi.owned[:, :-1] = 0.0
         if self.renews:
             self.minimiser.factor()
             self.counters.factorisations += 1
@@ -100,7 +102,7 @@ class InteriorPotential:
             self._fresh_iterations = None
         self._phi.fetch()
         if inputs is not None:
-            self._recall.record(inputs, interior.ravel())
+            self._recall.record(inputs, self._phi.owned)
         return self.minimiser.flow
 
     @property
@@ -157,6 +159,7 @@ class Krylov:
         self._preconditioned = np.zeros((plane.owned, vertical.n + 1), dtype=np.float32)
         self._steps: Steps = []
         self.flow: Vector = np.zeros(plane.owned)
+        self.kinetic = 0.0
 
     def factor(self) -> None:
         """See ``Minimiser``."""
@@ -198,6 +201,10 @@ class Krylov:
         except ConvergenceError as error:
             raise ConvergenceError(f"the interior potential: {error}") from None
         self.flow -= last[:, -1]
+        image = -np.asarray(last, dtype=np.float64)
+        image[:, :-1] -= wall[:, :-1]
+        image[:, -1] = self.flow
+        self.kinetic = self._plane.sum(phi * image)
         return len(self._steps)
 
     @property
@@ -218,11 +225,13 @@ def interior_of(
     energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, tolerance: float
 ) -> Interior:
     """Return what a layer's energy makes, the fields being as they are; on slices of one rank compiled as a whole."""
+    if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
+        operator = along(energy, plane, vertical, column=column)
+        operator.update()
+        minimum = Minimum(operator, energy, plane, vertical, column=column, tolerance=tolerance)
+        return Interior(operator, Averaged(operator, plane), minimum)
     operator = LayerOperator(energy, plane, vertical, column=column)
     operator.update()
-    if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-        along = Along(energy, plane, vertical, column=column)
-        return Interior(operator, along, Minimum(operator, along, plane, vertical, tolerance=tolerance))
     single = LayerOperator(energy, plane, vertical, column=column, real="float")
     layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)
     return Interior(operator, layer, Krylov(operator, single, layer, plane, vertical, tolerance=tolerance))

@@ -129,6 +129,8 @@ class SurfaceFlow(SurfaceVelocity):
         The size of the largest cell [m].
     """
 
+    _profile: Profile | None = None
+
     def _set_up(self) -> None:
         plane, eta, psi = self._waves.plane, self._eta.function, self._psi.function
         points = np.sort(self._points, axis=0)
@@ -158,16 +160,20 @@ class SurfaceFlow(SurfaceVelocity):
         return np.asarray(rows.reshape(-1, values.shape[1]))
 
     def _take(self, values: Vector) -> None:
-        rows = values.reshape(self._cells.size, len(self._points), 3)
-        self._height, self._slope, self._psi_x = self._sorted(values.reshape(-1, 3)).T
-        self._x = self._waves.wall.to_physical(self._places, self._height)[:, 0]
-        self._speeds = np.abs(rows[:, :, 2] / (1 + rows[:, :, 1] ** 2)).max(axis=1, initial=0.0)
-        self._slopes = np.abs(rows[:, :, 1]).max(axis=1, initial=0.0)
+        self._rows, self._profile = values.reshape(-1, 3), None
+        slope, velocity = np.abs(self._rows[:, 1:].T)
+        cells = self._cells.size, len(self._points)
+        self._speeds = (velocity / (1 + slope**2)).reshape(cells).max(axis=1, initial=0.0)
+        self._slopes = slope.reshape(cells).max(axis=1, initial=0.0)
 
     @property
     def profile(self) -> Profile:
-        """The surface last taken, the same on all ranks."""
-        return Profile(self._x, self._height, self._slope, self._psi_x)
+        """The surface last taken, the same on all ranks, found where it is asked for."""
+        if self._profile is None:
+            self._waves.set_time(self._t)
+            height, slope, psi_x = self._sorted(self._rows).T
+            self._profile = Profile(self._waves.wall.to_physical(self._places, height)[:, 0], height, slope, psi_x)
+        return self._profile
 
     def crests(self) -> list[Crest]:
         """Return the crests above still water, in the order of x; of several within a cell, the highest.
@@ -175,7 +181,7 @@ class SurfaceFlow(SurfaceVelocity):
         A ring's seam is a place like any: what rises to it is followed by what lies behind.
         """
         apart = self._waves.plane.chart.apart
-        x, height, slope, psi_x = self._x, self._height, self._slope, self._psi_x
+        x, height, slope, psi_x = self.profile
         if apart(x[-1:], float(x[0]))[0] < 1e-9 * self.cell:  # a ring
             x, (height, slope, psi_x) = np.append(x, x[-1]), (np.append(one, one[0]) for one in (height, slope, psi_x))
         rising = np.flatnonzero((slope[:-1] > 0) & (slope[1:] <= 0) & (height[:-1] > 0))

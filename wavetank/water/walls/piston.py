@@ -151,6 +151,8 @@ class Piston:
         """Return places moved along the normal by a shift [m] of their distances and f X_p; none beyond reach."""
         moved, distances = places.copy(), self.side.distances(places)
         near = np.flatnonzero(distances < self.reach)
+        if not near.size:
+            return moved
         shares = self.shape.at(np.broadcast_to(z, distances.shape)[near])
         positions = shares * self.travel.positions(self.side.along(places[near]))
         moved[near] += np.outer(shift(distances[near], positions), self.side.normal)
@@ -180,7 +182,7 @@ class PistonTerms:
         self.hamiltonian = {wall.part: work}
         self._vector = VectorForm(ufl.derivative(work, phi.function))
         self._energy = ScalarForm(work, plane.comm)
-        self._flux = ScalarForm(wall.flux(wall.travel.acceleration, **parts), plane.comm)
+        power_of_flux = wall.flux(wall.travel.acceleration, **parts)
 
         def density(dt: Any) -> Any:
             later = replace(energy, mapping=wall.after(dt), d=bed.d + dt * bed.rate)
@@ -189,7 +191,7 @@ class PistonTerms:
         self._mu = plane.function("mu")
         _, rate = taylor_coefficients(density, 1, plane.mesh)
         moved = rate - wall.speeding.stretching * R * self._mu.function
-        self._power = ScalarForm(moved * wall.carried, plane.comm)
+        self._power = ScalarForm(moved * wall.carried + power_of_flux, plane.comm)
 
     def vector(self) -> Vector:
         """Return dW/dphi, shape (owned, n+1); collective."""
@@ -204,4 +206,4 @@ class PistonTerms:
         self._mu.set(mu())
         self._wall.travel.set_acceleration()
         self._bed.follow_on(self._wall)
-        return self._power.assemble() + self._flux.assemble()
+        return self._power.assemble()

@@ -23,7 +23,7 @@ class Travel:
     Attributes
     ----------
     velocities
-        X_p' at the y of the owned degrees of freedom [m/s], shape (owned,).
+        X_p' at the y of the owned degrees of freedom [m/s], shape (owned,); of a paddle that moves as a whole (1,).
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
@@ -31,10 +31,10 @@ class Travel:
         self._y, self._place = np.unique(np.round(side.along(plane.places), 9), return_inverse=True)
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''")]
         self.position, self.speed, self.acceleration = (field.function for field in self._fields)
-        self._at: Vector = np.zeros(self._y.size)
+        self._at: Vector = np.zeros(1)
         self._whole: dict[int, Vector] = {}  # the derivatives of X_p now that are the same at all y
         self._accelerated = np.nan  # the time of the acceleration [s]
-        self.velocities: Vector = np.zeros(self._place.size)
+        self.velocities: Vector = np.zeros(1)
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether its position has changed; collective.
@@ -45,8 +45,8 @@ class Travel:
             return False
         self._t, before = t, self._at
         self._whole.clear()
-        self._at, self.velocities = self.positions(self._y), self.speeds(self._y)[self._place]
-        self._set(0, self._at[self._place])
+        self._at, self.velocities = self._here(0), self._here(1)
+        self._set(0, self._at)
         self._set(1, self.velocities)
         return summed(self._comm, float(not np.array_equal(before, self._at))) > 0
 
@@ -54,18 +54,23 @@ class Travel:
         """Bring the acceleration to the time of the position; collective."""
         if self._t != self._accelerated:
             self._accelerated = self._t
-            self._set(2, self._rate(2, self._y)[self._place])
+            self._set(2, self._here(2))
 
     def _set(self, order: int, values: Vector) -> None:
         self._fields[order].set(self._s * values)
 
     def positions(self, y: Vector) -> Vector:
         """Return X_p at places y along the paddle [m], shape (N,)."""
-        return self._rate(0, y)
+        return np.broadcast_to(self._rate(0, y), y.shape)
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
-        return self._rate(1, y)
+        return np.broadcast_to(self._rate(1, y), y.shape)
+
+    def _here(self, order: int) -> Vector:
+        """Return a derivative of X_p at the owned degrees of freedom, shape (owned,), or (1,)."""
+        rate = self._rate(order, self._y)
+        return rate[self._place] if rate.ndim else rate.reshape(1)
 
     def _rate(self, order: int, y: Vector) -> Vector:
         """Return a derivative of X_p at places y, shape (N,); of a paddle that moves as a whole found once a time."""
@@ -74,4 +79,4 @@ class Travel:
             value = np.asarray(self._motion.derivative(self._t, order, y))
             if value.ndim == 0:
                 self._whole[order] = value
-        return np.broadcast_to(value, y.shape)
+        return value
