@@ -21,11 +21,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from rich.box import SIMPLE
 from rich.table import Table
-from scipy.interpolate import CubicSpline
-from scipy.optimize import minimize_scalar
 
 from wavetank.data import GaugeRecords
 from wavetank.errors import InputError
@@ -143,7 +142,7 @@ def _bounds(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last
 
 def _offset(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last: float) -> float:
     """Return the offset [s] of least misfit: a scan of a mean period in twelve finds the minima, which are refined."""
-    splines = [(CubicSpline(one.t, one.eta), other.t, other.eta) for one, other in pairs]
+    splines = [(scipy.interpolate.CubicSpline(one.t, one.eta), other.t, other.eta) for one, other in pairs]
 
     def misfit(offset: float, every: int = 1) -> float:
         squares = []
@@ -164,7 +163,8 @@ def _offset(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last
     minima = np.flatnonzero((seen <= before) & (seen <= after))
     starts = [float(scan[n]) for n in minima[np.argsort(seen[minima])][:MINIMA]]
     bounds = [(max(first, start - step), min(last, start + step)) for start in starts]
-    refined = [minimize_scalar(misfit, bounds=one, method="bounded", options={"xatol": 1e-6}).x for one in bounds]
+    least = scipy.optimize.minimize_scalar
+    refined = [least(misfit, bounds=one, method="bounded", options={"xatol": 1e-6}).x for one in bounds]
     return float(min((*starts, *refined), key=misfit))
 
 
@@ -190,7 +190,7 @@ def compare_gauge(computed: GaugeSeries, reference: GaugeSeries, *, clock_offset
     t, eta = reference.t[common], reference.eta[common]
     if t.size < 4 or not np.any(eta):
         raise InputError(f"gauge {computed.name}: the records do not overlap in time, or the reference is zero there.")
-    spline = CubicSpline(computed.t, computed.eta)
+    spline = scipy.interpolate.CubicSpline(computed.t, computed.eta)
     shift, fit = _fit(spline, t, eta)
     fine = np.linspace(t[0], t[-1], 8 * t.size)
     there, near = spline(t), spline(fine)
@@ -236,7 +236,9 @@ class _Fit(NamedTuple):
     gain: float
 
 
-def _fit(spline: CubicSpline, t: NDArray[np.float64], eta: NDArray[np.float64]) -> tuple[float, _Fit]:
+def _fit(
+    spline: "scipy.interpolate.CubicSpline", t: NDArray[np.float64], eta: NDArray[np.float64]
+) -> tuple[float, _Fit]:
     """Return the shift [s] of the best gain * computed(t - shift), and that fit.
 
     A scan finds the right one of the many minima, one a wave period; each shift is judged on the times at which the
@@ -253,7 +255,9 @@ def _fit(spline: CubicSpline, t: NDArray[np.float64], eta: NDArray[np.float64]) 
     scan, step = np.linspace(-reach, reach, 201, retstep=True)
     start = float(min(scan, key=lambda shift: at(shift).nrms))
     bounds = (max(-reach, start - step), min(reach, start + step))
-    refined = minimize_scalar(lambda s: at(s).nrms, bounds=bounds, method="bounded", options={"xatol": 1e-6})
+    refined = scipy.optimize.minimize_scalar(
+        lambda s: at(s).nrms, bounds=bounds, method="bounded", options={"xatol": 1e-6}
+    )
     shift = float(min((start, refined.x), key=lambda shift: at(shift).nrms))
     return shift, at(shift)
 

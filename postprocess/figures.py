@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from wavetank.case.beds import Depth
 from wavetank.errors import InputError
@@ -203,7 +202,17 @@ def _resampled(surface: Surface) -> NDArray[np.float64]:
     x = np.linspace(surface.x.min(), surface.x.max(), 1200)
     t = np.linspace(surface.t[0], surface.t[-1], 800)
     rows = np.array([np.interp(x, *snapshot) for snapshot in zip(surface.x, surface.eta, strict=True)])
-    return np.asarray(CubicSpline(surface.t, rows)(t))
+    return _between_rows(surface.t, rows, t)
+
+
+def _between_rows(t: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return what cubics that take the slopes of neighbouring rows have in between."""
+    slopes = np.gradient(rows, t, axis=0)
+    first = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
+    h = (t[first + 1] - t[first])[:, None]
+    s = (at - t[first])[:, None] / h
+    turned = (1.0 - s) ** 2 * s * h * slopes[first] - (1.0 - s) * s**2 * h * slopes[first + 1]
+    return np.asarray(rows[first] + s**2 * (3.0 - 2.0 * s) * (rows[first + 1] - rows[first]) + turned)
 
 
 def _draw_paddle(axes: Axes, diagram: Axes, surface: Surface) -> None:

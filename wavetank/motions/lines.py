@@ -15,11 +15,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from wavetank.motions.motion import Array, Motion
-from wavetank.motions.pieces import derivative
+from wavetank.motions.pieces import Pieces, hermite
 
 Complex = NDArray[np.complex128]
 
@@ -72,12 +71,12 @@ class Tabulated(Motion):
     """
 
     lines: Lines
-    _blocks: "dict[int, scipy.interpolate.PPoly]" = field(default_factory=dict, repr=False)
+    _blocks: dict[int, Pieces] = field(default_factory=dict, repr=False)
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative."""
         if np.ndim(t) == 0:
-            return derivative(self._block(int(t // self._span)), t, order)
+            return self._block(int(t // self._span)).derivative(t, order)
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
         which = np.floor(flat / self._span).astype(np.int64)
@@ -87,7 +86,7 @@ class Tabulated(Motion):
         values = np.empty((flat.size, *self.lines.b.shape[1:]))
         for block in blocks:
             here = which == block
-            values[here] = derivative(self._block(int(block)), flat[here], order)
+            values[here] = self._block(int(block)).derivative(flat[here], order)
         return values.reshape(times.shape + self.lines.b.shape[1:])[()]
 
     @cached_property
@@ -106,7 +105,7 @@ class Tabulated(Motion):
         knots = self.lines.step * np.arange(self._intervals + 1)
         return np.asarray(np.exp(-1j * np.multiply.outer(knots, self.lines.omega)))
 
-    def _block(self, number: int) -> "scipy.interpolate.PPoly":
+    def _block(self, number: int) -> Pieces:
         if number not in self._blocks:
             if len(self._blocks) >= KEPT:
                 del self._blocks[next(iter(self._blocks))]
@@ -116,17 +115,3 @@ class Tabulated(Motion):
             values = [np.real(self._turns @ rate) for rate in rates]
             self._blocks[number] = hermite(begin + self.lines.step * np.arange(self._intervals + 1), *values)
         return self._blocks[number]
-
-
-def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> "scipy.interpolate.PPoly":
-    """Return the polynomials of degree 5 between times t [s], shape (N,), with these values there.
-
-    Position, velocity and acceleration in m, m/s, m/s², shape (N,) or (N, M). All three are continuous.
-    """
-    h = np.diff(t).reshape(-1, *(1,) * (X.ndim - 1))
-    v, a = velocity * np.ones_like(X), acceleration
-    moved, v0, v1, a0, a1 = np.diff(X, axis=0), h * v[:-1], h * v[1:], h**2 * a[:-1], h**2 * a[1:]
-    c3 = (20 * moved - 8 * v1 - 12 * v0 - 3 * a0 + a1) / (2 * h**3)
-    c4 = (-30 * moved + 14 * v1 + 16 * v0 + 3 * a0 - 2 * a1) / (2 * h**4)
-    c5 = (12 * moved - 6 * v1 - 6 * v0 - a0 + a1) / (2 * h**5)
-    return scipy.interpolate.PPoly(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)

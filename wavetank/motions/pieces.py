@@ -1,26 +1,55 @@
-"""Piecewise polynomials in time, as SciPy makes them, evaluated for a single time as fast as for many."""
+"""Piecewise polynomials in time, evaluated for a single time as fast as a run needs it; SciPy's take long to load."""
 
 from bisect import bisect_right
+from dataclasses import dataclass
 from math import perm
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    import scipy
+Array = NDArray[np.float64]
 
 
-def derivative(spline: "scipy.interpolate.PPoly", t: Any, order: int) -> Any:
-    """Return the derivative of an order at times t, a number or of any shape; before and behind by the end pieces."""
-    x, c = spline.x, spline.c
-    if isinstance(t, float):
-        piece = min(max(bisect_right(x, t) - 1, 0), len(x) - 2)
-    else:
-        piece = np.minimum(np.maximum(np.searchsorted(x, t, side="right") - 1, 0), len(x) - 2)
-    s, highest = t - x[piece], len(c) - 1
-    if c.ndim > 2:
-        s = np.expand_dims(s, -1)
-    value = 0.0
-    for power in range(highest, order - 1, -1):
-        value = value * s + perm(power, order) * c[highest - power, piece]
-    return value
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Polynomials between breakpoints, as SciPy's ``PPoly`` has them.
+
+    Attributes
+    ----------
+    c
+        Coefficients of the powers of t less the breakpoint before, the highest first, shape (powers, N - 1, ...).
+    x
+        The breakpoints, ascending, shape (N,).
+    """
+
+    c: Array
+    x: Array
+
+    def derivative(self, t: Any, order: int) -> Any:
+        """Return the derivative of an order at times t, a number or of any shape; beyond the ends by the end pieces."""
+        if isinstance(t, float):
+            piece = min(max(bisect_right(self.x, t) - 1, 0), len(self.x) - 2)
+        else:
+            piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), len(self.x) - 2)
+        s, highest = t - self.x[piece], len(self.c) - 1
+        if self.c.ndim > 2:
+            s = np.expand_dims(s, -1)
+        value = 0.0
+        for power in range(highest, order - 1, -1):
+            value = value * s + perm(power, order) * self.c[highest - power, piece]
+        return value
+
+
+def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> Pieces:
+    """Return the polynomials of degree 5 between times t [s], shape (N,), with these values there.
+
+    Position, velocity and acceleration in m, m/s, m/s², shape (N,) or (N, M). All three are continuous.
+    """
+    h = np.diff(t).reshape(-1, *(1,) * (X.ndim - 1))
+    v, a = velocity * np.ones_like(X), acceleration
+    moved, v0, v1, a0, a1 = np.diff(X, axis=0), h * v[:-1], h * v[1:], h**2 * a[:-1], h**2 * a[1:]
+    c3 = (20 * moved - 8 * v1 - 12 * v0 - 3 * a0 + a1) / (2 * h**3)
+    c4 = (-30 * moved + 14 * v1 + 16 * v0 + 3 * a0 - 2 * a1) / (2 * h**4)
+    c5 = (12 * moved - 6 * v1 - 6 * v0 - a0 + a1) / (2 * h**5)
+    return Pieces(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)

@@ -10,9 +10,8 @@ import numpy as np
 import scipy
 
 from wavetank.errors import InputError
-from wavetank.motions.lines import hermite
 from wavetank.motions.motion import Array, Motion
-from wavetank.motions.pieces import derivative
+from wavetank.motions.pieces import Pieces, hermite
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,18 +29,18 @@ class Recorded(Motion):
         Whether its rows have noise.
     """
 
-    spline: "scipy.interpolate.PPoly"
+    spline: Pieces
     measured: bool = True
 
     @classmethod
     def of_positions(cls, t: Array, X: Array) -> "Recorded":
         """Return the cubic spline through positions X [m] at times t [s], ascending, shapes (N,), N >= 4."""
-        return cls(scipy.interpolate.CubicSpline(t, X))
+        return cls(_pieces(scipy.interpolate.CubicSpline(t, X)))
 
     @classmethod
     def of_velocities(cls, t: Array, velocity: Array) -> "Recorded":
         """Return the integral, zero at t[0], of the cubic spline through velocities [m/s] at t [s], shapes (N,)."""
-        return cls(scipy.interpolate.CubicSpline(t, velocity).antiderivative())
+        return cls(_pieces(scipy.interpolate.CubicSpline(t, velocity).antiderivative()))
 
     @classmethod
     def of_states(cls, t: Array, X: Array, velocity: Array, acceleration: Array) -> "Recorded":
@@ -67,8 +66,8 @@ class Recorded(Motion):
         """Return the spline's derivative; raise ``InputError`` beyond the record."""
         self._check(t)
         if isinstance(t, float) and t >= self.start:
-            return derivative(self.spline, t, order)
-        value = derivative(self.spline, np.maximum(t, self.start), order)
+            return self.spline.derivative(t, order)
+        value = self.spline.derivative(np.maximum(t, self.start), order)
         return value if order == 0 else value * np.greater_equal(t, self.start)
 
     def _check(self, t: Any) -> None:
@@ -76,3 +75,7 @@ class Recorded(Motion):
         last = t if isinstance(t, float) else np.max(t)
         if last > self.duration + 1e-9 * max(1.0, abs(self.duration)):
             raise InputError(f"paddle motion: t = {last:g} s asked for; the record ends at {self.duration:g} s.")
+
+
+def _pieces(spline: "scipy.interpolate.PPoly") -> Pieces:
+    return Pieces(spline.c, spline.x)

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from wavetank.motions.lines import hermite
 from wavetank.motions.motion import Array, Motion
+from wavetank.motions.pieces import Pieces, hermite
 from wavetank.theory.solitary_wave import solitary_wave
 
 TAIL = 1e-6  # of the crest: where the wave begins and ends
@@ -39,7 +39,7 @@ class SolitaryPush(Motion):
         When the motion begins [s].
     """
 
-    spline: "scipy.interpolate.PPoly"
+    spline: Pieces
     lead: float
     begin: float = 0.0
 
@@ -50,13 +50,13 @@ class SolitaryPush(Motion):
 
     def scaled(self, factor: float) -> "SolitaryPush":
         """Return the same, so many times as far."""
-        return replace(self, spline=scipy.interpolate.PPoly(factor * self.spline.c, self.spline.x))
+        return replace(self, spline=Pieces(factor * self.spline.c, self.spline.x))
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; before and after it the paddle stands."""
         since, (first, last) = np.subtract(t, self.begin), self.spline.x[[0, -1]]
         moving = (since >= first) & (since <= last)
-        values = self.spline(np.clip(since, first, last), nu=order)
+        values = self.spline.derivative(np.clip(since, first, last), order)
         return np.where(moving | (order == 0), values, 0.0)[()]
 
 
