@@ -18,6 +18,16 @@ def summed(comm: "MPI.Comm", part: Summand) -> Summand:
     return part if comm.size == 1 else comm.allreduce(part)
 
 
+def largest(comm: "MPI.Comm", part: float) -> float:
+    """Return the largest of all ranks' numbers; collective."""
+    if comm.size == 1:
+        return part
+    from mpi4py import MPI
+
+    found: float = comm.allreduce(part, op=MPI.MAX)
+    return found
+
+
 def nearest(gram: Vector, along: Vector, *, shortest: float) -> Vector:
     """Return the weights of vectors whose combination comes closest to a target, shape (k,).
 

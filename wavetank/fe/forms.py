@@ -19,7 +19,7 @@ from mpi4py import MPI
 from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
 from ufl.algorithms.apply_derivatives import apply_derivatives
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.fe.compiled import COMPILER_FLAGS, compiled, loaded
 
 JIT_OPTIONS = {"cffi_extra_compile_args": COMPILER_FLAGS, "cffi_debug": False, "cffi_libraries": None}
@@ -82,7 +82,7 @@ class ScalarForm:
 
     def assemble(self) -> float:
         """Return its value, summed over all ranks; collective."""
-        return float(self._comm.allreduce(fem.assemble_scalar(self._form)))
+        return summed(self._comm, float(fem.assemble_scalar(self._form)))
 
 
 class VectorForm:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 TOP = 0.5  # depths above still water, up to which a paddle's shape is looked at
+LITTLE = 0.1  # reaches
 STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
 
 
@@ -38,12 +39,12 @@ def unmapped(r: Array, moved: Array) -> Array:
     """Return R with R + s(R) moved = r, lengths in reaches, all of shape (N,), for moved < 3/4.
 
     Newton's method, started where it converges from one side: at an end where the map is flattest inside, at r = 1/3,
-    or at that place where it is steepest there.
+    or at that place where it is steepest there. Where little is moved it converges from anywhere.
     """
     third = 1 / 3
     inside = _between(r, moved)  # places beyond both ends are found without
     end = inside > third + _inside(np.asarray(third)) * moved
-    R = np.where(moved > 0.0, end, third)
+    R = np.where(np.abs(moved) < LITTLE, inside, np.where(moved > 0.0, end, third))
     for _ in range(100):
         change = (R + _inside(R) * moved - inside) / (1.0 - (1.0 - R) * (1.0 + 3.0 * R) * moved)
         R = _between(R - change, 0.0)

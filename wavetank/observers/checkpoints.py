@@ -37,7 +37,8 @@ class Checkpoints:
     def observe(self, moment: Moment) -> None:
         """Write one where it is due on the first rank, or note the moment; collective."""
         began = time.monotonic()
-        due, noting = self._comm.bcast((began - self._last > self._age, began - self._noted > self._noting / NOTING))
+        asked = began - self._last > self._age, began - self._noted > self._noting / NOTING
+        due, noting = asked if self._comm.size == 1 else self._comm.bcast(asked)
         if moment.step == 0 or due:
             self._write()
             self._last = self._noted = time.monotonic()

@@ -6,6 +6,7 @@ from types import FrameType
 
 from mpi4py import MPI
 
+from wavetank.arrays import largest
 from wavetank.errors import StoppedError
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
@@ -42,7 +43,7 @@ class Interruption:
 
     def observe(self, moment: Moment) -> None:
         """Raise ``StoppedError`` if a signal has come; collective."""
-        if number := self._comm.allreduce(self._received, op=MPI.MAX):
+        if number := int(largest(self._comm, self._received)):
             self.before()
             if number == signal.SIGUSR1:
                 self._received = 0 if self._received == number else self._received

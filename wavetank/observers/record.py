@@ -7,7 +7,7 @@ from typing import Any, Protocol
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.errors import RecordError, RunError
 from wavetank.fe.agreed import agreed
 from wavetank.observers.contract import Moment
@@ -93,7 +93,7 @@ class RecordCheck:
 
     def observe(self, moment: Moment) -> None:
         """Raise ``RecordError`` if a rank has met one; collective."""
-        if self._comm.allreduce(any(record.failure for record in self._records), op=MPI.LOR):
+        if summed(self._comm, float(any(record.failure for record in self._records))):
             agreed(self._comm, self._raise)
 
     def _raise(self) -> None:

@@ -22,9 +22,8 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
-from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, largest
 from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
@@ -154,8 +153,7 @@ class StabilityWatch:
             setattr(self, name, held[name])
 
     def _largest(self, values: Vector) -> float:
-        found = float(np.abs(values).max(initial=0.0))
-        return float(self._waves.plane.comm.allreduce(found, op=MPI.MAX))
+        return largest(self._waves.plane.comm, float(np.abs(values).max(initial=0.0)))
 
     def _place(self, look: Alternating) -> str:
         """Return in words where what alternates is largest; collective."""

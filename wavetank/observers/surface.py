@@ -36,6 +36,8 @@ class SurfaceSnapshots:
         self._points: Points | None = None  # where those are not the places of this mesh
 
     def _gather(self, owned: Vector) -> Vector:
+        if self._waves.plane.comm.size == 1:
+            return owned
         parts = self._waves.plane.comm.gather(owned)
         return np.concatenate(parts) if parts else np.zeros(0)
 

@@ -5,9 +5,8 @@ the cells there oscillate faster than on still water, and it is there that a ste
 """
 
 import numpy as np
-from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, largest
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
@@ -22,13 +21,13 @@ class ShortWaves:
         plane = waves.plane
         self._comm = plane.comm
         self._k = np.pi * plane.order / _widths(waves)
-        largest = self._comm.allreduce(float(self._k.max(initial=0.0)), op=MPI.MAX)
-        self._still = waves.largest_frequency * np.sqrt(self._k / largest)
+        highest = largest(self._comm, float(self._k.max(initial=0.0)))
+        self._still = waves.largest_frequency * np.sqrt(self._k / highest)
 
     def largest_frequency(self, flow: SurfaceVelocity) -> float:
         """Return the largest frequency [rad/s] on the surface as it moves now; collective."""
         shifted = float((self._still + self._k * flow.speeds).max(initial=0.0))
-        return float(self._comm.allreduce(shifted, op=MPI.MAX))
+        return largest(self._comm, shifted)
 
 
 def _widths(waves: NonlinearWaves) -> Vector:

@@ -10,7 +10,7 @@ import numpy as np
 import ufl
 from mpi4py import MPI
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, largest
 from wavetank.fe.forms import compile_expression
 from wavetank.fe.plane import Plane
 from wavetank.water.crests import Profile
@@ -117,7 +117,7 @@ class SurfaceVelocity:
         return self._largest(self._slopes)
 
     def _largest(self, values: Vector) -> float:
-        return float(self._comm.allreduce(float(values.max(initial=0.0)), op=MPI.MAX))
+        return largest(self._comm, float(values.max(initial=0.0)))
 
 
 class SurfaceFlow(SurfaceVelocity):
