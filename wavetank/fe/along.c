@@ -5,7 +5,8 @@ MODES           vertical modes; a chain is a matrix for each of them
 All is of single precision: a correction to a potential, whose residual is of double precision. */
 #define GROUPS ((MODES + ABREAST - 1) / ABREAST)
 #define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
-#define ENOUGH 1e-10            /* of a residual's energy: less is round-off of single precision */
+#define ENOUGH 1e-10            /* of a residual's energy: then it is found anew */
+#define ROUND_OFF 1e-13         /* of it: so much of single precision is left */
 
 /* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
 static void product_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y,
@@ -83,7 +84,7 @@ static int correct(const Cells *cells, const Layers *layers, const REAL *state, 
             steps[2 * iterations - 1] = beta;
         else
             first = rz, target = tolerance * tolerance * (kinetic * scale * scale + rz);
-        found->residual = rz / target;
+        found->residual = (iterations && rz < ROUND_OFF * first ? ROUND_OFF * first : rz) / target;
         if (rz < 0.0)
             return -2;
         if (!(rz > target && rz > ENOUGH * first))
