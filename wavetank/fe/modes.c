@@ -99,20 +99,32 @@ static void diagonals(const Cells *c, const REAL *averages, REAL *y)
     }
 }
 
-/* r -= Ad, d = keep d + take r / D, x += d. What is next to nothing is nothing: such numbers are slow. */
-static void smooth(long size, const REAL *inverse_diagonals, REAL keep, REAL take, const REAL *restrict Ad,
-                   REAL *restrict r, REAL *restrict d, REAL *restrict x)
+/* r -= Ad, d = keep d + take r / D, x += d, all [dof][mode], D = diagonals[dof][2] of S_u and S_w. What is next to nothing
+   is nothing: such numbers are slow. */
+INLINE void smooth_rows(long rows, const REAL *restrict diagonals, const REAL *lambda, int many, REAL keep, REAL take,
+                        const REAL *restrict Ad, REAL *restrict r, REAL *restrict d, REAL *restrict x)
 {
-    for (long k = 0; k < size; ++k) {
-        const REAL residual = r[k] - Ad[k];
-        r[k] = residual > NOTHING || residual < -NOTHING ? residual : 0;
-        d[k] = keep * d[k] + take * inverse_diagonals[k] * r[k];
-        x[k] += d[k];
-    }
+    for (long i = 0; i < rows; ++i)
+        EACH(j, many) {
+            const long k = i * many + j;
+            const REAL residual = r[k] - Ad[k];
+            r[k] = residual > NOTHING || residual < -NOTHING ? residual : 0;
+            d[k] = keep * d[k] + take * r[k] / (diagonals[2 * i] + lambda[j] * diagonals[2 * i + 1]);
+            x[k] += d[k];
+        }
 }
 
-INLINE void spread_rows(long rows, const int *pointers, const int *columns, const REAL *entries, int many,
-                        const REAL *restrict x, REAL *restrict y)
+static void smooth(long rows, const REAL *diagonals, const REAL *lambda, int many, REAL keep, REAL take, const REAL *Ad,
+                   REAL *r, REAL *d, REAL *x)
+{
+    if (many == NUMBERS)
+        smooth_rows(rows, diagonals, lambda, NUMBERS, keep, take, Ad, r, d, x);
+    else
+        smooth_rows(rows, diagonals, lambda, NUMBERS - 1, keep, take, Ad, r, d, x);
+}
+
+INLINE void interpolate_rows(long rows, const int *pointers, const int *columns, const REAL *entries, int many,
+                             const REAL *restrict x, REAL *restrict y)
 {
     for (long i = 0; i < rows; ++i) {
         REAL sum[NUMBERS] = {0};
@@ -124,12 +136,31 @@ INLINE void spread_rows(long rows, const int *pointers, const int *columns, cons
     }
 }
 
-/* y = A x, A of sparse rows, [row][mode]. */
-static void spread(long rows, const int *pointers, const int *columns, const REAL *entries, int many,
-                   const REAL *restrict x, REAL *restrict y)
+INLINE void restrict_rows(long rows, const int *pointers, const int *columns, const REAL *entries, int many,
+                          const REAL *restrict x, REAL *restrict y)
+{
+    for (long i = 0; i < rows; ++i)
+        for (int k = pointers[i]; k < pointers[i + 1]; ++k)
+            EACH(j, many)
+                y[(long)columns[k] * many + j] += entries[k] * x[i * many + j];
+}
+
+/* y = P x, P of sparse rows, [row][mode]. */
+static void interpolate(long rows, const int *pointers, const int *columns, const REAL *entries, int many, const REAL *x,
+                        REAL *y)
 {
     if (many == NUMBERS)
-        spread_rows(rows, pointers, columns, entries, NUMBERS, x, y);
+        interpolate_rows(rows, pointers, columns, entries, NUMBERS, x, y);
     else
-        spread_rows(rows, pointers, columns, entries, NUMBERS - 1, x, y);
+        interpolate_rows(rows, pointers, columns, entries, NUMBERS - 1, x, y);
+}
+
+/* y += P' x. */
+static void restrict_to(long rows, const int *pointers, const int *columns, const REAL *entries, int many, const REAL *x,
+                        REAL *y)
+{
+    if (many == NUMBERS)
+        restrict_rows(rows, pointers, columns, entries, NUMBERS, x, y);
+    else
+        restrict_rows(rows, pointers, columns, entries, NUMBERS - 1, x, y);
 }

@@ -6,7 +6,6 @@ precision, and quadrature is exact only where coefficients are constant in each 
 """
 
 import numpy as np
-import scipy.sparse as sparse
 from dolfinx.fem.petsc import interpolation_matrix
 from numpy.typing import NDArray
 
@@ -27,10 +26,12 @@ DECLARATIONS = """
 void average(const Cells *, const Layers *, const float *fields, float *out);
 void multiply(const Cells *, const float *averages, const float *lambda, int many, const float *x, float *y);
 void diagonals(const Cells *, const float *averages, float *y);
-void smooth(long size, const float *inverse_diagonals, float keep, float take, const float *Ad, float *r, float *d,
-            float *x);
-void spread(long rows, const int *pointers, const int *columns, const float *entries, int many, const float *x,
-            float *y);
+void smooth(long rows, const float *diagonals, const float *lambda, int many, float keep, float take, const float *Ad,
+            float *r, float *d, float *x);
+void interpolate(long rows, const int *pointers, const int *columns, const float *entries, int many, const float *x,
+                 float *y);
+void restrict_to(long rows, const int *pointers, const int *columns, const float *entries, int many, const float *x,
+                 float *y);
 """
 
 
@@ -99,8 +100,6 @@ class OrderMultigrid(Responding):
 
     Attributes
     ----------
-    inverse_diagonals
-        Of their matrices, shape (owned, m).
     steps
         Of smoothing, before and after.
     spread
@@ -123,15 +122,15 @@ class OrderMultigrid(Responding):
         self._averages, linear = averages
         at, y = self._kernel.pointer, np.zeros((self._one.size, 2), dtype=np.float32)
         self._kernel.call.diagonals(self._cells, at(self._averages), at(y))
-        of_u, of_w = self._one.collect(y).T
-        self.inverse_diagonals = 1.0 / (of_u[:, None] + of_w[:, None] * self._eigenvalues)
+        self._diagonals = self._one.collect(y)
         largest = self.margin * self._largest_eigenvalue()
         self._bounds = largest / self.spread, largest
         self._coarse.take(linear)
 
     def _largest_eigenvalue(self) -> float:
         """Return the largest of all modes, with Jacobi's preconditioner, by Lanczos' method; collective."""
-        scale, modes = np.sqrt(self.inverse_diagonals), self._eigenvalues.size
+        of_u, of_w = self._diagonals.T
+        scale, modes = (of_u[:, None] + of_w[:, None] * self._eigenvalues) ** -0.5, self._eigenvalues.size
 
         def inner(a: Vector, b: Vector) -> Vector:
             return np.asarray(self._plane.comm.allreduce((a * b).sum(axis=0)))
@@ -168,12 +167,12 @@ class OrderMultigrid(Responding):
         centre, radius = (largest + lowest) / 2, (largest - lowest) / 2
         ratio, keep, take = radius / centre, 0.0, 1 / centre
         direction, image = np.zeros_like(r), np.zeros_like(r)
-        at = self._kernel.pointer
+        at, (rows, many) = self._kernel.pointer, r.shape
+        matrices = rows, at(self._diagonals), at(self._eigenvalues), many
         for step in range(self.steps):
             if step:
                 image = self.product(direction)
-            diagonals = at(self.inverse_diagonals)
-            self._kernel.call.smooth(r.size, diagonals, keep, take, at(image), at(r), at(direction), at(x))
+            self._kernel.call.smooth(*matrices, keep, take, at(image), at(r), at(direction), at(x))
             after = 1.0 / (2 * centre / radius - ratio)
             keep, take, ratio = after * ratio, 2 * after / radius, after
         return direction
@@ -212,10 +211,7 @@ class LinearModes:
         interpolation.assemble()
         pointers, columns, weights = interpolation.getValuesCSR()
         here = numbering.global_to_local(columns.astype(np.int64))
-        self._prolongation = sparse.csr_matrix(
-            (weights.astype(np.float32), here, pointers), shape=(fine.owned, self._halo.size)
-        )
-        self._restriction = self._prolongation.T.tocsr()
+        self._rows, self._interpolation = fine.owned, (pointers, here, weights.astype(np.float32))
         self._modes = linear.modes(eigenvalues)
 
     def take(self, averages: Averages) -> None:
@@ -224,12 +220,10 @@ class LinearModes:
 
     def correction(self, residual: Singles) -> Singles:
         """Return what elements of order 1 make of a residual, both of shape (owned, m); collective."""
-        coarse = self._modes.solve(self._halo.collect(self._spread(self._restriction, residual)))
-        return self._spread(self._prolongation, self._halo.fetch(coarse.astype(np.float32)))
-
-    def _spread(self, matrix: sparse.csr_matrix, x: Singles) -> Singles:
-        rows, many, at = matrix.shape[0], x.shape[1], self._kernel.pointer
-        y = np.empty((rows, many), dtype=np.float32)
-        parts = at(matrix.indptr), at(matrix.indices), at(matrix.data)
-        self._kernel.call.spread(rows, *parts, many, at(x), at(y))
-        return y
+        many, at, call = residual.shape[1], self._kernel.pointer, self._kernel.call
+        interpolation = self._rows, *map(at, self._interpolation), many
+        right, fine = np.zeros((self._halo.size, many), dtype=np.float32), np.empty_like(residual)
+        call.restrict_to(*interpolation, at(residual), at(right))
+        coarse = self._halo.fetch(self._modes.solve(self._halo.collect(right)).astype(np.float32))
+        call.interpolate(*interpolation, at(coarse), at(fine))
+        return fine
