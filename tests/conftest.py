@@ -121,13 +121,18 @@ def recorded(case: str | Path, changes: tuple[str, ...], out: Path) -> None:
 
 def needs_marin() -> None:
     """Skip a test that reads MARIN's data, where they are not."""
+    needs_data("marin-202002", "PistonVelocity.dat")
+
+
+def needs_data(name: str, file: str) -> None:
+    """Skip a test that reads a file of a known data set, where it is not."""
     from wavetank import data
     from wavetank.errors import InputError
 
     try:
-        data.find("marin-202002", "PistonVelocity.dat")
+        data.find(name, file)
     except InputError:
-        pytest.skip("the MARIN data are not on this machine; wavetank data fetch marin-202002 brings them")
+        pytest.skip(f"{name}/{file} is not on this machine; wavetank data fetch {name} brings it")
 
 
 def fitted_slope(sizes, errors) -> float:

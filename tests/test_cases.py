@@ -3,9 +3,11 @@
 Basins are coarse here, slices have few layers. Oracles: mass to round-off, and the same on both.
 """
 
+import re
+
 import numpy as np
 import pytest
-from conftest import needs_marin, recorded
+from conftest import needs_data, recorded
 from ranks import CHECKOUT
 
 from wavetank.case import Scene
@@ -27,8 +29,8 @@ def changes_of(scene: Scene) -> tuple[str, ...]:
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.stem)
 def test_a_case_steps_on_one_rank_and_on_two(case, on_ranks, tmp_path):
-    if case.stem == "marin-202002":
-        needs_marin()
+    for name, file in re.findall(r'"data:([^/"]+)/([^"]+)"', case.read_text(encoding="utf-8")):
+        needs_data(name, file)
     scene = read_case(case)
     changes = changes_of(scene)
     recorded(case, changes, tmp_path / "1")
