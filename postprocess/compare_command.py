@@ -37,7 +37,7 @@ def compare(
 ) -> None:
     """Compare a run with measurements, or another run, at the gauges."""
     folder = own_folder(run) if out is None else out
-    names = ("compare.csv", "compare.png", *["compare-harmonics.csv"] * (period is not None))
+    names = ("compare.csv", "compare.png", *("compare-harmonics.csv", "compare-harmonics.png") * (period is not None))
     check_new(*(folder / name for name in names), overwrite=overwrite or out is None)
     given = None if (Path(reference) / MANIFEST).is_file() else data.opened(reference)
     if given and given.heights is not None:
@@ -106,6 +106,7 @@ def _compare_gauges(
     comparison.write_comparison(folder / "compare.csv", compared)
     if harmonic:
         compare_harmonics.write_harmonics(folder / "compare-harmonics.csv", harmonic)
+        compare_harmonics.harmonics_figure(folder / "compare-harmonics.png", harmonic)
         tables.append(compare_harmonics.harmonics_table(harmonic))
     published = [gauge for series, _ in others for gauge in series]
     gauges_figure(measured, computed, published, folder / "compare.png")

@@ -12,6 +12,7 @@ from rich.table import Table
 from wavetank.postprocess.analysis.harmonics import harmonics
 from wavetank.postprocess.analysis.records import elevation
 from wavetank.postprocess.compare import matched, write_rows
+from wavetank.postprocess.style import BLUE, GREEN, VERMILION, picture
 from wavetank.records.series import GaugeSeries
 
 NUMBER = 3  # harmonics compared
@@ -54,6 +55,25 @@ def compare_harmonics(
 def write_harmonics(path: Path, found: Sequence[HarmonicComparison]) -> None:
     """Write ``compare-harmonics.csv``, one row a gauge and harmonic."""
     write_rows(path, COLUMNS, map(astuple, found))
+
+
+def harmonics_figure(path: Path, found: Sequence[HarmonicComparison]) -> None:
+    """Draw the amplitudes along the tank, or gauge by gauge where not all places are known."""
+    places = {one.gauge: one.x for one in found}
+    known = bool(np.isfinite([*places.values()]).all())
+    at = places if known else {gauge: float(n) for n, gauge in enumerate(places)}
+    with picture(path, 9, 4.6) as figure:
+        axes = figure.add_subplot()
+        for harmonic, colour in enumerate((BLUE, VERMILION, GREEN), start=1):
+            ones = sorted((one for one in found if one.harmonic == harmonic), key=lambda one: at[one.gauge])
+            x = [at[one.gauge] for one in ones]
+            theirs, ours = [1e3 * one.reference for one in ones], [1e3 * one.computed for one in ones]
+            axes.plot(x, theirs, "o", ms=8, mfc="none", color=colour, label=f"reference, harmonic {harmonic}")
+            axes.plot(x, ours, ".-", color=colour, label=f"computed, harmonic {harmonic}")
+        axes.set(xlabel="x [m]" if known else "gauge", ylabel="amplitude [mm]", ylim=(0, None))
+        if not known:
+            axes.set_xticks([*at.values()], [*at])
+        figure.legend(ncols=3, loc="outside lower center")
 
 
 def harmonics_table(found: Sequence[HarmonicComparison]) -> Table:

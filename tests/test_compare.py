@@ -279,6 +279,7 @@ def test_a_clock_and_harmonics_are_asked_for_on_the_command_line(tmp_path):
     )
     assert float(row["clock_offset [s]"]) == pytest.approx(-1.7, abs=1e-4) and float(row["nrms"]) < 1e-3
     assert len(harmonic) == 3 and abs(float(harmonic[0]["error"])) < 1e-3
+    assert (tmp_path / "run" / "compare-harmonics.png").stat().st_size > 10_000
     for clock in ("soon", "3,1", "1,2,3", ""):
         refused = commanded(*words, "--clock", clock)
         assert refused.returncode == 2 and f"--clock {clock!r} received; allowed is 'free'" in refused.stderr

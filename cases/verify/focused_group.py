@@ -158,6 +158,8 @@ def _draw_missed(axes: Axes, found: Sequence[Focus]) -> None:
         missed = [one.missed()[n] for one in found]
         axes.loglog(steepnesses, missed, "o-", color=colour, label=f"{name} order: slope {power:.2f}")
     axes.set(xlabel="$k_p A$ [-]", ylabel="missed by theory / A (rms) [-]", title="What the orders miss")
+    axes.set_xticks(steepnesses, [f"{one:g}" for one in steepnesses])
+    axes.set_xticks([], minor=True)
     axes.legend()
 
 
