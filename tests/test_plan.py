@@ -19,6 +19,7 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.record import Memory
 from wavetank.plan import cost_model
 from wavetank.plan.cost_model import CostModel
+from wavetank.plan.defaults import LOOSEST, solved_to
 from wavetank.plan.dispersion import Cells, Mesh, step_errors, wave_errors
 from wavetank.plan.error_model import ErrorModel, Settings
 from wavetank.plan.plan import AIM, make_plan, own_plan
@@ -226,7 +227,7 @@ def test_steep_waves_cost_as_many_more_solves(steepness):
     solves = []
     for one in (0.02, steepness):
         scene, period = standing(np.pi / 2, 1, amplitude=one / (np.pi / 2), periods=1)
-        numerics = {"cells": 4, "order": 4, "vertical_order": 8, "dt": period / 20}
+        numerics = {"cells": 4, "order": 4, "vertical_order": 8, "dt": period / 20, "tolerance": LOOSEST}
         named = Scene.model_validate(scene.model_dump(mode="json") | {"numerics": numerics})
         run, waves = build_run(named, MPI.COMM_SELF)
         before = waves.potential.counters.solves
@@ -412,6 +413,15 @@ def test_no_cheaper_neighbour_is_accurate_enough():
         settings = Settings(**{**vars(best), **change})
         stable = settings.dt * errors.mesh(best.order, best.cells, best.vertical_order).largest_frequency < 0.95 * limit
         assert errors.predict(settings) > AIM * 1e-2 or not stable
+
+
+def test_solves_are_a_thousandth_of_the_accuracy_unless_a_case_says_otherwise():
+    scene, _ = standing(1.0, 1, amplitude=0.01)
+    named = Scene.model_validate(scene.model_dump(mode="json") | {"numerics": {"tolerance": 1e-9}})
+    for one, tolerances in ((scene, (LOOSEST, 1e-6)), (named, (1e-9, 1e-9))):
+        found = [make_plan(one, accuracy).applied_to(one).numerics.tolerance for accuracy in (1e-1, 1e-3)]
+        assert found == pytest.approx(tolerances)
+    assert solved_to(1e-2, scene) == {"tolerance": 1e-5} and solved_to(1e-2, named) == {}
 
 
 def test_an_accuracy_that_cannot_be_had_is_refused():

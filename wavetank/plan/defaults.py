@@ -28,6 +28,7 @@ PER_WAVE = {1: 60.0, 2: 7.0}  # cells of an order in the shortest wave: its freq
 OF_HIGHER_ORDER = 3.0  # so it is by order 3
 ROUGH = 0.01  # of the depth: what is less of a bed need not be held
 VERTICAL = 1e-4  # largest relative error of its frequency by the vertical order
+SOLVED, LOOSEST = 1e-3, 1e-5  # of the accuracy, and at most: tolerances of a step's solves
 POINTS, LINES = 8192, 5  # at which surface and bed are looked at, along each of so many lines
 
 
@@ -52,10 +53,17 @@ def resolved(scene: Scene) -> Scene:
         kd = float(airy.wave_number(omega, bed.deep, _g(scene))) * bed.deep
         changes["vertical_order"] = max(scene.numerics.vertical_order, _vertical_order(kd))
     if scene.numerics.open:
+        changes |= solved_to(DEFAULT, scene)
         changes["order"] = scene.numerics.order  # none is left to be planned
     elif all(getattr(scene.numerics, key) == value for key, value in changes.items()):
         return scene
     return scene.model_copy(update={"numerics": scene.numerics.model_copy(update=changes)})
+
+
+def solved_to(accuracy: float, scene: Scene) -> dict[str, float]:
+    """Return the tolerance of a step's solves that an accuracy asks for, by its key; nothing if the scene names one."""
+    named = "tolerance" in scene.numerics.model_fields_set
+    return {} if named else {"tolerance": min(SOLVED * accuracy, LOOSEST)}
 
 
 def _g(scene: Scene) -> float:

@@ -22,6 +22,7 @@ from wavetank.case import LinearWater, NonlinearWater, Physics, Scene
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
+from wavetank.plan.defaults import solved_to
 from wavetank.plan.dispersion import Mesh
 from wavetank.plan.error_model import ErrorModel, ErrorPart, Settings
 from wavetank.plan.requirements import Requirements, requirements
@@ -98,6 +99,7 @@ class Plan:
     def applied_to(self, scene: Scene) -> Scene:
         """Return the scene with the plan's water and numerics, nothing left to be planned."""
         changes: dict[str, Any] = {"accuracy": None, "cell_size": None, **asdict(self.settings)}
+        changes |= solved_to(self.accuracy, scene)
         water = LinearWater() if self.physics == "linear" else NonlinearWater()
         return scene.model_copy(update={"water": water, "numerics": scene.numerics.model_copy(update=changes)})
 

@@ -6,21 +6,20 @@ chi = psi - B eta of a state obey, but for a small change of gravity,
     d eta/dt = G chi - d(V eta)/dx,     d chi/dt = -g eta - V d chi/dx
 
 (Alinhac's good unknown; Lannes, J. Amer. Math. Soc. 18, 2005). G is near that of still water, and a stage's derivative
-nearly that of linear waves on still water times 1 + a (V d/dx), which is inverted by its series.
+nearly that of linear waves on still water times 1 + a (V d/dx), which is inverted by 1 - a (V d/dx).
 """
 
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.fe.surface_points import SurfacePoints
 from wavetank.hamiltonian.contract import Stage
-from wavetank.hamiltonian.stage_solver import Preconditioner
-from wavetank.water.still_water import WavesOverStillWater
+from wavetank.water.still_water import StillWaterWaves, WavesOverStillWater
 
-TERMS = 2  # of the series
-LARGEST = 0.5  # of a V k with the wave number k = pi p / l of the mesh, for which the series still serves
+LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
 
 
 class Surface(NamedTuple):
@@ -47,7 +46,7 @@ class CarriedWaves:
         That of linear waves on still water.
     """
 
-    def __init__(self, waves: Waves, still: Preconditioner):
+    def __init__(self, waves: Waves, still: StillWaterWaves):
         self._waves, self._still, self._points = waves, still, SurfacePoints(waves.plane)
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
         self._t = np.nan  # of the stage for which the velocities were found
@@ -62,13 +61,12 @@ class CarriedWaves:
             self._look(LARGEST * self._shortest / abs(stage.weight))
         if not self._known:
             return self._still(stage, residual)
-        mass, a = self._waves.mass, stage.weight
+        mass, a, at = self._waves.mass, stage.weight, self._points
         q, psi = residual.reshape(2, -1)
-        q, chi = self._still(stage, np.concatenate([q, psi - self._B * mass.solve(q)])).reshape(2, -1)
-        first = q, chi
-        for _ in range(TERMS):
-            q, chi = first[0] + a * self._out_of(q), first[1] - a * self._along(chi)
-        return np.concatenate([q, chi + self._B * mass.solve(q)])
+        eta, chi = self._still.surface(stage, q, psi - self._B * mass.solve(q))
+        carried = a * at.carried(self._V, eta, along=False)
+        chi -= a * mass.solve(at.carried(self._V, chi, along=True))
+        return np.concatenate([mass.apply(eta) + carried, chi + self._B * (eta + mass.solve(carried))])
 
     def _look(self, most: float) -> None:
         """Find the velocities at the surface of the point last evaluated, cut off at so much [m/s]; collective."""
@@ -79,12 +77,8 @@ class CarriedWaves:
         at, solve = self._points, self._waves.mass.solve
         slope, psi_x, rate = at.slopes(surface.eta), at.slopes(surface.psi), at.values(solve(surface.rate))
         B = (rate + slope * psi_x) / (1 + slope**2)
-        self._V, self._B = (np.clip(one, -most, most) for one in (psi_x - B * slope, solve(at.integral(B))))
-
-    def _out_of(self, q: Vector) -> Vector:
-        """Return int V eta dv/dx for the masses of eta; collective."""
-        return self._points.carried(self._V, self._waves.mass.solve(q), along=False)
-
-    def _along(self, chi: Vector) -> Vector:
-        """Return V dchi/dx; collective."""
-        return self._waves.mass.solve(self._points.carried(self._V, chi, along=True))
+        self._V = np.clip(psi_x - B * slope, -most, most)
+        fastest = self._waves.plane.comm.allreduce(float(np.abs(self._V).max(initial=0.0)), op=MPI.MAX)
+        self._known = fastest * LARGEST > LEAST * most
+        if self._known:
+            self._B = np.clip(solve(at.integral(B)), -most, most)

@@ -67,14 +67,17 @@ class StillWaterWaves:
 
     def __call__(self, stage: Stage, residual: Vector) -> Vector:
         """Return the preconditioned residual, shape (2 owned,); collective."""
-        a, g, mass = stage.weight, self._waves.gravity, self._waves.mass
-        r_q, r_psi = residual.reshape(2, -1)
+        eta, psi = self.surface(stage, *residual.reshape(2, -1))
+        return np.concatenate([self._waves.mass.apply(eta), psi])
+
+    def surface(self, stage: Stage, r_q: Vector, r_psi: Vector) -> tuple[Vector, Vector]:
+        """Return the same as elevation and potential, shape (owned,) each; collective."""
+        a, g, sums = stage.weight, self._waves.gravity, self._waves.plane.sum
         solver, surface = self._solver(a)
-        right = mass.apply(r_psi) / (a**2 * g) - r_q / a
-        psi = solver.respond(surface, right, cycles=CYCLES)
-        q, sums = mass.apply(r_psi - psi) / (a * g), self._waves.plane.sum
-        q += self._uniform * (sums(r_q - q) / sums(self._uniform))  # over a bed, or beside a wall: no mass is made
-        return np.concatenate([q, psi])
+        psi = solver.respond(surface, self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a, cycles=CYCLES)
+        eta = (r_psi - psi) / (a * g)
+        missing = sums(r_q) - sums(self._uniform * eta)
+        return eta + missing / sums(self._uniform), psi  # over a bed, or beside a wall: no mass is made
 
 
 def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
