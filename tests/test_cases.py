@@ -23,7 +23,7 @@ MASS = {1: "mass [m^2]", 2: "mass [m^3]"}
 
 def changes_of(scene: Scene) -> tuple[str, ...]:
     if scene.numerics.accuracy is not None:
-        return ("run.duration=1.0",)  # steps and all are planned
+        return "run.duration=1.0", "numerics.tolerance=1e-6"  # to which ranks agree; steps and all else are planned
     return TWICE + (COARSE if isinstance(scene.tank, BasinTank) else ("numerics.vertical_order=2",))
 
 

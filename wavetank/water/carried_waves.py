@@ -66,7 +66,8 @@ class CarriedWaves:
         eta, chi = self._still.surface(stage, q, psi - self._B * mass.solve(q))
         carried = a * at.carried(self._V, eta, along=False)
         chi -= a * mass.solve(at.carried(self._V, chi, along=True))
-        return np.concatenate([mass.apply(eta) + carried, chi + self._B * (eta + mass.solve(carried))])
+        kept = self._still.keeping(q, mass.apply(eta) + carried)
+        return np.concatenate([kept, chi + self._B * (eta + mass.solve(carried))])
 
     def _look(self, most: float) -> None:
         """Find the velocities at the surface of the point last evaluated, cut off at so much [m/s]; collective."""

@@ -67,17 +67,21 @@ class StillWaterWaves:
 
     def __call__(self, stage: Stage, residual: Vector) -> Vector:
         """Return the preconditioned residual, shape (2 owned,); collective."""
-        eta, psi = self.surface(stage, *residual.reshape(2, -1))
-        return np.concatenate([self._waves.mass.apply(eta), psi])
+        r_q, r_psi = residual.reshape(2, -1)
+        eta, psi = self.surface(stage, r_q, r_psi)
+        return np.concatenate([self.keeping(r_q, self._waves.mass.apply(eta)), psi])
 
     def surface(self, stage: Stage, r_q: Vector, r_psi: Vector) -> tuple[Vector, Vector]:
-        """Return the same as elevation and potential, shape (owned,) each; collective."""
-        a, g, sums = stage.weight, self._waves.gravity, self._waves.plane.sum
+        """Return the same as elevation and potential, shape (owned,) each, but for the elevation's mean; collective."""
+        a, g = stage.weight, self._waves.gravity
         solver, surface = self._solver(a)
         psi = solver.respond(surface, self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a, cycles=CYCLES)
-        eta = (r_psi - psi) / (a * g)
-        missing = sums(r_q) - sums(self._uniform * eta)
-        return eta + missing / sums(self._uniform), psi  # over a bed, or beside a wall: no mass is made
+        return (r_psi - psi) / (a * g), psi
+
+    def keeping(self, r_q: Vector, q: Vector) -> Vector:
+        """Return q with the mass of r_q: over a bed, or beside a wall, none is made; collective."""
+        sums = self._waves.plane.sum
+        return q + self._uniform * (sums(r_q - q) / sums(self._uniform))
 
 
 def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
