@@ -509,7 +509,7 @@ def test_the_command_proposes_and_judges(wavetank):
     assert result.returncode == 0, result.stderr
     assert re.search(r"water: linear; at k a = 0\.00\d+ linear theory misses", result.stdout)
     assert "as the case stands" in result.stdout
-    energy = ("wall = Ẋ_p d ∫ f φ dζ at the paddle", "linear waves leave the wall where it is", "∇d = 0: the bed is flat")
+    energy = "wall = Ẋ_p d ∫ f φ dζ at the paddle", "linear waves leave the wall where it is", "∇d = 0: the bed is flat"
     assert all(line in result.stdout for line in energy)
     for name in ("cell size dx [m]", "step dt [s]", "integrator", "dt omega_max", "predicted error", "memory"):
         assert name in result.stdout
