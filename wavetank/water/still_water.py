@@ -76,7 +76,7 @@ class StillWaterWaves:
         a, g = stage.weight, self._waves.gravity
         solver, surface = self._solver(a)
         psi = solver.respond(surface, self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a, cycles=CYCLES)
-        return (r_psi - psi) / (a * g), psi
+        return np.asarray((r_psi - psi) / (a * g)), psi
 
     def keeping(self, r_q: Vector, q: Vector) -> Vector:
         """Return q with the mass of r_q: over a bed, or beside a wall, none is made; collective."""
