@@ -18,6 +18,7 @@ from wavetank.calibrate.numerics import cheaper
 from wavetank.calibrate.record import mixed
 from wavetank.calibrate.waves import Lines, moved, scale, table
 from wavetank.case import Scene
+from wavetank.case.contents import contents
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.records.directory import PADDLE, RunDirectory
@@ -276,14 +277,34 @@ def test_what_the_drive_cannot_do_is_said_of_the_run_that_needs_it(tiny, tmp_pat
     assert read_case(tmp_path / "out" / CASE).motion() is not None  # the best there is
 
 
-def test_what_cannot_be_run_is_given_up_in_a_sentence(tiny, monkeypatch, tmp_path):
+def ended(status, cause):
+    """Return what runs nothing, and leaves directories of runs that have ended so."""
+
+    def run(self, runs):
+        for one in runs:
+            scene = one.scene.model_dump(mode="json")
+            with RunWriter(self.directory(one), {"scene": scene, "files": contents(one.scene)}) as writer:
+                writer.finish(status, {"cause": cause})
+            yield one, Outcome("failed", cause)
+
+    return run
+
+
+def test_waves_that_break_are_given_up_in_a_sentence(tiny, monkeypatch, tmp_path):
     monkeypatch.setattr(module, "draw", lambda tried, aim, path, title: path.touch() or path)
-    monkeypatch.setattr(module.Runner, "run", lambda self, runs: ((one, Outcome("failed", "it broke")) for one in runs))
-    monkeypatch.setattr(module, "RunDirectory", lambda path: type("Run", (), {"path": path, "manifest": {}}))
+    monkeypatch.setattr(Runner, "run", ended("broke down", "it broke."))
     said = tiny()
     assert said.returncode == 1 and len(said.stderr.splitlines()) == 1
     assert "not reached: waves as high as it needs cannot be run (it broke)" in said.stderr
-    assert [row["cause"] for row in rows(tmp_path / "out")] == ["it broke"] * 3
+    crests = [np.loadtxt(tmp_path / "out" / f"attempt-{n}.csv", delimiter=",")[:, 1].sum() for n in (1, 2, 3)]
+    assert crests == pytest.approx([0.05, 0.05 * np.exp(-0.2), 0.05 * np.exp(-0.4)], rel=1e-6)  # gentler each time
+    assert [row["cause"] for row in rows(tmp_path / "out")] == ["it broke."] * 3
+
+
+def test_a_run_that_fails_for_another_reason_ends_the_calibration(tiny, monkeypatch):
+    monkeypatch.setattr(Runner, "run", ended("failed", "the disk is full."))
+    said = tiny()
+    assert said.returncode == 1 and said.stderr == "wavetank: the disk is full.\n"
 
 
 @pytest.mark.parametrize(
@@ -298,6 +319,7 @@ def test_what_cannot_be_run_is_given_up_in_a_sentence(tiny, monkeypatch, tmp_pat
         ("focusing", ["target={type='record', file='none.txt', x=3.0}"], "none.txt: cannot be read"),
         ("focusing", ["target={type='record', file='ETA', x=3.0, start=30.0}"], "has 0 rows that count"),
         ("focusing", ["target={type='record', file='ETA', x=23.0}"], "when none of them can be there"),
+        ("focusing", ["wall.motion.components=5000", "target={type='components', x=3.0}"], "target: is too long"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_calibrated_is_refused_in_a_sentence(tmp_path, case, changes, sentence):
@@ -318,6 +340,21 @@ def test_a_surface_that_is_wished_for_is_the_record_that_is_wanted(tmp_path):
     aim, meant = aim_of(scene), scene.wall.motion.waves(scene.tank, scene.wall.maker).target
     times = np.arange(20.0, 28.0, 0.3)
     np.testing.assert_allclose(aim.waves(aim.start).elevation(4.0, times), meant.elevation(4.0, times), atol=0.02)
+
+
+def test_nothing_of_others_is_replaced(tmp_path):
+    case, file = tmp_path / "case.toml", tmp_path / "file"
+    case.write_text(TINY.format(crest=0.05))
+    file.touch()
+    for out, sentence in (
+        (tmp_path, "its case.toml would be replaced, and is the case"),
+        (file, "cannot be written (File exists)"),
+    ):
+        said = commanded("calibrate", str(case), "--out", str(out))
+        assert said.returncode == 2 and sentence in said.stderr
+    said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path))
+    assert said.returncode == 2 and "holds files that would be replaced" in said.stderr
+    assert sorted(tmp_path.iterdir()) == [case, file] and case.read_text() == TINY.format(crest=0.05)
 
 
 def test_a_gauge_that_is_not_in_a_table_is_refused_by_its_name(tmp_path):

@@ -24,7 +24,8 @@ PADDLE = "must be a paddle that moves as a whole, in a slice: its motion is look
 MADE = "regular, bichromatic, irregular, focused, components or surface"
 FEWEST = 16  # rows of a record that count
 PER_PERIOD = 8  # times of a record in the shortest period
-MOST_NUMBERS = 10**7  # times by components, unless the shortest period needs more
+MOST_NUMBERS = 10**7  # times by frequencies, unless the shortest period needs more, and then twice as many
+MOST_LINES = 4000  # frequencies
 
 
 def aim_of(scene: Scene) -> Aim:
@@ -63,7 +64,7 @@ def _crest(target: CrestTarget, scene: Scene) -> Aim:
 
 def _components(target: ComponentsTarget, scene: Scene) -> Aim:
     waves = _made(scene)
-    t = _times(0.0, scene.run.duration, float(waves.omega.max()))
+    t = _times(0.0, scene.run.duration, waves.omega)
     wanted = Elevation(t, waves.elevation(target.x, t))
     return RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True)
 
@@ -83,7 +84,7 @@ def _record(target: RecordTarget, scene: Scene) -> Aim:
     waves = waves_along(*of, depth=tank.depth, gravity=tank.gravity, **where)
     judged = 2 * np.pi * found.frequencies
     fewest = min(t.size, int(MOST_NUMBERS / judged.size))
-    times = _times(t[0], t[-1], float(judged.max()), fewest=fewest)
+    times = _times(t[0], t[-1], judged, fewest=fewest)
     wanted = Elevation(times, CubicSpline(t, eta)(times))
     return RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
 
@@ -113,9 +114,14 @@ def _middle(t: Array, eta: Array) -> float:
     return float(t[np.searchsorted(passed, passed[-1] / 2)])
 
 
-def _times(start: float, end: float, omega: float, *, fewest: int = 2) -> Any:
-    """Return equally spaced times [s], so many in the shortest period at least."""
-    return np.linspace(start, end, max(fewest, int((end - start) * omega / (2 * np.pi) * PER_PERIOD) + 2))
+def _times(start: float, end: float, omega: Array, *, fewest: int = 2) -> Array:
+    """Return equally spaced times [s], so many in the shortest period at least; raise ``SceneError`` for too many."""
+    number = max(fewest, int((end - start) * omega.max() / (2 * np.pi) * PER_PERIOD) + 2)
+    if number * omega.size > 2 * MOST_NUMBERS or omega.size > MOST_LINES:
+        received = f"{number} times and {omega.size} frequencies received"
+        allowed = f"is too long: {received}; allowed are {MOST_LINES} frequencies, and {2 * MOST_NUMBERS:.0e} of both"
+        raise SceneError([Problem(("target",), None, f"{allowed}, fewer by a shorter record or run, or components")])
+    return np.linspace(start, end, number, dtype=np.float64)
 
 
 AIMS: dict[type, Callable[[Any, Scene], Aim]] = {

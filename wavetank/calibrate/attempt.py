@@ -66,7 +66,6 @@ class Attempt:
     """
 
     def __init__(self, number: int, scene: Scene, aim: Aim, setting: Setting, *, phases: Sequence[float], folder: Path):
-        folder.mkdir(parents=True, exist_ok=True)
         self.case, waves = folder / f"attempt-{number}.toml", folder / f"attempt-{number}.csv"
         replace(waves, table(aim.waves(setting)).encode())
         said = with_waves(scene, aim, waves.name, recorded=True)

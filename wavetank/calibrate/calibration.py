@@ -55,6 +55,7 @@ class Calibration:
         self, case: Path, *, out: Path, overrides: Sequence[str] = (), most: int, yes: bool = False, console: Console
     ):
         self._out, self._most, self._yes, self._console = out, most, yes, console
+        _check_own(out, case)
         self._scene = read_case(case, overrides)
         with located(case, overrides):
             self._aim = aim_of(self._scene)
@@ -67,6 +68,10 @@ class Calibration:
 
         Raises ``RunError`` if interrupted, and where the target cannot be reached: of the best there is the case, too.
         """
+        try:
+            self._out.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"--out {self._out}: cannot be written ({error.strerror}).") from None
         setting = self._aim.start
         while self._runs + len(self._phases) <= self._most:
             tried = self._run(setting)
@@ -122,16 +127,18 @@ class Calibration:
         )
 
     def _cause(self, runner: Runner, runs: Sequence[Combination]) -> str:
-        """Run what has not ended; return why one has not finished, or nothing; raise ``RunError`` for one refused."""
-        where = {one.name: runner.directory(one) for one in runs}
-        broken = [one for one in runs if status_of(where[one.name], one) == RunError.status]
-        causes = [str(RunDirectory(where[one.name]).manifest["cause"]) for one in broken]
-        for _, outcome in runner.run([one for one in runs if one not in broken]):
-            if outcome.status == "refused":
+        """Run what has not ended; return why the water broke down in one of them, or nothing.
+
+        Raises ``RunError`` where a run has not finished for another reason.
+        """
+
+        def broken(one: Combination) -> bool:
+            return status_of(runner.directory(one), one) == RunError.status
+
+        for one, outcome in runner.run([one for one in runs if not broken(one)]):
+            if outcome.status != "finished" and not broken(one):
                 raise RunError(outcome.cause)
-            if outcome.status != "finished":
-                causes.append(outcome.cause)
-        return next(iter(causes), "")
+        return next((str(RunDirectory(runner.directory(one)).manifest["cause"]) for one in runs if broken(one)), "")
 
     def _tell(self) -> None:
         """Print, table and draw what the last attempt has come to."""
@@ -179,3 +186,11 @@ class Calibration:
             found = f"attempt {best.number}, off by {best.found.misfit:.3g} times what is allowed"
             said = f"{said}; {self._out / CASE} has the best, {found}"
         raise RunError(f"{said}.")
+
+
+def _check_own(folder: Path, case: Path) -> None:
+    """Raise ``InputError`` for a folder whose files of the same names are no calibration's, or the case itself."""
+    if case.resolve() == (folder / CASE).resolve():
+        raise InputError(f"--out {folder}: its {CASE} would be replaced, and is the case; another folder is needed.")
+    if not (folder / TABLE).exists() and any((folder / name).exists() for name in (CASE, WAVES, PADDLE, PICTURE)):
+        raise InputError(f"--out {folder}: holds files that would be replaced; another folder is needed.")
