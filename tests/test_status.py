@@ -13,6 +13,7 @@ from wavetank.errors import StoppedError
 from wavetank.observers.contract import Moment
 from wavetank.observers.progress import Standing
 from wavetank.records import environment, lock
+from wavetank.records.checkpoint import Checkpoint
 from wavetank.records.directory import CHECKPOINT, MANIFEST, RunDirectory
 from wavetank.records.writer import RunWriter
 
@@ -37,7 +38,7 @@ def writer(tmp_path, monkeypatch):
         monkeypatch.setattr(module, "present", lambda: PRESENT)
     writer = RunWriter(tmp_path / "run", HOST | {"warnings": ["it is steep", "it is short"]}).begin()
     writer.note({"progress": {"t": 4.0, "begin": 1.0, "end": 10.0, "step": 40, "wall_s": 30.0}})
-    writer.checkpoint("{}", [np.zeros(3)], places=np.zeros((3, 3)), about={"t": 3.5})
+    writer.checkpoint(Checkpoint({"t": 3.5}, "{}", [np.zeros(3)], np.zeros((3, 3))))
     writer.tell()
     yield writer
     writer.release()

@@ -24,7 +24,7 @@ from rich.console import Console
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RecordError, RunError, StoppedError
-from wavetank.records.checkpoint import last_checkpoint
+from wavetank.records.checkpoint import Checkpoint, last_checkpoint
 from wavetank.records.directory import CHECKPOINT, RunDirectory
 from wavetank.records.writer import RunWriter
 from wavetank.study.drawing import draw_study, pareto_front
@@ -380,7 +380,7 @@ def test_a_checkpoint_that_cannot_be_gone_on_from_does_not_hold_a_study_up(tmp_p
     sweeps = ["dt=0.04"]
     (one,) = combinations(CASE, parse_axes(sweeps, LINEAR), LINEAR)
     with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
-        writer.checkpoint("{}", [], places=np.zeros((1, 3)), about={"t": 1.0})
+        writer.checkpoint(Checkpoint({"t": 1.0}, "{}", [], np.zeros((1, 3))))
         writer.fail(StoppedError("t = 1 s: interrupted"))
     rows, _ = run_study(tmp_path, sweeps, reference="exact")
     assert rows[0].outcome.status == "finished" and len(RunDirectory(tmp_path / one.name).manifest["parts"]) == 1
@@ -394,7 +394,7 @@ def test_a_checkpoint_that_cannot_be_gone_on_from_does_not_hold_a_study_up(tmp_p
 def test_what_has_not_finished_goes_on_or_where_that_is_refused_or_vain_begins_anew(tmp_path, monkeypatch, error, ways):
     (one,) = combinations(CASE, parse_axes(["dt=0.04"], LINEAR), LINEAR)
     with RunWriter(tmp_path / one.name, {"scene": one.scene.model_dump(mode="json")}) as writer:
-        writer.checkpoint("{}", [], places=np.zeros((1, 3)), about={"t": 1.0})
+        writer.checkpoint(Checkpoint({"t": 1.0}, "{}", [], np.zeros((1, 3))))
         writer.fail(error)
     asked = []
 

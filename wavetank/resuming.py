@@ -167,6 +167,7 @@ class KeptRun:
             return  # nothing could go on from there, as the run will say
         surface = self._surface(reached)
         text, arrays = apart({"surface": surface, "run": self._run.held() if whole else reached.held})
+        least = len(apart({"surface": surface, "run": reached.held})[1])
         values, places = gathered(waves.plane, arrays)
         about = {
             "t": reached.t,
@@ -185,7 +186,8 @@ class KeptRun:
 
         def put() -> None:
             if self._writer is not None:
-                self._writer.checkpoint(text, values, places=places, about=about, at_any_price=not whole)
+                checkpoint = Checkpoint(about, text, values, places)
+                self._writer.checkpoint(checkpoint, last_room=(least + 3) * places.nbytes // 3, at_any_price=not whole)
 
         for series in self._fields.values():
             agreed(waves.plane.comm, series.sync)

@@ -4,6 +4,7 @@ The lock is the system's own (flock) on the file ``.lock``, which tells who hold
 locks, that process is looked up instead: on this host by its number and when it began, which no later process shares.
 """
 
+import errno
 import fcntl
 import json
 import os
@@ -46,11 +47,14 @@ class RunLock:
         self.reserve(0)
 
     def reserve(self, size: int) -> None:
-        """Keep ``size`` bytes of the disk, or give back what was kept: then there is room for a last word."""
-        self._file.seek(0)
-        self._file.write(self._said + b" " * size)
-        self._file.truncate()
-        self._file.flush()
+        """Keep ``size`` bytes of the disk, or give back what was kept: then there is room for a last word.
+
+        Raises ``OSError`` where there are not so many; what was kept stays.
+        """
+        number, content = self._file.fileno(), self._said + b" " * size
+        if os.pwrite(number, content, 0) < len(content):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        os.ftruncate(number, len(content))
 
     @property
     def holds(self) -> bool:

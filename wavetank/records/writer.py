@@ -59,6 +59,7 @@ class RunWriter:
     def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
         self._records: list[GrowingFile] = []
         self._begun = self._older = self._kept_one = False
+        self._room = 0  # bytes kept for the manifest's last word
         place = place if isinstance(place, Place) else Place(place)
         self._resume = resume
         identity: str | None = uuid4().hex
@@ -79,9 +80,9 @@ class RunWriter:
         """
         self._check_held()
         self._manifest |= more or {}
-        room = ROOM + len(self._text(self._manifest))
+        self._room = ROOM + len(self._text(self._manifest))
         try:
-            self._lock.reserve(room)
+            self._lock.reserve(self._room)
             self._write_manifest(self._manifest, lasting=True)  # first: what a full disk does not take replaces nothing
             self._begun = True
             for old in self.path.glob("broken.*") if self._resume else list(recorded(self.path)):
@@ -178,27 +179,33 @@ class RunWriter:
         for record in self._records:
             record.take(held[record.name])
 
-    def checkpoint(
-        self,
-        text: str,
-        arrays: Sequence[Vector],
-        *,
-        places: Vector,
-        about: dict[str, Any],
-        at_any_price: bool = False,
-    ) -> int:
-        """Write what the run holds, taken apart, and what is told of it; return the size in bytes.
+    def checkpoint(self, checkpoint: Checkpoint, *, last_room: int = 0, at_any_price: bool = False) -> int:
+        """Write a checkpoint, which is told the run's id; return its size in bytes.
 
-        The records are forced to the disk before. Raises ``RunError`` if it cannot be written, at any price or without
-        (see ``write_checkpoint``), ``RecordError`` where the directory is another's by now.
+        The records are forced to the disk before. Raises ``RunError`` if it cannot be written, ``RecordError`` where
+        the directory is another's by now.
+
+        Parameters
+        ----------
+        checkpoint
+            What the run holds.
+        last_room
+            Bytes that are kept for the last one until there are two, of which it may take the place of the older.
+        at_any_price
+            Whether this is the last one; see ``write_checkpoint``.
         """
         self._check_held()
-        whole = Checkpoint(about | {"id": self._manifest["id"]}, text, arrays, places)
+        told = checkpoint._replace(about=checkpoint.about | {"id": self._manifest["id"]})
         try:
             for record in self._records:
                 record.sync()
-            size = write_checkpoint(self.path, whole, own=self._kept_one, at_any_price=at_any_price)
+            if at_any_price:
+                self._lock.reserve(self._room)
+            size = write_checkpoint(self.path, told, own=self._kept_one, at_any_price=at_any_price)
             self._kept_one = True
+            spare = (self.path / CHECKPOINT_BEFORE).exists() or at_any_price
+            with suppress(OSError):
+                self._lock.reserve(self._room + (0 if spare else 2 * ROOM + last_room))
             return size
         except OSError as error:
             raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
