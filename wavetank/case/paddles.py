@@ -24,7 +24,7 @@ from wavetank.theory.wavemaker import Wavemaker
 from wavetank.values.formula import Formula
 from wavetank.values.noun import FilePath, Problem, SceneError, about, one_of
 from wavetank.values.python_file import load
-from wavetank.values.quantities import Duration, Height, Ramp
+from wavetank.values.quantities import Coordinate, Duration, Height, Ramp
 
 
 class AtRestMotion(PaddleNoun):
@@ -63,6 +63,12 @@ class RecordedMotion(PaddleNoun):
         default=None, description="file of t [s] and X [m], or a run's paddle.csv; default: by velocity"
     )
     velocity: FilePath | None = Field(default=None, description="file of t [s] and dX/dt [m/s]; default: by position")
+    column: str | None = Field(
+        default=None,
+        min_length=1,
+        description="name of its column, of a file whose first column is the time; default: as above",
+    )
+    gain: Coordinate = Field(default=1.0, description="what calibration says that its values are to be multiplied by")
     ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
 
     _one_file = one_of("position", "velocity")
@@ -70,12 +76,20 @@ class RecordedMotion(PaddleNoun):
     def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the spline's motion; raises ``SceneError`` if the file cannot be had or read."""
         if self.position is not None:
-            t, *state = _record("position", self.position, "position [m]")
+            t, *state = self._record("position", self.position, "position [m]")
             whole = len(state) == 3
             record = motions.Recorded.of_states(t, *state) if whole else motions.Recorded.of_positions(t, *state)
         else:
-            record = motions.Recorded.of_velocities(*_record("velocity", str(self.velocity), "velocity [m/s]"))
+            record = motions.Recorded.of_velocities(*self._record("velocity", str(self.velocity), "velocity [m/s]"))
         return motions.ramped(record, self.ramp, start=max(0.0, record.start))
+
+    def _record(self, key: str, reference: str, column: str) -> tuple[motions.Array, ...]:
+        """Return the times and the values, with their gain, of a file by its key; raises ``SceneError``."""
+        try:
+            t, *values = read_record(data.resolve(reference, Path()), column=column, named=self.column)
+        except InputError as error:
+            raise SceneError([Problem(("wall", "motion", key), reference, str(error).removesuffix("."))]) from None
+        return t, *(self.gain * one for one in values)
 
 
 class FormulaMotion(PaddleNoun):
@@ -107,13 +121,6 @@ class PythonMotion(PaddleNoun):
         with about("wall", "motion", "file"):
             function = load(data.resolve(self.file, Path()), self.function)
         return motions.ramped(motions.Programmed(function), self.ramp)
-
-
-def _record(key: str, reference: str, column: str) -> tuple[motions.Array, ...]:
-    try:
-        return read_record(data.resolve(reference, Path()), column=column)
-    except InputError as error:
-        raise SceneError([Problem(("wall", "motion", key), reference, str(error).removesuffix("."))]) from None
 
 
 PaddleMotion = Annotated[

@@ -10,16 +10,21 @@ TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]"
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 
 
-def read_record(path: Path, *, column: str = "position [m]") -> tuple[Array, ...]:
+def read_record(path: Path, *, column: str = "position [m]", named: str | None = None) -> tuple[Array, ...]:
     """Return times [s] and values, shapes (N,), N >= 4, of a file of columns separated by blanks or commas.
 
     There are two of them without names, or those of a run's ``paddle.csv``, which may be more: the first that goes by
-    ``column`` is taken, with the derivatives of a position if they are there.
+    ``column`` is taken, with the derivatives of a position if they are there. Otherwise the ``named`` one is, behind
+    the times in the first.
 
     Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not as many finite numbers, if
     times do not ascend, if there are fewer than four rows, or no such column.
     """
     names, values, lines = read_columns(path, allowed=_ALLOWED)
+    if named is not None:
+        if named not in names[1:]:
+            raise InputError(f"{path}: columns {', '.join(names) or 'without names'} received; allowed is {named!r}.")
+        names, values = (TIME, column), values[:, [0, names.index(named)]]
     if not names and values.shape[1] > 2:
         raise InputError(f"{path}: {values.shape[1]} columns received; {_ALLOWED}, or columns with names above.")
     if names and not {TIME, column} <= {*names}:
