@@ -583,10 +583,10 @@ def test_pairs_of_many_frequencies_are_those_of_few(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kd", [0.6, 1.5, 3.0])
-def test_second_order_generation_leaves_no_free_waves_in_the_tank(kd):
+@pytest.mark.parametrize(("kd", "hinge"), [(0.6, None), (1.5, None), (3.0, None), (1.0, 0.0), (1.0, 0.3)])
+def test_second_order_generation_leaves_no_free_waves_in_the_tank(kd, hinge):
     """A sine makes the free second harmonic of the theory, within a tenth; of it at most a thirtieth is left."""
-    plain, without = (row(kd, 0.05, generation)[0] for generation in GENERATIONS)
+    plain, without = (row(kd, 0.05, generation, hinge)[0] for generation in GENERATIONS)
     assert plain.free == pytest.approx(plain.free_by_theory, rel=0.12)
     assert without.free < plain.free / 30
     assert plain.bound == pytest.approx(plain.bound_by_stokes, rel=0.03)

@@ -1,6 +1,7 @@
 """Second-order generation in the nonlinear tank: what is bound and what is free of the second harmonic, along the tank.
 
-Regular waves of a piston whose bound second harmonic is to be a share of the first; a sponge takes them at the end. The
+Regular waves of a piston, or of a flap, whose bound second harmonic is to be a share of the first; a sponge takes them
+at the end. The
 harmonics at all places between the paddle's near field and the sponge are told apart by least squares, by the bound
 wave number 2 k, the free one K and -K (``postprocess/analysis/bound_free.py``).
 """
@@ -24,7 +25,7 @@ from wavetank.postprocess.style import BLUE, GREY, VERMILION
 from wavetank.runs.build import build_run
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
 from wavetank.theory.second_order import Strokes, second_order
-from wavetank.theory.wavemaker import PISTON
+from wavetank.theory.wavemaker import PISTON, Flap, Wavemaker
 from wavetank.verify.report import Report, write_parts
 
 GRAVITY = 9.81
@@ -51,9 +52,13 @@ class Tank:
         Of the waves.
     share
         Of their bound second harmonic in the first.
+    hinge
+        Of the flap that makes them, above the bed [m]; None: a piston does.
     """
 
-    def __init__(self, kd: float, share: float):
+    def __init__(self, kd: float, share: float, hinge: float | None = None):
+        self.wall: dict[str, Any] = {"type": "piston"} if hinge is None else {"type": "flap", "hinge": hinge}
+        self.maker: Wavemaker = PISTON if hinge is None else Flap(hinge)
         self.k, self.a = kd, steepness(kd, share) / kd
         self.omega = float(angular_frequency(kd, 1.0, GRAVITY))
         self.free = float(wave_number(2.0 * self.omega, 1.0, GRAVITY))
@@ -70,7 +75,7 @@ class Tank:
         return Scene.model_validate(
             {
                 "tank": {"length": self.end + self.sponge, "depth": 1.0},
-                "wall": {"type": "piston", "reach": NEAR, "motion": motion | {"generation": generation}},
+                "wall": self.wall | {"reach": NEAR, "motion": motion | {"generation": generation}},
                 "sponge": {"type": "end", "length": self.sponge},
                 "run": {"duration": self.duration},
                 "numerics": {
@@ -97,9 +102,9 @@ class Tank:
     @property
     def expected_free(self) -> float:
         """The amplitude of the free second harmonic that a sine of the piston makes, by theory [m]."""
-        b = np.array([1j * self.a / float(PISTON.transfer(self.k, 1.0))])
-        more = second_order(Strokes(np.array([self.omega]), b), PISTON, depth=1.0, gravity=GRAVITY)
-        return float(np.abs(more.b[0]) * PISTON.transfer(self.free, 1.0))
+        b = np.array([1j * self.a / float(self.maker.transfer(self.k, 1.0))])
+        more = second_order(Strokes(np.array([self.omega]), b), self.maker, depth=1.0, gravity=GRAVITY)
+        return float(np.abs(more.b[0]) * self.maker.transfer(self.free, 1.0))
 
 
 class Last:
@@ -147,9 +152,9 @@ class FreeRow(NamedTuple):
     free_over_bound: float
 
 
-def row(kd: float, share: float, generation: str) -> tuple[FreeRow, Harmonics]:
+def row(kd: float, share: float, generation: str, hinge: float | None = None) -> tuple[FreeRow, Harmonics]:
     """Return what is free and bound of the second harmonic."""
-    tank = Tank(kd, share)
+    tank = Tank(kd, share, hinge)
     found = tank.harmonics(generation)
     first, bound, free = found.told_apart()
     expected = tank.expected_free / tank.a if generation == "linear" else 0.0
