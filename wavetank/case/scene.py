@@ -125,6 +125,12 @@ class Scene(Noun):
             raise SceneError(problems)
         return motion
 
+    def __getstate__(self) -> dict[Any, Any]:
+        """Return what other ranks are told: not the paddle's motion, a function, which they find themselves."""
+        state = super().__getstate__()
+        own = {name: value for name, value in state["__dict__"].items() if name != "_motion"}
+        return {**state, "__dict__": own}
+
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with some fields changed; it looks at its paddle anew where they may be of importance to it."""
         copied = super().model_copy(update=update, deep=deep)
