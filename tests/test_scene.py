@@ -178,6 +178,10 @@ def test_a_recorded_motion_is_one_column_of_a_file_with_its_gain(case, tmp_path)
     (tmp_path / "paddle.csv").write_text("t,flap,gauge\n" + "".join(f"{one},{0.01 * one},7\n" for one in t))
     motion = 'wall.motion={type="recorded", position="paddle.csv", gain=-2.0, column='
     assert read_case(case(), [f'{motion}"flap"}}', "run.duration=20"]).motion().position(7.77) == pytest.approx(-0.1554)
+    slow = read_case(case(), [f'{motion}"flap", highest_frequency=1.9}}', "run.duration=20"]).motion()
+    assert slow.velocity(np.linspace(1.0, 29.0, 9)) == pytest.approx(-0.02, rel=1e-9)
+    with pytest.raises(InputError, match=r"2.4 Hz received; must be at most 1.9.* Hz, a fifth"):
+        read_case(case(), [f'{motion}"flap", highest_frequency=2.4}}', "run.duration=20"])
     with pytest.raises(InputError, match=r"columns t, flap, gauge received; allowed is 'piston'"):
         read_case(case(), [f'{motion}"piston"}}', "run.duration=20"])
 

@@ -1,5 +1,6 @@
 """The paddle's motion."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
@@ -24,7 +25,7 @@ from wavetank.theory.wavemaker import Wavemaker
 from wavetank.values.formula import Formula
 from wavetank.values.noun import FilePath, Problem, SceneError, about, one_of
 from wavetank.values.python_file import load
-from wavetank.values.quantities import Coordinate, Duration, Height, Ramp
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Ramp
 
 
 class AtRestMotion(PaddleNoun):
@@ -69,6 +70,9 @@ class RecordedMotion(PaddleNoun):
         description="name of its column, of a file whose first column is the time; default: as above",
     )
     gain: Coordinate = Field(default=1.0, description="what calibration says that its values are to be multiplied by")
+    highest_frequency: Frequency | None = Field(
+        default=None, description="what is faster, as a sensor's noise, is left out [Hz]; default: nothing"
+    )
     ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
 
     _one_file = one_of("position", "velocity")
@@ -77,11 +81,19 @@ class RecordedMotion(PaddleNoun):
         """Return the spline's motion; raises ``SceneError`` if the file cannot be had or read."""
         if self.position is not None:
             t, *state = self._record("position", self.position, "position [m]")
-            whole = len(state) == 3
-            record = motions.Recorded.of_states(t, *state) if whole else motions.Recorded.of_positions(t, *state)
+            if len(state) == 3:
+                record = motions.Recorded.of_states(t, *state)
+            else:
+                record = self._smooth(motions.Recorded.of_positions, t, *state)
         else:
-            record = motions.Recorded.of_velocities(*self._record("velocity", str(self.velocity), "velocity [m/s]"))
+            rows = self._record("velocity", str(self.velocity), "velocity [m/s]")
+            record = self._smooth(motions.Recorded.of_velocities, *rows)
         return motions.ramped(record, self.ramp, start=max(0.0, record.start))
+
+    def _smooth(self, of: Callable[..., motions.Recorded], *rows: motions.Array) -> motions.Recorded:
+        """Return the motion of a record without what is too fast; raises ``SceneError`` where its rows are too few."""
+        with about("wall", "motion", "highest_frequency"):
+            return of(*rows, highest=self.highest_frequency)
 
     def _record(self, key: str, reference: str, column: str) -> tuple[motions.Array, ...]:
         """Return the times and the values, with their gain, of a file by its key; raises ``SceneError``."""

@@ -158,7 +158,7 @@ def _here(data: Dataset) -> tuple[list[Path], list[str]]:
 
 
 def _remedy(name: str, file: str) -> str:
-    if name not in names() or not dataset(name).urls:
+    if name not in names():
         return f"set WAVETANK_DATA to the folder that holds {name!r} (known data sets: {', '.join(names())})"
     files = [known.name for known in dataset(name).files]
     if file not in files:

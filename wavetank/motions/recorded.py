@@ -13,6 +13,8 @@ from wavetank.errors import InputError
 from wavetank.motions.motion import Array, Motion
 from wavetank.motions.pieces import Pieces, hermite
 
+DEGREE, PIECES = 5, 2.5  # of a spline of least squares; of it in the period of the fastest that it takes
+
 
 @dataclass(frozen=True, eq=False)
 class Recorded(Motion):
@@ -33,14 +35,20 @@ class Recorded(Motion):
     measured: bool = True
 
     @classmethod
-    def of_positions(cls, t: Array, X: Array) -> "Recorded":
-        """Return the cubic spline through positions X [m] at times t [s], ascending, shapes (N,), N >= 4."""
-        return cls(_pieces(scipy.interpolate.CubicSpline(t, X)))
+    def of_positions(cls, t: Array, X: Array, *, highest: float | None = None) -> "Recorded":
+        """Return the cubic spline through positions X [m] at times t [s], ascending, shapes (N,), N >= 4.
+
+        What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
+        """
+        return cls(_pieces(_through(t, X, highest)))
 
     @classmethod
-    def of_velocities(cls, t: Array, velocity: Array) -> "Recorded":
-        """Return the integral, zero at t[0], of the cubic spline through velocities [m/s] at t [s], shapes (N,)."""
-        return cls(_pieces(scipy.interpolate.CubicSpline(t, velocity).antiderivative()))
+    def of_velocities(cls, t: Array, velocity: Array, *, highest: float | None = None) -> "Recorded":
+        """Return the integral, zero at t[0], of the cubic spline through velocities [m/s] at t [s], shapes (N,).
+
+        What is faster than the ``highest`` frequency [Hz] is left out. Raises ``InputError`` where rows are too few.
+        """
+        return cls(_pieces(_through(t, velocity, highest).antiderivative()))
 
     @classmethod
     def of_states(cls, t: Array, X: Array, velocity: Array, acceleration: Array) -> "Recorded":
@@ -79,3 +87,18 @@ class Recorded(Motion):
 
 def _pieces(spline: "scipy.interpolate.PPoly") -> Pieces:
     return Pieces(spline.c, spline.x)
+
+
+def _through(t: Array, values: Array, highest: float | None) -> "scipy.interpolate.PPoly":
+    """Return the cubic spline through values; up to a frequency [Hz] the one of degree 5 of least squares."""
+    if highest is None:
+        return scipy.interpolate.CubicSpline(t, values)
+    begin, end = float(t[0]), float(t[-1])
+    pieces = max(1, int(np.ceil(PIECES * highest * (end - begin))))
+    if pieces + DEGREE > t.size / 2:
+        most = (t.size / 2 - DEGREE) / (PIECES * (end - begin))
+        raise InputError(f"{highest:g} Hz received; must be at most {most:.3g} Hz, a fifth of the rows of a second")
+    knots = np.linspace(begin, end, pieces + 1, dtype=np.float64)
+    knots = np.concatenate([[begin] * DEGREE, knots, [end] * DEGREE])
+    rows = (np.ascontiguousarray(one) for one in (t, values))
+    return scipy.interpolate.PPoly.from_spline(scipy.interpolate.make_lsq_spline(*rows, knots, k=DEGREE))
