@@ -217,6 +217,7 @@ VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verif
     "extremes": "Measure growing modes, steepness, breaking; two hours.",
     "sponge": "Measure what a sponge reflects; two minutes.",
     "second_order": "Measure the free waves that a paddle makes; minutes.",
+    "measured_flap": "Follow the waves of a measured flap; minutes.",
     "focused_group": "Hold a focused group against theory to third order.",
     "cylinder": "Hold run-up around a cylinder against McCamy and Fuchs.",
     "directional_focus": "Hold waves from many directions against linear theory.",
