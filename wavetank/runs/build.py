@@ -308,7 +308,7 @@ def _probes(scene: Scene, water: MovingWater, record: Record, schedule: EverySte
 def _window(scene: Scene, waves: AnyWaves, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
     """Return what records a window; collective. Raises ``SceneError`` for a column outside the mesh."""
     window = scene.windows[n]
-    until = scene.run.duration if window.until is None else window.until
+    until = np.inf if window.until is None else window.until
     with about("windows", n):
         return WindowObserver(
             waves,
