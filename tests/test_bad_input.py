@@ -291,6 +291,11 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "going on": SLICE + "[initial]\ntype = 'run'\ndirectory = 'earlier'\nt = 2.0\n" + RUN,
     "ring": SLICE.replace("[tank]", "[tank]\ntype = 'ring'") + RUN
     + "[initial]\ntype = 'stream-function'\nsteepness = 0.1\nwaves = 4\n",
+    "ring sea": SLICE.replace("[tank]", "[tank]\ntype = 'ring'") + RUN + "[initial]\ntype = 'irregular'\n"
+    "significant_height = 0.05\nspectrum = {type = 'jonswap', peak_period = 2.0}\n",
+    "newwave": SLICE + RUN + "[initial]\ntype = 'focused'\nlinear_crest = 0.05\nx = 10.0\n"
+    "spectrum = {type = 'jonswap', peak_period = 2.0}\n",
+    "kept surface": SLICE + RUN + "[initial]\ntype = 'file'\nfile = 'start.txt'\n",
     "beds": SLICE + "bed = {type = 'gridded', file = 'bed.csv'}\n[initial]\ntype = 'standing-wave'\n"
     "wave_amplitude = 0.1\n[wall]\ntype = 'piston'\nmotion = {type = 'at-rest'}\n" + RUN,
     "python": SLICE + "bed = {type = 'python', file = 'bed.py'}\n[wall]\ntype = 'fixed'\n"
@@ -346,6 +351,7 @@ def every(tmp_path_factory):
     (folder / "spectrum.txt").write_text("0.3 0.0\n0.5 1.0\n1.5 0.0\n")
     (folder / "waves.txt").write_text("0.5 0.02 1.0\n0.6 0.01 2.0\n")
     (folder / "eta.txt").write_text("".join(f"{t / 5} {0.01 * math.sin(t)}\n" for t in range(99)))
+    (folder / "start.txt").write_text("".join(f"{x} {0.01 * math.cos(x)}\n" for x in range(31)))
     (folder / "bed.csv").write_text("x,depth\n" + "".join(f"{x},1.0\n" for x in range(31)))
     (folder / "bed.py").write_text("def depth(x, y):\n    return 1 + 0 * x\n")
     (folder / "paddle.py").write_text("def motion(t, order):\n    return 0 * t\n")

@@ -8,8 +8,10 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motions
+from wavetank.case.initial_file import FileSurface
 from wavetank.case.initial_formula import FormulaSurface
 from wavetank.case.initial_run import RunState
+from wavetank.case.initial_sea import FocusedSurface, IrregularSurface
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank
 from wavetank.errors import InputError
@@ -143,6 +145,14 @@ class SolitaryWave(KnownWave):
 
 
 Initial = Annotated[
-    StillWater | StandingWave | StreamFunctionWave | SolitaryWave | FormulaSurface | RunState,
+    StillWater
+    | StandingWave
+    | StreamFunctionWave
+    | SolitaryWave
+    | IrregularSurface
+    | FocusedSurface
+    | FormulaSurface
+    | FileSurface
+    | RunState,
     Field(discriminator="type", description="the state at t = 0"),
 ]

@@ -10,8 +10,10 @@ from wavetank.case.directional import (
 )
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, SolitaryWave, StandingWave, StillWater, StreamFunctionWave
+from wavetank.case.initial_file import FileSurface
 from wavetank.case.initial_formula import FormulaSurface
 from wavetank.case.initial_run import RunState
+from wavetank.case.initial_sea import FocusedSurface, IrregularSurface
 from wavetank.case.loads import WallLoad
 from wavetank.case.numerics import Gauge, IntegratorName, Numerics, Output, RunNoun
 from wavetank.case.paddles import (
@@ -60,9 +62,11 @@ __all__ = [
     "DirectionalFocusMotion",
     "DirectionalIrregularMotion",
     "EndSponge",
+    "FileSurface",
     "FixedWall",
     "FlapWall",
     "FocusedMotion",
+    "FocusedSurface",
     "FormulaBed",
     "FormulaMotion",
     "FormulaSponge",
@@ -75,6 +79,7 @@ __all__ = [
     "Initial",
     "IntegratorName",
     "IrregularMotion",
+    "IrregularSurface",
     "JonswapSpectrum",
     "LinearWater",
     "NonlinearWater",

@@ -1,0 +1,141 @@
+"""Initial surfaces from files, seas around a ring, and groups that meet at t = 0."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from rich.console import Console
+
+from wavetank.case import Scene
+from wavetank.case.initial_file import FileSurface
+from wavetank.case.reading import read_case
+from wavetank.errors import InputError
+from wavetank.recording import record_run
+from wavetank.records.directory import RunDirectory
+from wavetank.theory.airy import angular_frequency
+
+JONSWAP = {"type": "jonswap", "peak_period": 1.6}
+
+
+def scene(initial, *, kind="ring", length=12.0, **more):
+    tank = {"type": kind, "length": length, "depth": 0.8}
+    return Scene.model_validate({"tank": tank, "initial": initial, "run": {"duration": 0.5}, **more})
+
+
+def on(scene, x):
+    return scene.initial.surface(scene.tank, x, 0 * x)
+
+
+SEA = {"type": "irregular", "significant_height": 0.04, "spectrum": JONSWAP, "seed": 7}
+
+
+def test_a_sea_around_a_ring_has_its_height_and_goes_round():
+    """Oracle: m0 = (Hm0 / 4)², exact over a ring; another seed is another sea; there is no seam."""
+    x = np.linspace(0.0, 12.0, 600, endpoint=False)
+    eta, psi = on(scene(SEA), x)
+    assert np.mean(eta**2) == pytest.approx((0.04 / 4) ** 2, rel=1e-12) and abs(np.mean(psi)) < 1e-15
+    assert on(scene(SEA), x + 12.0)[0] == pytest.approx(eta, abs=1e-14)
+    assert np.corrcoef(eta, on(scene(SEA | {"seed": 8}), x)[0])[0, 1] < 0.9
+
+
+def test_a_linear_tank_carries_the_sea_on_as_its_theory_does(tmp_path):
+    """Oracle: the sum of plane waves half a second later, at gauges; the waves go to +x."""
+    numerics = {"cell_size": 0.4, "order": 4, "vertical_order": 8, "dt": 0.01}
+    gauges = [{"name": str(n), "x": 2.5 * n} for n in range(4)]
+    sea = scene(SEA, water={"type": "linear"}, numerics=numerics, gauges=gauges)
+    record_run(sea, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
+    found = RunDirectory(tmp_path / "run").gauges[:, -1]
+    exact = sea.initial.waves(sea.tank).elevation(found.x.values, float(found.time))
+    assert found.values == pytest.approx(exact, abs=2e-4)
+    assert np.abs(exact - on(sea, found.x.values)[0]).max() > 5e-3
+
+
+def test_a_group_meets_in_its_crest_and_a_trough_is_one_upside_down():
+    """Oracle: sum a = the crest; surface velocity omega a cosh / sinh of each, all in phase there."""
+    group = scene({"type": "focused", "linear_crest": 0.05, "x": 4.0, "spectrum": JONSWAP}, kind="slice")
+    x = np.linspace(3.0, 5.0, 201)
+    eta, psi = on(group, x)
+    assert eta.max() == pytest.approx(0.05, rel=1e-12) and x[eta.argmax()] == pytest.approx(4.0)
+    waves = group.initial.waves(group.tank)
+    velocity = np.sum(9.81 * waves.k_x / angular_frequency(waves.k_x, 0.8, 9.81) * np.abs(waves.amplitudes))
+    assert np.gradient(psi, x)[100] == pytest.approx(velocity, rel=1e-2)
+    trough = scene({"type": "focused", "linear_crest": -0.05, "x": 4.0, "spectrum": JONSWAP}, kind="slice")
+    assert on(trough, x)[0] == pytest.approx(-eta)
+
+
+@pytest.mark.parametrize(
+    ("initial", "kind", "said"),
+    [
+        (SEA, "slice", "needs a ring"),
+        (SEA | {"highest_frequency": 0.05}, "ring", "of a wave as long as the tank"),
+        ({"type": "focused", "linear_crest": 0.05, "x": 40.0, "spectrum": JONSWAP}, "slice", "inside the tank"),
+        ({"type": "focused", "linear_crest": 0.9, "x": 4.0, "spectrum": JONSWAP}, "ring", "less than the still-water"),
+    ],
+)
+def test_what_does_not_fit_the_tank_is_refused(initial, kind, said):
+    with pytest.raises(ValueError, match=said):
+        scene(initial, kind=kind)
+
+
+# ---------------------------------------------------------------- files
+def written(path, *columns):
+    np.savetxt(path, np.column_stack(columns))
+    return FileSurface(file=str(path))
+
+
+def test_a_file_is_followed_between_its_points(tmp_path):
+    """Oracle: the function that was written; along a slice, and round a ring also across its seam."""
+    x, k = np.linspace(0.0, 12.0, 121), 2 * np.pi / 12.0
+    places = np.linspace(0.03, 11.97, 50)
+    for kind, points in (("slice", x), ("ring", x[:-1]), ("ring", x)):
+        start = written(tmp_path / "start.txt", points, 0.02 * np.cos(3 * k * points), 0.1 * np.sin(k * points))
+        tank = scene(SEA).tank if kind == "ring" else slice_of(12.0)
+        eta, psi = start.surface(tank, places, 0 * places)
+        assert eta == pytest.approx(0.02 * np.cos(3 * k * places), abs=2e-6)
+        assert psi == pytest.approx(0.1 * np.sin(k * places), abs=2e-6)
+    at_rest = written(tmp_path / "start.txt", x, 0.02 * np.cos(k * x))
+    assert not at_rest.surface(slice_of(12.0), places, 0 * places)[1].any()
+
+
+def slice_of(length):
+    return scene({"type": "still-water"}, kind="slice", length=length).tank
+
+
+def test_a_basin_s_file_may_have_its_points_anywhere(tmp_path):
+    """Oracle: the function that was written, at 2 000 random places and the corners."""
+    from wavetank.case.tanks import BasinTank
+
+    layout = {"type": "rectangle", "length": 4.0, "width": 2.0}
+    tank = BasinTank.model_validate({"type": "basin", "depth": 0.5, "layout": layout})
+    corners = [(0, 0), (4, 0), (0, 2), (4, 2)]
+    x, y = np.vstack([np.random.default_rng(1).random((2000, 2)) * [4.0, 2.0], corners]).T
+    start = written(tmp_path / "start.txt", x, y, 0.02 * np.cos(x) * np.cos(y))
+    x, y = np.meshgrid(np.linspace(0.5, 3.5, 9), np.linspace(0.3, 1.7, 7))
+    eta, psi = start.surface(tank, x.ravel(), y.ravel())
+    assert eta == pytest.approx((0.02 * np.cos(x) * np.cos(y)).ravel(), abs=1e-4) and not psi.any()
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("0 0\n1 0\n2 0\n", "3 rows of 2 columns received"),
+        ("0 0 0 0 0\n" * 9, "9 rows of 5 columns received"),
+        ("0 0\n1 0\n1 0\n2 0\n", "line 3: x = 1 received after 1; places must ascend"),
+        ("0 0\n1 0\n2 0\n3 0\n", "does not reach x = 4 m, where there is water"),
+    ],
+)
+def test_a_file_that_is_no_surface_is_refused(tmp_path, rows, said):
+    path = tmp_path / "start.txt"
+    path.write_text(rows)
+    with pytest.raises(InputError, match=said):
+        FileSurface(file=str(path)).surface(slice_of(4.0), np.array([0.5, 4.0]), np.zeros(2))
+
+
+def test_a_case_that_begins_with_a_file_says_where_it_is(tmp_path):
+    (tmp_path / "start.txt").write_text("0 0\n1 0\n2 0\n3 0\n")
+    (tmp_path / "case.toml").write_text(
+        "[tank]\nlength = 4.0\ndepth = 0.5\n[initial]\ntype = 'file'\nfile = 'start.txt'\n[run]\nduration = 0.1\n"
+        "[numerics]\ncells = 4\nvertical_order = 2\n"
+    )
+    with pytest.raises(InputError, match=r"initial: .*start\.txt: does not reach x = "):
+        record_run(read_case(tmp_path / "case.toml"), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
+    assert not (tmp_path / "run").exists()
