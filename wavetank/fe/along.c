@@ -3,7 +3,6 @@
 MODES           vertical modes; a chain is a matrix for each of them
 
 All is of single precision: a correction to a potential, whose residual is of double precision. */
-#define GROUPS ((MODES + ABREAST - 1) / ABREAST)
 #define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
 #define ENOUGH 1e-10            /* of a residual's energy: then it is found anew */
 #define ROUND_OFF 1e-13         /* of it: so much of single precision is left */
@@ -77,8 +76,7 @@ static int correct(const Cells *cells, const Layers *layers, const REAL *state, 
     double target = 0.0, before = 0.0, first = 0.0;
     int iterations = 0;
     for (;; ++iterations) {
-        EACH(group, GROUPS)
-            solve_group(c, group, GROUPS, (const abreast *)r + group, (abreast *)z + group);
+        solve_chain(c, (const abreast *)r, (abreast *)z);
         const double rz = inner(size, r, z), beta = iterations ? rz / before : 0.0;
         if (iterations)
             steps[2 * iterations - 1] = beta;

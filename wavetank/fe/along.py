@@ -20,7 +20,7 @@ from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
 
 MOST = 200  # iterations
-ABREAST = 8  # modes at a time
+ABREAST = 8  # modes in a vector
 NO_MINIMUM = "the interior potential has no minimum: the water column is not positive everywhere"
 DECLARATIONS = """
 void decouple(const Cells *, const Layers *, const REAL *fields, const REAL *lambda, const Chain *);
@@ -37,20 +37,26 @@ int correct(const Cells *, const Layers *, const REAL *state, const Chain *, con
 
 def along(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
     """Return the operator of a slice or ring, with its modes where layers are averaged; see ``LayerOperator``."""
-    more = _code(plane, vertical, ordered=False), CHAIN + DECLARATIONS
+    more = _code(plane, vertical.n + 1, ordered=False), CHAIN + DECLARATIONS
     return LayerOperator(energy, plane, vertical, column=column, more=more)
 
 
 def _single(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
     """Return the same in single precision, its rows as places follow each other, with what is compiled for solves."""
-    more = _code(plane, vertical, ordered=True) + source("along.c"), CHAIN + DECLARATIONS + CORRECTION
+    more = _code(plane, vertical.n, ordered=True) + source("along.c"), CHAIN + DECLARATIONS + CORRECTION
     order = followed(plane)
     return LayerOperator(energy, plane, vertical, column=column, more=more, real="float", order=order, stored=True)
 
 
-def _code(plane: Plane, vertical: VerticalBasis, *, ordered: bool) -> str:
-    sizes = {"MODES": vertical.n, "BAND": plane.order, "ABREAST": ABREAST, "ORDERED": int(ordered)}
+def _code(plane: Plane, modes: int, *, ordered: bool) -> str:
+    sizes = {"MODES": modes, "BAND": plane.order, "ABREAST": ABREAST, "GROUPS": _room(modes) // ABREAST}
+    sizes["ORDERED"] = int(ordered)
     return defined(sizes) + source("chain.c") + source("decoupled.c")
+
+
+def _room(modes: int) -> int:
+    """Return how many there are with those that fill the last vector of some."""
+    return -(-modes // ABREAST) * ABREAST
 
 
 class Averaged:
@@ -72,7 +78,7 @@ class Averaged:
 
     def modes(self, eigenvalues: Vector) -> "AveragedModes":
         """See ``Layer``."""
-        return AveragedModes(self._operator, self._plane, eigenvalues)
+        return AveragedModes(self._operator, self._plane, eigenvalues, room=_room(self._operator.numbers))
 
 
 class AveragedModes:
@@ -84,14 +90,15 @@ class AveragedModes:
         Made by ``along``, or the same in single precision.
     eigenvalues
         Lambda_j, shape (m,).
+    room
+        For how many it is compiled.
     """
 
-    def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector):
-        self._operator, groups = operator, -(-eigenvalues.size // ABREAST)
-        padding, real = (0, groups * ABREAST - eigenvalues.size), operator.kernel.real
-        self._eigenvalues = np.pad(eigenvalues, padding, mode="edge").astype(real)
-        self._work = np.empty((plane.size, ABREAST), dtype=real)
-        self.chain = chain(operator.kernel, plane, groups=groups, abreast=ABREAST)
+    def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector, *, room: int):
+        self._operator, real = operator, operator.kernel.real
+        self._eigenvalues = np.pad(eigenvalues, (0, room - eigenvalues.size), mode="edge").astype(real)
+        self._work = np.empty((plane.size, room), dtype=real)
+        self.chain = chain(operator.kernel, plane, systems=room)
 
     def take(self, averages: NDArray[Any]) -> None:
         """Take over the operator with these fields."""
@@ -139,8 +146,8 @@ class Minimum:
     ):
         self._operator, self._tolerance = operator, tolerance
         self._single = single = _single(energy, plane, vertical, column=column)
-        self._modes = AveragedModes(single, plane, vertical.eigenvalues)
-        row = ABREAST * -(-vertical.n // ABREAST)
+        self._modes = AveragedModes(single, plane, vertical.eigenvalues, room=_room(vertical.n))
+        row = _room(vertical.n)
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
         self._steps, self._last = np.empty((MOST + 1, 2)), 0
         kernel = single.kernel

@@ -17,7 +17,7 @@ static void factor_mass(const Cells *cells, const double *weights, const Chain *
                     const long row = c->row[cells->dofs[(b * NODES + i) * LANES + l]];
                     const long other = c->row[cells->dofs[(b * NODES + j) * LANES + l]];
                     if (other <= row)
-                        *entry(c, 0, row, other) += A[i][j][l];
+                        *entry(c, row, other) += A[i][j][l];
                 }
     }
     factorise(c);
@@ -28,7 +28,7 @@ static void solve_mass(const Chain *c, const double *b, double *x, double *work)
 {
     EACH(i, c->dofs)
         work[c->row[i]] = b[i];
-    solve_group(c, 0, 1, (const abreast *)work, (abreast *)work);
+    solve_chain(c, work, work);
     EACH(i, c->dofs)
         x[i] = work[c->row[i]];
 }

@@ -10,7 +10,7 @@ from wavetank.fe.plane import Plane
 
 CHAIN = """
 typedef struct {
-    int dofs, cut, groups;
+    int dofs, cut;
     const int *row;
     REAL *L, *column, *reduced, *corner;
 } Chain;
@@ -22,21 +22,20 @@ def followed(plane: Plane) -> NDArray[np.intp]:
     return np.roll(np.argsort(plane.x, kind="stable"), -1 if _closed(plane) else 0)  # at a vertex
 
 
-def chain(kernel: Kernel, plane: Plane, *, groups: int, abreast: int) -> Any:
-    """Return a struct with room for matrices of an element's bandwidth, in groups of some that are treated at once."""
+def chain(kernel: Kernel, plane: Plane, *, systems: int) -> Any:
+    """Return a struct with room for matrices of an element's bandwidth, so many that are treated at once."""
     cut = int(_closed(plane))
-    rows, border = plane.size - cut, (groups, cut * (plane.size - cut), abreast)
+    rows, border = plane.size - cut, (cut * (plane.size - cut), systems)
     return kernel.struct(
         "Chain",
         {
             "dofs": plane.size,
             "cut": cut,
-            "groups": groups,
             "row": np.argsort(followed(plane)),
-            "L": np.zeros((groups, rows + plane.order, plane.order + 1, abreast)),
+            "L": np.zeros((rows + plane.order, plane.order + 1, systems)),
             "column": np.zeros(border),
             "reduced": np.zeros(border),
-            "corner": np.zeros((groups, abreast)),
+            "corner": np.zeros(systems),
         },
     )
 

@@ -42,8 +42,8 @@ static void decouple(const Cells *cells, const Layers *layers, const REAL *field
                     const long other = ROW_OF(c, cells->dofs[(b * NODES + j) * LANES + l]);
                     if (other > row)
                         continue;
-                    EACH(group, c->groups)
-                        *entry(c, group, row, other) += A[i][j][l] + ((const abreast *)lambda)[group] * B[i][j][l];
+                    EACH(g, GROUPS)
+                        entry(c, row, other)[g] += A[i][j][l] + ((const abreast *)lambda)[g] * B[i][j][l];
                 }
     }
     factorise(c);
@@ -53,16 +53,17 @@ static void decouple(const Cells *cells, const Layers *layers, const REAL *field
 static void respond(const Chain *c, const REAL *s, const double *r, double *x, REAL *work)
 {
     abreast *rows = (abreast *)work;
-    memset(x, 0, sizeof(double) * c->dofs);
-    EACH(group, c->groups) {
-        const abreast share = ((const abreast *)s)[group];
-        EACH(i, c->dofs)
-            rows[c->row[i]] = share * (REAL)r[i];
-        solve_group(c, group, 1, rows, rows);
-        EACH(i, c->dofs) {
-            const abreast part = share * rows[c->row[i]];
-            EACH(j, ABREAST)
-                x[i] += part[j];
-        }
+    const abreast *shares = (const abreast *)s;
+    EACH(i, c->dofs)
+        EACH(g, GROUPS)
+            rows[(long)c->row[i] * GROUPS + g] = shares[g] * (REAL)r[i];
+    solve_chain(c, rows, rows);
+    EACH(i, c->dofs) {
+        abreast parts = {0.0};
+        EACH(g, GROUPS)
+            parts += shares[g] * rows[(long)c->row[i] * GROUPS + g];
+        x[i] = 0.0;
+        EACH(j, ABREAST)
+            x[i] += parts[j];
     }
 }

@@ -102,6 +102,8 @@ class LayerOperator:
     ----------
     density
         The energy at a point.
+    numbers
+        Of a degree of freedom: n + 1.
     kernel, cells, layers, state
         The compiled functions, and what they are called with; the state is the fields, or what is kept of them.
     rows
@@ -123,7 +125,7 @@ class LayerOperator:
         stored: bool = False,
     ):
         self.density = LayerDensity(energy, plane, column)
-        self._owned, self._numbers, self._order = plane.owned, vertical.n + 1, order
+        self._owned, self.numbers, self._order = plane.owned, vertical.n + 1, order
         cells, lanes = Cells(plane, 3 * plane.order, lanes=LANES[real]), LANES[real]
         if order is not None:
             cells.parts["dofs"] = np.argsort(order)[cells.parts["dofs"]]
@@ -158,7 +160,7 @@ class LayerOperator:
         self._at_rows, self._at_state = self.kernel.pointer(self.rows), self.kernel.pointer(self.state)
         self._of = self.cells, self.layers
         numbering = plane.V.dofmap.index_map
-        self._halos = {count: Halo(numbering, count, self.kernel.real) for count in (1, self._numbers)}
+        self._halos = {count: Halo(numbering, count, self.kernel.real) for count in (1, self.numbers)}
 
     def update(self) -> None:
         """Take over the fields as they are, ghosts included."""
@@ -183,14 +185,14 @@ class LayerOperator:
         return self._applied(self.kernel.call.interior_product, rows)
 
     def _applied(self, product: Any, rows: Array) -> Array:
-        halo, at = self._halos[self._numbers], self.kernel.pointer
-        x, y = halo.fetch(rows[: self._owned]), np.zeros((halo.size, self._numbers), dtype=self.kernel.real)
+        halo, at = self._halos[self.numbers], self.kernel.pointer
+        x, y = halo.fetch(rows[: self._owned]), np.zeros((halo.size, self.numbers), dtype=self.kernel.real)
         product(*self._of, self._at_state, at(x), at(y))
         return halo.collect(y)
 
     def derivative(self, rows: Vector) -> Vector:
         """Return the derivative of 1/2 x A x by the water column, shape (owned,), for x of (owned, n+1); collective."""
         halo, at = self._halos[1], self.kernel.pointer
-        x, y = self._halos[self._numbers].fetch(rows[: self._owned]), np.zeros((halo.size, 1))
+        x, y = self._halos[self.numbers].fetch(rows[: self._owned]), np.zeros((halo.size, 1))
         self.kernel.call.derivative(*self._of, self._at_rows, at(x), at(y))
         return halo.collect(y)[:, 0]

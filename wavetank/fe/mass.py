@@ -192,7 +192,9 @@ class BandedMass(MassMatrix):
 
     def __init__(self, plane: Plane, J: Any):
         self.more = (
-            f"#define BAND {plane.order}\n#define ABREAST 1\n" + source("chain.c") + source("banded_mass.c"),
+            f"#define BAND {plane.order}\n#define ABREAST 1\n#define GROUPS 1\n"
+            + source("chain.c")
+            + source("banded_mass.c"),
             ALONG,
         )
         self._plane, self._work = plane, np.empty(plane.size)
@@ -204,7 +206,7 @@ class BandedMass(MassMatrix):
 
     @cached_property
     def _factors(self) -> Any:
-        return chain(self._kernel, self._plane, groups=1, abreast=1)
+        return chain(self._kernel, self._plane, systems=1)
 
     def _prepare(self) -> None:
         self._kernel.call.factor_mass(self._cells, self._kernel.pointer(self._weights), self._factors)
