@@ -8,15 +8,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import needs_data
 from mpi4py import MPI
 
+from wavetank import data
 from wavetank.case.reading import read_case
 from wavetank.observers.energy import COLUMNS
 from wavetank.observers.record import Memory
 from wavetank.runs.build import Records, build_observers, build_run
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "shoaling-release.toml"
-REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "whispers3d_coulaud_case2_shoaling"
+REFERENCE = "whispers3d_coulaud_case2_shoaling"
 FILES = [  # Whispers3D, and the Madsen-Sorensen equations of the same paper
     ("solutions_up_to_30m_A2.csv", "solutions_up_to_30m_MS.csv"),
     ("solutions_beyond_30m.csv", "solutions_beyond_30m_MS.csv"),
@@ -32,7 +34,7 @@ class Envelope:
 
     @classmethod
     def read(cls, file):
-        table = np.loadtxt(REFERENCE / file, delimiter=",", skiprows=1)
+        table = np.loadtxt(data.find(REFERENCE, file), delimiter=",", skiprows=1)
         return cls(*table[np.argsort(table[:, 0], kind="stable")].T)
 
     def append(self, t, x, eta, psi):
@@ -56,9 +58,10 @@ def test_it_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not REFERENCE.is_dir(), reason="the published computation is not on this machine")
 def test_the_envelope_is_that_of_fully_nonlinear_potential_flow():
     """And it is not just any model's: the crests of a Boussinesq model are off by five times as much and more."""
+    for file in sum(FILES, ()):
+        needs_data(REFERENCE, file)
     scene = read_case(CASE, ["output.surface_every=0.01"])
     envelope, energy = Envelope(), Memory()
     run, waves = build_run(scene, MPI.COMM_SELF)
