@@ -54,7 +54,11 @@ def test_the_speed_of_low_waves_is_that_of_the_series():
 
 @pytest.mark.slow
 def test_the_highest_wave_offered_satisfies_bernoulli():
-    assert solitary_wave(0.7, depth=1.0).residual < 1e-10
+    """And goes on where the iteration ends; from H/d = 0.796 on higher waves are slower (Longuet-Higgins 1974)."""
+    assert solitary_wave(0.8, depth=1.0).residual < 1e-10
+    speeds = [solitary_wave(height, depth=1.0, gravity=1.0).speed for height in (0.7, 0.7001, 0.785, 0.796, 0.8)]
+    assert speeds[1] - speeds[0] == pytest.approx(1e-4 * 0.24, rel=0.1)
+    assert speeds[3] == pytest.approx(1.2942, abs=1e-4) and speeds[2] < speeds[3] > speeds[4]
 
 
 @needs_reference
@@ -69,9 +73,9 @@ def test_speed_and_surface_are_those_of_the_reference(height):
     assert np.abs(computed[1] / (depth * np.sqrt(gravity * depth)) - psi).max() < 1e-8
 
 
-@pytest.mark.parametrize("height", [-0.1, 0.0, 0.71])
+@pytest.mark.parametrize("height", [-0.1, 0.0, 0.81])
 def test_a_height_that_is_not_offered_is_refused(height):
-    with pytest.raises(InputError, match=rf"height = {height:g} m: must be above 0 and at most 0\.7 depths, 0\.7 m"):
+    with pytest.raises(InputError, match=rf"height = {height:g} m: must be above 0 and at most 0\.8 depths, 0\.8 m"):
         solitary_wave(height, depth=1.0)
 
 

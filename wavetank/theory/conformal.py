@@ -33,6 +33,9 @@ SPLINE_DEGREE = 7  # of x -> (eta, psi): on a grid FINER times as fine as the wa
 FINER = 4
 ROUNDS, ROUND_OFF = 50, 1e-14  # of Newton's method for places in the strip
 _DEEP = 300.0  # beyond this k D the multipliers are those of infinite depth, and the hyperbolic functions overflow
+SETTLED = 1e-9  # a correction whose square is round-off is the last
+CORRECTED, SPACE = 1e-8, 100  # of a correction, relative; the most iterations
+STAGNANT = 1e-6  # b - 2 eta, the squared speed along the surface over g, is positive but for rough guesses
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,3 +296,50 @@ class Solution:
             xi=xi,
             x=x,
         )
+
+
+def corrected(
+    start: Solution,
+    height: float,
+    *,
+    rise: Callable[[Array], float],
+    strip: Callable[[Array], Strip],
+    jacobian: Callable[[Solution], "scipy.sparse.linalg.LinearOperator"],
+) -> Solution:
+    """Return the solution of Babenko's equation for eta and b together at a given height, by Newton's method.
+
+    Parameters
+    ----------
+    start
+        A wave of nearly that height.
+    height
+        As ``rise`` has it.
+    rise
+        The height of an elevation.
+    strip
+        On which an elevation is.
+    jacobian
+        Gives the derivatives of the equation, then of the height, by eta and by b.
+    """
+    b, eta = start.b, np.asarray(start.eta * height / rise(start.eta), dtype=np.float64)
+    for _ in range(20):
+        now = Solution(strip(eta), eta, b)
+        error = np.append(now.babenko(), rise(eta) - height)
+        correction, _ = scipy.sparse.linalg.gmres(
+            jacobian(now), error, M=_principal(now), rtol=CORRECTED, restart=SPACE, maxiter=1
+        )
+        eta, b = np.asarray(eta - correction[:-1], dtype=np.float64), b - float(correction[-1])
+        if np.abs(correction).max() < SETTLED:
+            break
+    return Solution(strip(eta), eta, b)
+
+
+def _principal(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
+    """Return what nearly inverts the derivatives for short waves, sqrt(b - 2 eta) (K + 1) sqrt(b - 2 eta)."""
+    strip, root = now.strip, np.sqrt(np.maximum(now.b - 2 * now.eta, STAGNANT))
+    inverse = np.reciprocal(strip.K + 1.0)
+
+    def of(f: Array) -> Array:
+        return np.append(strip.multiply(inverse, np.divide(f[:-1], root)) / root, f[-1])
+
+    return scipy.sparse.linalg.LinearOperator((root.size + 1, root.size + 1), matvec=of)

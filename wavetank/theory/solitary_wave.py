@@ -1,25 +1,28 @@
-"""The solitary wave: Babenko's equation by Petviashvili's iteration.
+"""The solitary wave: Babenko's equation by Petviashvili's iteration, of the highest waves by Newton's method.
 
     L eta = N(eta),   L = c^2 K - g,   N = g [ eta K eta + 1/2 K(eta^2) ],
     eta <- S^2 L^-1 N(eta),   S = <eta, L eta> / <eta, N(eta)>,
 
 S being 1 on the solution; its exponent is that of a quadratic N. The speed that gives the height is found by the secant
-method from the series of Fenton 1972 (J. Fluid Mech. 53).
+method from the series of Fenton 1972 (J. Fluid Mech. 53). Towards the highest wave that gets slow, and from H/d = 0.796
+on higher waves are slower: there Newton's method finds shape and speed of a height, stepping up from lower ones.
 
 Sources: D. Dutykh and D. Clamond, "Efficient computation of steady solitary gravity waves", Wave Motion 51, 2014; V. I.
 Petviashvili, Sov. J. Plasma Phys. 2, 1976; those of ``conformal.py``.
 """
 
 from functools import lru_cache
+from math import ceil
 
 import numpy as np
 import scipy
 
 from wavetank.errors import InputError
-from wavetank.theory.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip
+from wavetank.theory.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip, corrected
 from wavetank.theory.wave import Array
 
-HIGHEST_SOLITARY = 0.7  # relative to the depth: beyond, towards the highest wave at 0.833, the iteration gets slow
+HIGHEST_SOLITARY = 0.8  # relative to the depth; the highest wave has 0.833
+ITERATED, STEP = 0.7, 0.02  # relative to the depth: up to where by iteration, and how far apart above
 DECAY = 37.0  # e-foldings of the tail that are computed: to round-off
 RESOLVED = 1e-10  # Bernoulli residual that is not refined further
 FEWEST, MOST = 1024, 16384  # intervals of half the wave
@@ -36,10 +39,13 @@ def solitary_wave(height: float, *, depth: float, gravity: float = 9.81) -> Stea
         allowed = f"must be above 0 and at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * depth:.4g} m"
         raise InputError(f"height = {height:g} m: {allowed}.")
     intervals = FEWEST
-    solution = _of_height(height / depth, intervals)
+    solution = _of_height(min(height / depth, ITERATED), intervals)
     while not solution.residual() < RESOLVED and intervals < MOST:
         intervals *= 2
-        solution = _of_height(height / depth, intervals)
+        solution = _of_height(min(height / depth, ITERATED), intervals)
+    if height / depth > ITERATED:
+        for one in np.linspace(ITERATED, height / depth, 1 + ceil((height / depth - ITERATED) / STEP))[1:]:
+            solution = _at_height(solution, float(one))
     return solution.wave(depth, gravity, interpolate=_still_beyond)
 
 
@@ -69,6 +75,32 @@ def _of_speed(square: float, intervals: int) -> Solution:
         if np.abs(eta - last).max() < 1e-15 * eta[0]:
             break
     return Solution(strip, eta, square)
+
+
+def _at_height(start: Solution, height: float) -> Solution:
+    """Return the wave of another height, on as many points as it needs."""
+    solution = _newton(start, height)
+    while not solution.residual() < RESOLVED and solution.strip.intervals < MOST:
+        solution = _newton(solution.refined(2), height)
+    return solution
+
+
+def _newton(start: Solution, height: float) -> Solution:
+    """Solve Babenko's equation for eta and b together, at a given height."""
+    return corrected(start, height, rise=lambda eta: float(eta[0]), strip=lambda eta: start.strip, jacobian=_jacobian)
+
+
+def _jacobian(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
+    """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
+    strip, eta, b = now.strip, now.eta, now.b
+    K_eta = strip.multiply(strip.K, eta)
+
+    def of(correction: Array) -> Array:
+        e, of_b = correction[:-1], correction[-1]
+        K_e, K_eta_e = (strip.multiply(strip.K, f) for f in (e, eta * e))
+        return np.append((b - eta) * K_e - K_eta_e - (1.0 + K_eta) * e + K_eta * of_b, e[0])
+
+    return scipy.sparse.linalg.LinearOperator((eta.size + 1, eta.size + 1), matvec=of)
 
 
 def _inner(f: Array, g: Array) -> float:

@@ -18,14 +18,11 @@ import numpy as np
 import scipy
 
 from wavetank.errors import InputError
-from wavetank.theory.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip
+from wavetank.theory.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip, corrected
 from wavetank.theory.wave import Array
 
 STEP = 0.1  # in height, relative to the maximum: so close, and closer as it comes near, waves keep to one crest
 RESOLVED, ACCEPTED, HOPELESS = 1e-10, 1e-9, 1.0  # Bernoulli residuals: fine enough; still a wave; not to be cured
-SETTLED = 1e-9  # a correction whose square is round-off is the last
-CORRECTED, SPACE = 1e-8, 100  # of a correction, relative; the most iterations
-STAGNANT = 1e-6  # b - 2 eta, the squared speed along the surface over g, is positive but for rough guesses
 FEWEST, MOST = 64, 8192  # intervals of half a wave length: for waves of LONG depths to begin with; at most
 LONG = 16.0
 SHALLOWEST = 1.0 - 1e-15  # parameter m of the elliptic functions, which is 1 for a solitary wave
@@ -104,18 +101,12 @@ def _at_height(start: Solution, height: float) -> Solution:
 
 def _newton(start: Solution, height: float) -> Solution:
     """Solve Babenko's equation for eta and b together, at a given height."""
-    length, b = start.strip.length, start.b
-    eta = start.eta * height / (start.eta[0] - start.eta[-1])
-    for _ in range(20):
-        now = Solution(_strip(length, eta), eta, b)
-        error = np.append(now.babenko(), eta[0] - eta[-1] - height)
-        correction, _ = scipy.sparse.linalg.gmres(
-            _jacobian(now), error, M=_principal(now), rtol=CORRECTED, restart=SPACE, maxiter=1
-        )
-        eta, b = eta - correction[:-1], b - float(correction[-1])
-        if np.abs(correction).max() < SETTLED:
-            break
-    return Solution(_strip(length, eta), eta, b)
+    length = start.strip.length
+
+    def rise(eta: Array) -> float:
+        return float(eta[0] - eta[-1])
+
+    return corrected(start, height, rise=rise, strip=lambda eta: _strip(length, eta), jacobian=_jacobian)
 
 
 def _jacobian(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
@@ -132,14 +123,3 @@ def _jacobian(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
         return np.append(babenko, e[0] - e[-1])
 
     return scipy.sparse.linalg.LinearOperator((eta.size + 1, eta.size + 1), matvec=of)
-
-
-def _principal(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
-    """Return what nearly inverts the derivatives for short waves, sqrt(b - 2 eta) (K + 1) sqrt(b - 2 eta)."""
-    strip, root = now.strip, np.sqrt(np.maximum(now.b - 2 * now.eta, STAGNANT))
-    inverse = np.reciprocal(strip.K + 1.0)
-
-    def of(f: Array) -> Array:
-        return np.append(strip.multiply(inverse, np.divide(f[:-1], root)) / root, f[-1])
-
-    return scipy.sparse.linalg.LinearOperator((root.size + 1, root.size + 1), matvec=of)
