@@ -44,6 +44,7 @@ WINDOW = 36.0  # (d / g)^(1/2): what of a motion is looked at, at least; a piece
 NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
 POINTS = 1024  # along a wave of permanent form
 TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths looked at
+BEYOND = 2  # harmonics of a standing wave beyond those of its expansion
 NEGLIGIBLE = 1e-5  # of its first harmonic
 PLACES = 33  # at which the highest crest is looked for
 
@@ -304,6 +305,8 @@ def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
     )
     in_time = exact.elevation_coefficients[:, 0, :] * [1.0, *3 * [np.sqrt(0.5)]]  # for means over a period
     ratios = np.minimum(np.linalg.norm(in_time, axis=1)[1:] / np.linalg.norm(in_time[1]), 1.0)
+    beyond = np.minimum(ratios[-1] / ratios[-2], 1.0) ** np.arange(1, BEYOND + 1)  # as these fall off, so do the others
+    ratios = np.append(ratios, ratios[-1] * beyond)
     k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
     omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
     components = Components(np.asarray(k), omega, wave.wave_amplitude * ratios[:2], age)
