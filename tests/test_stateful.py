@@ -39,6 +39,7 @@ SLICE = {
     "run": {"duration": 0.5, "on_breaking": "dissipate"},
     "numerics": {"cells": 12, "vertical_order": 3, "dt": 0.05, "tolerance": 1e-6},
 }
+FLAP = SLICE | {"wall": SLICE["wall"] | {"type": "flap"}}
 RING = {
     "tank": {"type": "ring", "length": 6.0, "depth": 1.0},
     "initial": {"type": "stream-function", "steepness": 0.6},
@@ -206,7 +207,7 @@ def test_what_another_run_has_held_is_not_taken_back():
 @pytest.mark.slow
 @pytest.mark.parametrize("after", [0, 1, 6])
 @pytest.mark.parametrize("scheme", INTEGRATORS)
-@pytest.mark.parametrize("scene", [RING, SLICE | {"water": {"type": "linear"}}], ids=["ring", "linear"])
+@pytest.mark.parametrize("scene", [RING, SLICE | {"water": {"type": "linear"}}, FLAP], ids=["ring", "linear", "flap"])
 def test_other_tanks_go_on_bit_for_bit(scene, scheme, after):
     resumed(changed(scene, integrator=scheme), MPI.COMM_SELF, after=after)
 

@@ -18,6 +18,7 @@ from wavetank.meshes import MeshFile
 from wavetank.plan.cost_model import BASE, PER_ENTRY, known_costs
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.error_model import Settings
+from wavetank.plan.kinds import kind_of, undearer
 from wavetank.runs.build import build_clock
 from wavetank.runs.memory import available_memory
 from wavetank.values.noun import Problem, SceneError
@@ -64,7 +65,7 @@ def needs_of(scene: Scene, ranks: int = 1) -> Needs:
 
 
 def _of_slice(scene: Scene, ranks: int) -> Needs:
-    chosen, kind = scene.numerics, _kind(scene)
+    chosen, kind = scene.numerics, kind_of(scene, scene.physics)
     dt, steps, product = _steps(scene, scene.cell_size)
     settings = Settings(
         order=chosen.order, cells=scene.cells, vertical_order=chosen.vertical_order, dt=dt, integrator=chosen.integrator
@@ -72,7 +73,8 @@ def _of_slice(scene: Scene, ranks: int) -> Needs:
     places = chosen.order * scene.cells + 1
     entries = places * (chosen.vertical_order + 1.0) * (chosen.order + 2)
     cpu = steps * known_costs().step(kind, settings, product)
-    return Needs(places * (chosen.vertical_order + 2.0), steps, cpu, ranks * BASE + PER_ENTRY[kind] * entries)
+    memory = ranks * BASE + PER_ENTRY[undearer(kind)[0]] * entries
+    return Needs(places * (chosen.vertical_order + 2.0), steps, cpu, memory)
 
 
 def _of_basin(scene: Scene, tank: BasinTank, ranks: int) -> Needs:
@@ -91,12 +93,6 @@ def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:
         file = Path(tank.layout.file)
         return (file.stat().st_size / PER_CELL if file.exists() else 0.0), size
     return tank.layout.counted(size)
-
-
-def _kind(scene: Scene) -> str:
-    if scene.physics == "linear":
-        return "linear"
-    return "driven" if scene.wall.moves else "nonlinear"
 
 
 def _steps(scene: Scene, cell_size: float) -> tuple[float, float, float]:

@@ -3,7 +3,7 @@
 A step costs (a + b S + c E) + (a' + b' S + c' E) dt omega_max seconds, S = p cells + 1 values of the surface and
 E = S (n+1) (p+2): what Python costs whatever the mesh, what goes with the surface, and what goes with the entries of
 the operator; longer steps need more iterations. The constants of each kind of waves (linear; nonlinear; nonlinear and
-driven by a paddle) and scheme are fitted to timed runs of waves of k a = 0.1 with all that is recorded of a run
+driven by a piston) and scheme are fitted to timed runs of waves of k a = 0.1 with all that is recorded of a run
 (``calibrate``). Steeper waves need more solves a step, by the factor 1 + ``STEEPER`` (s² - 0.01) with s = k times the
 crest's height: so measured, to 25 %, of standing waves up to k a = 0.3, at the tolerance of plans for a percent.
 
@@ -29,6 +29,7 @@ from wavetank.observers.energy import Sink
 from wavetank.observers.record import Memory
 from wavetank.plan.defaults import LOOSEST
 from wavetank.plan.error_model import Settings
+from wavetank.plan.kinds import undearer
 from wavetank.plan.trial import STEPS, WARM_UP, Stopwatch
 from wavetank.runs.build import Records, build_filters, build_observers, initial_state
 from wavetank.runs.clock import Clock
@@ -87,16 +88,17 @@ class CostModel:
 
     def step(self, kind: str, settings: Settings, dt_omega_max: float, *, steepness: float = FITTED) -> float:
         """Return the CPU seconds of a step in waves of a steepness k times the crest's height."""
+        kind, dearer = undearer(kind)
         steeper = 1.0 if kind == "linear" else 1.0 + STEEPER * (steepness**2 - FITTED**2)
         features = _features(settings.order, settings.cells, settings.vertical_order, dt_omega_max)
-        return steeper * float(features @ np.array(self.constants[f"{kind} {settings.integrator}"]))
+        return dearer * steeper * float(features @ np.array(self.constants[f"{kind} {settings.integrator}"]))
 
     def run(
         self, kind: str, settings: Settings, *, duration: float, dt_omega_max: float, steepness: float = FITTED
     ) -> Cost:
         """Return the cost of a run of ``duration`` seconds."""
         steps = Clock.covering(duration, settings.dt).steps
-        memory = BASE + PER_ENTRY[kind] * _entries(settings.order, settings.cells, settings.vertical_order)
+        memory = BASE + PER_ENTRY[undearer(kind)[0]] * _entries(settings.order, settings.cells, settings.vertical_order)
         return Cost(float(steps * self.step(kind, settings, dt_omega_max, steepness=steepness)), memory)
 
 

@@ -32,6 +32,7 @@ from wavetank.case import Physics, Scene
 from wavetank.errors import InputError
 from wavetank.motions import Motion
 from wavetank.motions.extent import values
+from wavetank.plan.kinds import kind_of
 from wavetank.theory import airy, standing_wave
 from wavetank.theory.conformal import SteadyWave
 
@@ -140,10 +141,10 @@ class Requirements:
         The horizontal velocity in the crest, a omega / tanh(k d) [m/s].
     harmonics
         Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
-    driven
-        Whether a paddle drives the waves.
+    kind
+        Of waves by what a step costs (``kind_of``).
     motion
-        Its motion; if that was measured, steps must hold it, noise and all.
+        The paddle's motion; if that was measured, steps must hold it, noise and all.
     physics
         "linear" or "nonlinear".
     reasons
@@ -161,15 +162,10 @@ class Requirements:
     highest: float
     velocity: float
     harmonics: Vector
-    driven: bool
+    kind: str
     motion: Motion
     physics: Physics
     reasons: tuple[str, ...]
-
-    @property
-    def kind(self) -> str:
-        """The kind of waves by what a step costs: "linear", "nonlinear" or "driven"."""
-        return "driven" if self.driven and self.physics == "nonlinear" else self.physics
 
 
 def unplanned(scene: Scene) -> str | None:
@@ -201,8 +197,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
-    driven = motion.moves
-    free = _free_harmonic(waves, k, scene) if driven and physics == "nonlinear" else None
+    free = _free_harmonic(waves, k, scene) if motion.moves and physics == "nonlinear" else None
     return Requirements(
         accuracy=accuracy,
         length=tank.length,
@@ -215,7 +210,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         highest=k * (form.crest if form else crest),
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
-        driven=driven,
+        kind=kind_of(scene, physics),
         motion=motion,
         physics=physics,
         reasons=(

@@ -1,0 +1,21 @@
+"""Kinds of waves by what a step of them costs."""
+
+from wavetank.case import FlapWall, Physics, Scene
+from wavetank.case.walls import ShapedWall
+
+DEARER = {"leaning": 1.5, "bent": 1.9}  # paddles, over a piston: flaps hinged at the bed or below it; other shapes
+
+
+def kind_of(scene: Scene, physics: Physics) -> str:
+    """Return the kind of waves by what a step costs: "linear", "nonlinear", or of "driven" ones a ``DEARER`` one."""
+    wall = scene.wall
+    if physics == "linear" or not wall.moves:
+        return physics
+    if isinstance(wall, ShapedWall):
+        return "leaning" if isinstance(wall, FlapWall) and wall.hinge <= 0.0 else "bent"
+    return "driven"
+
+
+def undearer(kind: str) -> tuple[str, float]:
+    """Return the kind that costs are fitted of, and what this one costs over it."""
+    return ("driven", DEARER[kind]) if kind in DEARER else (kind, 1.0)
