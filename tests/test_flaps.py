@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import fitted_slope
+from conftest import fitted_slope, needs_data
 from mpi4py import MPI
 
 from wavetank.case import Scene
@@ -14,9 +14,13 @@ from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
+from wavetank.plan.cost_model import BUILT_IN
+from wavetank.plan.error_model import Settings
+from wavetank.plan.kinds import kind_of
 from wavetank.runs.build import build_run
 from wavetank.theory import airy
 from wavetank.theory.wavemaker import PISTON, Flap, Profile, modes, norm
+from wavetank.verify.measured_flap import waves
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.surface_points import SurfacePoints
@@ -226,6 +230,17 @@ def test_what_no_flap_can_be_is_a_sentence(changes, said):
     assert said.split(".")[1] in message
 
 
+def test_a_plan_knows_what_a_flap_costs():
+    """Over a piston, as docs/method.md has it measured; linear water has no columns to find."""
+    settings = Settings(order=3, cells=40, vertical_order=8, dt=0.03, integrator="simpson-4")
+    piston, flap, bent = (
+        BUILT_IN.step(kind_of(scene(wall), "nonlinear"), settings, 1.0)
+        for wall in ({"type": "piston", "motion": MOTION}, FLAP, KINKED)
+    )
+    assert flap / piston == pytest.approx(1.5) and bent / piston == pytest.approx(1.9)
+    assert kind_of(scene(FLAP), "linear") == "linear"
+
+
 # ---------------------------------------------------------------- whole runs
 @pytest.mark.slow
 @pytest.mark.parametrize("wall", [FLAP, KINKED], ids=["bed", "above"])
@@ -334,3 +349,16 @@ def test_a_flap_across_a_basin_is_that_of_a_slice():
     run.observers.append(Gauges(waves, np.array([[0.5, 0.5], [2.0, 0.25]]), record=record, schedule=EverySteps()))
     run.execute()
     assert record.array() == pytest.approx(gauges, abs=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["T05_H1", "T09_H2"])
+def test_the_waves_of_a_measured_flap(name):
+    """NTNU's, first harmonics with the gain of the first record, where neither beach nor a low gauge has a part."""
+    needs_data("ntnu_flap_2025", f"{name}.csv.gz")
+    rows = [row for row in waves(name).rows() if row.undisturbed and row.x != 5.2]
+    assert len(rows) == 3
+    for row in rows:
+        assert row.ratio == pytest.approx(1.0, abs=0.01)
+        assert abs(row.phase - rows[0].phase) < 5.0
+        assert row.second_computed == pytest.approx(row.second_measured, abs=0.025)

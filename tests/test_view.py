@@ -30,9 +30,11 @@ def travelling(x, t):
     return HEIGHT / 2 * np.cos(2 * np.pi * (x / LENGTH - t / PERIOD))
 
 
-def record(path, tank=TANK, *, elevation=travelling, paddle=0.0, times=TIMES, title="", gauges=(), sponge=None):
+def record(
+    path, tank=TANK, *, elevation=travelling, paddle=0.0, times=TIMES, title="", gauges=(), sponge=None, wall=None
+):
     """Write a run directory with an elevation(x, t), a paddle that moves by so much, and gauges at some x [m]."""
-    scene = {"title": title, "tank": tank, "wall": {"type": "fixed"}, "sponge": sponge}
+    scene = {"title": title, "tank": tank, "wall": wall or {"type": "fixed"}, "sponge": sponge}
     with RunWriter(path, {"scene": scene}) as writer:
         surface, table = writer.surface(), writer.gauges([(str(n), x) for n, x in enumerate(gauges, start=1)])
         x = np.linspace(0.0, LENGTH, 81)[: -1 if tank["type"] == "ring" else None]
@@ -46,6 +48,21 @@ def record(path, tank=TANK, *, elevation=travelling, paddle=0.0, times=TIMES, ti
 @pytest.fixture
 def run(tmp_path):
     return record(tmp_path / "run", title="A wave")
+
+
+def test_a_flap_leans_and_the_water_beside_it(tmp_path):
+    """Both are on its line x = (z - z_h) / (d - hinge) X above the hinge, and at x = 0 below it."""
+    hinge, moved = 0.3, 0.2
+    wall = {"type": "flap", "hinge": hinge, "motion": {"type": "at-rest"}}
+    sight = view_tank.tank_view(record(tmp_path / "run", wall=wall, paddle=moved)).at(PERIOD / 4)
+    eta = travelling(moved, PERIOD / 4)
+    X = moved * (DEPTH - hinge) / (DEPTH - hinge + eta)
+    for mesh in (sight.paddle, sight.sides):
+        x, _, z = mesh.points.T
+        line = X * np.maximum(z + DEPTH - hinge, 0.0) / (DEPTH - hinge)
+        on_it = np.abs(x - line) < 1e-6
+        assert on_it.sum() > 20 and z[on_it].min() == pytest.approx(-DEPTH) and np.ptp(line[on_it]) > 0.9 * X
+    assert sight.sides.points[:, 0].min() == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.fixture(scope="module")
