@@ -104,7 +104,7 @@ def new(
     name: Annotated[str, typer.Argument(help="name of the case: NAME.toml is written, never over another")],
     kind: Annotated[str, typer.Option(metavar="|".join(KINDS), help="what it is to begin with")] = KINDS[0],
 ) -> None:
-    """Write a new case to begin with, commented, that runs in seconds."""
+    """Write a new case to begin with, one that runs in seconds."""
     path = on_first(MPI.COMM_WORLD, lambda: write_case(name, kind))
     console().print(f"wrote {path}; now: wavetank run {shlex.quote(str(path))}", highlight=False)
 
