@@ -153,7 +153,7 @@ def test_corrections_of_single_precision_make_a_solution_of_double_precision():
 
     def left():
         residuals.append(eigenvalues * (known - solution))
-        return residuals[-1]
+        return residuals[-1].copy()
 
     steps, last = corrected(
         left,

@@ -95,7 +95,7 @@ def corrected(
     Parameters
     ----------
     left
-        Returns b - A x of the solution as it is, of double precision.
+        Returns b - A x of the solution as it is, of double precision, in an array that is not kept.
     product, precondition
         As ``conjugate_gradients`` takes them, of single precision.
     solution
@@ -112,7 +112,8 @@ def corrected(
         nonlocal scale
         residual = left()
         scale = float(np.sqrt(comm.allreduce(dot(residual, residual)))) or 1.0
-        return np.asarray(residual / scale, dtype=np.float32)
+        residual /= scale
+        return residual.astype(np.float32)
 
     def enough(first: float) -> float:
         nonlocal energy, target

@@ -9,6 +9,7 @@ fields at the points, unless there are to be many with the same fields, and room
 """
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -178,16 +179,26 @@ class LayerOperator:
 
     def apply(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
-        return self._applied(self.kernel.call.product, rows)
+        return self._applied(self.kernel.call.product, rows, self._nothing())
 
     def apply_to_interior(self, rows: Array) -> Array:
-        """Return A x, shape (owned, n+1), for an x of that shape whose last column is zero; collective."""
-        return self._applied(self.kernel.call.interior_product, rows)
+        """Return A x, shape (owned, n+1), for an x of that shape whose last column is zero; collective.
 
-    def _applied(self, product: Any, rows: Array) -> Array:
+        The array is reused by the next call.
+        """
+        self._image[:] = 0.0
+        return self._applied(self.kernel.call.interior_product, rows, self._image)
+
+    @cached_property
+    def _image(self) -> Array:
+        return self._nothing()
+
+    def _nothing(self) -> Array:
+        return np.zeros((self._halos[self.numbers].size, self.numbers), dtype=self.kernel.real)
+
+    def _applied(self, product: Any, rows: Array, y: Array) -> Array:
         halo, at = self._halos[self.numbers], self.kernel.pointer
-        x, y = halo.fetch(rows[: self._owned]), np.zeros((halo.size, self.numbers), dtype=self.kernel.real)
-        product(*self._of, self._at_state, at(x), at(y))
+        product(*self._of, self._at_state, at(halo.fetch(rows[: self._owned])), at(y))
         return halo.collect(y)
 
     def derivative(self, rows: Vector) -> Vector:

@@ -116,6 +116,8 @@ class OrderMultigrid(Responding):
         numbering = layer.plane.V.dofmap.index_map
         self._halo, self._one = (Halo(numbering, many, np.float32) for many in (eigenvalues.size, 2))
         self._coarse = LinearModes(layer, eigenvalues)
+        self._image = np.zeros((self._halo.size, eigenvalues.size), dtype=np.float32)
+        self._direction = np.zeros((layer.plane.owned, eigenvalues.size), dtype=np.float32)
 
     def take(self, averages: Means) -> None:
         """See ``Modes``."""
@@ -151,10 +153,12 @@ class OrderMultigrid(Responding):
         return float(np.linalg.eigvalsh(projected).max())
 
     def product(self, x: Singles) -> Singles:
-        """Return (S_u + Lambda_j S_w) x_j, shape (owned, m), of single precision; collective."""
-        many, at = self._eigenvalues.size, self._kernel.pointer
-        y = np.zeros((self._halo.size, many), dtype=np.float32)
-        x = self._halo.fetch(x)
+        """Return (S_u + Lambda_j S_w) x_j, shape (owned, m), of single precision; collective.
+
+        The array is reused by the next call.
+        """
+        many, at, y = self._eigenvalues.size, self._kernel.pointer, self._image
+        x, y[:] = self._halo.fetch(x), 0.0
         self._kernel.call.multiply(self._cells, at(self._averages), at(self._eigenvalues), many, at(x), at(y))
         return self._halo.collect(y)
 
@@ -166,7 +170,8 @@ class OrderMultigrid(Responding):
         lowest, largest = self._bounds
         centre, radius = (largest + lowest) / 2, (largest - lowest) / 2
         ratio, keep, take = radius / centre, 0.0, 1 / centre
-        direction, image = np.zeros_like(r), np.zeros_like(r)
+        direction, image = self._direction, self._image[: len(r)]
+        direction[:] = image[:] = 0.0
         at, (rows, many) = self._kernel.pointer, r.shape
         matrices = rows, at(self._diagonals), at(self._eigenvalues), many
         for step in range(self.steps):

@@ -11,10 +11,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
 from wavetank.fe.along import NO_MINIMUM, Averaged, Minimum, along
-from wavetank.fe.conjugate_gradients import Array, Steps, condition_number, corrected
+from wavetank.fe.conjugate_gradients import Array, Steps, condition_number, corrected, dot
 from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.modes import Layer, SolvableLayer, layer_of
 from wavetank.fe.plane import Field, LayeredField, Plane
@@ -179,7 +179,7 @@ class Krylov:
             """Return what is left of the equation for the interior; the flow is that of phi as it is."""
             nonlocal kinetic
             image = self._operator.apply(phi)
-            kinetic = self._plane.sum(phi * image if self._operator.least > 0.0 else np.full(1, np.nan))
+            kinetic = summed(self._plane.comm, dot(phi, image) if self._operator.least > 0.0 else np.nan)
             if np.isnan(kinetic):
                 raise ConvergenceError(NO_MINIMUM)
             self.flow = image[:, -1].copy()
@@ -202,10 +202,9 @@ class Krylov:
         except ConvergenceError as error:
             raise ConvergenceError(f"the interior potential: {error}") from None
         self.flow -= last[:, -1]
-        image = -np.asarray(last, dtype=np.float64)
-        image[:, :-1] -= wall[:, :-1]
-        image[:, -1] = self.flow
-        self.kinetic = self._plane.sum(phi * image)
+        last[:, -1] = 0.0
+        of_interior = np.einsum("ij,ij->", phi, last) + np.einsum("ij,ij->", phi[:, :-1], wall[:, :-1])
+        self.kinetic = summed(self._plane.comm, float(phi[:, -1] @ self.flow - of_interior))
         return len(self._steps)
 
     @property
