@@ -5,6 +5,8 @@ elements of order 1. As what conjugate gradients are preconditioned with need no
 precision, and quadrature is exact only where coefficients are constant in each cell.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from dolfinx.fem.petsc import interpolation_matrix
 from numpy.typing import NDArray
@@ -74,6 +76,8 @@ class LayerMeans:
         self._constants = density.constants().astype(np.float32)
         levels = {"zeta": np.array(LEVELS), "weights": np.full(len(LEVELS), 1 / len(LEVELS))}
         self._layers = self.kernel.struct("Layers", {**levels, "constants": self._constants})
+        numbering = plane.V.dofmap.index_map
+        self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
         self._shape = cells.parts["batches"], len(cells.points), density.sizes["MEANS"], LANES
 
     def assemble(self) -> "Means":
@@ -90,6 +94,10 @@ class LayerMeans:
     def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
         """See ``Layer``."""
         return OrderMultigrid(self, eigenvalues)
+
+    def work(self, rows: int, modes: int) -> Iterator[Singles]:
+        """Yield two arrays of that shape for whoever is at work, the same for all."""
+        return (one[: rows * modes].reshape(rows, modes) for one in self._work)
 
 
 Means = tuple[Singles, Averages]  # at the points, and on elements of order 1
@@ -116,8 +124,8 @@ class OrderMultigrid(Responding):
         numbering = layer.plane.V.dofmap.index_map
         self._halo, self._one = (Halo(numbering, many, np.float32) for many in (eigenvalues.size, 2))
         self._coarse = LinearModes(layer, eigenvalues)
-        self._image = np.zeros((self._halo.size, eigenvalues.size), dtype=np.float32)
-        self._direction = np.zeros((layer.plane.owned, eigenvalues.size), dtype=np.float32)
+        self._image, direction = layer.work(self._halo.size, eigenvalues.size)
+        self._direction = direction[: layer.plane.owned]
 
     def take(self, averages: Means) -> None:
         """See ``Modes``."""
