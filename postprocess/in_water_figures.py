@@ -20,6 +20,8 @@ def probes_figure(run: RunDirectory, path: Path) -> Path:
     shown = probes.isel(probe=slice(None, None, -(-probes.sizes["probe"] // PANELS)))
     rows, tank = shown.sizes["probe"], run.manifest.get("scene", {}).get("tank", {})
     weight = tank.get("density", 1000.0) * tank.get("gravity", 9.81)
+    beyond = shown.pressure - weight * np.maximum(0.0, -shown.z)
+    scale, kilo = _scale(beyond)
     with picture(path, 13, 1.1 + 1.6 * rows) as figure:
         axes = figure.subplots(rows, 3, sharex=True, sharey="col", squeeze=False)
         for n, (velocity, acceleration, pressure) in enumerate(axes):
@@ -28,8 +30,8 @@ def probes_figure(run: RunDirectory, path: Path) -> Path:
             velocity.set_title(f"probe {probe.probe.item()}, {place}", pad=2, parse_math=False)
             _draw_vector(velocity, probe, "velocity")
             _draw_vector(acceleration, probe, "acceleration")
-            _draw(pressure, probe.time, (probe.pressure - weight * np.maximum(0.0, -probe.z)) / KILO, color=BLUE)
-        said = ("velocity [m/s]", "acceleration [m/s²]", "pressure beyond still water's [kPa]")
+            _draw(pressure, probe.time, beyond.isel(probe=n) / scale, color=BLUE)
+        said = ("velocity [m/s]", "acceleration [m/s²]", f"pressure beyond still water's [{kilo}Pa]")
         for panel, what in zip(axes[0], said, strict=True):
             panel.set_title(what, loc="right", pad=2)
         _finish(figure, axes, f"{run.title}: probes".lstrip(": "))
@@ -42,18 +44,24 @@ def loads_figure(run: RunDirectory, path: Path) -> Path:
     Raises ``InputError`` where there are none.
     """
     loads = run.loads
-    rows, units = loads.sizes["wall"], {name: one.units for name, one in loads.items()}
+    rows, beyond = loads.sizes["wall"], loads - loads.isel(time=0)
+    scale, kilo = _scale(beyond[["force_x", "moment_y"]].to_array())
+    units = {"force": loads.force_x.units, "moment": loads.moment_y.units}
     with picture(path, 11, 1.1 + 1.9 * rows) as figure:
         axes = figure.subplots(rows, 2, sharex=True, squeeze=False)
         for n, panels in enumerate(axes):
-            wall = loads.isel(wall=n)
-            for panel, name in zip(panels, ("force", "moment"), strict=True):
-                _draw_vector(panel, (wall - wall.isel(time=0)) / KILO, name)
-            panels[0].set_title(str(wall.wall.item()), pad=2, parse_math=False)
-        for panel, name, unit in zip(axes[0], ("force", "moment"), (units["force_x"], units["moment_y"]), strict=True):
-            panel.set_title(f"{name} beyond that at the start [k{unit}]", loc="right", pad=2)
+            for panel, name in zip(panels, units, strict=True):
+                _draw_vector(panel, beyond.isel(wall=n) / scale, name)
+            panels[0].set_title(str(loads.wall[n].item()), pad=2, parse_math=False)
+        for panel, (name, unit) in zip(axes[0], units.items(), strict=True):
+            panel.set_title(f"{name} beyond that at the start [{kilo}{unit}]", loc="right", pad=2)
         _finish(figure, axes, f"{run.title}: loads".lstrip(": "))
     return path
+
+
+def _scale(values: Any) -> tuple[float, str]:
+    """Return what values are shown over, and the prefix of their unit."""
+    return (KILO, "k") if float(np.abs(values).max()) > KILO else (1.0, "")
 
 
 def _draw_vector(panel: Axes, data: Any, name: str) -> None:

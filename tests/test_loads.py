@@ -222,6 +222,32 @@ def test_the_force_on_a_cylinder_is_that_of_mccamy_and_fuchs(ka):
     assert cylinder_force(HalfBasin(ka, 0.25, order=3)) == pytest.approx(expected, rel=5e-3)
 
 
+BASIN = {
+    "tank": {"type": "basin", "depth": 0.6, "layout": {"type": "rectangle", "length": 3.0, "width": 1.5}},
+    "wall": {
+        "type": "segmented-piston",
+        "segment": 0.5,
+        "motion": {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 15.0, "ramp": 1.0},
+    },
+    "loads": [{"on": "paddle"}, {"on": "wall"}],
+    "run": {"duration": 1.0},
+    "numerics": {"cell_size": 0.5, "order": 3, "vertical_order": 4},
+}
+
+
+@pytest.mark.slow
+def test_segments_of_a_paddle_put_in_what_the_budget_says(tmp_path):
+    """Oracle: the budget's work; the force of all segments is that on the wall, less still water's."""
+    from scipy.integrate import simpson
+
+    run = record(tmp_path / "run", **BASIN)
+    paddle, still = run.paddle, 1000.0 * GRAVITY * 0.6**2 / 2 * 1.5
+    assert paddle.force.values == pytest.approx(-run.loads.force_x[0].values - still, abs=1e-6 * still)
+    work = simpson(paddle.power.values, x=paddle.time.values)
+    assert work == pytest.approx(1000.0 * float(run.energy.paddle_work[-1]), rel=2e-3)
+    assert float(run.loads.force_x[:, 0].sum()) == pytest.approx(0.0, abs=1e-6 * still)
+
+
 def record_on_all_ranks(path):
     record(path, comm=MPI.COMM_WORLD)
 

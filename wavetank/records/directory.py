@@ -208,7 +208,7 @@ class RunDirectory:
         file = file_of(name, "netcdf")
         if not (content := self._whole(file)):
             raise InputError(f"{self.path / file}: has no row.")
-        return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z"])
+        return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z", "zeta"])
 
     # ------------------------------------------------------------ as arrays
     def gauge_series(self) -> list[GaugeSeries]:
