@@ -299,6 +299,7 @@ def test_a_series_cut_anywhere_is_read_up_to_there(tmp_path):
 
 def test_snapshots_are_told_in_the_same_place_however_many_there_are(tmp_path):
     """By as many bytes: the file is not written anew."""
+    RunWriter(tmp_path, {}).begin().release()
     series, sizes = VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF), []
     cells = VtkCells.flat(np.array([[0, 1]], dtype=np.int32))
     for number in range(4):
@@ -307,6 +308,11 @@ def test_snapshots_are_told_in_the_same_place_however_many_there_are(tmp_path):
         sizes.append((tmp_path / "surface.pvd").stat().st_size)
         assert before in (None, (tmp_path / "surface.pvd").stat().st_ino)
     assert np.ptp(np.diff(sizes)) <= 1  # 0.5 has a digit less
+    held, again = series.held(), VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF)
+    again.take(held)
+    assert again.held() == held  # before it has written, too
+    again.append(1.0, np.zeros((2, 3)), cells=cells, arrays={})
+    assert [t for t, _ in RunDirectory(tmp_path).fields("surface")] == [0.0, 0.25, 0.5, 0.75, 1.0]
 
 
 def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_path):

@@ -75,7 +75,7 @@ class GrowingFile:
 
     def take(self, held: Held) -> None:
         """Go on from there, once it is opened."""
-        self._kept = held["size"]
+        self._kept = self._size = held["size"]
 
     def sync(self) -> None:
         """See to it that all that has been written outlives a power cut; raises ``OSError``."""
