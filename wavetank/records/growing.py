@@ -32,6 +32,10 @@ def _csv_line(cells: Iterable[str]) -> bytes:
     return line.getvalue().encode()
 
 
+def _identity(file: os.stat_result) -> tuple[int, int]:
+    return file.st_dev, file.st_ino
+
+
 def lacks(path: Path, held: Held) -> bool:
     """Return whether less is there of a file, or of its index, than was held; raises ``OSError``."""
     if not path.exists():
@@ -65,7 +69,7 @@ class GrowingFile:
         try:
             self._file = self._path.open("r+b" if self._kept else "wb")
             self._file.truncate(self._kept)
-            self._size = self._kept
+            self._size, self._is = self._kept, _identity(os.fstat(self._file.fileno()))
         except OSError as error:
             raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
 
@@ -93,13 +97,13 @@ class GrowingFile:
         They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place.
         """
         try:
-            if not os.path.samestat(os.fstat(self._file.fileno()), os.stat(self._path)):
+            if _identity(os.stat(self._path)) != self._is:
                 raise FileNotFoundError(errno.ENOENT, "replaced by another file")
             place = self._size - over if at is None else at
-            self._file.seek(place)
-            self._file.write(content)
-            self._file.flush()
-            self._size = max(self._size, place + len(content))
+            while content:  # rarely more than once
+                written = os.pwrite(self._file.fileno(), content, place)
+                content, place = content[written:], place + written
+            self._size = max(self._size, place)
         except FileNotFoundError:
             raise RecordError(f"{self._path}: is no longer there; moved or deleted during the run.") from None
         except OSError as error:
