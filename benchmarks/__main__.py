@@ -114,12 +114,13 @@ def where_the_time_goes(steps: int) -> None:
 
 
 GROUPS = {
-    "interior solves": ("find_interior",),
-    "a state's second derivatives, the column's derivative": ("built-in method layers.hessians", "layers.derivative"),
-    "the stages' preconditioner": ("solve_surface", "still_water.py"),
-    "the mass matrix": ("'solve' of 'petsc4py.PETSc.KSP'", "mass.py", "_assemble_matrix_csr", "setValuesCSR"),
-    "forms of the wall": ("_assemble_vector_array", "forms.py"),
-    "start values": ("recall.py", "start_values.py", "lstsq"),
+    "interior potentials: residuals": ("method layers.product",),
+    "corrections to them": ("method layers.correct",),
+    "a state's second derivatives, the column's derivative": ("method layers.take", "method layers.derivative"),
+    "the stages' preconditioner": ("method layers.respond", "method points.", "still_water.py", "carried_waves.py"),
+    "the mass matrix": ("method mass.", "mass.py"),
+    "forms of the wall": ("fem/assemble.py", "forms.py"),
+    "start values": ("method recall.", "recall.py", "start_values.py"),
 }
 
 
