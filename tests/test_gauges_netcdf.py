@@ -30,7 +30,7 @@ def test_places_are_in_the_header_and_read_back(tmp_path):
     with write(tmp_path):
         pass
     header = (tmp_path / "gauges.csv").read_text().splitlines()[0]
-    assert header == 't,1@x=10,"Süd, the focus@x=49.5,y=-2.25",a@x=b@x=0.1'
+    assert header == 't [s],1@x=10,"Süd, the focus@x=49.5,y=-2.25",a@x=b@x=0.1'
     found = [(gauge.name, gauge.x, gauge.y) for gauge in RunDirectory(tmp_path).gauge_series()]
     assert found == [("1", 10.0, 0.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
 

@@ -116,7 +116,7 @@ def test_tables_are_read_back_to_the_last_bit_whatever_the_gauges_are_called(com
         np.testing.assert_array_equal(one.t, [0.0, 0.1, 2 * 0.1])
         np.testing.assert_array_equal(one.eta, eta)
     np.testing.assert_array_equal(run.budget()["total [m^4/s^2]"], [0.0, np.e, 2 * np.e])
-    assert (complete_run / "gauges.csv").read_text().startswith("t,1@x=10,")
+    assert (complete_run / "gauges.csv").read_text().startswith("t [s],1@x=10,")
 
 
 def test_snapshots_are_read_back_to_the_last_bit(complete_run):

@@ -140,7 +140,7 @@ class RunWriter:
 
     def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
         """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
-        return self.table(GAUGES, ["t", *(column(*gauge) for gauge in gauges)])
+        return self.table(GAUGES, ["t [s]", *(column(*gauge) for gauge in gauges)])
 
     def table(self, file: str, columns: Sequence[str]) -> TableWriter:
         """Return a new table with these columns, time first, units in their names."""
