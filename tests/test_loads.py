@@ -10,6 +10,7 @@ from test_probes import DENSITY, FINE, GRAVITY, MOTION, driven
 
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
+from wavetank.errors import InputError
 from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
 from wavetank.integrators import Simpson4, StormerVerlet
@@ -17,6 +18,7 @@ from wavetank.motions import AtRest
 from wavetank.motions.tangent import Tangent
 from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
+from wavetank.study.responses import Response, responses
 from wavetank.theory.mccamy_fuchs import CylinderDiffraction
 from wavetank.theory.standing_wave import ThirdOrderStandingWave
 from wavetank.verify.cylinder import HalfBasin
@@ -152,6 +154,16 @@ def test_loads_are_recorded_and_the_paddle_s_power_is_that_of_the_budget(run):
     assert work == pytest.approx(DENSITY * float(energy.paddle_work[-1]), rel=1e-3)
 
 
+def test_the_largest_force_is_a_response_of_studies(run):
+    """Oracle: the record; a wall's name may have blanks, and one that is not there is told."""
+    force = run.loads.force_x.sel(wall="end")
+    told, causes = responses(run, [Response("force@end"), Response("moment@'far wall'")])
+    assert told == {"force@end [N, of a slice N/m]": pytest.approx(float(np.abs(force - force[0]).max()))}
+    assert len(causes) == 1 and causes[0].endswith("has no load 'far wall'; it has paddle, end.")
+    with pytest.raises(InputError, match="'force' is no quantity; it is one of a load, force@LOAD"):
+        Response("force")
+
+
 @pytest.mark.parametrize(
     ("loads", "tank", "said"),
     [
@@ -163,7 +175,7 @@ def test_loads_are_recorded_and_the_paddle_s_power_is_that_of_the_budget(run):
 def test_walls_that_are_not_there_are_refused(loads, tank, said, tmp_path):
     path = tmp_path / "case.toml"
     path.write_text(f"loads = [{loads}]\n[tank]\n{tank}length = 4.0\ndepth = 0.5\n[run]\nduration = 1.0\n")
-    with pytest.raises(Exception, match=".") as refused:
+    with pytest.raises(InputError) as refused:
         read_case(path)
     assert said in str(refused.value)
 

@@ -54,6 +54,17 @@ class Findings:
         """Return the record at a gauge."""
         return waving(chosen(self.record.eta, [name])[0])
 
+    def largest_change(self, name: str, wall: str) -> float:
+        """Return how far a force or moment on a wall is from that at the start at the most [N or N m, a metre]."""
+        loads = self._run.loads
+        if wall not in loads.wall.values:
+            others = ", ".join(map(str, loads.wall.values))
+            raise InputError(f"{self._run.path}: has no load {wall!r}; it has {others}.")
+        there = loads.sel(wall=wall)
+        change = (there - there.isel(time=0))[[key for key in there if str(key).startswith(name)]].to_array()
+        late = loads.time.values >= (-np.inf if self._start is None else self._start)
+        return float(np.sqrt((change.values**2).sum(axis=0))[late].max())
+
     def _state(self, gauge: str) -> Dataset:
         return sea_state(spectrum(self.gauge(gauge)))
 
@@ -74,7 +85,7 @@ class OfRun(NamedTuple):
 
 
 class AtGauge(NamedTuple):
-    """A number of the record at a gauge, and its unit."""
+    """A number of the record at a gauge, or on a wall, and its unit."""
 
     unit: str
     of: Callable[[Findings, str], float]
@@ -99,6 +110,10 @@ OF_RUN = {
     "trough": OfRun("m", lambda found: float(found.surface.eta.min())),
     "run_up": OfRun("m", lambda found: float(found.surface.eta[:, -1].max())),
     "reflection": OfRun("-", lambda found: reflection_coefficient(found.record)),
+}
+AT_WALL = {
+    "force": AtGauge("N, of a slice N/m", lambda found, wall: found.largest_change("force", wall)),
+    "moment": AtGauge("N m, of a slice N m/m", lambda found, wall: found.largest_change("moment", wall)),
 }
 AT_GAUGE = {
     "crest": AtGauge("m", lambda found, gauge: float(found.gauge(gauge).max())),

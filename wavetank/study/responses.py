@@ -8,7 +8,7 @@ import numpy as np
 
 from wavetank.case import Scene
 from wavetank.errors import InputError, choice
-from wavetank.postprocess.analysis.quantities import AT_GAUGE, OF_RUN, Findings
+from wavetank.postprocess.analysis.quantities import AT_GAUGE, AT_WALL, OF_RUN, Findings
 from wavetank.records.directory import RunDirectory
 from wavetank.values.formula import CONSTANTS, FUNCTIONS, Formula
 
@@ -16,6 +16,7 @@ CREST, CREST_PLACE, CREST_TIME = "highest crest [m]", "crest's place x [m]", "cr
 TROUGH = "deepest trough [m]"
 USUAL = {CREST: "crest", CREST_PLACE: "crest_x", CREST_TIME: "crest_t", TROUGH: "trough"}
 Responses = dict[str, float]
+AT = AT_GAUGE | AT_WALL  # of quantities that belong to something
 
 NAMED = re.compile(r"\s*([^=<>!@]+?)\s*=(?!=)(.+)")
 QUANTITY = re.compile(r"(?<![\w.@'])([a-zA-Z][a-zA-Z0-9_]*)(?:@(?:'([^']+)'|([\w.]+)))?(?![\w(])")
@@ -23,7 +24,7 @@ QUANTITY = re.compile(r"(?<![\w.@'])([a-zA-Z][a-zA-Z0-9_]*)(?:@(?:'([^']+)'|([\w
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number of a run: what is meant by a name, and, where it is one at a gauge, by the gauge's."""
+    """A number of a run: what is meant by a name, and, where it is one at a gauge or on a wall, by that's."""
 
     name: str
     gauge: str | None = None
@@ -31,11 +32,11 @@ class Quantity:
     @property
     def unit(self) -> str:
         """Its unit."""
-        return (OF_RUN if self.gauge is None else AT_GAUGE)[self.name].unit
+        return (OF_RUN if self.gauge is None else AT)[self.name].unit
 
     def of(self, found: Findings) -> float:
         """Return it; raises ``InputError`` where the run does not tell it."""
-        return OF_RUN[self.name].of(found) if self.gauge is None else AT_GAUGE[self.name].of(found, self.gauge)
+        return OF_RUN[self.name].of(found) if self.gauge is None else AT[self.name].of(found, self.gauge)
 
 
 class Response:
@@ -61,20 +62,23 @@ class Response:
         name, gauge = found[1], found[2] or found[3]
         if gauge is None and (name in FUNCTIONS or name in CONSTANTS):
             return found[0]
-        known = OF_RUN if gauge is None else AT_GAUGE
+        known = OF_RUN if gauge is None else AT
         if name not in known:
-            why = f"; it is one of a gauge, {name}@GAUGE" if name in AT_GAUGE else choice(name, sorted(known))
+            why = choice(name, sorted(known))
+            for kind, where in ((AT_GAUGE, "gauge"), (AT_WALL, "load")):
+                why = f"; it is one of a {where}, {name}@{where.upper()}" if name in kind else why
             raise InputError(f"response {found.string.strip()!r}: {found[0]!r} is no quantity{why}.")
         self.quantities.append(Quantity(name, gauge))
         return f"quantity{len(self.quantities) - 1}"
 
     def check(self, scene: Scene) -> None:
-        """Raise ``InputError`` for a gauge that a scene does not have."""
-        have = [gauge.name for gauge in scene.all_gauges]
+        """Raise ``InputError`` for a gauge or load that a scene does not have."""
+        gauges, loads = [gauge.name for gauge in scene.all_gauges], [load.called for load in scene.loads]
         for quantity in self.quantities:
+            kind, have = ("load", loads) if quantity.name in AT_WALL else ("gauge", gauges)
             if quantity.gauge is not None and quantity.gauge not in have:
                 others = ", ".join(have) or "none"
-                raise InputError(f"response {self.label}: there is no gauge {quantity.gauge!r}; there are {others}.")
+                raise InputError(f"response {self.label}: there is no {kind} {quantity.gauge!r}; there are {others}.")
 
     def of(self, found: Findings) -> float:
         """Return the response of a run; raises ``InputError`` where the run does not tell it."""
@@ -82,7 +86,8 @@ class Response:
 
 
 def _allowed() -> str:
-    return f"allowed are formulae of {', '.join(OF_RUN)}, and with @GAUGE {', '.join(AT_GAUGE)}."
+    at = f"with @GAUGE {', '.join(AT_GAUGE)}, with @LOAD {', '.join(AT_WALL)}"
+    return f"allowed are formulae of {', '.join(OF_RUN)}, and {at}."
 
 
 def usual_responses(scene: Scene) -> list[Response]:
