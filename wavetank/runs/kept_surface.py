@@ -3,15 +3,18 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.fe.by_place import at_the_same, found
 from wavetank.fe.plane import Plane
+from wavetank.fe.points import Points
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.walls import build_wall
 from wavetank.runs.waters import AnyWaves
-from wavetank.water.surface_points import SurfacePoints
+
+TRIALS = 6  # each ten times as near: the slopes of surface and paddle are a few tenths at most
 
 
 class KeptSurface(NamedTuple):
@@ -45,24 +48,29 @@ class KeptSurface(NamedTuple):
         if at_the_same(waves.plane, self.places):
             elevation, potential = found(waves.plane, self.values, self.places)
             return elevation, potential
-        places = waves.wall.to_physical(waves.plane.places)  # the surface of this run is still to come
-        comm, mine = waves.plane.comm, slice(0, len(places))
-        parts = comm.allgather(places)
-        begin = sum(len(part) for part in parts[: comm.rank])
-        elevation, potential = self._evaluated(np.concatenate(parts), waves)
-        mine = slice(begin, begin + len(places))
-        return elevation[mine], potential[mine]
-
-    def _evaluated(self, places: Vector, waves: AnyWaves) -> tuple[Vector, Vector]:
-        """Return both at places in the laboratory [m], shape (M, 2), the same on all ranks; collective."""
-        footprint = build_footprint(self.scene, waves.plane.comm)
+        comm, footprint = waves.plane.comm, build_footprint(self.scene, waves.plane.comm)
         plane = Plane(footprint.mesh, self.scene.numerics.order, footprint.chart)
         wall: Any = build_wall(self.scene, footprint, plane)
         if wall.moves:
             wall.set_time(self.t)
-        points, field = SurfacePoints(plane, wall, places), plane.function("kept")
-        elevation, potential = found(plane, self.values, self.places)
-        field.set(elevation)
-        heights = points.elevations(field)
-        field.set(potential)
-        return heights, points.points.evaluate(field)
+        fields = [plane.function("kept") for _ in self.values]
+        for field, values in zip(fields, found(plane, self.values, self.places), strict=True):
+            field.set(values)
+        reference = _on_all(comm, waves.plane.places)
+
+        def coordinates(z: Vector) -> Vector:
+            return plane.chart.place(wall.to_reference(waves.wall.to_physical(reference, z), z))
+
+        z: Vector = np.zeros(len(reference))
+        points = Points(plane, coordinates(z))
+        for _ in range(TRIALS if wall.leans or waves.wall.leans else 1):  # where the surface is depends on its height
+            points.move(coordinates(z))
+            z = points.evaluate(fields[0])
+        begin = sum(comm.allgather(waves.plane.owned)[: comm.rank])
+        mine = slice(begin, begin + waves.plane.owned)
+        return z[mine], points.evaluate(fields[1])[mine]
+
+
+def _on_all(comm: MPI.Comm, rows: Vector) -> Vector:
+    """Return all ranks' rows, one rank's after another's; collective."""
+    return np.concatenate(comm.allgather(rows))
