@@ -267,7 +267,13 @@ def test_what_the_paddle_cannot_do_is_said_before_the_first_run(tiny, tmp_path):
     assert not list((tmp_path / "out").glob("runs/*"))
 
 
-def test_what_the_drive_cannot_do_is_said_of_the_run_that_needs_it(tiny, tmp_path):
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the pictures empty."""
+    monkeypatch.setattr(module, "draw", lambda tried, aim, path, title: path.touch() or path)
+
+
+def test_what_the_drive_cannot_do_is_said_of_the_run_that_needs_it(tiny, undrawn, tmp_path):
     """A higher crest than the first is wanted: it takes a longer stroke, of which linear theory tells how much."""
     scene = read_case_of(tmp_path, TINY.format(crest=0.05))
     stroke = scene.extent(scene.motion()).stroke
@@ -290,8 +296,7 @@ def ended(status, cause):
     return run
 
 
-def test_waves_that_break_are_given_up_in_a_sentence(tiny, monkeypatch, tmp_path):
-    monkeypatch.setattr(module, "draw", lambda tried, aim, path, title: path.touch() or path)
+def test_waves_that_break_are_given_up_in_a_sentence(tiny, undrawn, monkeypatch, tmp_path):
     monkeypatch.setattr(Runner, "run", ended("broke down", "it broke."))
     said = tiny()
     assert said.returncode == 1 and len(said.stderr.splitlines()) == 1

@@ -1,10 +1,10 @@
 """A record as a target: waves are corrected, each frequency with its phase, until the tank's record is the wanted one.
 
 Of the waves that the paddle is told to make, linear theory expects a record u(t) at the place; the tank has m(t), and
-w(t) is wanted. In bands of frequency the tank's transfer is G = <M U*> / <U U*>, with its phase; what is missing,
-W - M, is added over G. So bound harmonics, which the tank makes by itself and the record has, are not made again. Where
-the components alone are wanted, m is what is odd of two runs, one with all phases turned by 180 degrees: second
-harmonics, and whatever else is even, are taken out.
+w(t) is wanted. In bands of frequency the tank's transfer is G = <M U*> / <U U*>, with its phase, and its coherence is
+c = |<M U*>|² / (<M M*> <U U*>); of what is missing, W - M, c / G is added. So bound harmonics, which the tank makes by
+itself and the record has, are not made again. G is that of what is odd in two runs, one with all phases turned by 180
+degrees: second harmonics, and whatever else is even, are taken out. Where the components alone are wanted, so is m.
 
 Sources: J. R. Chaplin, "On frequency-focusing unidirectional waves", Int. J. Offshore and Polar Eng. 6, 1996; S.
 Schmittner, S. Kosleck, J. Hennig, "A phase-amplitude iteration scheme for the optimization of deterministic wave
@@ -25,10 +25,11 @@ from wavetank.records.directory import RunDirectory
 from wavetank.theory.plane_waves import PlaneWaves
 from wavetank.theory.wave import Array
 
-BAND = 0.04  # of the mean frequency, at least that of the record: standard deviation of a band
-LITTLE = 1e-3  # of the largest band's energy: where there is less, linear theory's transfer, 1, is taken
+BAND = 0.08  # of the mean frequency, at least that of the record: standard deviation of a band
+LITTLE = 1e-4  # of the largest band's energy: where there is less, little is known
 HARDLY = 0.5  # of a transfer: what hardly arrives is hardly corrected
 LOWER = 0.8
+FINER = 8  # times at which a crest is looked for, by those of the record
 TURNED = 2  # attempts at a whole record with turned phases, too
 CREST, TROUGH = 0.0, 180.0
 
@@ -82,31 +83,34 @@ class RecordAim(Aim):
     def found(self, runs: Sequence[RunDirectory]) -> Found:
         """Return what the tank has at the wanted times, and how much of the waves' frequencies is missing."""
         t, wanted = self._wanted
-        crest, *trough = (CubicSpline(*at(run, self.x))(t) for run in runs)
-        odd, top = (crest - trough[0]) / 2 if trough else None, int(crest.argmax())
+        splines = [CubicSpline(*at(run, self.x)) for run in runs]
+        crest, *trough = (spline(t) for spline in splines)
+        odd = (crest - trough[0]) / 2 if trough else None
         eta = odd if self._linear and odd is not None else crest
         nrms = rms(self._judge.kept(wanted - eta)) / rms(self._judge.kept(wanted))
-        misfit = nrms / self._tolerance
-        return Found(float(crest[top]), self.x, float(t[top]), misfit, Elevation(t, eta), nrms=nrms, odd=odd)
+        fine = np.linspace(t[0], t[-1], FINER * t.size)
+        top = fine[splines[0](fine).argmax()]
+        height, misfit = float(splines[0](top)), nrms / self._tolerance
+        return Found(height, self.x, float(top), misfit, Elevation(t, eta), nrms=nrms, odd=odd)
 
     def corrected(self, tried: Sequence[Tried]) -> Setting:
         """Return the newest setting with what it misses, as far as those before do not tell better."""
-        transfer = self._transfer(tried)
-        reaches = np.minimum(1.0, np.abs(transfer) / HARDLY) ** 2 / transfer * np.exp(-1j * self._waves.k_x * self.x)
+        inverse = self._inverse(tried) * np.exp(-1j * self._waves.k_x * self.x)
         same = [one for one in tried if one.numerics == tried[-1].numerics]
         settings = np.array([one.setting for one in same])
-        missing = np.array([reaches * self._lines.of(self._wanted.eta - one.found.elevation.eta) for one in same])
+        missing = np.array([inverse * self._lines.of(self._wanted.eta - one.found.elevation.eta) for one in same])
         return mixed(settings, missing)
 
-    def _transfer(self, tried: Sequence[Tried]) -> Complex:
-        """Return G in bands: of what the paddle was told first, and of how that was changed, all that arrived."""
+    def _inverse(self, tried: Sequence[Tried]) -> Complex:
+        """Return coherence over transfer, in bands, from what the paddle was told and from how that was changed."""
         pairs = [(self._told(one.setting), self._lines.of(odd)) for one in tried if (odd := one.found.odd) is not None]
         told, come = zip(*pairs, strict=True)
         U, M = (np.concatenate([each[-1:], np.diff(each, axis=0)]) for each in (told, come))
-        band, energy = self._band(told[-1]), (np.abs(U) ** 2).sum(axis=0)
-        whole = band @ energy
-        little = LITTLE * whole.max()
-        return np.asarray((band @ (M * U.conj()).sum(axis=0) + little) / (whole + little))
+        band = self._band(told[-1])
+        UU, MM, MU = (band @ each.sum(axis=0) for each in (np.abs(U) ** 2, np.abs(M) ** 2, M * U.conj()))
+        little = LITTLE * UU.max()
+        transfer = np.abs(MU) / (UU + little)
+        return np.asarray(MU.conj() / (MM + little) * np.minimum(1.0, transfer / HARDLY) ** 2)
 
     def _told(self, setting: Setting) -> Complex:
         """Return what linear theory expects of a setting in the record."""
