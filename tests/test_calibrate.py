@@ -169,6 +169,20 @@ def test_of_a_linear_tank_one_correction_does(wanted, tmp_path):
     assert np.abs(told.amplitudes / expected - 1)[strong].max() < 0.05
 
 
+def test_what_is_not_coherent_with_what_the_paddle_is_told_is_hardly_corrected(wanted, tmp_path):
+    """A tank that answers to waves above 0.9 Hz with others, of their size and of any phase."""
+    turned = np.exp(2j * np.pi * np.random.default_rng(1).random(wanted.start.size))
+
+    def transfer(omega):
+        return np.where(omega > 2 * np.pi * 0.9, turned, 1.0)
+
+    first = in_linear_tank(wanted, tmp_path, wanted.start, transfer=transfer)
+    omega = wanted.waves(wanted.start).omega
+    short, change = omega > 2 * np.pi * 1.0, wanted.corrected([tried(wanted, wanted.start, first)]) - wanted.start
+    missing = wanted.start * (1 - transfer(omega))
+    assert np.linalg.norm(change[short]) < 0.2 * np.linalg.norm(missing[short])
+
+
 def test_mixing_solves_a_linear_problem_in_as_many_steps_as_it_has_parts():
     """Oracle: numpy's solution. Without mixing, this one would diverge."""
     matrix, right = np.array([[1.0, 0.9j, 0.0], [0.4, 2.6, 0.3], [0.0, -0.5, 0.3]]), np.array([1.0, 2.0, -1.0 + 0.5j])
