@@ -18,7 +18,7 @@ import wavetank as wt
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
-from wavetank.integrators import StormerVerlet
+from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.observers import checkpoints
 from wavetank.observers.schedule import EverySteps
 from wavetank.records import whole
@@ -88,7 +88,11 @@ def test_a_run_goes_on_from_the_checkpoint_before_its_last(uninterrupted, part, 
     same(uninterrupted, part)
 
 
-def test_a_run_that_fails_is_kept_up_to_its_last_good_step(uninterrupted, tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    "scheme",
+    ["simpson-4", *(pytest.param(name, marks=pytest.mark.slow) for name in INTEGRATORS if name != "simpson-4")],
+)
+def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted, tmp_path, monkeypatch, capsys):
     """Between two checkpoints: where one of the observers fails, who have seen some of a step, that is the one before.
 
     It goes on as it would have to the tolerance of its stages, no row doubled or missing; and its budget is one.
@@ -102,9 +106,13 @@ def test_a_run_that_fails_is_kept_up_to_its_last_good_step(uninterrupted, tmp_pa
             if moment.step == 7:
                 raise RunError("it ends here")
 
+    parts = SLICE | {"numerics": SLICE["numerics"] | {"integrator": scheme}}
+    if scheme != "simpson-4":
+        uninterrupted = tmp_path / "whole"
+        record(parts, uninterrupted, {})
     monkeypatch.setattr(checkpoints, "NOTING", np.inf)
     with pytest.raises(RunError, match="it ends here"):
-        wt.run(scene(SLICE), tmp_path / "run", observers=[Failing], quiet=True)
+        wt.run(scene(parts), tmp_path / "run", observers=[Failing], quiet=True)
     failed = read_kept(tmp_path / "run" / CHECKPOINT)
     assert failed.about["step"] == 6 and len(RunDirectory(tmp_path / "run").energy.time) == 8
     run = resumed(tmp_path / "run")
