@@ -160,6 +160,7 @@ def test_the_largest_force_is_a_response_of_studies(run):
     told, causes = responses(run, [Response("force@end"), Response("moment@'far wall'")])
     assert told == {"force@end [N, of a slice N/m]": pytest.approx(float(np.abs(force - force[0]).max()))}
     assert len(causes) == 1 and causes[0].endswith("has no load 'far wall'; it has paddle, end.")
+    assert "has no row of loads from 9 s on" in responses(run, [Response("force@end")], start=9.0)[1][0]
     with pytest.raises(InputError, match="'force' is no quantity; it is one of a load, force@LOAD"):
         Response("force")
 

@@ -63,6 +63,8 @@ class Findings:
         there = loads.sel(wall=wall)
         change = (there - there.isel(time=0))[[key for key in there if str(key).startswith(name)]].to_array()
         late = loads.time.values >= (-np.inf if self._start is None else self._start)
+        if not late.any():
+            raise InputError(f"{self._run.path}: has no row of loads from {self._start:g} s on.")
         return float(np.sqrt((change.values**2).sum(axis=0))[late].max())
 
     def _state(self, gauge: str) -> Dataset:
