@@ -70,11 +70,15 @@ class Components(NamedTuple):
 
 
 class SceneWaves(NamedTuple):
-    """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one."""
+    """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one.
+
+    ``lasting`` is for how long they are about as high [s].
+    """
 
     components: Components
     crest: float
     form: "Form | None" = None
+    lasting: float = np.inf
 
 
 class Form(NamedTuple):
@@ -160,6 +164,7 @@ class Requirements:
     k: float
     steepness: float
     highest: float
+    lasting: float
     velocity: float
     harmonics: Vector
     kind: str
@@ -188,7 +193,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     tank = scene.tank
     if why := unplanned(scene):
         raise InputError(f"{why}; give the numerics instead.")
-    waves, crest, form = _all_waves(scene, accuracy)
+    waves, crest, form, lasting = _all_waves(scene, accuracy)
     motion = scene.motion()
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
@@ -208,6 +213,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         k=k,
         steepness=k * crest,
         highest=k * (form.crest if form else crest),
+        lasting=lasting,
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
         kind=kind_of(scene, physics),
@@ -290,7 +296,8 @@ def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
     parts = zip(*(waves.components for waves in found), strict=True)
     form = next((waves.form for waves in found), None)
-    return SceneWaves(Components(*(np.concatenate(part) for part in parts)), sum(waves.crest for waves in found), form)
+    crest, lasting = sum(waves.crest for waves in found), max(waves.lasting for waves in found)
+    return SceneWaves(Components(*(np.concatenate(part) for part in parts)), crest, form, lasting)
 
 
 def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
@@ -352,7 +359,9 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     age, share = _age(scene, k)
     seen = share > 0.0
     parts = (k[seen], omega[seen], (amplitude * np.sqrt(share))[seen], age[seen])
-    return SceneWaves(Components(*parts), _crest(scene, lines))
+    crest, duration = _crest(scene, lines), 2 * np.pi / float(lines.omega[0])
+    squares = float(np.sum(np.abs(lines.elevation[waves]) ** 2))  # of the envelope, in the mean
+    return SceneWaves(Components(*parts), crest, lasting=2 * duration * squares / max(crest, 1e-300) ** 2)
 
 
 def highest_frequency(scene: Scene, accuracy: float) -> float:
