@@ -93,8 +93,8 @@ def averaged(name):
         modes.take(means)
         product = modes.product(x[:, :many].astype(np.float32))
         found.append(np.abs(product - whole[:, :many]).max(initial=0.0) / np.abs(whole).max(initial=1.0))
-        diagonals = S_u.diagonal()[: plane.owned, None] + S_w.diagonal()[: plane.owned, None] * eigenvalues[:many]
-        found.append(np.abs(modes.inverse_diagonals * diagonals - 1).max(initial=0.0))
+        diagonals = np.column_stack([S_u.diagonal(), S_w.diagonal()])[: plane.owned]
+        found.append(np.abs(modes.diagonals / diagonals - 1).max(initial=0.0))
     return found
 
 

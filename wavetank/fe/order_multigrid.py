@@ -112,6 +112,8 @@ class OrderMultigrid(Responding):
         Of smoothing, before and after.
     spread
         Largest over smallest of the eigenvalues that smoothing takes down; elements of order 1 have the others.
+    diagonals
+        Of S_u and S_w, shape (owned, 2).
     """
 
     lanczos = 10  # steps, which see the largest eigenvalue to a few per cent
@@ -132,14 +134,14 @@ class OrderMultigrid(Responding):
         self._averages, linear = averages
         at, y = self._kernel.pointer, np.zeros((self._one.size, 2), dtype=np.float32)
         self._kernel.call.diagonals(self._cells, at(self._averages), at(y))
-        self._diagonals = self._one.collect(y)
+        self.diagonals = self._one.collect(y)
         largest = self.margin * self._largest_eigenvalue()
         self._bounds = largest / self.spread, largest
         self._coarse.take(linear)
 
     def _largest_eigenvalue(self) -> float:
         """Return the largest of all modes, with Jacobi's preconditioner, by Lanczos' method; collective."""
-        of_u, of_w = self._diagonals.T
+        of_u, of_w = self.diagonals.T
         scale, modes = (of_u[:, None] + of_w[:, None] * self._eigenvalues) ** -0.5, self._eigenvalues.size
 
         def inner(a: Vector, b: Vector) -> Vector:
@@ -181,7 +183,7 @@ class OrderMultigrid(Responding):
         direction, image = self._direction, self._image[: len(r)]
         direction[:] = image[:] = 0.0
         at, (rows, many) = self._kernel.pointer, r.shape
-        matrices = rows, at(self._diagonals), at(self._eigenvalues), many
+        matrices = rows, at(self.diagonals), at(self._eigenvalues), many
         for step in range(self.steps):
             if step:
                 image = self.product(direction)
