@@ -13,7 +13,7 @@ from wavetank.fe.points import Points
 from wavetank.water.walls.contract import Heights
 
 MOST = 50  # repetitions
-NEAR = 1e-12  # of a cell
+NEAR = 1e-8  # of a cell: the next would be a hundred times as near
 
 
 class Standing(Protocol):
@@ -59,8 +59,11 @@ class SurfacePoints:
             return eta
         for _ in range(MOST):
             coordinates = self._coordinates(eta)
-            self.points.move(coordinates)
-            if abs(coordinates - last).max(initial=0.0) <= NEAR * self._plane.cell_size:
+            moved = float(abs(coordinates - last).max(initial=0.0))
+            if moved == 0.0:
                 return eta
+            self.points.move(coordinates)
             last, eta = coordinates, self.points.evaluate(field)
+            if moved <= NEAR * self._plane.cell_size:
+                return eta
         raise ConvergenceError("where the surface stands over a place beside the paddle could not be found")
