@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from wavetank import status
+from wavetank.cli import main
 from wavetank.errors import StoppedError
 from wavetank.observers.contract import Moment
 from wavetank.observers.progress import Standing
@@ -111,6 +112,13 @@ def test_folders_are_searched_and_what_is_no_run_is_passed_by(writer, tmp_path, 
     for path, why in ((tmp_path / "study.csv", "no run there"), (tmp_path / "typo", "is not there")):
         refused = wavetank("status", str(path))
         assert refused.returncode == 2 and why in refused.stderr and refused.stderr.count("\n") == 1
+
+
+def test_what_may_not_be_read_is_said_in_a_sentence(writer, monkeypatch, capsys):
+    """As of another user; whoever runs the tests."""
+    monkeypatch.setattr("os.access", lambda path, kind: False)
+    assert main(["status", str(writer.path)]) == 2
+    assert capsys.readouterr().err == f"wavetank: {writer.path}: may not be read.\n"
 
 
 def test_the_manifest_keeps_where_a_run_stands_not_at_every_step(monkeypatch):

@@ -144,7 +144,9 @@ def run(
 
 @app.command(epilog=example("resume runs/focusing --extend 30"))
 def resume(
-    directory: Annotated[Path, typer.Argument(help="run directory; the case is kept there", metavar="RUN")],
+    directory: Annotated[
+        Path, typer.Argument(help="run directory; the case is kept there", metavar="RUN", readable=False)
+    ],
     overrides: Annotated[
         list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="with other numerics, or more records")
     ] = None,

@@ -87,6 +87,8 @@ def runs(paths: Sequence[Path]) -> Iterator[Path]:
     for path in paths:
         if not path.exists():
             raise InputError(f"{path}: is not there; a run directory is needed, or a folder with some.")
+        if not os.access(path, os.R_OK):
+            raise InputError(f"{path}: may not be read.")
         for folder, inner, files in os.walk(path):
             inner.sort()
             if MANIFEST in files or is_held(Path(folder)):
@@ -128,7 +130,8 @@ def table(standings: Sequence[Standing]) -> Table:
 
 def status(
     paths: Annotated[
-        list[Path] | None, typer.Argument(help="run directories, or folders of some; default runs/", metavar="RUN...")
+        list[Path] | None,
+        typer.Argument(help="run directories, or folders of some; default runs/", metavar="RUN...", readable=False),
     ] = None,
 ) -> None:
     """Say how runs stand: how far, how fast, what is wrong.
