@@ -399,7 +399,7 @@ def test_a_focused_crest_is_where_it_is_wanted_in_the_nonlinear_tank(tmp_path):
     """Oracle: the tank itself, the calibrated case run anew; by linear theory it is 13 % too high, 0.5 m off."""
     said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path))
     assert said.returncode == 0, said.stderr
-    assert len(rows(tmp_path)) <= 5
+    assert int(rows(tmp_path)[-1]["runs"]) < 10
     assert commanded("run", str(tmp_path / CASE), "--no-plots", "--out", str(tmp_path / "anew")).returncode == 0
     crest = RunDirectory(tmp_path / "anew").manifest["highest_crest"]
     assert crest["height"] == pytest.approx(0.10, rel=0.015)
