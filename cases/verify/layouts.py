@@ -24,6 +24,7 @@ LOOKS: dict[str, dict[str, Any]] = {  # of the groups, what is drawn first first
     "water": {"color": PALE_GREY, "lw": 0.6},
     "sponge": {"color": GREEN, "lw": 0.8},
     "wall": {"color": INK, "lw": 2.0},
+    "cylinder": {"color": BLUE, "lw": 3.0},
     "paddle": {"color": VERMILION, "lw": 4.0},
 }
 

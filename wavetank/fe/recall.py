@@ -108,7 +108,7 @@ class Recall:
         arrays = {
             "input": self._input.reshape(inputs).copy(),
             "answer": self._answer.T.copy(),
-            "ways": self._ways.reshape(-1, *inputs).astype(np.float64),
+            "ways": self._ways.reshape(len(self._ways), *inputs).astype(np.float64),
             "steps": self._steps.transpose(0, 2, 1).astype(np.float64),
         }
         return {"recorded": self._recorded, "products": self._gram.tolist(), **arrays}
