@@ -255,6 +255,12 @@ def rows(folder):
         return list(csv.DictReader(file))
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave the pictures empty."""
+    monkeypatch.setattr(module, "draw", lambda tried, aim, path, title: path.touch() or path)
+
+
 def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path):
     """In a linear tank, where one correction does."""
     out = tmp_path / "out"
@@ -275,16 +281,23 @@ def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path)
     assert {PADDLE, WAVES, PICTURE, "attempt-1.png"} <= {path.name for path in out.iterdir()}
 
 
+def test_a_calibration_of_another_target_is_not_replaced_unless_told(tiny, undrawn, tmp_path):
+    out, other = tmp_path / "out", ("--most", "1", "--set", "target.height=0.05")
+    assert tiny("--most", "2").returncode == 0
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    said = tiny(*other)
+    assert said.returncode == 2 and len(said.stderr.splitlines()) == 1
+    assert "holds a calibration of another target or case already; give another folder" in said.stderr
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert tiny(*other, "--overwrite").returncode == 1
+    assert len(rows(out)) == 1 and not list(out.glob("attempt-2.*"))
+    assert {path.name for path in (out / "runs").iterdir()} == {"1", "2", "1-2"}
+
+
 def test_what_the_paddle_cannot_do_is_said_before_the_first_run(tiny, tmp_path):
     said = tiny(crest=0.3)
     assert said.returncode == 2 and "wall.limits.stroke = 0.2: is too little" in said.stderr
     assert not list((tmp_path / "out").glob("runs/*"))
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave the pictures empty."""
-    monkeypatch.setattr(module, "draw", lambda tried, aim, path, title: path.touch() or path)
 
 
 def test_what_the_drive_cannot_do_is_said_of_the_run_that_needs_it(tiny, undrawn, tmp_path):

@@ -52,6 +52,13 @@ def _names() -> Iterator[str]:
         yield f"target-{n}"
 
 
+def files_of(number: int, scene: Scene, aim: Aim, setting: Setting) -> dict[str, bytes]:
+    """Return what an attempt writes, by its files' names: its waves and its case."""
+    waves = f"attempt-{number}.csv"
+    said = toml(with_waves(scene, aim, waves, recorded=True))
+    return {waves: table(aim.waves(setting)).encode(), f"attempt-{number}.toml": said.encode()}
+
+
 class Attempt:
     """The runs of a setting: one for each phase.
 
@@ -66,10 +73,9 @@ class Attempt:
     """
 
     def __init__(self, number: int, scene: Scene, aim: Aim, setting: Setting, *, phases: Sequence[float], folder: Path):
-        self.case, waves = folder / f"attempt-{number}.toml", folder / f"attempt-{number}.csv"
-        replace(waves, table(aim.waves(setting)).encode())
-        said = with_waves(scene, aim, waves.name, recorded=True)
-        replace(self.case, toml(said).encode())
+        for name, content in files_of(number, scene, aim, setting).items():
+            replace(folder / name, content)
+        self.case = folder / f"attempt-{number}.toml"
         self.runs: Sequence[Combination] = [self._run(f"{number}", phase) for phase in phases]
 
     def _run(self, name: str, phase: float) -> Combination:

@@ -4,7 +4,7 @@ What it knows, it reads from run directories: the same command goes on where one
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NoReturn
 
@@ -13,7 +13,7 @@ from rich.console import Console
 
 from wavetank.calibrate.aim import NOTHING, Setting, Tried
 from wavetank.calibrate.aims import aim_of
-from wavetank.calibrate.attempt import Attempt, with_waves
+from wavetank.calibrate.attempt import Attempt, files_of, with_waves
 from wavetank.calibrate.drawing import draw
 from wavetank.calibrate.numerics import cheaper
 from wavetank.calibrate.table import told, write_table
@@ -30,6 +30,7 @@ CHEAP, OWN = "cheap", "the case's"
 CLOSE = 3.0  # of what is allowed: so near, cheap numerics have done what they can
 FAILURES = 3  # attempts that do not finish
 TABLE, PICTURE, CASE, WAVES, RUNS = "calibration.csv", "calibration.png", "case.toml", "components.csv", "runs"
+ATTEMPTS = "attempt-[0-9]*.*"
 
 
 class Calibration:
@@ -47,12 +48,22 @@ class Calibration:
         Runs, at most.
     yes
         Whether runs that need days, or more memory than there is, are run, too.
+    overwrite
+        Whether a calibration of another case or target may be replaced; its runs are kept.
 
     Raises ``InputError`` for what cannot be calibrated.
     """
 
     def __init__(
-        self, case: Path, *, out: Path, overrides: Sequence[str] = (), most: int, yes: bool = False, console: Console
+        self,
+        case: Path,
+        *,
+        out: Path,
+        overrides: Sequence[str] = (),
+        most: int,
+        yes: bool = False,
+        overwrite: bool = False,
+        console: Console,
     ):
         self._out, self._most, self._yes, self._console = out, most, yes, console
         _check_own(out, case)
@@ -62,6 +73,10 @@ class Calibration:
         cheap = cheaper(self._scene)
         self._stages = [*([(CHEAP, cheap)] if cheap else []), (OWN, self._scene)]
         self._tried: list[Tried] = []
+        self._others = not _is_same(out, files_of(1, self._stages[0][1], self._aim, self._aim.start))
+        if self._others and not overwrite:
+            held = "holds a calibration of another target or case already"
+            raise InputError(f"{out}: {held}; give another folder (--out), or --overwrite.")
 
     def execute(self) -> None:
         """Run until the target is reached, and write the case that reaches it.
@@ -72,6 +87,8 @@ class Calibration:
             self._out.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"--out {self._out}: cannot be written ({error.strerror}).") from None
+        if self._others:
+            _remove(self._out)
         setting = self._aim.start
         while self._runs + len(self._phases) <= self._most:
             tried = self._run(setting)
@@ -194,3 +211,16 @@ def _check_own(folder: Path, case: Path) -> None:
         raise InputError(f"--out {folder}: its {CASE} would be replaced, and is the case; another folder is needed.")
     if not (folder / TABLE).exists() and any((folder / name).exists() for name in (CASE, WAVES, PADDLE, PICTURE)):
         raise InputError(f"--out {folder}: holds files that would be replaced; another folder is needed.")
+
+
+def _is_same(folder: Path, first: Mapping[str, bytes]) -> bool:
+    """Return whether what a folder holds of a calibration, if anything, began with the same files."""
+    written = (folder / name for name in first)
+    same = all(path.exists() and path.read_bytes() == first[path.name] for path in written)
+    return same or not (folder / TABLE).exists()
+
+
+def _remove(folder: Path) -> None:
+    """Remove what a calibration has left but for its runs."""
+    for path in (*folder.glob(ATTEMPTS), *(folder / name for name in (CASE, WAVES, PADDLE, PICTURE, TABLE))):
+        path.unlink(missing_ok=True)

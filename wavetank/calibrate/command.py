@@ -12,6 +12,9 @@ def calibrate(
     overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
     most: Annotated[int, typer.Option(min=1, help="runs, at most")] = 10,
     yes: Annotated[bool, typer.Option("--yes", help="also runs of days, or of more memory than there is")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="replace another target's calibration there, but for its runs")
+    ] = False,
 ) -> None:
     """Find the paddle's motion for a wanted wave, by runs.
 
@@ -33,5 +36,6 @@ def calibrate(
         overrides=overrides or [],
         most=most,
         yes=yes,
+        overwrite=overwrite,
         console=console(),
     ).execute()
