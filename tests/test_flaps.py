@@ -6,6 +6,7 @@ from conftest import fitted_slope, needs_data
 from mpi4py import MPI
 
 from wavetank.case import Scene
+from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS
@@ -214,6 +215,7 @@ def test_the_surface_over_a_place_stands_there(steep):
         ({"stroke_height": -0.1}, "wall.stroke_height"),
         ({"hinge": 0.95}, "wall.hinge"),
         ({"reach": 4.0, "bed": True}, "wall.reach"),
+        ({"motion_as": "angle", "motion": {"type": "regular", "height": 0.1, "period": 2.0}}, "wall.motion_as"),
     ],
 )
 def test_what_no_flap_can_be_is_a_sentence(changes, said):
@@ -362,3 +364,30 @@ def test_the_waves_of_a_measured_flap(name):
         assert row.ratio == pytest.approx(1.0, abs=0.01)
         assert abs(row.phase - rows[0].phase) < 5.0
         assert row.second_computed == pytest.approx(row.second_measured, abs=0.025)
+
+
+ANGLE = {"type": "sinusoid", "paddle_amplitude": 0.3, "period": 1.5}
+
+
+def turned(motion):
+    return scene({"type": "flap", "motion_as": "angle", "motion": motion}, duration=3.0)
+
+
+@pytest.mark.parametrize(("form", "within"), [("csv", 1e-8), ("txt", 1e-4)])
+def test_the_board_file_of_a_flap_told_by_its_angle_is_the_same_motion(tmp_path, form, within):
+    """It is of positions in metres, and says so."""
+    case, board = tmp_path / "case.toml", tmp_path / f"board.{form}"
+    tank = "[tank]\nlength = 6.0\ndepth = 1.0\n[run]\nduration = 3.0\n[wall]\ntype = 'flap'\nmotion_as = 'angle'\n"
+    case.write_text(f"{tank}motion = {{type = 'sinusoid', paddle_amplitude = 0.3, period = 1.5}}\n")
+    assert main(["motion", str(case), "--out", str(board), "--format", form]) == 0
+    t = np.linspace(0.0, 2.99, 100)
+    told, again = turned(ANGLE).motion(), turned({"type": "recorded", "position": str(board)}).motion()
+    np.testing.assert_allclose(again.position(t), told.position(t), atol=within)
+    assert np.abs(told.position(t)).max() > 0.29
+
+
+def test_a_record_without_names_is_of_angles_where_the_flap_is_told_by_them(tmp_path):
+    t, angle = np.linspace(0.0, 3.0, 301), 0.3 * np.sin(np.linspace(0.0, 6.0, 301))
+    np.savetxt(tmp_path / "angle.txt", np.column_stack([t, angle]))
+    motion = turned({"type": "recorded", "position": str(tmp_path / "angle.txt")}).motion()
+    np.testing.assert_allclose(motion.position(t), np.tan(angle), atol=1e-9)

@@ -20,7 +20,7 @@ from wavetank.case.seas import (
 )
 from wavetank.case.tanks import AnyTank
 from wavetank.errors import InputError
-from wavetank.motions.record_file import read_record
+from wavetank.motions.record_file import read_record, says_metres
 from wavetank.theory.wavemaker import Wavemaker
 from wavetank.values.formula import Formula
 from wavetank.values.noun import FilePath, Problem, SceneError, about, one_of
@@ -89,6 +89,11 @@ class RecordedMotion(PaddleNoun):
             rows = self._record("velocity", str(self.velocity), "velocity [m/s]")
             record = self._smooth(motions.Recorded.of_velocities, *rows)
         return motions.ramped(record, self.ramp, start=max(0.0, record.start))
+
+    @property
+    def says_metres(self) -> bool:
+        """Whether the file says that its values are positions [m] or velocities [m/s]."""
+        return says_metres(data.resolve(str(self.position or self.velocity), Path()), named=self.column)
 
     def _smooth(self, of: Callable[..., motions.Recorded], *rows: motions.Array) -> motions.Recorded:
         """Return the motion of a record without what is too fast; raises ``SceneError`` where its rows are too few."""

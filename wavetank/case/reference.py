@@ -17,8 +17,9 @@ Made by `make reference` from the classes that read a case; `wavetank schema` pr
 TOML file: what stands in the laboratory, and what is to be computed of it. Needed are `[tank]` and `[run]`; all else
 has a default. A table that may be of several types says which by `type`; a tank that says none is a slice. Gauges may
 be given by x alone: `gauges = [2.0, 4.0]` before all tables is two of them, called 1 and 2 (errors and `--set` count
-from 0: `gauges.0.x`). A key that is not here is refused. Lengths are in metres, times in seconds, angles in degrees;
-z is up from still water, x from the paddle at rest into the water.
+from 0: `gauges.0.x`). A key that is not here is refused. Lengths are in metres, times in seconds, angles in degrees
+(of a flap told by `motion_as = "angle"` in radians); z is up from still water, x from the paddle at rest into the
+water.
 """
 HEAD = "| key | means | unit | allowed | default |\n|---|---|---|---|---|\n"
 

@@ -43,6 +43,11 @@ class PaddleNoun(Noun):
         """Whether what fits it is known only when a file has been read."""
         return False
 
+    @property
+    def says_metres(self) -> bool:
+        """Whether a file that it reads says that its values are positions [m] or velocities [m/s]."""
+        return False
+
     def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the motion of a paddle of a shape; raises ``SceneError`` if a file it needs cannot be had or read."""
         raise NotImplementedError

@@ -106,7 +106,8 @@ class FlapWall(ShapedWall):
     motion_as: Literal["stroke", "angle"] = Field(
         default="stroke",
         description="what the numbers of a sinusoid, a formula, a function or a record are: the horizontal position at "
-        "stroke_height [m], or the angle from upright [rad], positive into the water",
+        "stroke_height in metres, or the angle from upright in radians, positive into the water; a record whose "
+        "columns are named as in paddle.csv is of positions either way",
     )
 
     @property
@@ -117,8 +118,9 @@ class FlapWall(ShapedWall):
     def paddle(self, tank: AnyTank) -> motions.Motion:
         """Return the motion at the stroke's height; raises ``SceneError`` if its file cannot be had or read."""
         motion = super().paddle(tank)
-        by_waves = self.motion.by_waves or self.motion_as == "stroke"
-        return motion if by_waves else motions.Turned(motion, self.maker.arm(tank.depth))
+        if self.motion_as == "stroke" or self.motion.says_metres:
+            return motion
+        return motions.Turned(motion, self.maker.arm(tank.depth))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a hinge above the water, a stroke's height that is not above it, and what is wrong with any paddle."""
@@ -128,6 +130,9 @@ class FlapWall(ShapedWall):
         elif height is not None and height <= self.hinge:
             allowed = f"must be above the hinge, more than {metres(self.hinge)} m"
             yield Problem(("wall", "stroke_height"), height, allowed)
+        elif self.motion_as == "angle" and self.motion.by_waves:
+            allowed = f"must be left out: a motion of type {self.motion.type} is found for its waves, not told"
+            yield Problem(("wall", "motion_as"), self.motion_as, allowed)
         else:
             yield from super().problems(scene)
 

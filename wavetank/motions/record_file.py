@@ -4,10 +4,21 @@ from pathlib import Path
 
 from wavetank.errors import InputError
 from wavetank.motions.motion import Array
-from wavetank.values.columns import check_ascending, read_columns
+from wavetank.values.columns import check_ascending, first_line, read_columns
 
 TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
+
+
+def says_metres(path: Path, *, named: str | None = None) -> bool:
+    """Return whether a file's first line, or the name of its column, says that its values are positions or velocities.
+
+    So do a run's ``paddle.csv`` and, in either format, a file of ``wavetank motion``. Raises ``InputError``.
+    """
+    if named is not None:
+        return named in STATE
+    line = first_line(path)
+    return any(name in line for name in STATE)
 
 
 def read_record(path: Path, *, column: str = "position [m]", named: str | None = None) -> tuple[Array, ...]:

@@ -70,6 +70,11 @@ def check_ascending(
             raise InputError(f"{path}, line {number}: {received}; {what[1]} must ascend.")
 
 
+def first_line(path: Path) -> str:
+    """Return the first line of a file, a comment or not; raises ``InputError`` as ``read_columns`` does."""
+    return _text(path).partition("\n")[0]
+
+
 def _names(line: str) -> tuple[str, ...]:
     """Return the columns' names in a header."""
     if mark := next((mark for mark in ",;" if mark in line), None):
@@ -79,13 +84,17 @@ def _names(line: str) -> tuple[str, ...]:
 
 def _lines(path: Path) -> list[tuple[int, str]]:
     """Return the lines that are no comment, with their numbers."""
+    numbered = enumerate(_text(path).splitlines(), start=1)
+    lines = ((number, line.partition("#")[0].strip()) for number, line in numbered)
+    return [(number, line) for number, line in lines if line]
+
+
+def _text(path: Path) -> str:
     try:
-        text = _content(path).decode("utf-8-sig")
+        return _content(path).decode("utf-8-sig")
     except (OSError, EOFError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "not a text file"
         raise InputError(f"{path}: cannot be read ({reason}); a text file of columns is needed.") from None
-    lines = ((number, line.partition("#")[0].strip()) for number, line in enumerate(text.splitlines(), start=1))
-    return [(number, line) for number, line in lines if line]
 
 
 def _content(path: Path) -> bytes:
