@@ -8,13 +8,13 @@ Source: C. G. Broyden, "A class of methods for solving nonlinear simultaneous eq
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline, RectBivariateSpline
-from scipy.optimize import minimize
+from scipy.interpolate import CubicSpline
 
 from wavetank.calibrate.aim import Aim, Elevation, Found, Setting, Tried, at
-from wavetank.calibrate.waves import moved, scale
+from wavetank.calibrate.waves import Scale, moved, scale
 from wavetank.case.targets import CrestTarget
 from wavetank.records.directory import RunDirectory
 from wavetank.records.surface import Surface
@@ -23,6 +23,11 @@ from wavetank.theory.wave import Array
 
 AROUND = 1.5  # wave lengths and periods around the target, in which the highest crest is looked for
 PLACES = 60  # in a wave length
+WAY = 1 / 3  # wave lengths on either side of its top, over which a crest is followed
+SAME_CREST = 0.6  # periods around its top, in which no other comes along there
+FEWEST = 6  # places that a fit needs
+FINER = 4  # times at which a crest is looked for, by those of the snapshots
+ROUNDS, SAME = 20, 1e-5  # of fits, until the place moves by less wave lengths
 LARGEST = np.array([0.3, 0.5, 0.5])  # steps of the setting
 LOWER = np.array([-0.2, 0.0, 0.0])
 
@@ -53,26 +58,27 @@ class CrestAim(Aim):
         near = near if np.count_nonzero(near) > 3 else np.ones_like(near)
         kept = Surface(surface.t[near], surface.x[near], surface.eta[near], surface.psi[near])
         reach = AROUND * self._scale.length
-        crest, x, t = highest(kept, wanted.x - reach, wanted.x + reach, step=self._scale.length / PLACES)
-        missed = np.abs(self._missed(crest, x, t)) / self._allowed
-        return Found(crest, x, t, float(missed.max()), at(run, self.x))
+        crest, x, t = highest(kept, wanted.x - reach, wanted.x + reach, sizes=self._scale)
+        found = Found(crest, x, t, np.nan, at(run, self.x))
+        return replace(found, misfit=float((np.abs(self._missed(found)) / self._allowed).max()))
 
-    def _missed(self, crest: float, x: float, t: float) -> Array:
-        wanted, scales = self._target, self._scale
-        return np.array(
-            [np.log(crest / wanted.height), (x - wanted.x) / scales.length, (t - wanted.time) / scales.period]
-        )
+    def _missed(self, found: Found) -> Array:
+        wanted, sizes = self._target, self._scale
+        along, later = (found.x - wanted.x) / sizes.length, (found.t - wanted.time) / sizes.period
+        return np.array([np.log(found.crest / wanted.height), along, later])
 
     def corrected(self, tried: Sequence[Tried]) -> Setting:
-        """Return Broyden's next setting."""
-        missed = [self._missed(one.found.crest, one.found.x, one.found.t) for one in tried]
-        slopes = np.eye(3)
-        for n in range(1, len(tried)):
-            if tried[n].numerics == tried[n - 1].numerics:
-                step = tried[n].setting - tried[n - 1].setting
-                slopes += np.outer(missed[n] - missed[n - 1] - slopes @ step, step) / (step @ step)
-        step = -np.linalg.solve(slopes, missed[-1])
-        return np.asarray(tried[-1].setting + step / max(1.0, np.abs(step / LARGEST).max()))
+        """Return Broyden's next setting, a step from the best of the newest one's numerics."""
+        best, slopes = tried[0], np.eye(3)
+        for one in tried:
+            if one is not best and one.numerics == best.numerics:
+                step = one.setting - best.setting
+                change = self._missed(one.found) - self._missed(best.found)
+                slopes += np.outer(change - slopes @ step, step) / (step @ step)
+            if one.numerics != best.numerics or one.found.misfit < best.found.misfit:
+                best = one
+        step = -np.linalg.solve(slopes, self._missed(best.found))
+        return np.asarray(best.setting + step / max(1.0, np.abs(step / LARGEST).max()))
 
     def gentler(self, setting: Setting) -> Setting:
         """Return a setting of waves a fifth lower."""
@@ -84,21 +90,56 @@ class CrestAim(Aim):
         return Elevation(np.array([self._target.time]), np.array([self._target.height]))
 
 
-def highest(surface: Surface, first: float, last: float, *, step: float) -> tuple[float, float, float]:
-    """Return the highest elevation [m] between two places [m], its place and its time [s], by splines in x and t.
+def highest(surface: Surface, first: float, last: float, *, sizes: Scale) -> tuple[float, float, float]:
+    """Return height [m], place and time [s] of the highest crest between two places [m], of waves of some sizes.
 
-    ``step`` [m] is that of the places at which the splines in x are read.
+    Along its way, a third of a wave length to either side, a crest's height is taken for exp(-x^2), of which a fit
+    tells the top: on coarse cells there are ripples as long as a cell, of which now this one is the highest, now that.
     """
     first, last = max(first, float(surface.x[:, 0].max())), min(last, float(surface.x[:, -1].min()))
-    places = np.linspace(first, last, max(8, int((last - first) / step)), dtype=np.float64)
-    eta = np.array([CubicSpline(x, one)(places) for x, one in zip(surface.x, surface.eta, strict=True)])
-    spline = RectBivariateSpline(surface.t, places, eta)
-    row, column = divmod(int(np.argmax(eta)), places.size)
-    bounds = [
-        (float(axis[max(0, n - 1)]), float(axis[min(axis.size - 1, n + 1)]))
-        for axis, n in ((surface.t, row), (places, column))
-    ]
-    height = float(eta[row, column])
-    top = minimize(lambda at: -float(spline(*at)[0, 0]) / height, (surface.t[row], places[column]), bounds=bounds)
-    t, x = top.x
-    return -float(top.fun) * height, float(x), float(t)
+    places = np.linspace(first, last, max(8, int(PLACES * (last - first) / sizes.length)), dtype=np.float64)
+    row, column = divmod(int(np.argmax(eta := _elevation(surface, places))), places.size)
+    top = float(eta[row, column]), float(places[column]), float(surface.t[row])
+    for _ in range(ROUNDS):
+        before, top = top, _fitted(surface, top, first, last, sizes=sizes)
+        if abs(top[1] - before[1]) < SAME * sizes.length:
+            break
+    return top
+
+
+def _fitted(
+    surface: Surface, top: tuple[float, float, float], first: float, last: float, *, sizes: Scale
+) -> tuple[float, float, float]:
+    """Return height, place and time of a crest's top, fitted to its way around a guess; the guess where it has none."""
+    _, x, t = top
+    near = np.abs(surface.t - t) < SAME_CREST * sizes.period
+    part = Surface(surface.t[near], surface.x[near], surface.eta[near], surface.psi[near])
+    ways = np.linspace(-WAY, WAY, 2 * int(WAY * PLACES) + 1)
+    ways = ways[(x + ways * sizes.length >= first) & (x + ways * sizes.length <= last)]
+    heights, times = _crests(part.t, _elevation(part, x + ways * sizes.length))
+    weights = (1 - (ways / WAY) ** 2) * (heights > 0.0)
+    if np.count_nonzero(weights) < FEWEST:
+        return top
+    bend, slope, at_guess = np.polyfit(ways, np.log(np.where(heights > 0.0, heights, 1.0)), 2, w=weights)
+    if bend >= 0.0:
+        return top
+    way = float(np.clip(-slope / (2 * bend), -WAY, WAY))
+    passing = np.polyfit(ways, times, 1, w=weights)
+    height = np.exp(at_guess + way * (slope + way * bend))
+    return float(height), float(np.clip(x + way * sizes.length, first, last)), float(np.polyval(passing, way))
+
+
+def _elevation(surface: Surface, places: Array) -> Array:
+    """Return elevations [m] at places [m], of shape (snapshots, places), by splines in x."""
+    return np.array([CubicSpline(x, one)(places) for x, one in zip(surface.x, surface.eta, strict=True)])
+
+
+def _crests(t: Array, eta: Array) -> tuple[Array, Array]:
+    """Return of each column of eta, shape (M, N) at times t [s], the highest value and when it is, by splines in t."""
+    fine, columns = np.linspace(t[0], t[-1], FINER * t.size), np.arange(eta.shape[1])
+    spline = CubicSpline(t, eta)(fine)
+    row = np.clip(spline.argmax(axis=0), 1, fine.size - 2)
+    before, now, after = (spline[row + step, columns] for step in (-1, 0, 1))
+    bend = before - 2 * now + after
+    steps = np.clip(np.divide(before - after, 2 * bend, out=np.zeros_like(now), where=bend < 0.0), -1.0, 1.0)
+    return now + steps * (after - before) / 4, fine[row] + steps * (fine[1] - fine[0])
