@@ -1,5 +1,7 @@
 """What observers and filters are told of time and place: when they act, and where the water is that they see."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -111,6 +113,15 @@ def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_diss
         damping.energy_taken = taken
         budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
     assert budget.energy_error == pytest.approx(0.01, rel=1e-9)
+
+
+@pytest.mark.parametrize("sink", [Absorbing(StormerVerlet(), np.zeros(1)), SimpleNamespace(energy_taken=0.0)])
+def test_a_sponge_is_blamed_for_energy_only_where_there_is_one(sink):
+    budget = EnergyBudget(Steady(), record=Memory(), sinks=[sink])
+    for step, sink.energy_taken in enumerate((0.0, -0.1)):
+        budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
+    told = next(sentence for sentence in budget.verdict() if "should damp the waves has given them" in sentence)
+    assert ("sponge" in told) == isinstance(sink, Absorbing)
 
 
 def test_the_paddle_s_work_is_integrated_to_fourth_order_but_for_the_first_step():

@@ -55,6 +55,10 @@ class MovingWall(Noun):
         """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
         return 1.0
 
+    def amplitude(self, tank: AnyTank) -> float:
+        """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
+        return float(getattr(getattr(self, "motion", None), "paddle_amplitude", 0.0))
+
     def reach_in(self, tank: AnyTank) -> float:
         """Return the reach [m], default resolved."""
         return min(tank.length, 10 * tank.depth) if self.reach is None else self.reach
@@ -69,8 +73,8 @@ class MovingWall(Noun):
 
     def reach_problems(self, tank: AnyTank, excursion: float) -> Iterator[Problem]:
         """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
-        motion, factor = getattr(self, "motion", None), self.farther(tank)
-        farthest, reach = factor * max(excursion, getattr(motion, "paddle_amplitude", 0.0)), self.reach_in(tank)
+        motion, reach = getattr(self, "motion", None), self.reach_in(tank)
+        farthest = self.farther(tank) * max(excursion, self.amplitude(tank))
         needed = STEEPEST * farthest
         if needed < reach:
             return

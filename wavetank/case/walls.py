@@ -16,6 +16,7 @@ from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, RingTank
 from wavetank.errors import InputError
 from wavetank.motions.mapping import TOP
+from wavetank.motions.turned import ANGLES, UPSET
 from wavetank.theory.wavemaker import PISTON, Flap, Profile, Wavemaker
 from wavetank.values.formula import Formula
 from wavetank.values.noun import Noun, Problem
@@ -122,6 +123,11 @@ class FlapWall(ShapedWall):
             return motion
         return motions.Turned(motion, self.maker.arm(tank.depth))
 
+    def amplitude(self, tank: AnyTank) -> float:
+        """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
+        told = super().amplitude(tank)
+        return told if self.motion_as == "stroke" else self.maker.arm(tank.depth) * float(np.tan(told))
+
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a hinge above the water, a stroke's height that is not above it, and what is wrong with any paddle."""
         depth, height = scene.tank.depth, self.stroke_height
@@ -133,6 +139,8 @@ class FlapWall(ShapedWall):
         elif self.motion_as == "angle" and self.motion.by_waves:
             allowed = f"must be left out: a motion of type {self.motion.type} is found for its waves, not told"
             yield Problem(("wall", "motion_as"), self.motion_as, allowed)
+        elif self.motion_as == "angle" and (angle := super().amplitude(scene.tank)) >= UPSET:
+            yield Problem(("wall", "motion", "paddle_amplitude"), angle, ANGLES)
         else:
             yield from super().problems(scene)
 

@@ -36,7 +36,11 @@ class Absorbing(Wrapper[S]):
     ----------
     energy_taken
         Of H since the start, the scheme's unit of energy.
+    gives
+        In words, what makes it give energy instead.
     """
+
+    gives = "a sponge that is too strong, begins too abruptly or meets a current or far longer waves does so"
 
     def __init__(self, scheme: Integrator[S], gamma: Vector):
         super().__init__(scheme)

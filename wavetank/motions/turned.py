@@ -5,7 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from wavetank.errors import InputError
 from wavetank.motions.motion import Array, Motion
+
+UPSET = 0.5 * np.pi
+ANGLES = f"must be below pi/2, in radians: 60 degrees are {np.radians(60.0):.4f}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +43,11 @@ class Turned(Motion):
         return self.angle.interval
 
     def check(self, times: Array) -> None:
-        """Raise ``InputError`` where a derivative of the angle is not that of the angle, at times [s]."""
+        """Raise ``InputError`` where a derivative of the angle is not that of the angle, or it lies, at times [s]."""
         self.angle.check(times)
+        angles = self.angle.derivative(np.minimum(times, self.duration), 0)
+        if (largest := float(np.abs(angles).max())) >= UPSET:
+            raise InputError(f"the flap turns by {largest:.4g} rad; its angle {ANGLES}.")
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative by the chain rule."""

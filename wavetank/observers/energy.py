@@ -41,6 +41,8 @@ TRUE = 0.01  # of the energy: a balance that is farther off is told
 SAME = 1e-6  # of a step: so near are steps of one length
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 
+SMOOTHED = "smoothing of waves too short or too steep for the step and the cells does so"
+
 # what a budget remembers:
 SUMS = (
     *("t", "dt", "supplied", "total", "wall", "mass"),
@@ -56,7 +58,7 @@ ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
 
 @runtime_checkable
 class Sink(Protocol):
-    """What takes energy out of the water and counts it."""
+    """What takes energy out of the water and counts it; ``gives``, where it has that, says when it does not."""
 
     energy_taken: float
 
@@ -139,7 +141,7 @@ class EnergyBudget:
             what = "a shorter step or a tighter tolerance is needed"
             sentences.append(f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}")
         if self._given > max(GIVEN * self._energy, self._nothing):
-            what = "a sponge that is too strong, begins too abruptly or meets a current or far longer waves does so"
+            what = " or ".join(dict.fromkeys(getattr(sink, "gives", SMOOTHED) for sink in self._sinks))
             part = f"{self._given / self._energy:.2g} of the energy"
             sentences.append(f"what should damp the waves has given them {part}: {what}")
         return sentences

@@ -11,6 +11,7 @@ from wavetank.case.moving_wall import MovingWall
 from wavetank.case.walls import ShapedWall
 from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
+from wavetank.motions.mapping import STEEPEST
 from wavetank.runs.footprints import Footprint
 from wavetank.values.noun import Noun, Problem, SceneError
 from wavetank.water.footprint import Basin, Slice
@@ -73,11 +74,11 @@ def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
 def _shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
     side, shape = footprint.side(), _shape(scene, noun, plane)
     wall = Shaped(scene.motion(), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
-    _check_flat(scene, wall, plane)
+    _check_flat(scene, noun, wall, plane)
     return _checked(scene, noun, wall)
 
 
-def _check_flat(scene: Scene, wall: Piston, plane: Plane) -> None:
+def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> None:
     """Raise ``SceneError`` for a bed that varies within the reach of a paddle that leans; collective."""
     if scene.tank.bed is None:
         return
@@ -86,8 +87,13 @@ def _check_flat(scene: Scene, wall: Piston, plane: Plane) -> None:
     uneven = np.abs(found - scene.tank.depth) > FLAT * scene.tank.depth
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
     if nearest < wall.reach:
-        allowed = f"must be at most {nearest:.4g} m: within it the bed must be flat, of the tank's depth"
-        raise SceneError([Problem(("wall", "reach"), wall.reach, allowed)])
+        needed = STEEPEST * noun.farther(scene.tank) * scene.excursion(scene.motion())
+        cure = f"wall.reach must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
+        if nearest <= needed:
+            cure = f"this motion needs more than {needed:.4g} m of such a bed; a piston needs none"
+        flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
+        here = f"here {wall.reach:.4g} m{'' if noun.reach else ' by default'}, and is so for {nearest:.4g} m"
+        raise SceneError([Problem(("tank", "bed"), None, f"{flat}, {here}: {cure}")])
 
 
 def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
