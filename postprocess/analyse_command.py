@@ -22,7 +22,9 @@ REGULAR = ("harmonics", "bound-free", "reflection")  # that take a period
 
 def analyse(
     source: Annotated[str, typer.Argument(help="run directory, CSV file, or data set", metavar="RUN|DATA")],
-    kinds: Annotated[list[str] | None, typer.Argument(help=", ".join(KINDS), metavar="[KIND]...")] = None,
+    kinds: Annotated[
+        list[str] | None, typer.Argument(help=f"{', '.join(KINDS)}; default: {KINDS[0]}", metavar="[KIND]...")
+    ] = None,
     start: Annotated[float | None, typer.Option(help="from when [s]")] = None,
     end: Annotated[float | None, typer.Option(help="till when [s]")] = None,
     gauges: Annotated[str | None, typer.Option(metavar="NAME,NAME,...", help="of these gauges alone")] = None,

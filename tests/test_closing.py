@@ -67,5 +67,13 @@ def test_of_a_run_that_was_stopped_it_is_told_how_it_goes_on(tmp_path):
     assert lines[-1] == f"next: wavetank resume {tmp_path}"
 
 
+@pytest.mark.parametrize("drawn", [True, False])
+def test_a_picture_of_what_broke_is_named_where_it_is_drawn(tmp_path, drawn):
+    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    spent = SPENT | {"broke_down": {"t": 1.0, "crests": []}, "checkpoints": []}
+    lines = closing(outcome, spent, warnings=[], path=tmp_path, flat=True, drawn=drawn)
+    assert str(tmp_path / "broken.csv") in lines[-1] and ("broken.png" in lines[-1]) == drawn
+
+
 def test_nothing_is_said_of_a_run_that_nobody_has_looked_at_or_that_has_left_the_numbers():
     assert Outcome(Crest(), 0.0, 0.0).figures == Outcome(Crest(0.1), 0.0, float("inf")).figures == {}

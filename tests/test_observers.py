@@ -13,7 +13,7 @@ from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps, EveryTime
+from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.surface import SurfaceSnapshots
 from wavetank.water.energy import Energies
 
@@ -28,6 +28,23 @@ def test_what_acts_at_equal_times_acts_at_the_steps_that_end_there(every, dt):
 
 def test_steps_that_do_not_end_there_are_the_first_beyond():
     assert [step for step in range(12) if EveryTime(1.0).due(step, 0.3 * step, 0.3 * (step - 1))] == [0, 4, 7, 10]
+
+
+@pytest.mark.parametrize(
+    ("every", "begin", "until", "first", "last", "apart"),
+    [
+        (0.05, 12.0, 15.0, 11.9782, 15.0124, 1),
+        (0.08, 12.0, 15.0, 11.9782, 15.0518, 2),
+        (1e-5, 0.0, 1e9, 0.0, 19.9758, 1),
+    ],
+)
+def test_what_acts_between_two_times_covers_them_evenly(every, begin, until, first, last, apart):
+    """Of 507 steps of 0.0394 s: from the last at or before begin to the first at or after until, where there is one."""
+    schedule, dt = EveryTimeBetween(every, begin, until), 0.0394
+    times = [step * dt for step in range(508) if schedule.due(step, step * dt, (step - 1) * dt)]
+    assert times[0] == pytest.approx(first, abs=dt / 2) and times[0] <= begin
+    assert times[-1] == pytest.approx(last, abs=dt / 2) and times[-1] - apart * dt < until
+    assert np.diff(times) == pytest.approx(apart * dt)
 
 
 class Looking:

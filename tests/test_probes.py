@@ -7,6 +7,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.case import Scene
+from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.motions import AtRest, Sinusoid
 from wavetank.motions.tangent import Tangent
@@ -170,10 +171,11 @@ def test_probes_are_recorded_and_dry_ones_are_gaps(run):
 
 
 def test_a_window_has_what_probes_and_gauges_have_there(run):
-    """From bed to surface, a row every 0.1 s from 0.2 s on; the table the same of one column."""
+    """From bed to surface, a row every two steps of 0.04 s from 0.2 s on; the table the same of one column."""
     window = run.window("inlet")
-    assert dict(window.sizes) == {"time": 5, "column": 3, "level": 5}
-    assert window.time.values == pytest.approx([0.2, 0.32, 0.4, 0.52, 0.6])
+    assert dict(window.sizes) == {"time": 6, "column": 3, "level": 5}
+    assert window.time.values == pytest.approx([0.2, 0.28, 0.36, 0.44, 0.52, 0.6])
+    assert "window inlet: a row every 0.08 s, in whole steps of 0.04 s" in (run.path / "run.log").read_text()
     assert window.velocity_x.standard_name == "sea_water_x_velocity" and window.pressure.units == "Pa"
     eta = run.gauges.sel(gauge="2", time=window.time)
     np.testing.assert_allclose(window.elevation[:, 2], eta, atol=1e-12)
@@ -189,7 +191,15 @@ def test_a_window_has_what_probes_and_gauges_have_there(run):
     assert header == "t [s],x [m],z [m],elevation [m],velocity_x [m/s],velocity_z [m/s],pressure [Pa]"
     table = np.array([row.split(",") for row in rows], dtype=float)
     assert table[:, 0] == pytest.approx(np.repeat([0.0, 0.2, 0.4], 3)) and set(table[:, 1]) == {0.9}
-    np.testing.assert_allclose(table[-3:, 4], column.velocity_x.sel(time=0.4)[[0, 2, 4]], atol=1e-12)
+    np.testing.assert_allclose(table[3:6, 4], column.velocity_x.sel(time=0.2)[[0, 2, 4]], atol=1e-12)
+    read = run.window("table").isel(column=0)
+    assert dict(read.sizes) == {"time": 3, "level": 3} and (float(read.x), float(read.y)) == (0.9, 0.0)
+    for name in ("z", "elevation", "velocity_z", "pressure"):
+        same = column[name].sel(time=0.2) if name == "elevation" else column[name].sel(time=0.2)[[0, 2, 4]]
+        np.testing.assert_allclose(read[name].sel(time=0.2), same, atol=1e-9)
+        assert read[name].units == column[name].units
+    with pytest.raises(InputError, match="has no window 'outlet'; there are inlet, table"):
+        run.window("outlet")
 
 
 def test_what_is_stepped_is_the_same_bit_for_bit_with_probes_and_without(run, tmp_path):

@@ -255,6 +255,8 @@ def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
         (["--set", "numerics.dt=2"], "numerics.dt = 2.0: must be below"),
         (["--set", "numerics.steps=2"], "numerics.steps = 2: is an unknown key"),
         (["--set", "run.duration=1", "--extend", "1"], "give one of them"),
+        (["--extend", "-5"], "--extend -5 received; must be more than 0 s"),
+        (["--set", "windows=[{name='a', start=[1.0, 0.0], every=0.1}]"], "windows: must be what it is in the run"),
         (["--set", "wall.reach=1.0"], "wall.reach = 1.0: must be 2.0, as in"),
     ],
 )

@@ -252,6 +252,10 @@ def test_a_scene_is_frozen():
         ("tank.depth=nan", "tank.depth = NaN: must be a finite number (still-water depth d [m];"),
         ("tank.depth=deep", 'tank.depth = "deep": must be a valid number (still-water depth d [m];'),
         ('tank.depth="1.0"', 'tank.depth = "1.0": must be a valid number (still-water depth d [m];'),
+        (
+            "windows=[{name='a', start=[1.0, 0.0], end=[1.0, 0.0], columns=3, every=0.1}]",
+            "windows.0.end = [1.0, 0.0]: must be another place than the start",
+        ),
         ("run.duration=true", "run.duration = true: must be a valid number (simulated time [s])"),
         (
             "tank.lenght=3",

@@ -24,7 +24,7 @@ from wavetank.study.responses import Response, responses, usual_responses
 from wavetank.study.runs import Outcome
 from wavetank.study.study import Study
 from wavetank.study.sweep import Axis, Combination, combinations, parse_axes, parse_axis
-from wavetank.study.table import Row
+from wavetank.study.table import Row, write_table
 from wavetank.theory.airy import wave_number
 
 CASE = CHECKOUT / "cases" / "wavemaker.toml"
@@ -111,8 +111,17 @@ def test_responses_that_are_none_are_refused_before_anything_runs(tmp_path, text
 
 def test_what_a_run_does_not_tell_is_said(run):
     told, causes = responses(run, [Response("h_max@1"), Response("crest")], start=23.5)
-    assert list(told) == ["crest [m]"] and len(causes) == 1
+    assert list(told) == ["h_max@1 [m]", "crest [m]"] and np.isnan(told["h_max@1 [m]"]) and len(causes) == 1
     assert causes[0].startswith("h_max@1 [m]: gauge 1: 0 whole waves")
+
+
+def test_what_no_run_tells_is_an_empty_column(tmp_path):
+    (one,) = combinations(CASE, parse_axes(["tank.depth=1.0"]))
+    row = Row(one, Outcome("finished"), responses={"h_mean@2 [m]": np.nan, "crest [m]": 0.1})
+    write_table(tmp_path / "study.csv", [row], parse_axes(["tank.depth=1.0"]))
+    with (tmp_path / "study.csv").open() as file:
+        (table,) = csv.DictReader(file)
+    assert (table["h_mean@2 [m]"], table["crest [m]"]) == ("", "0.1")
 
 
 # ---------------------------------------------------------------- what is swept

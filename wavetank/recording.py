@@ -39,7 +39,7 @@ from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
 from wavetank.resuming import GoingOn, KeptRun, kept_scene
 from wavetank.runs.broken import BrokenSurface
-from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary
+from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary, told_of_windows
 from wavetank.runs.closing import Outcome, closing
 from wavetank.runs.own import own_observers
 from wavetank.runs.parts import Parts
@@ -182,7 +182,8 @@ def record_run(
                 if outcome.figures:
                     warnings.show()
                     flat, costs = waves.plane.mesh.topology.dim == 1, known | figures
-                    for line in closing(outcome, costs, warnings=warnings.sentences, path=writer.path, flat=flat):
+                    shown = {"flat": flat, "drawn": draw is not None}
+                    for line in closing(outcome, costs, warnings=warnings.sentences, path=writer.path, **shown):
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
@@ -192,7 +193,8 @@ def record_run(
                 at_the_end.enter_context(_said(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
             start = "" if resume else told_of_start(scene, waves, run.state.q)
-            for line in (summary(scene, run, waves), told_of_rule(asked), told_of_bed(scene, waves), start):
+            at_first = summary(scene, run, waves), told_of_rule(asked), told_of_bed(scene, waves), start
+            for line in (*at_first, *told_of_windows(scene, run.clock)):
                 if line:
                     log.say(line)
             with _failure_kept(writer), _progress(run, waves, log, writer) as progress:

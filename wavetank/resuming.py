@@ -281,7 +281,7 @@ class GoingOn:
         """Raise ``SceneError`` unless the scene is that of the checkpoint, but for what may change."""
         before, now = (one.model_dump(mode="json") for one in (self._before, asked))
         problems = [
-            Problem(path, value, f"must be {former!r}, as in the run that is to go on")
+            Problem(path, *_as_it_was(former, value))
             for path, former, value in differences(before, now)
             if path not in FREE and path[0] not in {"numerics", "water", *RECORDED}
         ]
@@ -388,6 +388,8 @@ def kept_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | 
     if not isinstance(content, dict) or not isinstance(content.get("run"), dict):
         raise InputError(f"{directory.path}: its {MANIFEST} tells no scene to go on with.")
     if extend is not None:
+        if not extend > 0:
+            raise InputError(f"--extend {extend:g} received; must be more than 0 s.")
         if any(change.partition("=")[0].strip() == "run.duration" for change in changes):
             raise InputError("--extend and run.duration: give one of them; the one is added, the other is all of it.")
         changes = [*changes, f"run.duration={float(content['run']['duration']) + extend!r}"]
@@ -402,6 +404,13 @@ def _given(content: dict[str, Any]) -> dict[str, Any]:
     """Return what a scene says, without keys that it leaves out."""
     said = ((key, _given(value) if isinstance(value, dict) else value) for key, value in content.items())
     return {key: value for key, value in said if value is not None}
+
+
+def _as_it_was(former: Any, value: Any) -> tuple[Any, str]:
+    """Return what was received, and what is allowed; neither of lists, of which a line could show but the beginning."""
+    if isinstance(former, list | dict) or isinstance(value, list | dict):
+        return None, "must be what it is in the run that is to go on"
+    return value, f"must be {former!r}, as in the run that is to go on"
 
 
 def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:

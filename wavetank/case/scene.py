@@ -234,6 +234,8 @@ class Scene(Noun):
             if (window.end is None) != (window.columns == 1):
                 allowed = "must be at least 2 with an end of the line, and 1 without"
                 yield Problem(("windows", n, "columns"), window.columns, allowed)
+            elif window.columns > 1 and window.end == window.start:
+                yield Problem(("windows", n, "end"), window.end, "must be another place than the start")
             if not window.begin <= self.run.duration:
                 allowed = f"must be before the end of the run, {self.run.duration:g} s"
                 yield Problem(("windows", n, "begin"), window.begin, allowed)

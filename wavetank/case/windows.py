@@ -22,9 +22,13 @@ class Window(Noun):
     end: Pair | None = Field(default=None, description="x and y of the last column [m]; default: there is one")
     columns: int = Field(default=1, ge=1, le=10_000, description="number of columns")
     levels: int = Field(default=11, ge=2, le=1000, description="points in each, from the bed to the surface")
-    begin: Ramp = Field(default=0.0, description="from when on [s]")
-    until: Duration | None = Field(default=None, description="until when [s]; default: the end of the run")
-    every: Duration = Field(description="time between two rows [s]; steps end no earlier")
+    begin: Ramp = Field(default=0.0, description="from when on [s]: the first row is at or before it")
+    until: Duration | None = Field(
+        default=None, description="until when [s]: the last row is at or after it; default: the end of the run"
+    )
+    every: Duration = Field(
+        description="time between two rows at the most [s]: as many whole steps as fit into it, one at least"
+    )
     format: Literal["netcdf", "csv"] = Field(
         default="netcdf", description="CF-NetCDF, or a table with a row for each point at each time"
     )

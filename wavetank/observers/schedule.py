@@ -1,6 +1,9 @@
 """When an observer acts: every so many steps, or at the steps nearest to equally spaced times."""
 
 from dataclasses import dataclass
+from math import ceil
+
+ROUNDING = 1e-4  # of a step, by which sums of up to a million of them may be off
 
 
 @dataclass(frozen=True)
@@ -27,17 +30,28 @@ class EveryTime:
 
 @dataclass(frozen=True)
 class EveryTimeBetween:
-    """Act at the first step at or after begin, begin + every, begin + 2 every, ..., and not after until [s]."""
+    """Act at the last step at or before begin, then every so many steps, up to the first at or after until [s].
+
+    As many steps as fit into ``every`` [s], one at least.
+    """
 
     every: float
     begin: float
     until: float
 
+    def spacing(self, dt: float) -> float:
+        """Return the time between two acts [s], for steps of dt [s]."""
+        return self._steps(dt) * dt
+
     def due(self, step: int, t: float, before: float) -> bool:
         """Return whether to act at this step, at t [s]; the one before it was at another time."""
-        after, earlier = ((time - self.begin) / self.every + 1e-9 for time in (t, before))
-        first = step == 0 or earlier < 0.0
-        return after >= 0.0 and t <= self.until + 1e-9 * self.every and (first or int(after) > int(earlier))
+        dt = t - before
+        after = ceil((t - self.begin) / dt - ROUNDING)  # steps since the first act
+        reached = t - self.spacing(dt) >= self.until - ROUNDING * dt
+        return after >= 0 and after % self._steps(dt) == 0 and not (after and reached)
+
+    def _steps(self, dt: float) -> int:
+        return max(1, int(self.every / dt + ROUNDING))
 
 
 Schedule = EverySteps | EveryTime | EveryTimeBetween

@@ -45,7 +45,7 @@ from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Var
 from wavetank.records.probe_table import point, quantities
 from wavetank.records.series import GaugeSeries, place
 from wavetank.records.surface import Surface, snapshots
-from wavetank.records.window import file_of
+from wavetank.records.window import file_of, tabled
 
 if TYPE_CHECKING:
     import xarray
@@ -201,11 +201,19 @@ class RunDirectory:
     def window(self, name: str) -> "xarray.Dataset":
         """Return what the columns of a window do, over time [s], column and level.
 
-        Raises ``InputError`` where there is no such window, or its file is a table.
+        Of a table what that has of it. Raises ``InputError`` where there is no such window, or no row of it.
         """
-        from xarray import load_dataset
+        from xarray import Dataset, load_dataset
 
-        file = file_of(name, "netcdf")
+        file, table = (file_of(name, form) for form in ("netcdf", "csv"))
+        if (self.path / table).exists():
+            variables = tabled(*self._table(table))
+            if not variables["time"].values.size:
+                raise InputError(f"{self.path / table}: has no row.")
+            return Dataset(variables).set_coords(["x", "y", "z", "zeta"])
+        if not (self.path / file).exists():
+            there = ", ".join(sorted(path.stem.removeprefix("window-") for path in self.path.glob("window-*.*")))
+            raise InputError(f"{self.path}: has no window {name!r}; there are {there or 'none'}.")
         if not (content := self._whole(file)):
             raise InputError(f"{self.path / file}: has no row.")
         return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z", "zeta"])

@@ -5,7 +5,7 @@ pressure [Pa]; columns at x and y [m], levels by their height zeta over the colu
 window-NAME.csv   t, x, y (of a basin), z, elevation, velocity, pressure
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ STANDARD = {  # names of the CF conventions, where there is one
     "pressure": "sea_water_pressure_due_to_sea_water",
 }
 ZETA = {"long_name": "height above the bed over that of the surface", "units": "1"}
+AXES = {"x": ALONG, "y": ACROSS}
 TABLED = "velocity", "pressure"  # what the table has of the quantities
 
 
@@ -69,6 +70,31 @@ class WindowFile(GrowingNetCDF):
             "z": Variable(each, z[None], UPWARDS),
             **of_points,
         }
+
+
+def tabled(header: Sequence[str], rows: Array) -> dict[str, Variable]:
+    """Return the variables of a window's table, of times that are whole, by its columns' names."""
+    names = [one.partition(" [")[0] for one in header]
+    at = [n for n, name in enumerate(names) if name in ("x", "y")]
+    time, many = np.unique(rows[:, 0], return_counts=True)
+    each = int(many[0]) if many.size else 1
+    columns = len(np.unique(rows[:each, at], axis=0)) if many.size else 1
+    whole = time[many == each]
+    values = rows[: whole.size * each].reshape(whole.size, columns, -1, len(names))
+    told, of_points, of_columns = quantities(2), ("time", "column", "level"), ("time", "column")
+    found = {
+        "time": Variable(("time",), whole, TIME),
+        "zeta": Variable(("level",), np.linspace(0.0, 1.0, values.shape[2]), ZETA),
+    }
+    for n, name in enumerate(names[1:], start=1):
+        if name in AXES:
+            found[name] = Variable(("column",), values[0, :, 0, n] if whole.size else np.zeros(columns), AXES[name])
+        elif name == "elevation":
+            found[name] = Variable(of_columns, values[:, :, 0, n], ELEVATION)
+        else:
+            said = UPWARDS if name == "z" else _said(name, *told[name])
+            found[name] = Variable(of_points, values[..., n], said)
+    return {"y": Variable(("column",), np.zeros(columns), ACROSS)} | found
 
 
 def _said(name: str, units: str, told: str) -> dict[str, str]:

@@ -11,6 +11,7 @@ from mpi4py import MPI
 from wavetank.arrays import Vector
 from wavetank.case import RingTank, Scene
 from wavetank.case.loads import PADDLE
+from wavetank.case.windows import Window
 from wavetank.errors import InputError, OutsideError
 from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.stage_solver import ITERATES
@@ -308,7 +309,6 @@ def _probes(scene: Scene, water: MovingWater, record: Record, schedule: EverySte
 def _window(scene: Scene, waves: AnyWaves, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
     """Return what records a window; collective. Raises ``SceneError`` for a column outside the mesh."""
     window = scene.windows[n]
-    until = np.inf if window.until is None else window.until
     with about("windows", n):
         return WindowObserver(
             waves,
@@ -317,8 +317,26 @@ def _window(scene: Scene, waves: AnyWaves, water: MovingWater, n: int, record: W
             levels=window.levels,
             density=scene.tank.density,
             record=record,
-            schedule=EveryTimeBetween(window.every, window.begin, until),
+            schedule=_rows(window),
         )
+
+
+def _rows(window: Window) -> EveryTimeBetween:
+    """Return when a window has rows."""
+    return EveryTimeBetween(window.every, window.begin, np.inf if window.until is None else window.until)
+
+
+def told_of_windows(scene: Scene, clock: Clock) -> list[str]:
+    """Return what there is to say of windows whose rows are not as far apart as was asked, or end early."""
+    told = list[str]()
+    for window in scene.windows:
+        apart, sentence = _rows(window).spacing(clock.dt), ""
+        if abs(apart - window.every) > 1e-6 * window.every:
+            sentence = f"a row every {apart:.5g} s, in whole steps of {clock.dt:.5g} s"
+        if window.until is not None and clock.end + 1e-6 * apart < window.until:
+            sentence += f"{'; ' if sentence else ''}the run ends at {clock.end:.6g} s, before its until"
+        told += [f"window {window.name}: {sentence}"] if sentence else []
+    return told
 
 
 def _wall(scene: Scene, waves: AnyWaves, n: int) -> MeshTags:

@@ -43,7 +43,9 @@ class Outcome(NamedTuple):
         return {"highest_crest": self.crest._asdict(), "errors": {"mass": self.mass, "energy_balance": self.energy}}
 
 
-def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str], path: Path, flat: bool) -> list[str]:
+def closing(
+    outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str], path: Path, flat: bool, drawn: bool = True
+) -> list[str]:
     """Return the lines.
 
     Parameters
@@ -58,6 +60,8 @@ def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str],
         The run directory.
     flat
         Whether the tank has no width.
+    drawn
+        Whether there are to be pictures.
     """
     crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
     place = f"x = {crest.x:.4g} m" if flat else f"x = {crest.x:.4g} m, y = {crest.y:.4g} m"
@@ -74,7 +78,7 @@ def closing(outcome: Outcome, spent: dict[str, Any], *, warnings: Sequence[str],
         f"errors: {outcome.mass:.1g} of the mass, {outcome.energy:.1g} of the energy; {_told(warnings)}",
         f"cost: {', '.join(costs)}",
         f"records: {path}",
-        *(_of_breakdown(spent, path) or [f"next: {'; '.join(_next(spent, directory))}"]),
+        *(_of_breakdown(spent, path, drawn=drawn) or [f"next: {'; '.join(_next(spent, directory))}"]),
     ]
 
 
@@ -85,14 +89,15 @@ def _next(spent: dict[str, Any], directory: str) -> list[str]:
     return [f"wavetank view {directory}", f"wavetank compare {directory} --with DATA"]
 
 
-def _of_breakdown(spent: dict[str, Any], path: Path) -> list[str]:
+def _of_breakdown(spent: dict[str, Any], path: Path, *, drawn: bool) -> list[str]:
     """Return where the state is that a run broke down from, and where it may go on; nothing of another run."""
     if "broke_down" not in spent:
         return []
     kept, crests = spent["checkpoints"], spent["broke_down"]["crests"]
     breaks = any(crest["speed_ratio"] > ONSET for crest in crests)
     other = "run.on_breaking=dissipate" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
-    lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {path / BROKEN}, {path / BROKEN_PICTURE}"]
+    files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
+    lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
     if kept:
         before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
         lines.append(f"the last good checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")

@@ -21,7 +21,10 @@ def study(
     ] = None,
     response: Annotated[
         list[str] | None,
-        typer.Option(metavar="[NAME=]EXPRESSION", help="a column: crest, run_up, hm0@5, hm0@5/hm0@1, reflection ..."),
+        typer.Option(
+            metavar="[NAME=]EXPRESSION",
+            help="a column: crest, run_up, reflection, or at the gauge named 5 hm0@5, hm0@5/hm0@1 ...",
+        ),
     ] = None,
     start: Annotated[float | None, typer.Option(help="from when responses are told [s]")] = None,
     out: Annotated[Path | None, typer.Option(help="folder; default runs/ and the case's name with -study")] = None,

@@ -69,7 +69,7 @@ def ensembles(rows: Sequence[Row], axes: Sequence[Axis]) -> list[Ensemble]:
         Ensemble(dict(zip(others, key, strict=True)), name, np.array(values))
         for name in responded(row.responses for row in rows)
         for key, group in groups.items()
-        if (values := [row.responses[name] for row in group if name in row.responses])
+        if (values := [row.responses[name] for row in group if not np.isnan(row.responses.get(name, np.nan))])
     ]
 
 

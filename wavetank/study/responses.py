@@ -99,16 +99,17 @@ def usual_responses(scene: Scene) -> list[Response]:
 def responses(
     run: RunDirectory, asked: Sequence[Response], *, start: float | None = None
 ) -> tuple[Responses, list[str]]:
-    """Return a run's responses from a time [s] on by their labels, and why others cannot be told, a sentence each."""
+    """Return a run's responses from a time [s] on by their labels, and why some are not a number, a sentence each."""
     found, told, causes = Findings(run, start=start), Responses(), list[str]()
     for one in asked:
         try:
             told[one.label] = one.of(found)
         except InputError as error:
+            told[one.label] = np.nan
             causes.append(f"{one.label}: {error}")
     return told, causes
 
 
 def responded(found: Iterable[Responses]) -> list[str]:
     """Return the responses that any run has."""
-    return list(dict.fromkeys(name for one in found for name in one))
+    return list(dict.fromkeys(name for one in found for name, value in one.items() if not np.isnan(value)))

@@ -19,10 +19,10 @@ from wavetank.study.ensemble_drawing import draw_ensembles
 from wavetank.study.measures import ExactReference, Reference, RunReference
 from wavetank.study.refinement import finest, refined, same_but_numerics
 from wavetank.study.response_drawing import draw_responses
-from wavetank.study.responses import Response, responses, usual_responses
+from wavetank.study.responses import Response, responded, responses, usual_responses
 from wavetank.study.runs import Outcome, Runner, cores
 from wavetank.study.sweep import Axis, Combination, combinations, marked_combination, parse_axes
-from wavetank.study.table import CPU, Row, costs, study_table, tabled, write_table
+from wavetank.study.table import CPU, Row, costs, study_table, write_table
 
 TABLE, PICTURE, ENSEMBLES = "study.csv", "study.png", "ensemble.csv"
 FINE, EXACT, NONE = "fine", "exact", "none"
@@ -170,7 +170,7 @@ class Study:
         run = RunDirectory(self._runner.directory(one))
         errors = reference.errors(run) if reference else {}
         told, untold = responses(run, self._asked, start=self._start)
-        self._untold.update(dict.fromkeys(untold))
+        self._untold.update(dict.fromkeys(f"{one.name}: {cause}" for cause in untold))
         return Row(one, outcome, errors, self._costs(one), mark, told)
 
     def _write(self, rows: Sequence[Row]) -> None:
@@ -182,7 +182,7 @@ class Study:
         self._console.print(f"wrote {self._out / TABLE}", highlight=False)
         for cause in self._untold:
             self._console.print(f"warning: {cause}", markup=False, highlight=False)
-        if not tabled(rows):
+        if not any(responded([row.found]) for row in rows):
             causes = "; ".join([*dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause), *self._untold])
             raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")
         if any(axis.seeds for axis in self._axes) and (found := ensembles(rows, self._axes)):

@@ -4,6 +4,7 @@ import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from io import StringIO
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from rich.table import Table
 from wavetank.errors import RecordError
 from wavetank.records.whole import replace
 from wavetank.study.measures import Errors
-from wavetank.study.responses import Responses, responded
+from wavetank.study.responses import Responses
 from wavetank.study.runs import Outcome
 from wavetank.study.sweep import Axis, Combination
 
@@ -41,7 +42,7 @@ class Row:
     mark
         What makes the combination special, e.g. ``"plan"``.
     responses
-        By name; of studies over what is modelled.
+        By name, those that the run does not tell not a number; of studies over what is modelled.
     """
 
     combination: Combination
@@ -68,8 +69,8 @@ def measured(rows: Iterable[Row]) -> list[str]:
 
 
 def tabled(rows: Sequence[Row]) -> list[str]:
-    """Return the responses and error measures that any row has."""
-    return [*responded(row.responses for row in rows), *measured(rows)]
+    """Return the responses that were asked for, and the error measures that any row has."""
+    return [*dict.fromkeys(name for row in rows for name in row.responses), *measured(rows)]
 
 
 def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
@@ -89,7 +90,7 @@ def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
 
 
 def _number(value: float | None, digits: int = 7) -> str:
-    return "" if value is None else f"{value:.{digits}g}"
+    return "" if value is None or isnan(value) else f"{value:.{digits}g}"
 
 
 def study_table(rows: Sequence[Row], axes: Sequence[Axis]) -> Table:
