@@ -75,5 +75,22 @@ def test_a_picture_of_what_broke_is_named_where_it_is_drawn(tmp_path, drawn):
     assert str(tmp_path / "broken.csv") in lines[-1] and ("broken.png" in lines[-1]) == drawn
 
 
+@pytest.mark.parametrize(
+    ("untrue", "last", "following"),
+    [
+        (None, "the last good checkpoint, t = 9 s", "wavetank resume {} --set numerics.dt=0.05"),
+        (9.2, "the last good checkpoint, t = 9 s", "wavetank resume {} --set numerics.dt=0.05"),
+        (8.5, "the last checkpoint, t = 9 s", "wavetank resume {} --at 6 --set numerics.dt=0.05"),
+        (5.0, "the last checkpoint, t = 9 s", "anew from the start with --set numerics.dt=0.05: no"),
+    ],
+)
+def test_what_has_broken_down_goes_on_from_before_it_was_warned_of(tmp_path, untrue, last, following):
+    broken = SPENT | {"t": 9.9, "checkpoints": [9.0, 6.0], "broke_down": {"crests": []}}
+    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5, untrue)
+    lines = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
+    assert lines[-2].startswith(last) and lines[-2].endswith("; the one before, t = 6 s: --at 6")
+    assert lines[-1].startswith("next: " + following.format(tmp_path))
+
+
 def test_nothing_is_said_of_a_run_that_nobody_has_looked_at_or_that_has_left_the_numbers():
     assert Outcome(Crest(), 0.0, 0.0).figures == Outcome(Crest(0.1), 0.0, float("inf")).figures == {}

@@ -250,7 +250,7 @@ def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tan
         q, p = tank.state(height * (-1) ** step * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
         jump = q - tank.state(0 * tank.plane.x, p)[0] if by_jump else None
         watch.observe(Moment(step, step * dt, q, p, jump=jump))
-    assert len(said) == grown
+    assert len(said) == grown == (watch.since is not None)
 
 
 def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():

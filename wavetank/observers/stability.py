@@ -34,7 +34,7 @@ from wavetank.water.waves import NonlinearWaves
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
 CALM = 1e-6  # of the depth: lower waves are not looked at
-SEEN = "noise", "_driven", "_highest", "_steps", "_frequency"  # what a watch remembers beside the last steps
+SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency"  # what a watch remembers beside the last steps
 
 
 @dataclass(frozen=True)
@@ -98,6 +98,8 @@ class StabilityWatch:
     ----------
     noise
         The largest part of what alternates so far, of the highest elevation [-].
+    since
+        From when on the run is not to be trusted [s]; None: no warning so far.
     """
 
     def __init__(
@@ -116,6 +118,7 @@ class StabilityWatch:
         self._driven = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._highest, self._steps, self._frequency = CALM * waves.depth, 0, waves.largest_frequency
         self.noise = 0.0
+        self.since: float | None = None
 
     def observe(self, moment: Moment) -> None:
         """Look at the surface, or at its jump where the moment has one; collective."""
@@ -135,6 +138,7 @@ class StabilityWatch:
             self._frequency = max(self._frequency, self._short.largest_frequency(self._flow))
         self._steps = self._steps + 1 if noise > look.noise else 0
         if self._steps == IN_A_ROW and self.noise <= look.noise:
+            self.since = moment.t
             self._warn(self._sentence(moment.t, noise, self._place(look)))
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)

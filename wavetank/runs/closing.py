@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from wavetank.observers.crest import Crest, HighestCrest
 from wavetank.observers.energy import EnergyBudget
+from wavetank.observers.stability import StabilityWatch
 from wavetank.records.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
 from wavetank.runs.run import Run
 from wavetank.water.breaking import ONSET
@@ -22,18 +23,22 @@ class Outcome(NamedTuple):
         The highest.
     mass, energy
         By how much the water's mass changed, and the energy balance was off, of what there was [-].
+    untrue
+        From when on short waves grew that are none of the water's [s]; None: never.
     """
 
     crest: Crest
     mass: float
     energy: float
+    untrue: float | None = None
 
     @classmethod
     def of(cls, run: Run) -> "Outcome":
         """Return what a run's observers know; collective."""
         budget = next(one for one in run.observers if isinstance(one, EnergyBudget))
         crest = next(one for one in run.observers if isinstance(one, HighestCrest))
-        return cls(crest.highest(), budget.mass_error, budget.energy_error)
+        untrue = next((one.since for one in run.observers if isinstance(one, StabilityWatch)), None)
+        return cls(crest.highest(), budget.mass_error, budget.energy_error, untrue)
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -73,12 +78,13 @@ def closing(
         f"{timings['stepping_s'] / simulated if simulated else 0.0:.2g} s for a second of waves",
     ]
     directory = shlex.quote(str(path))
+    broken = _of_breakdown(spent, path, untrue=outcome.untrue, drawn=drawn)
     return [
         f"highest crest: {crest.height:.4g} m, at {place}, t = {crest.t:.4g} s",
         f"errors: {outcome.mass:.1g} of the mass, {outcome.energy:.1g} of the energy; {_told(warnings)}",
         f"cost: {', '.join(costs)}",
         f"records: {path}",
-        *(_of_breakdown(spent, path, drawn=drawn) or [f"next: {'; '.join(_next(spent, directory))}"]),
+        *(broken or [f"next: {'; '.join(_next(spent, directory))}"]),
     ]
 
 
@@ -89,7 +95,7 @@ def _next(spent: dict[str, Any], directory: str) -> list[str]:
     return [f"wavetank view {directory}", f"wavetank compare {directory} --with DATA"]
 
 
-def _of_breakdown(spent: dict[str, Any], path: Path, *, drawn: bool) -> list[str]:
+def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, drawn: bool) -> list[str]:
     """Return where the state is that a run broke down from, and where it may go on; nothing of another run."""
     if "broke_down" not in spent:
         return []
@@ -98,11 +104,16 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, drawn: bool) -> list[str
     other = "run.on_breaking=dissipate" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
     files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
     lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
-    if kept:
-        before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
-        lines.append(f"the last good checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")
-        lines.append(f"next: wavetank resume {shlex.quote(str(path))} --set {other}")
-    return lines
+    if not kept:
+        return lines
+    sound = [t for t in kept if untrue is None or t < untrue]
+    good = "good " if kept[0] in sound else ""
+    before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
+    lines.append(f"the last {good}checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")
+    if not sound:
+        return [*lines, f"next: anew from the start with --set {other}: no checkpoint is older than the warning"]
+    at = "" if good else f" --at {sound[0]:.6g}"
+    return [*lines, f"next: wavetank resume {shlex.quote(str(path))}{at} --set {other}"]
 
 
 def _told(warnings: Sequence[str]) -> str:
