@@ -391,24 +391,37 @@ def first(every):
     return {entry: name for name in reversed(every) for entry in entries(read_case(every[name]))}
 
 
+def tried(path: Path, entry: Entry, texts: list[str]) -> None:
+    """Override a key of a case by each text: a scene comes of it, or a sentence that names the key."""
+    sentence = re.compile(rf"{re.escape(str(path))}, (overridden|line \d+): [\w.\-]+( = .*)?: ?.*\.")
+    allowed = limits(entry)
+    assert all(math.isfinite(low) and math.isfinite(high) for low, high in allowed), f"{entry} has no range"
+    for text in texts:
+        try:
+            scene = read_case(path, [f"{entry.key}={text}"])
+        except InputError as error:
+            assert all(sentence.fullmatch(line) for line in str(error).splitlines()), str(error)
+            continue
+        assert isinstance(scene, Scene)
+        if allowed:
+            number = float(text)  # nothing else may stand there
+            assert any(low <= number <= high for low, high in allowed), f"{entry.key} = {text} is accepted"
+
+
 @pytest.mark.parametrize("name", EVERY)
 def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_names_it(every, first, name):
-    """What is of no right kind is so whatever else is in a case: once; numbers, which may not go together, in all."""
-    path = every[name]
-    sentence = re.compile(rf"{re.escape(str(path))}, (overridden|line \d+): [\w.\-]+( = .*)?: ?.*\.")
-    for entry in entries(read_case(path)):
-        allowed = limits(entry)
-        assert all(math.isfinite(low) and math.isfinite(high) for low, high in allowed), f"{entry} has no range"
-        for text in NONSENSE + EXTREME if first[entry] == name else EXTREME * bool(allowed):
-            try:
-                scene = read_case(path, [f"{entry.key}={text}"])
-            except InputError as error:
-                assert all(sentence.fullmatch(line) for line in str(error).splitlines()), str(error)
-                continue
-            assert isinstance(scene, Scene)
-            if allowed:
-                number = float(text)  # nothing else may stand there
-                assert any(low <= number <= high for low, high in allowed), f"{entry.key} = {text} is accepted"
+    """Each in the first case that has it: what is of no right kind is so whatever else is in a case."""
+    for entry in entries(read_case(every[name])):
+        if first[entry] == name:
+            tried(every[name], entry, NONSENSE + EXTREME)
+
+
+@pytest.mark.slow  # some of these, and other numbers, are tried below
+@pytest.mark.parametrize("name", EVERY)
+def test_numbers_that_may_not_go_together_are_a_scene_or_a_sentence_in_every_case(every, first, name):
+    for entry in entries(read_case(every[name])):
+        if first[entry] != name and limits(entry):
+            tried(every[name], entry, EXTREME)
 
 
 @cache

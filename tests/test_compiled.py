@@ -32,7 +32,8 @@ code = "double one(void) { return 1.0; }"
 kernel = Kernel("one", "double one(void);", key=code, source=lambda: code, comm=MPI.COMM_WORLD)
 print(kernel.call.one())
 """
-CODE = pytest.mark.parametrize("code", [FORM, KERNEL], ids=["form", "kernel"])
+KINDS = [pytest.param(FORM, id="form"), pytest.param(KERNEL, id="kernel", marks=pytest.mark.slow)]  # kept alike
+CODE = pytest.mark.parametrize("code", KINDS)
 CACHE = "Süd & Co."  # whatever a folder is called
 
 

@@ -98,7 +98,7 @@ def test_what_is_doubtful_is_said(name):
 
 
 CASES = sorted(path.stem for path in (CHECKOUT / "cases").glob("*.toml"))
-LARGE = {"berkhoff-1982", "cylinder", "directional-focus"}
+LARGE = {"berkhoff-1982", "cylinder", "directional-focus", "flap", "irregular", "ntnu-flap"}
 
 
 @pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LARGE else n for n in CASES])

@@ -209,7 +209,7 @@ def test_who_has_lost_its_directory_leaves_that_of_the_next_run_alone(tmp_path):
     second.release()
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.slow), 2])
 def test_a_directory_deleted_under_a_run_ends_it_on_all_ranks(tmp_path, ranks):
     out = tmp_path / "run"
     with started("run", CASE, "--no-plots", "--out", out, "--set", "run.duration=1e4", ranks=ranks) as process:
@@ -328,7 +328,9 @@ def test_a_run_has_its_directory_until_its_pictures_are_drawn(tmp_path):
 
 
 # ---------------------------------------------------------------- what is printed
-@pytest.mark.parametrize("output", ["> /dev/full", "| head -n 1", ">&-"])
+@pytest.mark.parametrize(
+    "output", ["> /dev/full", *(pytest.param(one, marks=pytest.mark.slow) for one in ("| head -n 1", ">&-"))]
+)
 def test_a_run_goes_on_whatever_becomes_of_its_output(tmp_path, output):
     """And without a terminal's name or a language, wherever its files are."""
     case, out = (tmp_path / "Fälle & Läufe" / name for name in ("stehende Welle.toml", "Lauf 1"))

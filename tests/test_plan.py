@@ -626,7 +626,7 @@ def test_a_stopwatch_leaves_out_the_first_steps():
 
 
 def test_a_run_uses_the_plan_of_its_accuracy(tmp_path):
-    """On several ranks, too: tests/test_cases.py."""
+    """On several ranks, too: tests/test_cases.py, among the slow ones."""
     recorded("cases/planned.toml", ("run.duration=0.5", "numerics.order=4"), tmp_path / "run")
     one = RunDirectory(tmp_path / "run").manifest
     assert one["scene"]["numerics"] == {"accuracy": 1e-2, "order": 4}

@@ -259,7 +259,9 @@ SWEEPS[0] = f"dt={STEPS[0]}"  # of its steps, the first
 
 def run_study(out: Path, sweeps=SWEEPS, overrides=LINEAR, **others) -> tuple[list[Row], str]:
     said = io.StringIO()
-    rows = Study(CASE, sweeps, overrides=overrides, out=out, console=Console(file=said, width=300), **others).execute()
+    rows = Study(
+        CASE, sweeps, overrides=overrides, out=out, console=Console(file=said, width=300), at_once=1, **others
+    ).execute()
     return rows, said.getvalue()
 
 
@@ -268,7 +270,9 @@ def linear_study(tmp_path_factory):
     """The folder of the README's study, but of one step and a low wave, and what it finds where it has been run."""
     out = tmp_path_factory.mktemp("study")
     words = shlex.split(README.replace("runs/study", str(out)).replace(",".join(STEPS), STEPS[0]))
-    done = commanded(*words, "--reference", "exact", *(word for change in LINEAR for word in ("--set", change)))
+    done = commanded(
+        *words, "--reference", "exact", "--at-once", "1", *(word for change in LINEAR for word in ("--set", change))
+    )
     assert done.returncode == 0 and "2/2 dt=" in done.stdout, done
     rows, _ = run_study(out, reference="exact")
     return out, rows

@@ -47,7 +47,17 @@ def test_every_part_is_expected():
     assert {name(part) for part in integrators.PARTS} == set(EXPECTED)
 
 
-@pytest.mark.parametrize("part", [part for part in integrators.PARTS if name(part) not in SLOW], ids=name)
+LONG = ("symplecticity", "stability", "parasitic")  # of seconds; what they write is as in the others
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        pytest.param(part, id=name(part), marks=[pytest.mark.slow] * (name(part) in LONG))
+        for part in integrators.PARTS
+        if name(part) not in SLOW
+    ],
+)
 def test_a_part_writes_its_tables_and_pictures(part, tmp_path):
     write(part, tmp_path)
 
