@@ -150,9 +150,8 @@ def test_bad_input_is_one_sentence_and_exit_code_2(arguments, sentence, monkeypa
     assert said.count("wavetank:") == 1
 
 
-def test_bad_input_is_one_sentence_on_two_ranks():
-    command = [sys.executable, "-m", "wavetank", "run", "cases/focusing.toml", "--set", "tank.dept=1"]
-    result = launch(command, ranks=2)
+def test_bad_input_is_one_sentence_on_two_ranks(wavetank):
+    result = wavetank("run", "cases/focusing.toml", "--set", "tank.dept=1", ranks=2)
     assert result.returncode == 2 and "Traceback" not in result.stderr
     assert re.search("'?tank.dept'?.*depth", result.stderr) and result.stderr.count("wavetank:") == 1
 

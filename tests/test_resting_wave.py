@@ -42,6 +42,7 @@ def test_a_height_that_is_not_offered_is_refused(height):
         resting_wave(height, LENGTH, depth=DEPTH)
 
 
+@pytest.mark.slow
 def test_a_wave_too_high_to_be_found_begins_as_lower_ones_suggest(monkeypatch):
     """Oracle: the exact wave, which can be had of that height; 2e-3 of it are missed, of third order."""
     monkeypatch.setattr(standing, "HIGHEST", 0.02)

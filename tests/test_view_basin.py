@@ -1,5 +1,7 @@
 """Views and maps of basins: oracles are the waves, walls and beds that were put in, and where a camera shows them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import typer
@@ -14,6 +16,7 @@ from wavetank.postprocess.basin_surface import BasinSurface, Extremes, history
 from wavetank.postprocess.gauge_marks import leave_out_overlaps, mark_places
 from wavetank.postprocess.run_figures import draw_run
 from wavetank.postprocess.view_basin import BasinView
+from wavetank.postprocess.view_film import FORMATS
 from wavetank.postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
 from wavetank.records.directory import RunDirectory
 from wavetank.records.series import GaugeSeries
@@ -359,7 +362,8 @@ def command(*arguments):
     return CliRunner().invoke(app, list(map(str, arguments)))
 
 
-def test_a_basin_is_drawn_after_its_run_and_viewed_like_a_slice(tmp_path):
+def test_a_basin_is_drawn_after_its_run_and_viewed_like_a_slice(tmp_path, monkeypatch):
+    monkeypatch.setitem(FORMATS, ".gif", replace(FORMATS[".gif"], rate=2.0))  # a film of few frames
     run = record(tmp_path / "run", paddle=swinging, times=TIMES[:4])
     assert [picture.name for picture in draw_run(run)] == ["surface.png"]  # gauges and energy have one row
     (run.path / "surface.png").unlink()
