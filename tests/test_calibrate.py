@@ -2,20 +2,24 @@
 
 import csv
 import tomllib
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import CHECKOUT, commanded
+from matplotlib.figure import Figure
 
 from wavetank.calibrate import calibration as module
-from wavetank.calibrate.aim import Elevation, Found, Tried
+from wavetank.calibrate import drawing
+from wavetank.calibrate.aim import NOTHING, Elevation, Found, Tried
 from wavetank.calibrate.aims import aim_of
 from wavetank.calibrate.calibration import CASE, PICTURE, TABLE, WAVES
-from wavetank.calibrate.crest import highest
+from wavetank.calibrate.crest import CrestAim, highest
 from wavetank.calibrate.numerics import cheaper
 from wavetank.calibrate.record import mixed
+from wavetank.calibrate.table import told
 from wavetank.calibrate.waves import Lines, Scale, moved, scale, table
 from wavetank.case import Scene
 from wavetank.case.contents import contents
@@ -280,7 +284,7 @@ def rows(folder):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave the pictures empty."""
-    monkeypatch.setattr(module, "draw", lambda tried, aim, path, title: path.touch() or path)
+    monkeypatch.setattr(module, "draw", lambda tried, aim, path, shown, title: path.write_text(f"{shown.number}"))
 
 
 def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path):
@@ -303,17 +307,24 @@ def test_a_calibrated_case_runs_as_it_is_and_the_command_goes_on(tiny, tmp_path)
     assert {PADDLE, WAVES, PICTURE, "attempt-1.png"} <= {path.name for path in out.iterdir()}
 
 
-def test_a_calibration_of_another_target_is_not_replaced_unless_told(tiny, undrawn, tmp_path):
-    out, other = tmp_path / "out", ("--most", "1", "--set", "target.height=0.05")
-    assert tiny("--most", "2").returncode == 0
-    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
-    said = tiny(*other)
-    assert said.returncode == 2 and len(said.stderr.splitlines()) == 1
-    assert "holds a calibration of another target or case already; give another folder" in said.stderr
-    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
-    assert tiny(*other, "--overwrite").returncode == 1
-    assert len(rows(out)) == 1 and not list(out.glob("attempt-2.*"))
-    assert {path.name for path in (out / "runs").iterdir()} == {"1", "2", "1-2"}
+def test_the_picture_of_what_is_not_reached_is_of_the_best(tiny, undrawn, monkeypatch, tmp_path):
+    """Oracle: in a linear tank waves that are made much lower than wanted are."""
+    monkeypatch.setattr(CrestAim, "corrected", lambda aim, tried: tried[-1].setting - np.array([1.0, 0.0, 0.0]))
+    assert tiny("--most", "2").returncode == 1
+    first, second = (float(row["misfit over allowed"]) for row in rows(tmp_path / "out"))
+    assert first < second and (tmp_path / "out" / PICTURE).read_text() == "1"
+
+
+def test_a_picture_tells_where_the_crest_is_and_which_attempts_broke_down(monkeypatch, tmp_path):
+    figure, aim = Figure(), aim_of(read_case(FOCUSING))
+    monkeypatch.setattr(drawing, "picture", lambda *_: nullcontext(figure))
+    found = Found(0.1, 10.285, 20.0, 194.2, Elevation(np.linspace(0.0, 24.0, 9), np.zeros(9)))
+    one = tried(aim, aim.start, found)
+    drawing.draw([one, replace(one, number=2, found=NOTHING, cause="it broke.")], aim, tmp_path, shown=one, title="")
+    records, _, misfits = figure.axes
+    assert records.get_title() == "at x = 10 m; the highest crest is at 10.29 m"
+    (broken,) = (line for line in misfits.lines if line.get_label() == "broke down")
+    assert list(broken.get_xdata()) == [2] and "misfit 194 of" in told(one)
 
 
 def test_what_the_paddle_cannot_do_is_said_before_the_first_run(tiny, tmp_path):
@@ -355,6 +366,20 @@ def test_waves_that_break_are_given_up_in_a_sentence(tiny, undrawn, monkeypatch,
     assert [row["cause"] for row in rows(tmp_path / "out")] == ["it broke."] * 3
 
 
+def test_a_calibration_of_another_target_is_not_replaced_unless_told(tiny, undrawn, monkeypatch, tmp_path):
+    out, other = tmp_path / "out", ("--most", "1", "--set", "target.height=0.05")
+    monkeypatch.setattr(Runner, "run", ended("broke down", "it broke."))
+    assert tiny().returncode == 1 and len(rows(out)) == 3
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    said = tiny(*other)
+    assert said.returncode == 2 and len(said.stderr.splitlines()) == 1
+    assert "holds a calibration of another target or case already; give another folder" in said.stderr
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    assert tiny(*other, "--overwrite").returncode == 1
+    assert len(rows(out)) == 1 and not list(out.glob("attempt-2.*"))
+    assert {path.name for path in (out / "runs").iterdir()} == {"1", "2", "3", "1-2"}
+
+
 def test_a_run_that_fails_for_another_reason_ends_the_calibration(tiny, monkeypatch):
     monkeypatch.setattr(Runner, "run", ended("failed", "the disk is full."))
     said = tiny()
@@ -370,6 +395,7 @@ def test_a_run_that_fails_for_another_reason_ends_the_calibration(tiny, monkeypa
         ("wavemaker", ["target={type='crest', height=0.1, x=2.0, time=9.0}"], 'wall.motion.type = "sinusoid": must'),
         ("focusing", ["target={type='crest', height=0.1, x=30.0, time=9.0}"], "target.x = 30.0: must be inside"),
         ("focusing", ["target={type='crest', height=0.1, x=3.0, time=24.5}"], "target.time = 24.5: must be before"),
+        ("focusing", ["target={type='crest', height=0.6, x=3.0, time=9.0}"], "target.height = 0.6: must be at most"),
         ("focusing", ["target={type='record', file='none.txt', x=3.0}"], "none.txt: cannot be read"),
         ("focusing", ["target={type='record', file='ETA', x=3.0, start=30.0}"], "has 0 rows that count"),
         ("focusing", ["target={type='record', file='ETA', x=23.0}"], "when none of them can be there"),

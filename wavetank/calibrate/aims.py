@@ -9,7 +9,9 @@ from scipy.interpolate import CubicSpline
 from wavetank.calibrate.aim import Aim, Elevation
 from wavetank.calibrate.crest import CrestAim
 from wavetank.calibrate.record import RecordAim
-from wavetank.calibrate.waves import eased
+from wavetank.calibrate.waves import eased, scale
+from wavetank.case import LinearWater
+from wavetank.case.initial_sea import STEEPEST
 from wavetank.case.scene import Scene
 from wavetank.case.seas import FocusedMotion, MadeWaves, SurfaceMotion
 from wavetank.case.targets import ComponentsTarget, CrestTarget, RecordTarget, Target
@@ -59,7 +61,15 @@ def _made(scene: Scene) -> PlaneWaves:
 
 
 def _crest(target: CrestTarget, scene: Scene) -> Aim:
-    return CrestAim(target, _made(scene))
+    """Return the aim of a crest; raise ``SceneError`` for one as high as the highest waves from their troughs."""
+    waves = _made(scene)
+    length, depth = scale(waves).length, scene.tank.depth
+    highest = STEEPEST * length * float(np.tanh(2 * np.pi * depth / length))
+    free = not isinstance(scene.water, LinearWater) and target.x + length < scene.tank.length  # of the wall
+    if free and target.height > highest:
+        of = f"the height from trough to crest of the highest waves {length:.3g} m long, here (Miche)"
+        raise SceneError([Problem(("target", "height"), target.height, f"must be at most {highest:.3g} m, {of}")])
+    return CrestAim(target, waves)
 
 
 def _components(target: ComponentsTarget, scene: Scene) -> Aim:

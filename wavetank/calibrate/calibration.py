@@ -16,7 +16,7 @@ from wavetank.calibrate.aims import aim_of
 from wavetank.calibrate.attempt import Attempt, files_of, with_waves
 from wavetank.calibrate.drawing import draw
 from wavetank.calibrate.numerics import cheaper
-from wavetank.calibrate.table import told, write_table
+from wavetank.calibrate.table import figures, told, write_table
 from wavetank.calibrate.waves import table
 from wavetank.case.reading import located, read_case
 from wavetank.errors import InputError, RunError
@@ -162,7 +162,8 @@ class Calibration:
         last = self._tried[-1]
         self._console.print(f"attempt {last.number}: {told(last)}", markup=False, highlight=False)
         write_table(self._out / TABLE, self._tried)
-        picture = draw(self._tried, self._aim, self._out / f"attempt-{last.number}.png", title=self._scene.title)
+        picture = self._out / f"attempt-{last.number}.png"
+        draw(self._tried, self._aim, picture, shown=last, title=self._scene.title)
         shutil.copyfile(picture, self._out / PICTURE)
 
     def _gentler(self, failed: Tried) -> Setting:
@@ -200,7 +201,8 @@ class Calibration:
         if finished := self._finished:
             best = min(finished, key=lambda one: (one.numerics == CHEAP, one.found.misfit))
             self._leave(best)
-            found = f"attempt {best.number}, off by {best.found.misfit:.3g} times what is allowed"
+            draw(self._tried, self._aim, self._out / PICTURE, shown=best, title=self._scene.title)
+            found = f"attempt {best.number}, off by {figures(best.found.misfit)} times what is allowed"
             said = f"{said}; {self._out / CASE} has the best, {found}"
         raise RunError(f"{said}.")
 

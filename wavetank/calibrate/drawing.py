@@ -16,15 +16,14 @@ PERIODS = 6.0  # shown on either side of a crest
 LINE = 70  # characters
 
 
-def draw(tried: Sequence[Tried], aim: Aim, path: Path, *, title: str) -> Path:
-    """Draw the last of the attempts and return ``path``."""
+def draw(tried: Sequence[Tried], aim: Aim, path: Path, *, shown: Tried, title: str) -> None:
+    """Draw one of the attempts, and the misfits of all."""
     with picture(path, 13.0, 4.2) as figure:
         records, spectrum, misfits = figure.subplots(1, 3, width_ratios=(2.2, 1.2, 1.0))
-        _draw_records(records, tried[-1], aim)
-        _draw_spectrum(spectrum, aim.waves(tried[-1].setting), aim.waves(aim.start))
+        _draw_records(records, shown, aim)
+        _draw_spectrum(spectrum, aim.waves(shown.setting), aim.waves(aim.start))
         _draw_misfits(misfits, tried)
-        figure.suptitle(f"{title}{': ' if title else ''}attempt {tried[-1].number}", fontsize=12, parse_math=False)
-    return path
+        figure.suptitle(f"{title}{': ' if title else ''}attempt {shown.number}", fontsize=12, parse_math=False)
 
 
 def _draw_records(panel: Axes, one: Tried, aim: Aim) -> None:
@@ -42,7 +41,8 @@ def _draw_records(panel: Axes, one: Tried, aim: Aim) -> None:
         half = PERIODS * scale(aim.waves(one.setting)).period
         last = np.inf if one.cause else one.found.elevation.t[-1]
         panel.set_xlim(max(0.0, wanted.t[0] - half), min(wanted.t[0] + half, last))
-    panel.set(xlabel="t [s]", ylabel="elevation [cm]", title=f"at x = {aim.x:g} m")
+    highest = f"; the highest crest is at {one.found.x:.4g} m" if alone and not one.cause else ""
+    panel.set(xlabel="t [s]", ylabel="elevation [cm]", title=f"at x = {aim.x:g} m{highest}")
     panel.legend()
 
 
@@ -63,6 +63,9 @@ def _draw_misfits(panel: Axes, tried: Sequence[Tried]) -> None:
         these = [one.numerics == numerics for one in tried]
         marks = np.where(these, misfits, np.nan)
         panel.plot(numbers, marks, "o", color=BLUE, mfc=face, label=f"{numerics} numerics")
+    if broken := [one.number for one in tried if one.cause]:
+        (crosses,) = panel.plot(broken, np.ones(len(broken)), "x", color=VERMILION, mew=1.8, label="broke down")
+        crosses.set(transform=panel.get_xaxis_transform(), clip_on=False)
     panel.axhline(1.0, color=GREY, lw=0.8, ls="--")
     panel.set(xlabel="attempt", title="misfit, of what is allowed", yscale="log")
     panel.set_xticks(numbers)

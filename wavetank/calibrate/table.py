@@ -17,6 +17,11 @@ COLUMNS = (
 )
 
 
+def figures(misfit: float) -> str:
+    """Return a misfit to two figures, large ones to all before the point."""
+    return f"{misfit:.2g}" if misfit < 10 else f"{misfit:.0f}"
+
+
 def told(one: Tried) -> str:
     """Return what is said of an attempt while others are to come."""
     found = one.found
@@ -25,8 +30,8 @@ def told(one: Tried) -> str:
     broke = f"; {one.broke} waves break" if one.broke else ""
     nrms = "" if np.isnan(found.nrms) else f"nrms {found.nrms:.3g}, "
     return (
-        f"crest {found.crest:.4g} m at x = {found.x:.4g} m, t = {found.t:.4g} s; {nrms}misfit {found.misfit:.2g} of "
-        f"what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
+        f"crest {found.crest:.4g} m at x = {found.x:.4g} m, t = {found.t:.4g} s; {nrms}misfit {figures(found.misfit)} "
+        f"of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
     )
 
 
@@ -37,8 +42,8 @@ def write_table(path: Path, tried: Sequence[Tried]) -> None:
     writer.writerow(COLUMNS)
     for one in tried:
         found = one.found
-        figures = [found.crest, found.x, found.t, found.nrms, found.misfit]
-        shown = [f"{figure:.6g}" if np.isfinite(figure) else "" for figure in figures]
+        values = [found.crest, found.x, found.t, found.nrms, found.misfit]
+        shown = [f"{value:.6g}" if np.isfinite(value) else "" for value in values]
         writer.writerow([one.number, one.runs, one.numerics, *shown, one.broke, f"{one.cpu:.3g}", one.cause])
     try:
         replace(path, text.getvalue().encode())
