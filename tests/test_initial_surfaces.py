@@ -11,6 +11,8 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
+from wavetank.runs.build import build_run
+from wavetank.runs.starts import told_of_start
 from wavetank.theory.airy import angular_frequency
 
 JONSWAP = {"type": "jonswap", "peak_period": 1.6}
@@ -67,6 +69,11 @@ def test_a_group_meets_in_its_crest_and_a_trough_is_one_upside_down():
     ("initial", "kind", "said"),
     [
         (SEA, "slice", "needs a ring"),
+        (
+            SEA | {"spectrum": JONSWAP | {"peak_period": 6.0}},
+            "ring",
+            "nearly all is in that of .* Hz, the peak being at",
+        ),
         (SEA | {"highest_frequency": 0.05}, "ring", "of a wave as long as the tank"),
         ({"type": "focused", "linear_crest": 0.05, "x": 40.0, "spectrum": JONSWAP}, "slice", "inside the tank"),
         ({"type": "focused", "linear_crest": 0.9, "x": 4.0, "spectrum": JONSWAP}, "ring", "less than the still-water"),
@@ -113,6 +120,23 @@ def test_a_basin_s_file_may_have_its_points_anywhere(tmp_path):
     x, y = np.meshgrid(np.linspace(0.5, 3.5, 9), np.linspace(0.3, 1.7, 7))
     eta, psi = start.surface(tank, x.ravel(), y.ravel())
     assert eta == pytest.approx((0.02 * np.cos(x) * np.cos(y)).ravel(), abs=1e-4) and not psi.any()
+
+
+def test_a_file_goes_all_round_a_ring_or_is_refused(tmp_path):
+    x = np.linspace(0.0, 6.0, 61)
+    half = written(tmp_path / "start.txt", x, 0.02 * np.cos(np.pi * x / 3))
+    with pytest.raises(InputError, match=r"x from 0 to 6 m received, 0\.1 m apart at the most; 6 m of a ring of 12 m"):
+        half.surface(scene(SEA).tank, x, 0 * x)
+
+
+@pytest.mark.parametrize(("mean", "told"), [(0.02, True), (0.0, False)])
+def test_a_start_tells_where_its_mean_is(mean, told):
+    """Oracle: the mean that was added to a wave of whole lengths."""
+    start = {"type": "formula", "eta": f"{mean} + 0.01 * cos(pi * x)"}
+    one = scene(start, kind="slice", length=4.0, numerics={"cells": 8, "order": 3, "vertical_order": 2})
+    run, waves = build_run(one, MPI.COMM_SELF)
+    said = told_of_start(one, waves, run.state.q)
+    assert ("has a mean of +0.02 m: at rest" in said) if told else said == ""
 
 
 @pytest.mark.parametrize(

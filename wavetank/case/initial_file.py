@@ -12,6 +12,7 @@ from wavetank.errors import InputError
 from wavetank.values.columns import check_ascending, read_columns
 from wavetank.values.noun import FilePath, Noun
 
+APART = 2.0  # times what is most between two points may be from the last round to the first
 FEWEST = 4  # points: of a cubic spline, or of triangles
 
 
@@ -61,7 +62,11 @@ def _along(path: Path, at: motions.Array, values: motions.Array, *, around: floa
         return CubicSpline(at, values, extrapolate=False)
     if at[-1] - at[0] > around * (1 + 1e-9):
         raise InputError(f"{path}: x from {at[0]:g} to {at[-1]:g} m received; a ring of {around:g} m is shorter.")
-    if at[-1] - at[0] < around * (1 - 1e-9):
+    gap, widest = around - (at[-1] - at[0]), float(np.diff(at).max())
+    if gap > APART * widest:
+        reach = f"{path}: x from {at[0]:g} to {at[-1]:g} m received, {widest:.3g} m apart at the most"
+        raise InputError(f"{reach}; {gap:.3g} m of a ring of {around:g} m are left out: points must go all round.")
+    if gap > around * 1e-9:
         at, values = np.append(at, at[0] + around), np.vstack([values, values[:1]])
     values = np.vstack([values[:-1], values[:1]])  # which is the last
     return CubicSpline(at, values, bc_type="periodic", extrapolate="periodic")

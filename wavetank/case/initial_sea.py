@@ -22,6 +22,7 @@ Shape = Annotated[
 ]
 HIGHEST_OF_PEAK = 3.0
 MOST = 10_000  # waves
+FEWEST = 1.5  # waves, as many as would share the spectrum equally: (sum S df)² / sum (S df)²
 STEEPEST = 0.14  # height over length of the highest waves, in depth times tanh k d (Miche)
 
 
@@ -71,8 +72,18 @@ class SpectralSurface(Noun):
             low, high = first / (2 * np.pi), last / (2 * np.pi)
             allowed = f"must be from {low:.4g} Hz, of a wave as long as the tank, to {high:.4g} Hz"
             yield Problem(("initial", "highest_frequency"), self.highest_frequency, allowed)
-        elif not self._along(tank)[1].sum() > 0.0:
+            return
+        k, share = self._along(tank)
+        if not share.sum() > 0.0:
             yield Problem(("initial", "spectrum"), None, "must have waves, whole ones as long as the tank")
+        elif share.sum() ** 2 < FEWEST * np.square(share).sum():
+            main, peak = k[share.argmax()], self.spectrum.build(tank).peak_frequency
+            hertz = angular_frequency(main, tank.depth, tank.gravity) / (2 * np.pi)
+            allowed = (
+                f"must have more than one wave that fits: of whole ones along {metres(tank.length)} m nearly all is "
+                f"in that of {hertz:.4g} Hz, the peak being at {peak:.4g} Hz; the tank may be longer"
+            )
+            yield Problem(("initial", "spectrum"), None, allowed)
 
 
 class IrregularSurface(SpectralSurface):

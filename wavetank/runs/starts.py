@@ -9,14 +9,18 @@ from pydantic import ValidationError
 
 from wavetank.arrays import Vector
 from wavetank.case import RunState, Scene
+from wavetank.case.initial_file import FileSurface
+from wavetank.case.initial_formula import FormulaSurface
 from wavetank.errors import InputError
 from wavetank.fe.agreed import agreed, from_first
+from wavetank.fe.misfit import rms
 from wavetank.records.checkpoint import Checkpoint, is_at, kept, read_kept
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.kept_surface import KeptSurface
 from wavetank.runs.waters import AnyWaves
 from wavetank.stateful import together
 
+SEEN = 0.01  # of its rms: a mean elevation that is told
 APART = 1e-3  # of the depth: so far may the wall stand from where it stood
 MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
 
@@ -65,13 +69,24 @@ def with_its_numerics(scene: Scene, initial: RunState) -> Scene:
 
 
 def told_of_start(scene: Scene, waves: AnyWaves, q: Vector) -> str:
-    """Return what a start from another run costs of the mass, or nothing of others; collective."""
+    """Return what a start costs of the mass, of a file where its mean is, or nothing of others; collective."""
     initial = scene.initial
+    if isinstance(initial, FileSurface | FormulaSurface):
+        return _told_of_mean(waves, q)
     if not isinstance(initial, RunState):
         return ""
     about = from_first(waves.plane.comm, lambda: _chosen(initial)[1])
     mass = waves.total_mass(q) / about["mass"] - 1.0
     return f"begins with {initial.directory} at t = {about['t']:.6g} s; the mass changes by {mass:.1g} of it"
+
+
+def _told_of_mean(waves: AnyWaves, q: Vector) -> str:
+    """Return where the mean of an initial surface is, unless that is at still water; collective."""
+    still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
+    mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
+    if abs(mean) < SEEN * rms(waves.plane, waves.elevation(q, 0 * q, 0.0)):
+        return ""
+    return f"the initial surface has a mean of {mean:+.3g} m: at rest the water would stand there, not at z = 0"
 
 
 def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
