@@ -145,11 +145,11 @@ def test_a_crest_that_answers_otherwise_is_right_after_some_runs():
 
 
 def test_a_crest_goes_on_from_the_best_attempt():
-    """Oracle: a step from the best, of the size that is left there, not from the last, which has made it worse."""
+    """Oracle: a step of the size that is left there; from the last, far off, it would be as long as one may be."""
     aim = aim_of(read_case(FOCUSING))
     nothing = Elevation(np.zeros(1), np.zeros(1))
-    good, bad = Found(0.1, 10.1, 20.05, 2.0, nothing), Found(0.104, 10.8, 20.5, 15.0, nothing)
-    settings = np.zeros(3), np.array([0.02, 0.1, 0.1])
+    good, bad = Found(0.1, 10.1, 20.05, 2.0, nothing), Found(0.104, 12.4, 21.2, 40.0, nothing)
+    settings = np.zeros(3), np.array([0.02, 0.8, 0.8])
     following = aim.corrected([tried(aim, settings[0], good), tried(aim, settings[1], bad, 2)])
     assert np.abs(following).max() < 0.06
 
