@@ -254,7 +254,7 @@ def test_triangulated_depths_converge():
     assert (4 * np.array(errors["cubic"]) < errors["linear"]).all()
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".xyz"])
+@pytest.mark.parametrize("suffix", [pytest.param(".csv", marks=pytest.mark.slow), ".xyz"])
 def test_sixty_thousand_survey_points_take_a_moment_and_no_memory(tmp_path, suffix):
     x, y = points(60_000)
     table = np.column_stack([x + 3e5, y + 5e6, smooth(x, y)])  # as far from the origin as maps are

@@ -98,10 +98,10 @@ def test_what_is_doubtful_is_said(name):
 
 
 CASES = sorted(path.stem for path in (CHECKOUT / "cases").glob("*.toml"))
-LARGE = {"berkhoff-1982", "cylinder", "directional-focus", "flap", "irregular", "ntnu-flap"}
+LONG = {"berkhoff-1982", "cylinder", "directional-focus", "flap", "irregular", "ntnu-flap", "planned"}
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LARGE else n for n in CASES])
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in LONG else n for n in CASES])
 def test_nothing_is_said_of_the_cases(name):
     try:
         case = read_case(CHECKOUT / "cases" / f"{name}.toml")

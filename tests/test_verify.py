@@ -47,7 +47,13 @@ def test_every_part_is_expected():
     assert {name(part) for part in integrators.PARTS} == set(EXPECTED)
 
 
-LONG = ("symplecticity", "stability", "parasitic")  # of seconds; what they write is as in the others
+LONG = (
+    "stability",
+    "dispersion",
+    "symplecticity",
+    "forcing",
+    "parasitic",
+)  # of seconds; what they write is as in the others
 
 
 @pytest.mark.parametrize(
