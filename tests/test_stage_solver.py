@@ -98,13 +98,13 @@ def test_a_combination_of_points_is_exact_where_the_flow_is_linear_and_their_ima
 
 
 def test_what_an_iteration_leaves_is_measured_once_in_a_while_and_saves_evaluations_between():
-    """Against the closed solution; of the linear stage an iteration leaves a thousandth of the error."""
+    """Against the closed solution; of the linear stage an iteration leaves 3e-4 of the error."""
     solver, known = AndersonStageSolver(MPI.COMM_SELF, np.ones(2), tolerance=1e-5), np.array([1.0, 2.0])
     costs = []
     for step in range(20):
         before = solver.counters.evaluations
         moment, right = stage(t=0.1 * step), known * np.exp(step)
-        z = solver.solve(moment, lambda z, right=right: 1.001 * z - right, right)
+        z = solver.solve(moment, lambda z, right=right: 1.0003 * z - right, right)
         costs.append(solver.counters.evaluations - before)
-        assert np.allclose(z, right / 1.001, rtol=1e-5)
+        assert np.allclose(z, right / 1.0003, rtol=1e-5)
     assert costs[0] == 2 and set(costs[1:]) == {1, 2} and costs.count(2) <= 4

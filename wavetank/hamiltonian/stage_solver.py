@@ -34,7 +34,7 @@ MEMORY = 0.95  # of the waves' size, from one step to the next: a standing wave 
 ROUND_OFF = 30 * np.finfo(float).eps  # of the solution, below which no residual is asked for
 MIXED = 5  # earlier iterates that take part in an iteration
 SHORTEST = 1e-15  # squared, of their steps against the longest
-SAFETY = 10.0  # on what an iteration is known to leave: errors of stages that repeat from step to step take energy
+SAFETY = 30.0  # on what an iteration is known to leave: errors of stages that repeat from step to step take energy
 WRONG = 10.0  # of what residuals are to have: what may be wrong of points that start values are combined of
 CONFIRMED = 8  # solves after which what is known is measured anew
 
