@@ -1,15 +1,20 @@
 """What a run takes is known before it is taken: against runs as they are built, and against what was measured."""
 
+from math import inf
+
 import pytest
 from mpi4py import MPI
 
 from wavetank.case import Scene
 from wavetank.cli import main
+from wavetank.observers.schedule import EverySteps, EveryTimeBetween
 from wavetank.plan import affordable
 from wavetank.plan.affordable import needs_of
 from wavetank.plan.cost_model import BUILT_IN
+from wavetank.plan.looks import Looks
 from wavetank.runs import memory
 from wavetank.runs.build import build_run
+from wavetank.runs.clock import Clock
 
 RECTANGLE = {"type": "rectangle", "length": 6.0, "width": 4.0}
 LAYOUTS = {
@@ -53,6 +58,45 @@ def test_memory_and_time_of_a_large_basin_are_those_measured():
     assert needs.unknowns == pytest.approx(1e7, rel=0.02)
     assert needs.memory == pytest.approx(2.45e9, rel=0.4)
     assert needs.cpu == pytest.approx(500 * 28.0, rel=0.4)
+
+
+WINDOW = {"name": "a", "start": [1.0, 0.0], "end": [2.0, 0.0], "columns": 4, "levels": 5, "every": 0.07}
+RECORDS = {
+    "probes": {"probes": [{"x": 1.0, "z": -0.1}], "output": {"probes_every": 3}},
+    "paddle": {"loads": [{"on": "paddle"}], "output": {"probes_every": 30, "gauges_every": 7}},
+    "window": {"windows": [{**WINDOW, "begin": 1.0, "until": 2.5}]},
+    "table": {"windows": [{**WINDOW, "format": "csv"}]},
+}
+
+
+@pytest.mark.parametrize("name", RECORDS)
+def test_what_looks_below_the_surface_is_counted(name):
+    """As often as the schedules of its observers are due; the CPU time says so, and memory has a second water."""
+    dt, asked = 0.02, {"tank": TANKS["slice"], "run": {"duration": 5.0}, "numerics": {"cells": 9, "dt": 0.02}}
+    bare, watched = (Scene.model_validate(asked | more) for more in ({}, RECORDS[name]))
+    looks, clock = Looks.of(watched, dt), Clock.covering(5.0, dt)
+    schedule = {
+        "probes": EverySteps(3),
+        "paddle": EverySteps(7),
+        "window": EveryTimeBetween(0.07, 1.0, 2.5),
+        "table": EveryTimeBetween(0.07, 0.0, inf),
+    }[name]
+    due = sum(schedule.due(step, clock.time(step), clock.time(step - 1)) for step in range(1 + clock.steps))
+    assert abs(looks.rows - due) <= 2
+    points = {"probes": looks.rows, "paddle": 0.0, "window": 20 * looks.rows, "table": 20 * looks.rows}[name]
+    assert looks.tabled + looks.filed == pytest.approx(points) and (looks.tabled == points) == (name != "window")
+    without, needs = needs_of(bare), needs_of(watched)
+    assert needs.cpu - without.cpu == pytest.approx(needs.watching) and needs.watching > 2e-3 * looks.rows
+    assert needs.memory > without.memory and without.watching == 0.0
+
+
+def test_a_run_that_days_of_rows_make_too_long_is_refused_for_them(tmp_path, capsys):
+    case = tmp_path / "case.toml"
+    case.write_text("[tank]\nlength = 20.0\ndepth = 1.0\n[run]\nduration = 3e5\n[numerics]\ncells = 9\ndt = 0.05\n")
+    window = 'windows=[{name="a", start=[1.0, 0.0], end=[2.0, 0.0], columns=99, levels=50, every=0.05, format="csv"}]'
+    assert main(["run", str(case), "--set", window, "--out", str(tmp_path / "run")]) == 2
+    said = capsys.readouterr().err
+    assert "of it are for probes, loads and windows" in said and said.count("\n") == 1
 
 
 HUGE = [

@@ -648,6 +648,20 @@ def test_a_penalty_is_said_to_be_needed_where_the_current_is_strong():
 
 
 # ------------------------------------------------------------------------------------------------ cost
+def test_a_plan_counts_what_looks_below_the_surface():
+    """Beside the steps, on any machine, and says which part of the time that is; fewer rows are cheaper."""
+    tank, initial = {"length": 2.0, "depth": 1.0}, {"type": "standing-wave", "wave_amplitude": 0.01}
+    asked = {"tank": tank, "initial": initial, "run": {"duration": 4.0}, "numerics": {"cells": 6}}
+    probed = {"probes": [{"x": 1.0, "z": -0.1}]}
+    scenes = [asked, asked | probed, asked | probed | {"output": {"probes_every": 10}}]
+    bare, often, rarely = (own_plan(Scene.model_validate(one), 1e-2, costs=COSTS) for one in scenes)
+    assert often.cost.cpu - bare.cost.cpu == pytest.approx(10 * (rarely.cost.cpu - bare.cost.cpu))
+    assert often.cost_by(COSTS) == often.cost and often.cost.memory > bare.cost.memory
+    part = 1.0 - bare.cost.cpu / often.cost.cpu
+    assert f"{often.steps} times" in often.reasons[-1] and f": {part:.0%} of the time." in often.reasons[-1]
+    assert not any("look below" in reason for reason in bare.reasons)
+
+
 def test_costs_of_a_fit_are_recovered():
     """Times made from known constants give them back."""
     constants = (2e-3, 3e-6, 5e-8, 1e-3, 2e-6, 3e-8)

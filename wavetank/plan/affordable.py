@@ -18,7 +18,8 @@ from wavetank.meshes import MeshFile
 from wavetank.plan.cost_model import BASE, PER_ENTRY, known_costs
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.error_model import Settings
-from wavetank.plan.kinds import kind_of, undearer
+from wavetank.plan.kinds import entries_of, kind_of, undearer
+from wavetank.plan.looks import Looks
 from wavetank.runs.build import build_clock
 from wavetank.runs.memory import available_memory
 from wavetank.values.noun import Problem, SceneError
@@ -26,16 +27,21 @@ from wavetank.values.noun import Problem, SceneError
 A_DAY = 86_400.0  # s of wall time, if each rank has a core of its own
 STEP, PER_UNKNOWN = 0.02, 2.5e-6  # s of a basin's step
 PER_PLACE, PER_MODE = 1300.0, 200.0  # bytes a degree of freedom of a basin's plan
+WORTH_TELLING = 0.2  # of the CPU time
 PER_CELL = 60.0  # bytes of a mesh file, at least
 
 
 class Needs(NamedTuple):
-    """What a run takes: its unknowns, its steps, CPU time [s] and memory [bytes], of all ranks together."""
+    """What a run takes: its unknowns, its steps, CPU time [s] and memory [bytes], of all ranks together.
+
+    Of the CPU time ``watching`` is for probes, loads and windows.
+    """
 
     unknowns: float
     steps: float
     cpu: float
     memory: float
+    watching: float = 0.0
 
 
 def check_affordable(scene: Scene, comm: MPI.Comm, *, longest: float = A_DAY) -> None:
@@ -49,10 +55,17 @@ def _check(needs: Needs, there: float, *, ranks: int, longest: float) -> None:
     if wall <= longest and needs.memory <= there:
         return
     on = "1 rank" if ranks == 1 else f"{ranks} ranks"
+    watched = (
+        ""
+        if needs.watching < WORTH_TELLING * needs.cpu
+        else (
+            f"; {spelt(needs.watching / ranks)} of it are for probes, loads and windows, of which fewer rows need less"
+        )
+    )
     sentence = (
         f"needs about {spelt(wall)} on {on} and {needs.memory / 1e9:.2g} GB of memory, of which {there / 1e9:.2g} GB "
         f"are free, for {needs.steps:.2g} steps of {needs.unknowns:.2g} unknowns: a larger cell_size or dt and a "
-        "shorter run.duration need less; wavetank run --yes runs it as it is"
+        f"shorter run.duration need less{watched}; wavetank run --yes runs it as it is"
     )
     raise SceneError([Problem(("numerics",), None, sentence)])
 
@@ -71,20 +84,24 @@ def _of_slice(scene: Scene, ranks: int) -> Needs:
         order=chosen.order, cells=scene.cells, vertical_order=chosen.vertical_order, dt=dt, integrator=chosen.integrator
     )
     places = chosen.order * scene.cells + 1
-    entries = places * (chosen.vertical_order + 1.0) * (chosen.order + 2)
-    cpu = steps * known_costs().step(kind, settings, product)
-    memory = ranks * BASE + PER_ENTRY[undearer(kind)[0]] * entries
-    return Needs(places * (chosen.vertical_order + 2.0), steps, cpu, memory)
+    entries, looks = entries_of(chosen.order, scene.cells, chosen.vertical_order), Looks.of(scene, dt)
+    watching = looks.in_slice(entries)
+    memory = ranks * BASE + PER_ENTRY[undearer(kind)[0]] * entries * looks.waters
+    cpu = steps * known_costs().step(kind, settings, product) + watching
+    return Needs(places * (chosen.vertical_order + 2.0), steps, cpu, memory, watching)
 
 
 def _of_basin(scene: Scene, tank: BasinTank, ranks: int) -> Needs:
     chosen = scene.numerics
     cells, smallest = _cells_of_basin(tank, scene.cell_size)
-    steps = _steps(scene, smallest)[1]
+    dt, steps, _ = _steps(scene, smallest)
+    looks = Looks.of(scene, dt)
     places = chosen.order**2 * cells
     unknowns = places * (chosen.vertical_order + 2.0)
-    memory = ranks * BASE + places * (PER_PLACE + PER_MODE * chosen.vertical_order)
-    return Needs(unknowns, steps, steps * (ranks * STEP + PER_UNKNOWN * unknowns), memory)
+    memory = ranks * BASE + places * (PER_PLACE + PER_MODE * chosen.vertical_order) * looks.waters
+    step = ranks * STEP + PER_UNKNOWN * unknowns
+    watching = looks.in_basin(step)
+    return Needs(unknowns, steps, steps * step + watching, memory, watching)
 
 
 def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:

@@ -59,9 +59,11 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     seen = trial(scene, MPI.COMM_WORLD)
     ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
+    told = seen.looks.told(seen.watching / seen.duration)
     for line in (
         seen.summary,
         f"  a step: {seen.step:.2g} CPU s on {ranks}, {seen.solves:.1f} interior solves",
+        *([f"  {told}"] if told else []),
         f"  the run: {spelt(seen.duration)}, on as many free cores",
         f"  memory: {seen.memory / 1e6:.0f} MB",
         *(f"  {line}" for line in _energy(scene)),

@@ -29,7 +29,8 @@ from wavetank.observers.energy import Sink
 from wavetank.observers.record import Memory
 from wavetank.plan.defaults import LOOSEST
 from wavetank.plan.error_model import Settings
-from wavetank.plan.kinds import undearer
+from wavetank.plan.kinds import entries_of, undearer
+from wavetank.plan.looks import NOWHERE, Looks
 from wavetank.plan.trial import STEPS, WARM_UP, Stopwatch
 from wavetank.runs.build import Records, build_filters, build_observers, initial_state
 from wavetank.runs.clock import Clock
@@ -59,12 +60,8 @@ class Cost(NamedTuple):
     memory: float
 
 
-def _entries(order: int, cells: int, vertical_order: int) -> int:
-    return (order * cells + 1) * (vertical_order + 1) * (order + 2)
-
-
 def _features(order: int, cells: int, vertical_order: int, dt_omega_max: float) -> Vector:
-    sizes = [1.0, order * cells + 1, _entries(order, cells, vertical_order)]
+    sizes = [1.0, order * cells + 1, entries_of(order, cells, vertical_order)]
     return np.asarray(np.outer([1.0, dt_omega_max], sizes).ravel(), dtype=np.float64)
 
 
@@ -94,12 +91,20 @@ class CostModel:
         return dearer * steeper * float(features @ np.array(self.constants[f"{kind} {settings.integrator}"]))
 
     def run(
-        self, kind: str, settings: Settings, *, duration: float, dt_omega_max: float, steepness: float = FITTED
+        self,
+        kind: str,
+        settings: Settings,
+        *,
+        duration: float,
+        dt_omega_max: float,
+        steepness: float = FITTED,
+        looks: Looks = NOWHERE,
     ) -> Cost:
-        """Return the cost of a run of ``duration`` seconds."""
+        """Return the cost of a run of ``duration`` seconds that looks below its surface."""
         steps = Clock.covering(duration, settings.dt).steps
-        memory = BASE + PER_ENTRY[undearer(kind)[0]] * _entries(settings.order, settings.cells, settings.vertical_order)
-        return Cost(float(steps * self.step(kind, settings, dt_omega_max, steepness=steepness)), memory)
+        entries = entries_of(settings.order, settings.cells, settings.vertical_order)
+        cpu = steps * self.step(kind, settings, dt_omega_max, steepness=steepness) + looks.in_slice(entries)
+        return Cost(float(cpu), BASE + looks.waters * PER_ENTRY[undearer(kind)[0]] * entries)
 
 
 def machine() -> str:

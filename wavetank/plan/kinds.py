@@ -1,4 +1,4 @@
-"""Kinds of waves by what a step of them costs."""
+"""What a step costs by: the kind of waves, and the entries of the operator."""
 
 from wavetank.case import FlapWall, Physics, Scene
 from wavetank.case.walls import ShapedWall
@@ -19,3 +19,8 @@ def kind_of(scene: Scene, physics: Physics) -> str:
 def undearer(kind: str) -> tuple[str, float]:
     """Return the kind that costs are fitted of, and what this one costs over it."""
     return ("driven", DEARER[kind]) if kind in DEARER else (kind, 1.0)
+
+
+def entries_of(order: int, cells: int, vertical_order: int) -> int:
+    """Return E, how many entries the operator of a slice or ring has."""
+    return (order * cells + 1) * (vertical_order + 1) * (order + 2)

@@ -25,6 +25,8 @@ from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
 from wavetank.plan.defaults import solved_to
 from wavetank.plan.dispersion import Mesh
 from wavetank.plan.error_model import ErrorModel, ErrorPart, Settings
+from wavetank.plan.kinds import entries_of
+from wavetank.plan.looks import Looks
 from wavetank.plan.requirements import Requirements, requirements
 from wavetank.plan.stroke_held import stroke_missed
 from wavetank.runs.build import build_clock
@@ -73,6 +75,8 @@ class Plan:
         dx [m].
     dt_omega_max
         dt times the largest frequency of the mesh on still water.
+    looks
+        What it looks for below the surface.
     reasons
         Which objects are needed and why, a sentence each.
     """
@@ -87,13 +91,18 @@ class Plan:
     steps: int
     cell_size: float
     dt_omega_max: float
+    looks: Looks
     reasons: tuple[str, ...]
 
     def cost_by(self, costs: CostModel) -> Cost:
         """Return the cost on another machine."""
-        duration = self.steps * self.settings.dt
         return costs.run(
-            self.kind, self.settings, duration=duration, dt_omega_max=self.dt_omega_max, steepness=self.steepness
+            self.kind,
+            self.settings,
+            duration=self.steps * self.settings.dt,
+            dt_omega_max=self.dt_omega_max,
+            steepness=self.steepness,
+            looks=self.looks,
         )
 
     def applied_to(self, scene: Scene) -> Scene:
@@ -252,11 +261,15 @@ class _Search:
             duration=self._required.duration,
             dt_omega_max=settings.dt * self._mesh(settings).largest_frequency,
             steepness=self._required.highest,
+            looks=Looks.of(self._scene, settings.dt),
         )
 
     def plan(self, settings: Settings, costs: CostModel) -> Plan:
         """Return settings with what is to be expected of them."""
-        required, mesh = self._required, self._mesh(settings)
+        required, mesh, looks = self._required, self._mesh(settings), Looks.of(self._scene, settings.dt)
+        cost = self.cost(settings, costs)
+        entries = entries_of(settings.order, settings.cells, settings.vertical_order)
+        watched = looks.told(looks.in_slice(entries) / cost.cpu)
         return Plan(
             physics=required.physics,
             settings=settings,
@@ -264,11 +277,12 @@ class _Search:
             error=self._errors.predict(settings),
             kind=required.kind,
             steepness=required.highest,
-            cost=self.cost(settings, costs),
+            cost=cost,
             steps=Clock.covering(required.duration, settings.dt).steps,
             cell_size=mesh.cells.size,
             dt_omega_max=settings.dt * mesh.largest_frequency,
-            reasons=(*required.reasons, self._penalty_reason(mesh)),
+            looks=looks,
+            reasons=(*required.reasons, self._penalty_reason(mesh), *([f"records: {watched}."] if watched else [])),
         )
 
     def _penalty_reason(self, mesh: Mesh) -> str:

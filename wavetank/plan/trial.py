@@ -12,6 +12,8 @@ from wavetank.case import Scene
 from wavetank.observers.contract import Moment
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
+from wavetank.plan.kinds import entries_of
+from wavetank.plan.looks import Looks
 from wavetank.runs.build import Records, build_observers, build_run, summary
 from wavetank.runs.clock import Clock
 from wavetank.runs.memory import peak_memory
@@ -39,6 +41,10 @@ class Trial(NamedTuple):
         Interior solves a step.
     memory
         Of all ranks together, so far [bytes].
+    looks
+        What the whole run looks for below its surface, which these steps have not.
+    watching
+        CPU time of that [s].
     """
 
     summary: str
@@ -46,11 +52,13 @@ class Trial(NamedTuple):
     step: float
     solves: float
     memory: float
+    looks: Looks
+    watching: float
 
     @property
     def duration(self) -> float:
         """CPU time of the whole run on each rank, if all its steps take as long [s]."""
-        return self.steps * self.step
+        return self.steps * self.step + self.watching
 
 
 class PerStep(NamedTuple):
@@ -91,7 +99,10 @@ def trial(scene: Scene, comm: MPI.Comm) -> Trial:
     _fill(run, scene, waves)
     run.execute()
     each = watch.per_step(after=WARM_UP)
-    return Trial(line, steps, comm.allreduce(each.cpu, op=MPI.MAX), each.solves, comm.allreduce(peak_memory()))
+    step, looks = comm.allreduce(each.cpu, op=MPI.MAX), Looks.of(scene, run.clock.dt)
+    of_operator = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
+    watching = looks.in_basin(step) if waves.plane.mesh.topology.dim == 2 else looks.in_slice(of_operator)
+    return Trial(line, steps, step, each.solves, comm.allreduce(peak_memory()), looks, watching)
 
 
 def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:

@@ -195,4 +195,6 @@ def _places(plane: Plane) -> Vector:
 
 def _standing(wall: Placed, places: Vector, heights: Vector) -> Vector:
     """Return where reference places are in the laboratory at heights [m], shape (levels, rows): (levels, rows, 3)."""
-    return np.array([np.column_stack([wall.to_physical(places, z), z]) for z in heights])
+    levels = heights if wall.leans else heights[:1]  # an upright wall carries all of a column alike
+    along = np.array([wall.to_physical(places, z) for z in levels])
+    return np.concatenate([np.broadcast_to(along, (*heights.shape, 2)), heights[..., None]], axis=-1)
