@@ -1,5 +1,7 @@
 """Velocity, acceleration and pressure in the water, at probes of a case."""
 
+import json
+
 import numpy as np
 import pytest
 from conftest import fitted_slope
@@ -203,9 +205,24 @@ def test_a_window_has_what_probes_and_gauges_have_there(run):
 
 
 def test_what_is_stepped_is_the_same_bit_for_bit_with_probes_and_without(run, tmp_path):
-    plain = record(tmp_path / "plain", probes=[], windows=[])
-    for table in ("gauges.csv", "energy.csv", "paddle.csv"):
+    """Also where there are none until the run goes on: from then on they tell what they would have told."""
+    record(tmp_path / "plain", probes=[], windows=[], run={"duration": 0.3})
+    asked = {key: CASE[key] for key in ("probes", "windows")} | {"loads": [{"on": "paddle"}]}
+    more = [f"{key}={json.dumps(value)}".replace('":', '" =') for key, value in asked.items()]
+    resume_run(tmp_path / "plain", ["run.duration=0.6", *more], comm=MPI.COMM_SELF, console=Console(quiet=True))
+    plain = RunDirectory(tmp_path / "plain")
+    for table in ("gauges.csv", "energy.csv"):
         assert (plain.path / table).read_bytes() == (run.path / table).read_bytes()
+    late = run.probes.sel(time=plain.probes.time)
+    assert float(late.time[0]) == pytest.approx(0.36) and late.time[-1] == run.probes.time[-1]
+    for name in late:
+        size = float(np.abs(late[name]).max())
+        np.testing.assert_allclose(plain.probes[name], late[name], rtol=0.0, atol=1e-6 * size)
+    assert plain.window("inlet").time.values == pytest.approx([0.36, 0.44, 0.52, 0.6])
+    pushed = plain.paddle.power.values
+    assert np.isnan(pushed[:9]).all() and np.isfinite(pushed[9:]).all()
+    with pytest.raises(InputError, match="probes: must be all that there were, and may be more: missing, or another"):
+        resume_run(plain.path, ["run.duration=0.7", "probes=[]"], comm=MPI.COMM_SELF, console=Console(quiet=True))
 
 
 @pytest.mark.slow

@@ -33,7 +33,8 @@ from wavetank.stateful import Held, apart, together
 from wavetank.values.noun import Problem, SceneError
 
 FREE = {("title",), ("run", "duration"), ("run", "checkpoint_every"), ("run", "on_breaking")}
-RECORDED = {"output", "gauges", "gauge_lines"}  # of which other keys and more gauges are allowed
+ALL_OF = {"gauges": "all_gauges", "probes": "probes", "loads": "loads", "windows": "windows"}  # may be more: of a scene
+RECORDED = {"output", "gauge_lines", *ALL_OF}
 SIZES = {"cells": "cell_size", "cell_size": "cells"}  # of which there is one
 
 
@@ -288,17 +289,23 @@ class GoingOn:
         if asked.water is not None and asked.physics != self._chosen.physics:
             allowed = f"must be {self._chosen.physics!r}, as in the run that is to go on"
             problems.append(Problem(("water", "type"), asked.physics, allowed))
-        gone = [gauge for gauge in self._before.all_gauges if gauge not in asked.all_gauges]
-        if gone:
-            missing = ", ".join(json.dumps(gauge.model_dump(exclude_defaults=True)) for gauge in gone)
-            allowed = f"must be all that there were, and may be more: missing, or elsewhere, is {missing}"
-            problems.append(Problem(("gauges",), [gauge.name for gauge in asked.all_gauges], allowed))
+        problems += self._gone(asked)
         if asked.run.duration < self.about["t"] * (1 - 1e-9):
             allowed = f"must be {self.about['t']:g} s or more: the run has come there"
             problems.append(Problem(("run", "duration"), asked.run.duration, allowed))
         problems += self._changed_files(asked)
         if problems:
             raise SceneError(problems)
+
+    def _gone(self, asked: Scene) -> Iterator[Problem]:
+        """Yield which gauges, probes, loads and windows there were, and are not asked for."""
+        for key, name in ALL_OF.items():
+            now = getattr(asked, name)
+            gone = [one for one in getattr(self._before, name) if one not in now]
+            if gone:
+                missing = ", ".join(json.dumps(one.model_dump(mode="json", exclude_defaults=True)) for one in gone)
+                allowed = f"must be all that there were, and may be more: missing, or another, is {missing}"
+                yield Problem((key,), None, allowed)
 
     def _changed_files(self, asked: Scene) -> list[Problem]:
         """Return which files of the same name have another content."""

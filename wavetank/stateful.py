@@ -38,6 +38,19 @@ class Carrying(Protocol):
         """Take that of what has been held with others; collective."""
 
 
+@runtime_checkable
+class Added(Protocol):
+    """What a run that goes on may have though it had not before.
+
+    Attributes
+    ----------
+    added
+        That it may.
+    """
+
+    added: bool
+
+
 def named(parts: Iterable[object]) -> dict[str, Stateful]:
     """Return those parts that remember something by the names of their kinds, the second of a kind as "kind 2"."""
     found: dict[str, Stateful] = {}
@@ -55,11 +68,15 @@ def held_by(parts: Mapping[str, Stateful]) -> Held:
 
 
 def give_back(parts: Mapping[str, Stateful], held: Held) -> None:
-    """Let the parts take back what is theirs; collective. Raises ``InputError`` unless it was held by the same."""
-    if parts.keys() != held.keys():
-        holders, takers = (", ".join(names) or "nothing" for names in (held, parts))
+    """Let the parts take back what is theirs; collective.
+
+    Raises ``InputError`` unless it was held by the same, but for what is ``Added``.
+    """
+    mine = {name: part for name, part in parts.items() if name in held or not isinstance(part, Added)}
+    if mine.keys() != held.keys():
+        holders, takers = (", ".join(names) or "nothing" for names in (held, mine))
         raise InputError(f"what was held by {holders} cannot be taken back by {takers}.")
-    for name, part in parts.items():
+    for name, part in mine.items():
         part.take(held[name])
 
 

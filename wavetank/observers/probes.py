@@ -47,6 +47,8 @@ def axes_of(water: MovingWater) -> list[int]:
 class WaterKept:
     """Remembers the water that others look into, so that a run that goes on looks into the same."""
 
+    added = True
+
     def __init__(self, water: Stateful):
         self.schedule, self._water = EverySteps(), water
 

@@ -172,12 +172,16 @@ class RunWriter:
         return {record.name: record.held() for record in self._records}
 
     def take(self, held: Held) -> None:
-        """Go on with the records from there, once the run begins; raises ``InputError`` unless they are the same."""
+        """Go on with the records from there, once the run begins, and begin those that were not there.
+
+        Raises ``InputError`` for a record that would not go on.
+        """
         names = {record.name for record in self._records}
-        if names != held.keys():
+        if not held.keys() <= names:
             raise InputError(f"{self.path}: its records are {', '.join(held)}; they would be {', '.join(names)}.")
         for record in self._records:
-            record.take(held[record.name])
+            if record.name in held:
+                record.take(held[record.name])
 
     def checkpoint(self, checkpoint: Checkpoint, *, last_room: int = 0, at_any_price: bool = False) -> int:
         """Write a checkpoint, which is told the run's id; return its size in bytes.
