@@ -143,11 +143,17 @@ class MassMatrix:
         """Take over what J depends on as it is."""
         at, density = self._kernel.pointer, self._density
         self._kernel.call.weigh(self._cells, at(density.constants()), at(density.rows()), at(self._weights))
-        self._prepare()
+        self._ready = False
 
     def _prepare(self) -> None:
         """Make ready for solves."""
         self._diagonal, self._means = self._of_diagonal(), self._weights.sum(axis=1) / self._size
+
+    def _make_ready(self) -> None:
+        """Prepare what solves need, if it is not there: products do without."""
+        if not self._ready:
+            self._prepare()
+            self._ready = True
 
     def _of_diagonal(self) -> Vector:
         diagonal = np.zeros((self._halo.size, 1))
@@ -170,6 +176,7 @@ class MassMatrix:
 
     def solve(self, right: Vector) -> Vector:
         """Return the solution for owned values r, shape (owned,)."""
+        self._make_ready()
         found, residual = np.zeros((right.size, 1)), np.array(right[:, None])
         conjugate_gradients(
             self._product,
@@ -213,6 +220,7 @@ class BandedMass(MassMatrix):
 
     def solve(self, right: Vector) -> Vector:
         """Return the solution for owned values r, shape (owned,)."""
+        self._make_ready()
         found, at = np.empty_like(right), self._kernel.pointer
         self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(found), self._at_work)
         return found

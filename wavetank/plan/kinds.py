@@ -3,7 +3,7 @@
 from wavetank.case import FlapWall, Physics, Scene
 from wavetank.case.walls import ShapedWall
 
-DEARER = {"leaning": 1.5, "bent": 1.9}  # paddles, over a piston: flaps hinged at the bed or below it; other shapes
+DEARER = {"leaning": 1.3, "bent": 1.5}  # paddles, over a piston: flaps hinged at the bed or below it; other shapes
 
 
 def kind_of(scene: Scene, physics: Physics) -> str:

@@ -86,7 +86,9 @@ UPRIGHT = Upright()
 
 @dataclass(frozen=True)
 class Polynomial:
-    """f = sum_k c_k tau^k, tau = z / unit.
+    """f = sum_k c_k tau^k, tau = -z / unit: 0 at still water, and 1 a unit below.
+
+    (Counted upwards compiled code takes twice as much: what two of its parts have in common differs by signs then.)
 
     Attributes
     ----------
@@ -109,29 +111,30 @@ class Polynomial:
         cls, f: Callable[[Vector], Vector], depth: float, on: mesh.Mesh, *, kinks: Sequence[float] = ()
     ) -> "Polynomial":
         """Return the polynomial of a shape f(z) above a bed at -depth [m]; its kinks [m] are where it is not smooth."""
-        powers = fitted(f, depth, kinks=kinks)
+        upwards = fitted(f, depth, kinks=kinks)
+        powers = upwards * (-1.0) ** np.arange(len(upwards))
         return cls([fem.Constant(on, float(c)) for c in powers], fem.Constant(on, float(depth)))
 
     def share(self, z: Any) -> Any:
         """Return f(z)."""
-        return horner(self.coefficients, z / self.unit)
+        return horner(self.coefficients, -z / self.unit)
 
     def slope(self, z: Any) -> Any:
         """Return f'(z) [1/m]."""
-        return horner([k * c for k, c in enumerate(self.coefficients)][1:], z / self.unit) / self.unit
+        return horner([-k * c for k, c in enumerate(self.coefficients)][1:], -z / self.unit) / self.unit
 
     def mean(self, eta: Any) -> Any:
         """Return the mean of f between still water and eta, by the moment of heights."""
-        return horner([2 * c / (k + 2) for k, c in enumerate(self.coefficients)], eta / self.unit)
+        return horner([2 * c / (k + 2) for k, c in enumerate(self.coefficients)], -eta / self.unit)
 
     def column(self, h: Any, d: Any) -> Any:
         """Return int f dz [m] over a column h on the bed at -d."""
         integral = [c / (k + 1) for k, c in enumerate(self.coefficients)]
-        return (h - d) * horner(integral, (h - d) / self.unit) + d * horner(integral, -d / self.unit)
+        return (h - d) * horner(integral, (d - h) / self.unit) + d * horner(integral, d / self.unit)
 
     def at(self, z: Vector) -> Vector:
         """Return f at heights [m], numbers of any shape."""
-        return np.asarray(horner([float(c.value) for c in self.coefficients], z / float(self.unit.value)) + 0.0 * z)
+        return np.asarray(horner([float(c.value) for c in self.coefficients], -z / float(self.unit.value)) + 0.0 * z)
 
 
 def horner(coefficients: Sequence[Any], x: Any) -> Any:

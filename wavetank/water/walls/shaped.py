@@ -2,15 +2,13 @@
 
 The mapping is x = X + s(X) f(z) X_p, so that a column of water h has the mass
 
-    Q = int v (h + a . grad(s X_p) R(h)) dX,     R = int f dz over the column,     dQ/dh = M_J with J at the surface.
+    Q = int v (h + a . grad(s X_p) R(h)) dX = M_J h with the mean of J over the column,     R = int f dz over it,
+    dQ/dh = M_J with J at the surface.
 """
-
-import ufl
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
-from wavetank.fe.forms import VectorForm
-from wavetank.fe.mass import MassMatrix, mass_matrix
+from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.water.energy import Part, WaterEnergy
 from wavetank.water.walls.contract import Columns
@@ -41,14 +39,16 @@ class ShapedColumns:
     def __init__(self, wall: Shaped, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane):
         self._mass, self._plane = mass, plane
         self._start: Vector = energy.h.x.array[: plane.owned]
-        self._still, self._h = mass_matrix(plane, ufl.as_ufl(1)), plane.function("columns")
-        stretched = wall.mapping.stretching * wall.shape.column(self._h.function, energy.d)
-        self._moving = VectorForm(stretched * ufl.TestFunction(plane.V) * wall.carried)
+        self._h = plane.function("columns")
+        self._h.set(self._start)
+        h = self._h.function
+        self._mean = MassMatrix(plane, 1 + wall.mapping.stretching * wall.shape.column(h, energy.d) / h)
 
     def apply(self, h: Vector) -> Vector:
         """Return the masses of columns [m]; collective."""
         self._h.set(h)
-        return self._still.apply(h) + self._moving.assemble()
+        self._mean.update()
+        return self._mean.apply(h)
 
     def solve(self, q: Vector) -> Vector:
         """Return the columns [m] of masses; collective. Raises ``ConvergenceError``."""
