@@ -15,7 +15,13 @@ Summand = TypeVar("Summand", float, Vector)
 
 def summed(comm: "MPI.Comm", part: Summand) -> Summand:
     """Return the sum of all ranks' numbers or arrays; collective. One rank, whose sum it is, is not sent to itself."""
-    return part if comm.size == 1 else comm.allreduce(part)
+    if comm.size == 1:
+        return part
+    from mpi4py import MPI
+
+    whole = np.array(part, dtype=np.float64)
+    comm.Allreduce(MPI.IN_PLACE, whole)
+    return float(whole) if isinstance(part, float) else whole
 
 
 def largest(comm: "MPI.Comm", part: float) -> float:

@@ -9,8 +9,10 @@ from importlib.resources import files
 import basix
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import DTypeLike
 
 from wavetank.arrays import Vector
+from wavetank.fe.halo import Halo
 from wavetank.fe.plane import Plane
 
 SAME = 1e-12  # relative: so alike are the Jacobians of a cell whose geometry is the same everywhere
@@ -96,10 +98,15 @@ class Cells:
             "GDIM": plane.mesh.geometry.dim,
         }
 
+    def halo(self, components: int, real: DTypeLike = np.float64) -> Halo:
+        """Return room for values at what the cells reach; collective."""
+        return Halo(self._numbering, components, real, reached=self._reached)
+
     def _geometry(self, plane: Plane) -> dict[str, Vector]:
         """Return degrees of freedom, inverse Jacobians and their determinants, the last two at a point or at all."""
         mesh = plane.mesh
         cells = mesh.topology.index_map(mesh.topology.dim).size_local
+        self._numbering, self._reached = plane.V.dofmap.index_map, plane.V.dofmap.list[:cells]
         batches = -(-cells // self._lanes)
         number = np.arange(batches * self._lanes).reshape(self._lanes, batches).T  # neighbours are in other batches
         chosen, there = np.minimum(number, cells - 1), number < cells

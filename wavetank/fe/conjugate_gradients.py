@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigvalsh_tridiagonal
 from scipy.linalg.blas import daxpy, saxpy
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
 
 Array = NDArray[Any]  # of double or single precision
@@ -53,7 +53,7 @@ def conjugate_gradients(
     """
 
     def inner(a: Array, b: Array) -> float:
-        return float(comm.allreduce(dot(a, b)))
+        return summed(comm, dot(a, b))
 
     steps: Steps = []
     z = precondition(residual)
@@ -111,7 +111,7 @@ def corrected(
     def scaled() -> Array:
         nonlocal scale
         residual = left()
-        scale = float(np.sqrt(comm.allreduce(dot(residual, residual)))) or 1.0
+        scale = float(np.sqrt(summed(comm, dot(residual, residual)))) or 1.0
         residual /= scale
         return residual.astype(np.float32)
 

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.fe.cells import DECLARATION, Cells, defined, source
 from wavetank.fe.density import Density, Statements
-from wavetank.fe.halo import Halo
 from wavetank.fe.kernels import FLAGS, Kernel
 from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -160,8 +159,7 @@ class LayerOperator:
         self.state = np.empty(kept, dtype=self.kernel.real) if stored else self.rows
         self._at_rows, self._at_state = self.kernel.pointer(self.rows), self.kernel.pointer(self.state)
         self._of = self.cells, self.layers
-        numbering = plane.V.dofmap.index_map
-        self._halos = {count: Halo(numbering, count, self.kernel.real) for count in (1, self.numbers)}
+        self._halos = {count: cells.halo(count, self.kernel.real) for count in (1, self.numbers)}
 
     def update(self) -> None:
         """Take over the fields as they are, ghosts included."""

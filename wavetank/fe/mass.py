@@ -20,7 +20,6 @@ from wavetank.fe.chain import CHAIN, chain
 from wavetank.fe.conjugate_gradients import conjugate_gradients
 from wavetank.fe.density import Density
 from wavetank.fe.forms import compile_form, owned_rows
-from wavetank.fe.halo import Halo
 from wavetank.fe.kernels import Kernel
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
@@ -121,7 +120,7 @@ class MassMatrix:
     def __init__(self, plane: Plane, J: Any):
         cells = Cells(plane, 3 * plane.order, lanes=LANES)
         self._density = Density(ufl.as_ufl(J), plane)
-        self._comm, self._halo = plane.comm, Halo(plane.V.dofmap.index_map, 1)
+        self._comm, self._halo = plane.comm, cells.halo(1)
         sizes = {"REAL": "double", **cells.sizes, "FIELDS": self._density.fields}
         code, declarations = self.more
         code = defined({**sizes, "MOST": max(1, self._density.fields)}) + source("cells.c") + source("mass.c") + code

@@ -72,7 +72,7 @@ class LayerMeans:
             real="float",
             flags=[*FLAGS, "-fsingle-precision-constant"],
         )
-        self.cells = self.kernel.struct("Cells", cells.parts)
+        self.cells, self.halo = self.kernel.struct("Cells", cells.parts), cells.halo
         self._constants = density.constants().astype(np.float32)
         levels = {"zeta": np.array(LEVELS), "weights": np.full(len(LEVELS), 1 / len(LEVELS))}
         self._layers = self.kernel.struct("Layers", {**levels, "constants": self._constants})
@@ -123,8 +123,7 @@ class OrderMultigrid(Responding):
         self._plane, self._kernel, self._cells = layer.plane, layer.kernel, layer.cells
         self._eigenvalues, p = eigenvalues.astype(np.float32), layer.plane.order
         self.steps, self.spread = max(2, (p + 1) // 2), max(8.0, p**2 / 2)
-        numbering = layer.plane.V.dofmap.index_map
-        self._halo, self._one = (Halo(numbering, many, np.float32) for many in (eigenvalues.size, 2))
+        self._halo, self._one = (layer.halo(many, np.float32) for many in (eigenvalues.size, 2))
         self._coarse = LinearModes(layer, eigenvalues)
         self._image, direction = layer.work(self._halo.size, eigenvalues.size)
         self._direction = direction[: layer.plane.owned]
@@ -221,11 +220,11 @@ class LinearModes:
     def __init__(self, layer: LayerMeans, eigenvalues: Vector):
         linear, fine, self._kernel = layer.linear, layer.plane, layer.kernel
         numbering = linear.plane.V.dofmap.index_map
-        self._halo = Halo(numbering, eigenvalues.size, np.float32)
         interpolation = interpolation_matrix(linear.plane.V, fine.V)
         interpolation.assemble()
         pointers, columns, weights = interpolation.getValuesCSR()
         here = numbering.global_to_local(columns.astype(np.int64))
+        self._halo = Halo(numbering, eigenvalues.size, np.float32, reached=here)
         self._rows, self._interpolation = fine.owned, (pointers, here, weights.astype(np.float32))
         self._modes = linear.modes(eigenvalues)
 

@@ -4,7 +4,6 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fe.cells import DECLARATION, Cells, defined, source
-from wavetank.fe.halo import Halo
 from wavetank.fe.kernels import Kernel
 from wavetank.fe.plane import Plane
 
@@ -24,7 +23,8 @@ class SurfacePoints:
     """
 
     def __init__(self, plane: Plane):
-        cells, self._halo = Cells(plane, 3 * plane.order, lanes=LANES), Halo(plane.V.dofmap.index_map, 1)
+        cells = Cells(plane, 3 * plane.order, lanes=LANES)
+        self._halo = cells.halo(1)
         code = defined({"REAL": "double", "MOST": 1, **cells.sizes}) + source("cells.c") + source("points.c")
         declarations = DECLARATION + DECLARATIONS
         self._kernel = Kernel("points", declarations, key=code, source=lambda: code, comm=plane.comm)
