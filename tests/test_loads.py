@@ -39,7 +39,7 @@ def closed(cells):
     """Return water in a closed slice of 3 m, 1 m deep."""
     footprint = Slice(3.0, cells, comm=MPI.COMM_SELF)
     plane, still = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of), Tangent(AtRest())
-    return NonlinearRates(plane, tangent=still, depth=1.0, wall=StillWall(), vertical_order=8, tolerances=FINE)
+    return NonlinearRates(plane, tangents=[still], depth=1.0, wall=StillWall(), vertical_order=8, tolerances=FINE)
 
 
 def on_walls(water, state, t=0.0):
@@ -112,7 +112,7 @@ def test_a_paddle_puts_in_what_its_force_does(kind, more, slope):
         energy = [
             water.energies(q + k * step * q_rate, p + k * step * p_rate, t + k * step).total for k in (-2, -1, 1, 2)
         ]
-        water._tangent.at = t
+        water._tangents[0].at = t
         rate = DENSITY * (energy[0] - 8 * energy[1] + 8 * energy[2] - energy[3]) / (12 * step)
         errors.append(abs(power / rate - 1))
     assert fitted_slope(1 / cells, errors) > slope, errors

@@ -42,7 +42,7 @@ def seen(water, state, points, t=0.0):
 def ring(cells, *, order, n):
     footprint = Ring(2 * np.pi, cells, comm=MPI.COMM_SELF)
     plane, still = Plane(footprint.mesh, order, footprint.chart), Tangent(AtRest())
-    return NonlinearRates(plane, tangent=still, depth=1.0, wall=StillWall(), vertical_order=n, tolerances=FINE)
+    return NonlinearRates(plane, tangents=[still], depth=1.0, wall=StillWall(), vertical_order=n, tolerances=FINE)
 
 
 def exact_kinematics(wave, x, z):
@@ -103,7 +103,7 @@ def driven(cells, *, bed=1.0, order=3, n=8, kind=Piston, **more):
     plane = Plane(footprint.mesh, order, footprint.chart, walls=footprint.facets_of)
     shapes = {name: make(plane) for name, make in more.items()}
     wall = kind(tangent, plane=plane, reach=3.0, side=footprint.side(), **shapes)
-    water = NonlinearRates(plane, tangent=tangent, depth=bed, wall=wall, vertical_order=n, tolerances=FINE)
+    water = NonlinearRates(plane, tangents=[tangent], depth=bed, wall=wall, vertical_order=n, tolerances=FINE)
     water.set_time(t)
     x, position, speed = wall.to_physical(plane.places)[:, 0], motion.position(t), motion.velocity(t)
     k = np.pi / (6.0 - position)

@@ -156,7 +156,7 @@ def test_where_a_basins_surface_is_is_said(tmp_path):
 def test_what_there_cannot_be_is_said_as_such(tmp_path):
     with RunWriter(tmp_path / "run", {"scene": {"wall": {"type": "fixed"}}}) as writer:
         writer.surface()
-    with pytest.raises(InputError, match="run: no wall moves in this run"):
+    with pytest.raises(InputError, match="run: the wall does not move in this run"):
         _ = RunDirectory(tmp_path / "run").paddle
     (tmp_path / "run" / "surface.nc").touch()
     with pytest.raises(InputError, match=r"run: its surface is a slice's or ring's, in surface\.nc"):

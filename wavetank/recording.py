@@ -12,7 +12,6 @@ from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.case.contents import contents
-from wavetank.case.loads import PADDLE as PUSHED
 from wavetank.case.windows import Window
 from wavetank.errors import BreakdownError, InputError, RunError
 from wavetank.fe.agreed import agreed, from_first, on_first
@@ -27,7 +26,7 @@ from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
 from wavetank.records.checkpoint import kept as checkpoints
-from wavetank.records.directory import ENERGY, LOADS, LOG, PADDLE, PROBES, RunDirectory
+from wavetank.records.directory import ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
 from wavetank.records.environment import environment
 from wavetank.records.load_table import columns as load_columns
 from wavetank.records.log import RunLog
@@ -257,7 +256,8 @@ def _observe(
 
     records = _records(scene, waves, writer)
     run.observers += build_observers(scene, waves, records._replace(fields=fields), sinks=run.sinks)
-    run.observers.append(RecordCheck(comm, [one for one in (*records, *records.windows) if isinstance(one, Kept)]))
+    parts = (*records, *records.paddles, *records.windows)
+    run.observers.append(RecordCheck(comm, [one for one in parts if isinstance(one, Kept)]))
     run.observers += build_watch(scene, run, waves, warnings.at_once)
     return series
 
@@ -265,24 +265,27 @@ def _observe(
 def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records:
     """Return where gauges, energy, the surface of a slice and a wall that moves go; opened when the run begins."""
     if writer is None:
-        asked = (scene.wall.moves, scene.probes, scene.loads)
-        moved, probed, loaded = (Discard() if there else None for there in asked)
-        dropped = [DiscardArrays() for _ in scene.windows]
-        return Records(Discard(), Discard(), None, paddle=moved, probes=probed, loads=loaded, windows=dropped)
+        probed, loaded = (Discard() if there else None for there in (scene.probes, scene.loads))
+        dropped, moved = [DiscardArrays() for _ in scene.windows], [Discard() for _ in scene.paddles]
+        return Records(Discard(), Discard(), None, probes=probed, loads=loaded, paddles=moved, windows=dropped)
     dimensions = waves.plane.mesh.topology.dim
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions))
     surface = Kept(writer.surface().append) if dimensions == 1 else None
-    pushed = PUSH[dimensions] if any(load.on == PUSHED for load in scene.loads) else ()
-    rates = [*paddle_columns(scene.wall.places(scene.tank)), *pushed]
-    paddle = Kept(writer.table(PADDLE, rates).append) if scene.wall.moves else None
+    motions = [writer.table(PADDLES[seen.key], _paddle_columns(seen, dimensions)) for seen in scene.paddles]
     points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
     probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).append) if points else None
     walls = [load.called for load in scene.loads]
     loads = Kept(writer.table(LOADS, load_columns(walls, dimensions)).append) if walls else None
     windows = [Kept(_window(one, writer, dimensions)) for one in scene.windows]
-    tables = Records(Kept(gauges.append), Kept(energy.append), surface, paddle=paddle, probes=probes, loads=loads)
-    return tables._replace(windows=windows)
+    tables = Records(Kept(gauges.append), Kept(energy.append), surface, probes=probes, loads=loads)
+    return tables._replace(paddles=[Kept(one.append) for one in motions], windows=windows)
+
+
+def _paddle_columns(seen: Scene, dimensions: int) -> list[str]:
+    """Return the columns of the paddle of a scene as seen from it."""
+    pushed = PUSH[dimensions] if any(load.on == seen.end for load in seen.loads) else ()
+    return [*paddle_columns(seen.wall.places(seen.tank)), *pushed]
 
 
 def _window(window: Window, writer: RunWriter, dimensions: int) -> Callable[..., None]:

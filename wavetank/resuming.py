@@ -361,7 +361,7 @@ class GoingOn:
     def _take(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
         """Take all of it: the run is the one that wrote it."""
         clock = self.about["clock"]
-        left, until = scene.run.duration - clock["begin"], scene.motion().duration - clock["begin"]
+        left, until = scene.run.duration - clock["begin"], scene.motions_end - clock["begin"]
         run.clock = Clock.covering(left, clock["dt"], until=until).after(clock["begin"], clock["first"])
         arrays, places = (self._kept.arrays, self._kept.places) if self._kept else ([], np.zeros((0, 3)))
         run.take(together(self._text, found(waves.plane, arrays, places))["run"], whole=self._whole)

@@ -68,8 +68,17 @@ def _tables(table: Table) -> Iterator[Table]:
         if found := tuple(nouns(field.annotation)):
             known = inside.get(name, Table((), ())).nouns
             inside[name] = Table((*table.path, name), tuple(dict.fromkeys((*known, *found))), _listed(field))
+    told = dict[tuple[type[BaseModel], ...], Table]()
     for one in inside.values():
-        yield from _tables(one)
+        if told.setdefault(one.nouns, one) is one:  # the far wall is told of with the wall
+            yield from _tables(one)
+
+
+def table_at(path: tuple[str, ...], field: FieldInfo) -> Table | None:
+    """Return the table of a key, or the one that tells of it: what both may hold is the same; None of a value."""
+    found = tuple(nouns(field.annotation))
+    same = [one for one in tables() if one.path == path or (found and one.nouns == found)]
+    return max(same, key=lambda one: one.path == path, default=None)
 
 
 def _listed(field: FieldInfo) -> bool:

@@ -41,7 +41,8 @@ class MovingWall(Noun):
     moves: ClassVar[bool] = True
     reach: Length | None = Field(
         default=None,
-        description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, at most ten depths",
+        description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, where both walls move "
+        "half of it or what the other leaves, at most ten depths",
     )
 
     limits: Limits | None = Field(default=None, description="what the paddle's drive can do; default: all")
@@ -59,9 +60,9 @@ class MovingWall(Noun):
         """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
         return float(getattr(getattr(self, "motion", None), "paddle_amplitude", 0.0))
 
-    def reach_in(self, tank: AnyTank) -> float:
-        """Return the reach [m], default resolved."""
-        return min(tank.length, 10 * tank.depth) if self.reach is None else self.reach
+    def reach_in(self, tank: AnyTank, room: float) -> float:
+        """Return the reach [m], default resolved in the room [m] that there is."""
+        return min(room, 10 * tank.depth) if self.reach is None else self.reach
 
     def places(self, tank: AnyTank) -> Array | None:
         """Return places y along the paddle [m], shape (N,), among which it goes farthest; None where all go as far."""
@@ -71,20 +72,20 @@ class MovingWall(Noun):
         """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
         yield from ()
 
-    def reach_problems(self, tank: AnyTank, excursion: float) -> Iterator[Problem]:
+    def reach_problems(self, tank: AnyTank, room: float, excursion: float) -> Iterator[Problem]:
         """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
-        motion, reach = getattr(self, "motion", None), self.reach_in(tank)
+        motion, reach = getattr(self, "motion", None), self.reach_in(tank, room)
         farthest = self.farther(tank) * max(excursion, self.amplitude(tank))
         needed = STEEPEST * farthest
         if needed < reach:
             return
-        if self.reach is not None and needed < tank.length:
+        if self.reach is not None and needed < room:
             allowed = f"must be more than {needed:.4g} m, 4/3 of the paddle's largest distance from rest"
             yield Problem(("wall", "reach"), self.reach, allowed)
             return
         size = next((key for key in SIZES if getattr(motion, key, None) is not None), None)
         least = f"{reach:.4g} m{'' if self.reach else ' by default'}, at most the tank's length"
-        allowed = f"must stay below {largest_stroke(reach):.4g} m, 3/4 of wall.reach, which is {least}"
+        allowed = f"must stay below {largest_stroke(reach):.4g} m, 3/4 of its reach, which is {least}"
         where, received = (("wall", "motion", size), getattr(motion, size)) if size else (("wall", "motion"), None)
         yield Problem(where, received, f"takes the paddle {farthest:.4g} m from rest; it {allowed}")
 

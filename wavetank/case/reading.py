@@ -45,7 +45,8 @@ def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[s
     overridden = [set_key(content, override) for override in overrides]
     try:
         scene = Scene.model_validate(content, context={"folder": path.resolve().parent})
-        scene.motion()
+        for seen in (scene, *scene.paddles):
+            seen.motion()
         if scene.tank.bed is not None:
             scene.tank.bed.build()
         return scene

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from wavetank.case.keys import Table, tables, tag
+from wavetank.case.keys import Table, table_at, tables, tag
 from wavetank.case.scene import Scene
 from wavetank.case.schema import schema
 
@@ -49,7 +49,7 @@ def _title(noun: type[BaseModel]) -> str:
 def _rows(table: Table, noun: type[BaseModel], own: dict[str, Any]) -> Iterator[str]:
     for key, what in own["properties"].items():
         if key != "type" and what.get("type") != "null":
-            inside = next((one for one in tables() if one.path == (*table.path, key)), None)
+            inside = table_at((*table.path, key), noun.model_fields[key])
             allowed = f"[`{inside.header}`](#{_anchor(inside)})" if inside else _allowed(what)
             meaning, unit, default = _told(what["description"], measured="text" not in allowed)
             if key in own.get("required", ()):

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, partial
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, Strict, model_validator
@@ -12,21 +12,22 @@ from pydantic_core import PydanticCustomError
 from wavetank import motions
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, StillWater
-from wavetank.case.loads import ENDS, WallLoad
+from wavetank.case.loads import ENDS, FAR, PADDLE, WallLoad
 from wavetank.case.moving_wall import MovingWall
 from wavetank.case.numerics import Gauge, Numerics, Output, RunNoun, named
 from wavetank.case.probes import Probe
 from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.targets import Target
-from wavetank.case.walls import FixedWall, Wall
+from wavetank.case.walls import FarWall, FixedWall, Wall
 from wavetank.case.windows import Window
 from wavetank.motions.extent import Extent, extent, times, values
-from wavetank.values.noun import Noun, Problem, SceneError, about
+from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
 from wavetank.values.quantities import Label, metres
 
 CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
 LOOKED_AT = 50  # times, at which derivatives are compared that a user has written
+FOUND = {"_motion", "mirrored"}  # of a scene: functions, and what is made of it
 DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
 
 
@@ -50,11 +51,20 @@ class Scene(Noun):
     """What stands in the laboratory, and what is to be computed of it.
 
     ``Scene.model_validate(scene.model_dump(mode="json"))`` is the same scene.
+
+    Attributes
+    ----------
+    key, end
+        Whose key ``wall`` is, and the end of the tank that it is at, as loads name it.
     """
+
+    key: ClassVar[str] = "wall"
+    end: ClassVar[str] = PADDLE
 
     title: Label = Field(default="", description="what the case is, in a few words")
     tank: Tank
     wall: Wall = FixedWall()
+    far_wall: FarWall = FixedWall()
     water: Water | None = Field(default=None, description="the waves' theory; default: nonlinear, or by accuracy")
     initial: Initial = StillWater()
     sponge: Sponge | None = Field(default=None, description="where waves are absorbed; default: nowhere")
@@ -96,7 +106,36 @@ class Scene(Noun):
     @property
     def reach(self) -> float:
         """Where the wall's mapping has died out [m], default resolved; ``inf`` for a fixed wall."""
-        return self.wall.reach_in(self.tank)
+        return self.wall.reach_in(self.tank, self.room)
+
+    @property
+    def room(self) -> float:
+        """How far the wall's mapping may reach [m]: to that of a far wall that moves, by default to half the length."""
+        length, own, other = self.tank.length, *(getattr(wall, "reach", None) for wall in (self.wall, self.far_wall))
+        if not self.far_wall.moves:
+            return length
+        return 0.5 * length if own is None and other is None else length - (other or 0.0)
+
+    @cached_property
+    def mirrored(self) -> "Scene":
+        """The same scene as seen from its far wall, which is the ``wall`` of it; what stands in the tank is left out.
+
+        Its x count from there, into the water, and its gauges are those of the tank. Bed and start stay as they are.
+        """
+        gauges = [gauge.model_copy(update={"x": self.tank.length - gauge.x}) for gauge in self.all_gauges]
+        same = {name: getattr(self, name) for name in Scene.model_fields}
+        seen = {"wall": self.far_wall, "far_wall": self.wall, "gauges": (*gauges,), "gauge_lines": ()}
+        return MirroredScene.model_construct(self.model_fields_set, **{**same, **seen})
+
+    @property
+    def paddles(self) -> tuple["Scene", ...]:
+        """The scene as seen from each wall that moves."""
+        return (*((self,) if self.wall.moves else ()), *((self.mirrored,) if self.far_wall.moves else ()))
+
+    @property
+    def motions_end(self) -> float:
+        """Until when all motions are known [s]; ``inf`` where none ends."""
+        return min((scene.motion().duration for scene in self.paddles), default=np.inf)
 
     @property
     def surface_every(self) -> float:
@@ -115,6 +154,9 @@ class Scene(Noun):
 
     @cached_property
     def _motion(self) -> motions.Motion:
+        return self._found_motion()
+
+    def _found_motion(self) -> motions.Motion:
         wall = self.wall
         if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
             raise SceneError(problems)
@@ -128,7 +170,7 @@ class Scene(Noun):
     def __getstate__(self) -> dict[Any, Any]:
         """Return what other ranks are told: not the paddle's motion, a function, which they find themselves."""
         state = super().__getstate__()
-        own = {name: value for name, value in state["__dict__"].items() if name != "_motion"}
+        own = {name: value for name, value in state["__dict__"].items() if name not in FOUND}
         return {**state, "__dict__": own}
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
@@ -136,6 +178,7 @@ class Scene(Noun):
         copied = super().model_copy(update=update, deep=deep)
         if {"tank", "wall", "run"} & {*(update or ())}:
             copied.__dict__.pop("_motion", None)
+        copied.__dict__.pop("mirrored", None)
         return copied
 
     @property
@@ -156,7 +199,7 @@ class Scene(Noun):
             allowed = f"must be more than {motion.start:g} s, where the recorded motion begins"
             yield Problem(("run", "duration"), self.run.duration, allowed)
         if isinstance(self.wall, MovingWall):
-            yield from self.wall.reach_problems(self.tank, self.excursion(motion))
+            yield from self.wall.reach_problems(self.tank, self.room, self.excursion(motion))
             if self.wall.limits is not None:
                 yield from self.wall.limits.exceeded(self.extent(motion))
 
@@ -177,7 +220,7 @@ class Scene(Noun):
         parts = (self.wall, self.initial, self.target, self.numerics, self.output, self.sponge, self.tank.bed)
         nouns = [noun for noun in parts if noun is not None]
         looked_at = (*self._gauge_problems(), *self._probe_problems(), *self._load_problems(), *self._window_problems())
-        own = (*self._depth_problems(), *looked_at)
+        own = (*self._depth_problems(), *self._far_problems(), *looked_at)
         problems = [*own, *(problem for noun in nouns for problem in noun.problems(self))]
         if problems:
             text = "; ".join(str(problem) for problem in problems)
@@ -202,6 +245,23 @@ class Scene(Noun):
         if self.tank.depth > DEEPEST * self.tank.length:
             allowed = f"must be at most {DEEPEST} lengths of the tank: two lengths are as deep for any of its waves"
             yield Problem(("tank", "depth"), self.tank.depth, allowed)
+
+    def _far_problems(self) -> Iterator[Problem]:
+        """Yield a far wall that cannot be there, one whose reach meets the wall's, and what is wrong with any wall."""
+        far, kind = self.far_wall, ("far_wall", "type")
+        if not far.moves:
+            return
+        if self.tank.type != "slice":
+            yield Problem(kind, far.type, f"must be fixed or left out: in a {self.tank.type} no far wall moves")
+            return
+        if self.sponge is not None and self.sponge.type == "end":
+            yield Problem(kind, far.type, "must be fixed or left out: there is a sponge before it (sponge.type)")
+            return
+        yield from (problem.at("wall", "far_wall") for problem in far.problems(self.mirrored))
+        if self.wall.moves and (both := self.reach + self.mirrored.reach) > self.tank.length * (1 + 1e-9):
+            near, beyond = f"that of the wall, {metres(self.reach)} m", metres(self.tank.length)
+            what = f"must leave room for {near}: both are {metres(both)} m, at most the tank's length, {beyond} m"
+            yield Problem(("far_wall", "reach"), self.mirrored.reach, what)
 
     def _gauge_problems(self) -> Iterator[Problem]:
         count = Counter(gauge.name for gauge in self.all_gauges)
@@ -264,3 +324,15 @@ class Scene(Noun):
         for name, value, first, last in (("x", x, left, right), ("y", y, low, high)):
             if not first <= value <= last:
                 yield Problem((*key, name), value, f"must be inside the tank, {metres(first)} to {metres(last)} m")
+
+
+class MirroredScene(Scene):
+    """A scene as seen from its far wall."""
+
+    key: ClassVar[str] = "far_wall"
+    end: ClassVar[str] = FAR
+
+    @cached_property
+    def _motion(self) -> motions.Motion:
+        with renamed("wall", self.key):
+            return self._found_motion()

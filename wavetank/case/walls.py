@@ -1,4 +1,4 @@
-"""The wall at x = 0."""
+"""The walls at the ends of the tank."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -34,7 +34,7 @@ class FixedWall(Noun):
         """Return the motion of a paddle at rest."""
         return motions.AtRest()
 
-    def reach_in(self, tank: AnyTank) -> float:
+    def reach_in(self, tank: AnyTank, room: float) -> float:
         """Return inf: there is no mapping to die out."""
         return np.inf
 
@@ -173,7 +173,13 @@ class ProfileWall(ShapedWall):
         yield from super().problems(scene)
 
 
-Wall = Annotated[
-    FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall,
-    Field(discriminator="type", description="the wall at x = 0"),
+AnyWall = FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall
+Wall = Annotated[AnyWall, Field(discriminator="type", description="the wall at x = 0")]
+FarWall = Annotated[
+    AnyWall,
+    Field(
+        discriminator="type",
+        description="the wall at x = length, of a slice; its motion is positive into the "
+        "water, and all x of its waves count from it, into the water",
+    ),
 ]

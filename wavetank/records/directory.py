@@ -6,7 +6,7 @@
     gauges.nc       the same as CF-NetCDF, when the run has ended
     energy.csv      the energy budget, units in the header
     paddle.csv      position [m], velocity [m/s], acceleration [m/s^2] of a wall that moves, when the gauges are read;
-                    of one in segments at places along it, "position@y=2 [m]"
+                    of one in segments at places along it, "position@y=2 [m]"; of a far wall in far-paddle.csv
     probes.csv      velocity [m/s], accelerations [m/s^2] and pressure [Pa] of each probe, empty while it is dry:
                     "velocity_x A@x=2,z=-0.1 [m/s]"
     probes.nc       the same as CF-NetCDF, when the run has ended
@@ -51,7 +51,10 @@ if TYPE_CHECKING:
     import xarray
 
 MANIFEST, SURFACE, SURFACE_INDEX = "manifest.json", "surface.nc", "surface.xdmf"
-TABLES = GAUGES, ENERGY, PADDLE, PROBES, LOADS = "gauges.csv", "energy.csv", "paddle.csv", "probes.csv", "loads.csv"
+TABLES = GAUGES, ENERGY, PADDLE, FAR_PADDLE, PROBES, LOADS = (
+    *("gauges.csv", "energy.csv", "paddle.csv", "far-paddle.csv", "probes.csv", "loads.csv"),
+)
+PADDLES = {"wall": PADDLE, "far_wall": FAR_PADDLE}  # by the key of the wall
 COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the run has ended
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
@@ -149,9 +152,19 @@ class RunDirectory:
 
         Raises ``InputError`` for a wall that cannot move.
         """
-        if self.manifest.get("scene", {}).get("wall", {}).get("type") == "fixed":
-            raise InputError(f"{self.path}: no wall moves in this run, so there is no record of a paddle.")
-        return self._over_time(PADDLE)
+        return self._motion("wall")
+
+    @property
+    def far_paddle(self) -> "xarray.Dataset":
+        """The same of the far wall, positive into the water, against x."""
+        return self._motion("far_wall")
+
+    def _motion(self, wall: str) -> "xarray.Dataset":
+        """Return the record of a wall by its key."""
+        if self.manifest.get("scene", {}).get(wall, {}).get("type") == "fixed":
+            name = wall.replace("_", " ")
+            raise InputError(f"{self.path}: the {name} does not move in this run, so there is no record of a paddle.")
+        return self._over_time(PADDLES[wall])
 
     @property
     def probes(self) -> "xarray.Dataset":

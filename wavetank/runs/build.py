@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from math import inf
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from dolfinx.mesh import MeshTags
@@ -10,7 +10,6 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.case import RingTank, Scene
-from wavetank.case.loads import PADDLE
 from wavetank.case.windows import Window
 from wavetank.errors import InputError, OutsideError
 from wavetank.fe.agreed import agreed
@@ -49,7 +48,7 @@ from wavetank.water.rates import MovingWater
 from wavetank.water.short_waves import ShortWaves
 from wavetank.water.sounding import Sounding
 from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.wall_pressure import PaddlePush, Pushed, WallPressure
+from wavetank.water.wall_pressure import PaddlePush, WallPressure
 from wavetank.water.waves import NonlinearWaves
 
 
@@ -62,8 +61,10 @@ class Records(NamedTuple):
         Tables.
     surface
         Of snapshots along a slice or ring; None on all ranks but the first.
-    paddle, probes, loads
-        Tables; None where the wall stands still, and where there are no probes or loads.
+    probes, loads
+        Tables; None where there are none.
+    paddles
+        A table for each wall that moves, as ``Scene.paddles``.
     windows
         Of each window.
     fields
@@ -74,9 +75,9 @@ class Records(NamedTuple):
     energy: Record
     surface: SurfaceRecord | None
     fields: Callable[[str], FieldRecord] | None = None
-    paddle: Record | None = None
     probes: Record | None = None
     loads: Record | None = None
+    paddles: Sequence[Record] = ()
     windows: Sequence[WindowRecord] = ()
 
 
@@ -139,7 +140,7 @@ def build_clock(
         )
         raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     with about("numerics", "dt"):
-        return Clock.covering(duration, scene.numerics.dt, until=scene.motion().duration - begin)
+        return Clock.covering(duration, scene.numerics.dt, until=scene.motions_end - begin)
 
 
 def build_run(
@@ -242,10 +243,10 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
     if scene.all_gauges:
         observers.append(_gauges(scene, waves, records.gauges))
     look = InTheWater.of(scene, waves, records)
-    if records.paddle is not None:
-        motion, schedule = scene.motion(), EverySteps(scene.output.gauges_every)
-        rates = {name: scene.of_paddle(motion, name) for name in RATES}
-        observers.append(PaddleMotion(rates, record=records.paddle, schedule=schedule, push=look.push))
+    schedule = EverySteps(output.gauges_every)
+    for seen, record in zip(scene.paddles, records.paddles, strict=False):  # a trial has none of the latter
+        rates = {name: seen.of_paddle(seen.motion(), name) for name in RATES}
+        observers.append(PaddleMotion(rates, record=record, schedule=schedule, push=look.pushes.get(seen.end)))
     return observers + look.observers
 
 
@@ -265,18 +266,18 @@ class InTheWater(NamedTuple):
     ----------
     observers
         What records probes and loads, and remembers the water.
-    push
-        Of the paddle, where a load on it is asked for.
+    pushes
+        Of the paddles, by the ends of the tank they are at, where a load there is asked for.
     """
 
     observers: list[Observer]
-    push: Pushing | None = None
+    pushes: dict[str, Pushing]
 
     @classmethod
     def of(cls, scene: Scene, waves: AnyWaves, records: Records) -> "InTheWater":
         """Return what a scene asks for; collective. Raises ``SceneError`` for a probe or wall that is not there."""
         if records.probes is None and records.loads is None and not records.windows:
-            return cls([])
+            return cls([], {})
         water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
         observers: list[Observer] = [WaterKept(water)] if isinstance(water, Stateful) else []
         if records.probes is not None:
@@ -284,16 +285,21 @@ class InTheWater(NamedTuple):
         for n, record in enumerate(records.windows):
             observers.append(_window(scene, waves, water, n, record))
         if records.loads is None:
-            return cls(observers)
+            return cls(observers, {})
         walls = [_wall(scene, waves, n) for n in range(len(scene.loads))]
         pressure = WallPressure(water, walls, density=scene.tank.density)
         points = [np.array(load.point(scene.tank.depth)) for load in scene.loads]
         observers.append(Loads(pressure, points, record=records.loads, schedule=schedule))
-        on_paddle = [n for n, load in enumerate(scene.loads) if load.on == PADDLE]
-        if not on_paddle or records.paddle is None:
-            return cls(observers)
-        push = PaddlePush(pressure, on_paddle[0], cast(Pushed, water.wall))
-        return cls(observers, Pushing(push, scene.motion().velocity))
+        loaded = {load.on: n for n, load in enumerate(scene.loads)}
+        paddles = {seen.end: paddle for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True)}
+        return cls(
+            observers,
+            {
+                end: Pushing(PaddlePush(pressure, loaded[end], paddle), paddle.motion.velocity)
+                for end, paddle in paddles.items()
+                if end in loaded
+            },
+        )
 
 
 def _probes(scene: Scene, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:

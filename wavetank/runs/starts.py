@@ -118,13 +118,14 @@ def _check(scene: Scene, before: Scene, t: float) -> None:
     for key in sorted(mine.keys() | its.keys()):
         if mine.get(key) != its.get(key):
             raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
-    stood, stands = _position(before, t), _position(scene, 0.0)
-    apart = stands - stood
-    if np.abs(apart).max() > APART * scene.tank.depth:
-        most = int(np.abs(apart).argmax())
-        there, here = (np.broadcast_to(one, apart.shape).flat[most] for one in (stood, stands))
-        where = f"the wall stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
-        raise InputError(f"{where}: must be as near as {APART:g} of the depth; it may wait until it is at rest.")
+    for name, was, now in (("wall", before, scene), ("far wall", before.mirrored, scene.mirrored)):
+        stood, stands = _position(was, t), _position(now, 0.0)
+        apart = stands - stood
+        if np.abs(apart).max() > APART * scene.tank.depth:
+            most = int(np.abs(apart).argmax())
+            there, here = (np.broadcast_to(one, apart.shape).flat[most] for one in (stood, stands))
+            where = f"the {name} stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
+            raise InputError(f"{where}: must be as near as {APART:g} of the depth; it may wait until it is at rest.")
 
 
 def _walls(scene: Scene) -> dict[str, Any]:

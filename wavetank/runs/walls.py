@@ -1,4 +1,4 @@
-"""From a scene's wall to what the water asks of it: a row in a table for each noun, in each kind of water."""
+"""From a scene's walls to what the water asks of them: a row in a table for each noun, in each kind of water."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -6,16 +6,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.case import FixedWall, FlapWall, Physics, PistonWall, ProfileWall, Scene, SegmentedPistonWall
+from wavetank.case import FlapWall, Physics, PistonWall, ProfileWall, Scene, SegmentedPistonWall
 from wavetank.case.moving_wall import MovingWall
 from wavetank.case.walls import ShapedWall
 from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
 from wavetank.motions.mapping import STEEPEST
 from wavetank.runs.footprints import Footprint
-from wavetank.values.noun import Noun, Problem, SceneError
+from wavetank.values.noun import Noun, Problem, SceneError, renamed
 from wavetank.water.footprint import Basin, Slice
-from wavetank.water.walls import LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
+from wavetank.water.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
 
 MISSED = 0.1  # of the largest share: a polynomial farther from a shape is another
 FLAT = 1e-9  # of the depth
@@ -29,7 +29,7 @@ class Kind(NamedTuple):
     wall
         Its class, which says in words what it adds and how it maps.
     build
-        Returns the wall of a scene, by its noun, on a footprint with its plane; collective.
+        Returns the wall of a scene that moves, by its noun, on a footprint with its plane; collective.
     """
 
     wall: type[Placed]
@@ -37,25 +37,42 @@ class Kind(NamedTuple):
 
 
 def build_wall(scene: Scene, footprint: Footprint, plane: Plane) -> Any:
-    """Return the scene's wall, for its water; collective. Raises ``InputError`` where it cannot move as far."""
-    return kind_of(scene).build(scene, scene.wall, footprint, plane)
+    """Return what moves of the scene's walls, for its water; collective.
+
+    Raises ``InputError`` where one cannot move as far.
+    """
+    walls = [_built(seen, footprint, plane) for seen in scene.paddles]
+    if len(walls) < 2:
+        return walls[0] if walls else StillWall()
+    return LinearEnds(*walls) if scene.physics == "linear" else _both(scene, *walls, plane=plane)
 
 
-def kind_of(scene: Scene) -> Kind:
-    """Return the kind of the scene's wall."""
-    return WALLS[scene.physics][type(scene.wall)]
+def kinds_of(scene: Scene) -> list[type[Placed]]:
+    """Return the classes of what moves of the scene's walls, or that of one that stands still."""
+    return [WALLS[scene.physics][type(seen.wall)].wall for seen in scene.paddles] or [StillWall]
 
 
-def _still(scene: Scene, noun: FixedWall, footprint: Footprint, plane: Plane) -> StillWall:
-    return StillWall()
+def _built(seen: Scene, footprint: Footprint, plane: Plane) -> Any:
+    """Return the wall of a scene as seen from it; collective."""
+    with renamed("wall", seen.key):
+        return WALLS[seen.physics][type(seen.wall)].build(seen, seen.wall, footprint, plane)
+
+
+def _both(scene: Scene, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
+    """Return both walls; raises ``SceneError`` where their reaches meet on a mesh of few cells."""
+    if near.reach + far.reach > scene.tank.length * (1 + 1e-9):
+        what = f"reaches {far.reach:.4g} m on this mesh, the wall {near.reach:.4g} m: must not overlap"
+        raise SceneError([Problem(("far_wall", "reach"), scene.mirrored.reach, what)])
+    return BothEnds(near, far, plane=plane)
 
 
 def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
-    return LinearPaddle(scene.motion(), plane=plane, side=footprint.side())
+    return LinearPaddle(scene.motion(), plane=plane, side=footprint.side(scene.end))
 
 
 def _linear_shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
-    return LinearPaddle(scene.motion(), plane=plane, side=footprint.side(), shape=_shape(scene, noun, plane))
+    side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
+    return LinearPaddle(scene.motion(), plane=plane, side=side, shape=shape)
 
 
 def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
@@ -72,7 +89,7 @@ def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
 
 
 def _shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
-    side, shape = footprint.side(), _shape(scene, noun, plane)
+    side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
     wall = Shaped(scene.motion(), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
     _check_flat(scene, noun, wall, plane)
     return _checked(scene, noun, wall)
@@ -88,7 +105,7 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
     if nearest < wall.reach:
         needed = STEEPEST * noun.farther(scene.tank) * scene.excursion(scene.motion())
-        cure = f"wall.reach must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
+        cure = f"its reach must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
         if nearest <= needed:
             cure = f"this motion needs more than {needed:.4g} m of such a bed; a piston needs none"
         flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
@@ -97,7 +114,7 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
 
 
 def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
-    side = footprint.side()
+    side = footprint.side(scene.end)
     wall = Piston(scene.motion(), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
     return _checked(scene, noun, wall)
 
@@ -125,14 +142,12 @@ def _reach(scene: Scene, noun: MovingWall, footprint: Slice | Basin, side: Side)
 
 WALLS: dict[Physics, dict[type[Noun], Kind]] = {
     "nonlinear": {
-        FixedWall: Kind(StillWall, _still),
         PistonWall: Kind(Piston, _piston),
         FlapWall: Kind(Shaped, _shaped),
         ProfileWall: Kind(Shaped, _shaped),
         SegmentedPistonWall: Kind(Piston, _piston),
     },
     "linear": {
-        FixedWall: Kind(StillWall, _still),
         PistonWall: Kind(LinearPaddle, _linear_piston),
         FlapWall: Kind(LinearPaddle, _linear_shaped),
         ProfileWall: Kind(LinearPaddle, _linear_shaped),

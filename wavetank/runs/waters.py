@@ -11,12 +11,13 @@ from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
 from wavetank.motions.tangent import Tangent
 from wavetank.runs.footprints import Footprint, build_footprint
-from wavetank.runs.walls import build_wall, kind_of
+from wavetank.runs.walls import build_wall, kinds_of
 from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.bed import Depth, FlatBed, VaryingBed
 from wavetank.water.footprint import Ring
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.rates import LinearRates, MovingWater, NonlinearRates
+from wavetank.water.walls.both import FAR
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 AnyWaves = NonlinearWaves | LinearWaves
@@ -46,8 +47,9 @@ def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
     if not callable(depth):
         return
     at, where = plane.places, "a depth of the bed"
-    if scene.wall.moves and not isinstance(footprint, Ring):
-        at, where = at[plane.at(footprint.side().facets)], "the bed's depth at the paddle"
+    if scene.paddles and not isinstance(footprint, Ring):
+        at = at[np.concatenate([plane.at(footprint.side(seen.end).facets) for seen in scene.paddles])]
+        where = "the bed's depth at a paddle"
     found = agreed(plane.comm, lambda: depth(*at.T))
     low = plane.comm.allreduce(float(np.min(found, initial=np.inf)), op=MPI.MIN)
     high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
@@ -68,9 +70,10 @@ def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
 
 def told_energy(scene: Scene) -> list[str]:
     """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
-    waves, wall = WATERS[scene.physics].waves, kind_of(scene).wall
+    parts, walls = WATERS[scene.physics].waves.parts, kinds_of(scene)
+    named = [wall.part._replace(name=name) for wall, name in zip(walls, ("wall", FAR), strict=False)]
     bed = FlatBed if scene.tank.bed is None else VaryingBed
-    return [*map(str, (*waves.parts, wall.part)), wall.told, bed.told]
+    return [*map(str, (*parts, *named)), *dict.fromkeys(wall.told for wall in walls), bed.told]
 
 
 def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWaves:
@@ -101,13 +104,13 @@ def moving_water(scene: Scene, waves: AnyWaves) -> MovingWater:
     numerics = scene.numerics
     if isinstance(waves, LinearWaves):
         return LinearRates(waves, tolerance=0.1 * numerics.tolerance)
-    tangent = Tangent(scene.motion())
+    tangents = [Tangent(paddle.motion) for paddle in waves.wall.paddles]
     return NonlinearRates(
         waves.plane,
-        tangent=tangent,
+        tangents=tangents,
         depth=_depth(scene),
         gravity=scene.tank.gravity,
-        wall=waves.wall.moved_by(tangent),
+        wall=waves.wall.moved_by(tangents),
         vertical_order=numerics.vertical_order,
         tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
     )

@@ -28,6 +28,10 @@ class Problem(NamedTuple):
     received: Any
     allowed: str
 
+    def at(self, key: str, name: str) -> "Problem":
+        """Return the same with a first key renamed."""
+        return self._replace(key=(name, *self.key[1:])) if self.key[:1] == (key,) else self
+
     def __str__(self) -> str:
         """Return the sentence, e.g. ``tank.depth = -1: must be greater than 0``; a value of None was not given."""
         shown = "" if self.received is None else f" = {_shown(self.received)}"
@@ -63,6 +67,15 @@ def about(*key: str | int) -> Iterator[None]:
         raise
     except InputError as error:
         raise SceneError([Problem(key, None, str(error).removesuffix("."))]) from error
+
+
+@contextmanager
+def renamed(key: str, name: str) -> Iterator[None]:
+    """Tell of a part of the scene what is refused of one that is looked at in its place."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError([problem.at(key, name) for problem in error.problems]) from error
 
 
 class Noun(BaseModel):

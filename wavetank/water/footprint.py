@@ -42,9 +42,11 @@ class Slice:
         """Return how far from the paddle all walls run along its motion [m]: up to the far end."""
         return self.length
 
-    def side(self) -> Side:
-        """Return the wall at x = 0; collective."""
-        return Side(self.facets_of("paddle"), point=np.zeros(2), normal=np.array([1.0, 0.0]))
+    def side(self, name: str = "paddle") -> Side:
+        """Return the wall of a name as in ``facets_of``; collective."""
+        far = name == "far wall"
+        point, normal = (np.array([self.length, 0.0]), [-1.0, 0.0]) if far else (np.zeros(2), [1.0, 0.0])
+        return Side(self.facets_of(name), point=point, normal=np.array(normal))
 
     def facets_of(self, name: str) -> mesh.MeshTags:
         """Return tags with 1 at a wall, ``paddle``, which may stand still, or ``far wall``; collective."""
@@ -92,7 +94,7 @@ class Basin:
     def __init__(self, layout: LayoutMesh):
         self.layout, self.mesh, self.chart = layout, layout.mesh, Straight()
 
-    def side(self) -> Side:
+    def side(self, name: str = "paddle") -> Side:
         """Return the wall of the group ``paddle``; raises ``InputError`` if it is none, or not straight; collective."""
         point, normal = self.layout.paddle_line()
         return Side(self.layout.facets_of("paddle"), point=point, normal=normal)

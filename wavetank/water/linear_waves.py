@@ -1,6 +1,6 @@
 """Linear water waves in a tank: the Hamiltonian of ``waves.py`` to second order about still water.
 
-    H = K(phi) + V(h) + X_p' F(phi),     F = d int phi dzeta at the paddle
+    H = K(phi) + V(h) + X_p' F(phi),     F = d int phi dzeta at the paddle (of two paddles the sum of both)
 
 with the water's energy at h = d, so that nothing of it is written twice and no term with a slope is left. What remains
 couples the vertical modes no more: with the interior potential phi_I of least K + X_p' F,
@@ -8,14 +8,16 @@ couples the vertical modes no more: with the interior potential phi_I of least K
     H_psi = G psi + X_p' w,   H_Q = g eta,   H = 1/2 psi G psi + X_p' w psi - 1/2 c X_p'^2 + V
     G = A_nn - A_nI A_II^-1 A_In,   w = w_n - A_nI A_II^-1 w_I,   c = w_I A_II^-1 w_I
 
-where A is the operator of K on still water and (w_I, w_n) = dF/dphi. On the flat bed of a slice A_II is factored once
-for the whole run; H separates, so the stages of Störmer-Verlet are explicit, and the coupled stage of (23) is one
-direct solve. In a basin, or on a bed that varies, A_II is assembled once and solved by conjugate gradients.
+where A is the operator of K on still water and (w_I, w_n) = dF/dphi; of two paddles c is a matrix. On the flat bed of a
+slice A_II is factored once for the whole run; H separates, so the stages of Störmer-Verlet are explicit, and the
+coupled stage of (23) is one direct solve. In a basin, or on a bed that varies, A_II is assembled once and solved by
+conjugate gradients.
 
 The wall stays at x = 0 and lets water through: in linear theory the volume of water grows by d X_p(t), which is what
 the paddle takes of the tank beyond. Apart from that flux mass is conserved to round-off.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Protocol
@@ -40,6 +42,7 @@ from wavetank.water.energy import POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.walls import LinearWall
+from wavetank.water.walls.contract import LinearOpening
 
 COUPLED_TOLERANCE = 1e-12  # of stages that are solved together; all others are solved exactly
 
@@ -81,7 +84,6 @@ class LinearWaves:
         self.plane, self.wall, self.gravity = plane, wall, gravity
         self.bed = bed_of(depth, plane)
         self.depth = self.bed.depth
-        self.motion = wall.motion
         self.vertical = VerticalBasis(vertical_order)
         self.h = plane.function("water column")
         self.h.set(np.zeros(plane.owned) + self.bed.still)
@@ -96,7 +98,8 @@ class LinearWaves:
         self.still = self.layer.assemble()
         direct = isinstance(self.potential, DirectPotential)
         self.stages = LinearStages.of(self, tolerance=COUPLED_TOLERANCE if direct else tolerance, direct=direct)
-        self._inflow, self._recoil = self.potential.response(self.flux(still))
+        self._motions = [paddle.motion for paddle in wall.paddles]
+        self._inflow, self._recoil = self._responses([self.flux(paddle, still) for paddle in wall.paddles])
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._G_psi: Vector = self._q
@@ -109,18 +112,27 @@ class LinearWaves:
         _, layer, minimum = interior_of(still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance)
         return IterativePotential(minimum, plane=plane, components=vertical.n + 1), layer
 
-    def flux(self, still: WaterEnergy) -> Vector:
-        """Return dF/dphi for the energy of still water, shape (owned, n+1)."""
-        components = self.vertical.n + 1
+    def flux(self, paddle: LinearOpening, still: WaterEnergy) -> Vector:
+        """Return dF/dphi of a paddle for the energy of still water, shape (owned, n+1)."""
+        components, shape = self.vertical.n + 1, paddle.shape
         phi = self.plane.layered_function(components, "potential").function
-        total = np.zeros((self.plane.owned, components))
-        shape = self.wall.shape
         interior = still.wall_flux(phi, self.vertical, shape.share, degree=shape.degree)
         flux = interior + shape.column(still.h, still.d) * phi[self.vertical.n]
-        for opening in self.wall.openings:
-            form = ufl.derivative(flux * opening, phi)
-            total += VectorForm(form).assemble().reshape(-1, components)
-        return total
+        return VectorForm(ufl.derivative(flux * paddle.opening, phi)).assemble().reshape(-1, components).copy()
+
+    def _responses(self, fluxes: Sequence[Vector]) -> tuple[Vector, Vector]:
+        """Return w, shape (paddles, owned), and c, shape (paddles, paddles), for the dF/dphi of each; collective."""
+        inflow, recoil = np.zeros((len(fluxes), self.plane.owned)), np.zeros((len(fluxes), len(fluxes)))
+        for n, flux in enumerate(fluxes):
+            inflow[n], recoil[n, n] = self.potential.response(flux)
+            for m in range(n):
+                _, both = self.potential.response(flux + fluxes[m])
+                recoil[n, m] = recoil[m, n] = 0.5 * (both - recoil[n, n] - recoil[m, m])
+        return inflow, recoil
+
+    def _rates(self, t: float, order: int) -> Vector:
+        """Return a derivative of the paddles' motions, shape (paddles,)."""
+        return np.array([motion.derivative(t, order) for motion in self._motions], dtype=np.float64)
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def set_time(self, t: float) -> None:
@@ -147,7 +159,7 @@ class LinearWaves:
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
         self._set_potential(p)
-        return np.asarray(self._G_psi + self.motion.velocity(t) * self._inflow)
+        return np.asarray(self._G_psi + self._rates(t, 1) @ self._inflow)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dQ = -dpsi/dt = g eta, shape (owned,); collective."""
@@ -156,13 +168,13 @@ class LinearWaves:
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
         self.evaluate(q, p, t)
-        speed = self.motion.velocity(t)
-        kinetic = 0.5 * self.plane.sum(p * self._G_psi) + 0.5 * self._recoil * speed**2
-        return Energies(kinetic, self._gravity_energy.assemble(), speed * self._through_wall(p, speed))
+        speeds = self._rates(t, 1)
+        kinetic = 0.5 * self.plane.sum(p * self._G_psi) + 0.5 * float(speeds @ self._recoil @ speeds)
+        return Energies(kinetic, self._gravity_energy.assemble(), float(speeds @ self._through_walls(p, speeds)))
 
-    def _through_wall(self, p: Vector, speed: float) -> float:
-        """Return F at the interior potential [m^4/s]; collective."""
-        return self.plane.sum(self._inflow * p) - self._recoil * speed
+    def _through_walls(self, p: Vector, speeds: Vector) -> Vector:
+        """Return F of each paddle at the interior potential [m^4/s], shape (paddles,); collective."""
+        return np.array([self.plane.sum(w * p) for w in self._inflow], dtype=np.float64) - self._recoil @ speeds
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's term included; collective."""
@@ -175,7 +187,7 @@ class LinearWaves:
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi), X_p'' F [m^4/s³]: what the paddle does; collective."""
-        return float(self.motion.acceleration(t) * self._through_wall(p, self.motion.velocity(t)))
+        return float(self._rates(t, 2) @ self._through_walls(p, self._rates(t, 1)))
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:

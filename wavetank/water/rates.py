@@ -11,6 +11,7 @@ difference of fourth order, of products of the operator that there is, exact to 
 bed. Waves of the observer's own do it, so that those that are stepped stay, bit for bit, what they are.
 """
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -79,11 +80,11 @@ class MovingWater(Protocol):
 class NonlinearRates(NonlinearWaves):
     """Nonlinear waves of an observer's own; see ``MovingWater``.
 
-    Their wall is moved by a ``Tangent``.
+    Their wall is moved by ``tangents``, one for each of its paddles.
     """
 
-    def __init__(self, plane: Plane, *, tangent: Tangent, **parts: object):
-        self._tangent, self._has_rates = tangent, False
+    def __init__(self, plane: Plane, *, tangents: Sequence[Tangent], **parts: object):
+        self._tangents, self._has_rates = tangents, False
         super().__init__(plane, **parts)  # type: ignore[arg-type]
         self._places, self._d = _places(plane), plane.function("depth")
         self.nodes: Vector = np.zeros((self.vertical.n + 1, len(self._places), 3))
@@ -122,7 +123,8 @@ class NonlinearRates(NonlinearWaves):
 
     def _stand(self, t: float) -> None:
         """Move the wall to where its motion is touched; collective."""
-        self._tangent.at = t
+        for tangent in self._tangents:
+            tangent.at = t
         super()._stand(t)
 
     def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
@@ -167,19 +169,21 @@ class LinearRates:
         column = self.densities.column
         self._minimum = interior_of(column, self.plane, self.vertical, column=self.h, tolerance=tolerance).minimum
         self._minimum.factor()
-        self._flux = waves.flux(self.densities)
+        self._paddles = [(paddle.motion, waves.flux(paddle, self.densities)) for paddle in waves.wall.paddles]
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
         """See ``MovingWater``."""
-        self.level = self._solve(self.phi, p, self._waves.motion.velocity(t))
-        self.level_rate = self._solve(self.phi_rate, -self._waves.H_q(q, p, t), self._waves.motion.acceleration(t))
+        speeds, accelerations = ([motion.derivative(t, order) for motion, _ in self._paddles] for order in (1, 2))
+        self.level = self._solve(self.phi, p, speeds)
+        self.level_rate = self._solve(self.phi_rate, -self._waves.H_q(q, p, t), accelerations)
 
-    def _solve(self, field: LayeredField, surface: Vector, speed: float) -> float:
+    def _solve(self, field: LayeredField, surface: Vector, speeds: Sequence[float]) -> float:
         """Set a field to the potential below a surface's, less its mean there, which is returned; collective."""
         level = self.plane.sum(surface) / self.plane.size
         field.owned[:] = 0.0
         field.owned[:, -1] = surface - level
-        self._minimum.find(field.owned, speed * self._flux)
+        fluxes = (speed * flux for speed, (_, flux) in zip(speeds, self._paddles, strict=True))
+        self._minimum.find(field.owned, sum(fluxes, start=np.zeros((1, field.owned.shape[1]))))
         field.fetch()
         return level
 

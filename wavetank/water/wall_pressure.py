@@ -8,7 +8,7 @@ that misses enters the pressure squared.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 import ufl
@@ -21,8 +21,8 @@ from wavetank.fe.patch import Cells, patch
 from wavetank.fe.plane import Plane
 from wavetank.water.kinematics import Kinematics
 from wavetank.water.rates import MovingWater
+from wavetank.water.walls.contract import Paddle
 from wavetank.water.walls.shape import Shape
-from wavetank.water.walls.side import Side
 
 RINGS = 1  # of cells, about those at a wall
 
@@ -112,21 +112,6 @@ class WallPressure:
         return self._force(wall, (self._pressure * shape.at(z) - still / h) * weights)
 
 
-class Pushed(Protocol):
-    """A paddle, as its push knows it.
-
-    Attributes
-    ----------
-    side
-        Where it stands.
-    shape
-        f(z), by which it moves.
-    """
-
-    side: Side
-    shape: Shape
-
-
 class PaddlePush:
     """What a paddle does against the water beyond what it does against still water, as the energy budget counts.
 
@@ -141,7 +126,7 @@ class PaddlePush:
         Places along the paddle of all degrees of freedom that this rank sees [m], shape (rows,).
     """
 
-    def __init__(self, pressure: WallPressure, wall: int, paddle: Pushed):
+    def __init__(self, pressure: WallPressure, wall: int, paddle: Paddle):
         self.pressure, self._wall, self._shape = pressure, wall, paddle.shape
         plane = pressure.plane
         self.y = paddle.side.along(plane.chart.places(plane.V.tabulate_dof_coordinates()))

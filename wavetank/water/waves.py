@@ -72,7 +72,7 @@ class NonlinearWaves:
     gravity
         [m/s²].
     wall
-        The wall at x = 0.
+        The wall that can move.
     vertical_order
         n.
     tolerances
@@ -149,8 +149,8 @@ class NonlinearWaves:
             **self._wall_terms.hamiltonian,
         }
         self._potential_energy = ScalarForm(self.hamiltonian[POTENTIAL], self.plane.comm)
-        walls = list(self._wall_terms.hamiltonian.values())
-        self._of_wall = VectorForm(ufl.derivative(sum(walls), h)) if walls else None  # the operator has the others'
+        walls = self._wall_terms.hamiltonian.values()
+        self._of_walls = [VectorForm(ufl.derivative(wall, h)) for wall in walls]  # the operator has the others'
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
@@ -265,8 +265,8 @@ class NonlinearWaves:
         self.evaluate(q, p, t)
         if self._H_q is None:
             derivative = self.operator.derivative(self.phi.rows)
-            if self._of_wall is not None:
-                derivative += self._of_wall.assemble()
+            for of_wall in self._of_walls:
+                derivative += of_wall.assemble()
             self._H_q = self.mass.solve(derivative)
         return self._H_q
 

@@ -1,5 +1,6 @@
-"""The wall at x = 0: its mapping, its part of the Hamiltonian, its places. A kind is a file: ``contract``."""
+"""The walls: their mapping, their part of the Hamiltonian, their places. A kind is a file: ``contract``."""
 
+from wavetank.water.walls.both import BothEnds, LinearEnds
 from wavetank.water.walls.contract import LinearWall, Placed, Wall, WallTerms, one_time
 from wavetank.water.walls.linear import LinearPaddle
 from wavetank.water.walls.piston import Piston
@@ -9,6 +10,8 @@ from wavetank.water.walls.side import Side
 from wavetank.water.walls.still import StillWall
 
 __all__ = [
+    "BothEnds",
+    "LinearEnds",
     "LinearPaddle",
     "LinearWall",
     "Piston",

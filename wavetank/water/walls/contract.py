@@ -1,4 +1,4 @@
-"""What the water asks of the wall at x = 0.
+"""What the water asks of its wall: the one that can move, at either end of the tank, or both of them (``both.py``).
 
 The reference tank stands still; the wall says where its places are in the laboratory, what that makes of gradients and
 volumes (``mapping``), how columns of water go with their mass (``columns``), and what the motion adds to the
@@ -6,7 +6,7 @@ Hamiltonian (``terms``). Where nothing moves all of that vanishes before compila
 that fulfils ``Wall``, a noun (``case/walls.py``) and a row in the table of ``runs/walls.py``.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import isclose
 from typing import Protocol
 
@@ -17,9 +17,11 @@ from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.motions import Motion
+from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Mapping, Part, WaterEnergy
 from wavetank.water.walls.shape import Shape
+from wavetank.water.walls.side import Side
 
 Heights = Vector | float  # of places, shape (N,), or all alike [m]
 
@@ -75,6 +77,8 @@ class Placed(Protocol):
         Whether it is not the same at all heights.
     mapping
         From the reference tank to the laboratory.
+    paddles
+        What moves.
     """
 
     part: Part
@@ -84,6 +88,10 @@ class Placed(Protocol):
 
     @property
     def mapping(self) -> Mapping:
+        """See above."""
+
+    @property
+    def paddles(self) -> Sequence["Paddle"]:
         """See above."""
 
     def distances(self, plane: Plane) -> Vector:
@@ -110,8 +118,8 @@ class Wall(Placed, Protocol):
     def velocities(self) -> Vector:
         """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
 
-    def moved_by(self, motion: Motion) -> "Wall":
-        """Return one like it, at the same place, by another motion; collective."""
+    def moved_by(self, tangents: Sequence[Tangent]) -> "Wall":
+        """Return one like it, at the same place, by other motions, one for each of its paddles; collective."""
 
     def set_time(self, t: float) -> bool:
         """Move to where the wall stands at t [s]; return whether the mapping has changed; collective."""
@@ -124,18 +132,38 @@ class Wall(Placed, Protocol):
 
 
 class LinearWall(Placed, Protocol):
-    """The wall of linear waves, which stays where it is.
+    """The wall of linear waves, which stays where it is."""
+
+    @property
+    def paddles(self) -> Sequence["LinearOpening"]:
+        """Where water flows in instead."""
+
+
+class Paddle(Protocol):
+    """A wall that moves.
 
     Attributes
     ----------
     motion
-        X_p(t): of what flows in instead.
+        X_p(t), or X_p(y, t), positive into the water.
     shape
-        f(z), by which it does.
-    openings
-        Where it does: measures of the wall, none where it stands still.
+        f(z), by which it moves.
+    side
+        Where it stands.
     """
 
     motion: Motion
     shape: Shape
-    openings: tuple[ufl.Measure, ...]
+    side: Side
+
+
+class LinearOpening(Paddle, Protocol):
+    """A paddle of linear waves.
+
+    Attributes
+    ----------
+    opening
+        The measure of the wall.
+    """
+
+    opening: ufl.Measure

@@ -29,7 +29,8 @@ class LinearPaddle(StillWall):
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, shape: Shape = UPRIGHT):
         self.motion, self.side, self.shape = motion, side, shape
-        self.openings = (ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1),)
+        self.opening = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
+        self.paddles = (self,)
 
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the paddle at rest [m], shape (owned,)."""

@@ -11,7 +11,7 @@ H(Q, psi, t) depends on time through X_p, X_p' and the depth under points that t
 the first with X_p and d going on as they move now, the second because h moves at fixed Q = h + a . grad(s X_p) R.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,6 +28,7 @@ from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.motions import Motion
 from wavetank.motions.mapping import largest_stroke, share, unmapped
+from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
 from wavetank.water.walls.contract import Columns, Heights
@@ -64,16 +65,23 @@ class Piston:
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
         s = plane.function("s")
         s.set(self._share(side.distances(plane.places)))
-        self.travel = Travel(motion, plane=plane, side=side, s=s)
-        self.axis = ufl.as_vector([float(part) for part in side.normal[: plane.mesh.geometry.dim]])
-        self.carried = plane.over(self._carried(s))
+        self.motion, self.travel = motion, Travel(motion, plane=plane, side=side, s=s)
+        self.axis = ufl.as_vector([float(side.sign * part) for part in side.normal[: plane.mesh.geometry.dim]])
+        self.cells = self._carried(s)
+        self.carried = plane.over(self.cells)
         self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
+        self._into = -ufl.inner(ufl.FacetNormal(plane.mesh), self.axis)
         self.mapping = self.after(0.0)
         self.set_time(0.0)
 
-    def moved_by(self, motion: Motion) -> "Piston":
+    @property
+    def paddles(self) -> tuple["Piston"]:
+        """Itself."""
+        return (self,)
+
+    def moved_by(self, tangents: Sequence[Tangent]) -> "Piston":
         """See ``Wall``."""
-        return type(self)(motion, plane=self._plane, reach=self.reach, side=self.side, shape=self.shape)
+        return type(self)(tangents[0], plane=self._plane, reach=self.reach, side=self.side, shape=self.shape)
 
     def _carried(self, s: Field) -> NDArray[np.int32]:
         """Return this rank's cells, ghosts among them, in which s is not zero."""
@@ -106,12 +114,12 @@ class Piston:
 
     def after(self, dt: Any) -> Shift:
         """Return the mapping when the paddle has gone on for dt [s], as it moves now; dt in UFL."""
-        return Shift(self.axis, self.travel.position + dt * self.travel.speed, self.shape)
+        return Shift(self.axis, [(self.travel.position + dt * self.travel.speed, self.shape)])
 
     @property
     def speeding(self) -> Shift:
         """How the mapping goes on, a second further."""
-        return Shift(self.axis, self.travel.speed, self.shape)
+        return Shift(self.axis, [(self.travel.speed, self.shape)])
 
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the paddle at rest [m], shape (owned,)."""
@@ -126,9 +134,9 @@ class Piston:
         return PistonTerms(self, energy, phi, bed=bed, plane=self._plane, vertical=vertical)
 
     def flux(self, speed: Any, *, psi: Any, R: Any, wall_flux: Any) -> Any:
-        """Return F for s v [m/s] in UFL; at the paddle s = 1."""
+        """Return F for s v [m/s] along the axis in UFL; at the paddle s = 1."""
         carried = ufl.inner(self.axis, ufl.grad(psi))
-        return -speed * R * carried * self.carried + speed * wall_flux * self._on_paddle
+        return -speed * R * carried * self.carried + self._into * speed * wall_flux * self._on_paddle
 
     def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
         """Return X with X + a f s(X) X_p = x, places of shape (N, 2) [m]."""
@@ -190,7 +198,7 @@ class PistonTerms:
 
         self._mu = plane.function("mu")
         _, rate = taylor_coefficients(density, 1, plane.mesh)
-        moved = rate - wall.speeding.stretching * R * self._mu.function
+        moved = rate - wall.speeding.stretching(lambda shape: R) * self._mu.function
         self._power = ScalarForm(moved * wall.carried + power_of_flux, plane.comm)
 
     def vector(self) -> Vector:

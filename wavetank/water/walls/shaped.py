@@ -6,12 +6,15 @@ The mapping is x = X + s(X) f(z) X_p, so that a column of water h has the mass
     dQ/dh = M_J with J at the surface.
 """
 
+from typing import Protocol
+
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.water.energy import Part, WaterEnergy
 from wavetank.water.walls.contract import Columns
+from wavetank.water.walls.mapping import Shift
 from wavetank.water.walls.piston import Piston
 
 MOST = 30  # iterations
@@ -30,19 +33,27 @@ class Shaped(Piston):
         return ShapedColumns(self, energy, mass, plane=self._plane)
 
 
+class Stretching(Protocol):
+    """A wall that moves, or several."""
+
+    @property
+    def mapping(self) -> Shift:
+        """From the reference tank to the laboratory."""
+
+
 class ShapedColumns:
-    """Columns beside a paddle of any shape; see ``Columns``.
+    """Columns beside paddles of any shape; see ``Columns``.
 
     Newton's method takes M_J as it was last told, which is near enough to converge by a factor of a hundred a step.
     """
 
-    def __init__(self, wall: Shaped, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane):
+    def __init__(self, wall: Stretching, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane):
         self._mass, self._plane = mass, plane
         self._start: Vector = energy.h.x.array[: plane.owned]
         self._h = plane.function("columns")
         self._h.set(self._start)
         h = self._h.function
-        self._mean = MassMatrix(plane, 1 + wall.mapping.stretching * wall.shape.column(h, energy.d) / h)
+        self._mean = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.column(h, energy.d)) / h)
 
     def apply(self, h: Vector) -> Vector:
         """Return the masses of columns [m]; collective."""

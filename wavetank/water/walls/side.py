@@ -25,6 +25,11 @@ class Side(NamedTuple):
     point: Vector
     normal: Vector
 
+    @property
+    def sign(self) -> float:
+        """1 of a normal along x, -1 of one against it: positions and speeds are counted along x by it."""
+        return -1.0 if self.normal[0] < 0.0 else 1.0
+
     def distances(self, places: Vector) -> Vector:
         """Return the distances of places (x, y) from the rest position [m], shape (N,)."""
         return np.asarray((places - self.point) @ self.normal)

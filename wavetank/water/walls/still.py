@@ -1,6 +1,7 @@
 """A wall that stands still: nothing is mapped, and nothing added to the Hamiltonian."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import ufl
@@ -9,12 +10,11 @@ from wavetank.arrays import Vector
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.motions import AtRest, Motion
+from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
 from wavetank.water.walls.contract import Columns, Heights
 from wavetank.water.walls.mapping import Identity
-from wavetank.water.walls.shape import UPRIGHT, Shape
 
 
 class StillWall:
@@ -24,13 +24,11 @@ class StillWall:
     told = "x = X, F = J = 1: no wall moves"
     moves = leans = False
     velocities = np.zeros(1)
-    motion: Motion = AtRest()
-    openings: tuple[ufl.Measure, ...] = ()
+    paddles: tuple[Any, ...] = ()
     mapping = Identity()
-    shape: Shape = UPRIGHT
     carried: ufl.Measure | None = None
 
-    def moved_by(self, motion: Motion) -> "StillWall":
+    def moved_by(self, tangents: Sequence[Tangent]) -> "StillWall":
         """See ``Wall``: it does not move."""
         return self
 

@@ -11,7 +11,8 @@ from wavetank.water.walls.side import Side
 class Travel:
     """How far a paddle carries the water, and how fast: s X_p, s X_p' and s X_p'' in UFL, in m, m/s, m/s².
 
-    All are in the horizontal space, so that x is, and uniform flow is exact on any mesh.
+    They count along x, whichever way the paddle faces; X_p alone is positive into the water. All are in the horizontal
+    space, so that x is, and uniform flow is exact on any mesh.
 
     Parameters
     ----------
@@ -27,7 +28,7 @@ class Travel:
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
-        self._motion, self._comm, self._t, self._s = motion, plane.comm, np.nan, s.owned.copy()
+        self._motion, self._comm, self._t, self._s = motion, plane.comm, np.nan, side.sign * s.owned
         self._y, self._place = np.unique(np.round(side.along(plane.places), 9), return_inverse=True)
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''")]
         self.position, self.speed, self.acceleration = (field.function for field in self._fields)

@@ -1,0 +1,136 @@
+"""Two walls that move, at the two ends of a tank: each carries the water of its own reach, and nothing beyond.
+
+As no place is carried by both, what they do adds up: the mapping's displacement, the column's mass, W and its power.
+"""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import ufl
+
+from wavetank.arrays import Vector
+from wavetank.fe.mass import MassMatrix
+from wavetank.fe.plane import LayeredField, Plane
+from wavetank.fe.vertical import VerticalBasis
+from wavetank.motions.tangent import Tangent
+from wavetank.water.bed import Bed
+from wavetank.water.energy import Part, WaterEnergy
+from wavetank.water.walls.contract import Columns, Heights, WallTerms
+from wavetank.water.walls.linear import LinearPaddle
+from wavetank.water.walls.mapping import Shift
+from wavetank.water.walls.piston import Piston
+from wavetank.water.walls.shape import UPRIGHT
+from wavetank.water.walls.shaped import ShapedColumns
+from wavetank.water.walls.still import StillWall
+
+FAR = "far wall"
+
+
+class BothEnds:
+    """Two paddles whose reaches do not overlap, the far one facing the near one.
+
+    Parameters
+    ----------
+    near, far
+        The paddles.
+    """
+
+    told = "x = X + s(X) f X_p at either end, F = ∂x/∂X, J = det F: both walls move"
+    moves = True
+
+    def __init__(self, near: Piston, far: Piston, *, plane: Plane):
+        self.paddles, self._plane = (near, far), plane
+        self.part = near.part
+        self.leans = near.leans or far.leans
+        self.carried = plane.over(np.concatenate([near.cells, far.cells]))
+        self._at_near = near.side.distances(plane.places) < far.side.distances(plane.places)
+        self._displacement = plane.function("s X_p of both")
+        upright = near.shape is UPRIGHT and far.shape is UPRIGHT
+        each = [(paddle.travel.position, paddle.shape) for paddle in self.paddles]
+        self.mapping = Shift(near.axis, [(self._displacement.function, UPRIGHT)] if upright else each)
+        self._displace()
+
+    def _displace(self) -> None:
+        near, far = (paddle.travel.position.x.array for paddle in self.paddles)
+        self._displacement.function.x.array[:] = near + far
+
+    def moved_by(self, tangents: Sequence[Tangent]) -> "BothEnds":
+        """See ``Wall``."""
+        near, far = (paddle.moved_by([one]) for paddle, one in zip(self.paddles, tangents, strict=True))
+        return BothEnds(near, far, plane=self._plane)
+
+    @property
+    def velocities(self) -> Vector:
+        """See ``Wall``: of the paddle that is nearer."""
+        near, far = (paddle.velocities for paddle in self.paddles)
+        return np.where(self._at_near, near, far)
+
+    def set_time(self, t: float) -> bool:
+        """Move to where both stand at t [s]; return whether the mapping has changed; collective."""
+        changed = [paddle.set_time(t) for paddle in self.paddles]
+        self._displace()
+        return any(changed)
+
+    def distances(self, plane: Plane) -> Vector:
+        """Return how far the degrees of freedom are from the near paddle at rest [m], shape (owned,)."""
+        return self.paddles[0].distances(plane)
+
+    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
+        """Return the reference places of physical ones; see ``Placed``."""
+        near, far = self.paddles
+        return far.to_reference(near.to_reference(places, z), z)
+
+    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
+        """Return the physical places of reference ones; see ``Placed``."""
+        near, far = self.paddles
+        return far.to_physical(near.to_physical(places, z), z)
+
+    def mesh_velocities(self, places: Vector) -> Vector:
+        """Return how fast reference places are carried [m/s], shape (N, 2)."""
+        near, far = (paddle.mesh_velocities(places) for paddle in self.paddles)
+        return np.asarray(near + far)
+
+    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+        """Return the mass matrix, or beside a paddle that leans what finds columns by Newton's method."""
+        return ShapedColumns(self, energy, mass, plane=self._plane) if self.leans else mass
+
+    def terms(self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis) -> "BothTerms":
+        """Return what both add to the Hamiltonian."""
+        near, far = (paddle.terms(energy, phi, bed=bed, vertical=vertical) for paddle in self.paddles)
+        return BothTerms(near, far)
+
+
+class BothTerms:
+    """What two walls add to the Hamiltonian; see ``WallTerms``."""
+
+    def __init__(self, near: WallTerms, far: WallTerms):
+        self._each = near, far
+        at_far = {part._replace(name=FAR): form for part, form in far.hamiltonian.items()}
+        self.hamiltonian: dict[Part, ufl.Form] = near.hamiltonian | at_far
+
+    def vector(self) -> Vector:
+        """Return dW/dphi; collective."""
+        near, far = self._each
+        return np.asarray(near.vector() + far.vector())
+
+    def energy(self) -> float:
+        """Return W; collective."""
+        return sum(terms.energy() for terms in self._each)
+
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
+        """Return dH/dt at fixed (Q, psi); collective."""
+        near, far = self._each
+        return near.explicit_rate(mu) + far.explicit_rate(mu)
+
+
+class LinearEnds(StillWall):
+    """Two paddles of small stroke, at the two ends of a tank."""
+
+    part, told = LinearPaddle.part, LinearPaddle.told
+
+    def __init__(self, near: LinearPaddle, far: LinearPaddle):
+        self.paddles, self._near = (near, far), near
+
+    def distances(self, plane: Plane) -> Vector:
+        """Return how far the degrees of freedom are from the near paddle at rest [m], shape (owned,)."""
+        return self._near.distances(plane)
