@@ -80,7 +80,6 @@ STEPPERS = {
     "wavetank.runs.run": "the time loop",
     "wavetank.integrators.composition": "a scheme of steps of another",
     "wavetank.integrators.damped": "around a scheme",
-    "wavetank.integrators.absorbing": "around a scheme",
     "wavetank.integrators.filtered": "around a scheme",
     "wavetank.verify.forcing": "around a scheme",
     "wavetank.plan.dispersion": "one step of unit states: its matrix",

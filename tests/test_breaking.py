@@ -158,7 +158,7 @@ def test_the_energy_taken_is_that_of_diffusion_where_the_crest_is_also_across_a_
     breaking.place([crest(place, 0.9)])
     before = waves.energy(q, p, 0.0)
     after_q, after_p = breaking.coordinate(q), breaking.momentum(p)
-    breaking.account(before, waves.energy(after_q, after_p, 0.0))
+    breaking.account(before - waves.energy(after_q, after_p, 0.0), of=before)
     viscosity = 0.2 * 2.0 * 1.0 * 4.0 * 1.0  # alpha c H times R, the integral of cos² from -R to R, as published
     assert breaking.energy_taken == pytest.approx(1e-3 * k**2 * 9.81 * a**2 * viscosity, rel=0.1)
     assert waves.total_mass(after_q) == pytest.approx(waves.total_mass(q), rel=1e-14)

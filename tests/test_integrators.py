@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wavetank.hamiltonian.oscillators import Forced, Harmonic, NonSeparable
-from wavetank.integrators import Absorbing, Damped, GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
+from wavetank.integrators import GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
 from wavetank.verify import (
     damped_jumps,
     damping,
@@ -192,11 +192,11 @@ def test_five_steps_forth_and_back_end_at_the_beginning(scheme, q, p, dt):
     gamma=st.floats(0.0, 2.0),
     part=st.floats(0.05, 0.9),
     scheme=st.sampled_from(SCHEMES),
-    wrapper=st.sampled_from([Damped, Absorbing]),
+    treated=st.sampled_from([damping.damped, damping.split]),
 )
-def test_damping_shrinks_areas_at_its_exact_rate(gamma, part, scheme, wrapper):
+def test_damping_shrinks_areas_at_its_exact_rate(gamma, part, scheme, treated):
     dt = part * min(scheme.integrator.stability_limit, 3.0)
-    matrix = damping.damped(scheme, wrapper)(gamma, dt)
+    matrix = treated(scheme)(gamma, dt)
     assert np.linalg.det(matrix) == pytest.approx(np.exp(-gamma * dt * scheme.width / 2), rel=1e-9)
 
 
@@ -320,7 +320,7 @@ def test_damped_jumps_stay_small_on_orbits_on_which_those_of_the_paper_s_scheme_
 @pytest.mark.parametrize("gamma_dt", [0.01, 0.1, 1.0, 10.0])
 def test_what_damps_between_steps_damps_the_motion_as_it_should_and_lets_no_jump_grow(gamma_dt):
     """On the oscillator, whose moduli are e^(-gamma dt / 2) where it oscillates; earlier jumps stay what they were."""
-    absorbing = damping.damped(simpson(), Absorbing)
+    absorbing = damping.split(simpson())
     for theta in np.linspace(0.05, 0.999 * Simpson4.stability_limit, 12):
         values = np.linalg.eigvals(absorbing(gamma_dt / theta, theta))
         assert np.abs(values).max() < 1

@@ -26,6 +26,7 @@ from wavetank.fe.plane import Plane
 from wavetank.integrators import Simpson4
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.contract import State
+from wavetank.integrators.filtered import Filtered
 from wavetank.motions import Motion, Ramped, Sinusoid
 from wavetank.postprocess.analysis.reflection import reflected
 from wavetank.postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
@@ -121,7 +122,7 @@ def in_time(beach: Beach, waves: LinearWaves | NonlinearWaves, *, steps: int = S
     period = 2 * np.pi / beach.omega
     crossing = beach.length / float(group_velocity(beach.k, 1.0, 9.81))
     count, dt = steps * int(np.ceil(2.5 * crossing / period + 6)), period / steps
-    scheme = Absorbing(Simpson4(), beach.gamma)
+    scheme = Filtered(Simpson4(), [Absorbing(beach.gamma, dt=dt)])
     harmonic: Complex = np.zeros(beach.plane.owned, dtype=np.complex128)
 
     def add(state: State, step: int) -> None:

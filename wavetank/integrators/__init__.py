@@ -7,6 +7,7 @@ from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.composition import SuzukiVerlet
 from wavetank.integrators.damped import Damped
 from wavetank.integrators.discontinuous_verlet import DiscontinuousVerlet, DiscontinuousVerletAdjoint
+from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.gauss_legendre import GaussLegendre4
 from wavetank.integrators.lobatto import P2N3Q4Lob
 from wavetank.integrators.midpoint import ModifiedMidpoint
@@ -26,6 +27,7 @@ __all__ = [
     "Damped",
     "DiscontinuousVerlet",
     "DiscontinuousVerletAdjoint",
+    "Filtered",
     "GaussLegendre4",
     "ModifiedMidpoint",
     "P2N3Q4Lob",

@@ -1,73 +1,68 @@
-"""A sponge around any scheme: half of the exact damping factor, an undamped step, half of the factor.
+"""A sponge: the exact damping factor between the steps of any scheme.
 
-    p <- e^(-gamma dt/2) p,     one step of the scheme,     p <- e^(-gamma dt/2) p
+    p <- e^(-gamma dt) p     after each step, and half of that before the first
 
-is the damping dp/dt = -H_q - gamma p of [G16] (38)-(45) ([G16] is Gagarina et al. 2016), composed symmetrically: second
-order with any scheme of order two or more (Strang), reversible but for the damping, and the coordinates, hence mass,
-are never touched. What the factors take of H is counted from H before and after each; the scheme's own error is not in
-it, so that the energy budget shows that error alone.
+is the damping dp/dt = -H_q - gamma p of [G16] (38)-(45) ([G16] is Gagarina et al. 2016), half of it before and half of
+it after each step: symmetric, of second order with any scheme of order two or more (Strang). What a step ends with has
+the second half and the next one's first: coordinates are those of second order, momenta e^(-gamma dt/2) of them. The
+coordinates, hence mass, are never touched.
 """
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem
-from wavetank.integrators.contract import Integrator, S
-from wavetank.integrators.damped import same, times
-from wavetank.integrators.wrapper import Wrapper, mapped
+from wavetank.integrators.damped import same
 from wavetank.stateful import Held
 
 
-class Absorbing(Wrapper[S]):
-    """A scheme with damping of the momenta, which counts the energy taken; stable where the scheme is.
-
-    A system that remembers its last point evaluates one or two points a step more than the bare scheme, those between
-    which the second factor acts: the first is for the count alone, unless the scheme knows that it ended there, at the
-    second observers look. The first factor's are where that ended and where the scheme begins.
+class Absorbing:
+    """A filter that damps the momenta after every step; stable where the scheme is.
 
     Parameters
     ----------
-    scheme
-        Any integrator.
     gamma
         Damping rate of the momenta [1/s], not negative, shape (1,) or one per unknown, (n,).
+    dt
+        Step [s].
 
     Attributes
     ----------
     energy_taken
-        Of H since the start, the scheme's unit of energy.
+        Of H since the start, the system's unit of energy.
     gives
         In words, what makes it give energy instead.
     """
 
     gives = "a sponge that is too strong, begins too abruptly or meets a current or far longer waves does so"
 
-    def __init__(self, scheme: Integrator[S], gamma: Vector):
-        super().__init__(scheme)
+    def __init__(self, gamma: Vector, *, dt: float):
         self.gamma, self.energy_taken = gamma, 0.0
+        self._dt = dt
 
-    @property
-    def order(self) -> int:
-        """Order of accuracy: that of the scheme, but two at most."""
-        return min(self.scheme.order, 2)
+    def begun(self, p: Vector) -> Vector:
+        """Return the momenta of a start as its first step begins with them, half of the factor taken."""
+        return np.asarray(np.exp(-self.gamma * self._dt / 2) * p)
 
-    def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
-        """Return the state at t + dt; collective."""
-        state = self._damp(system, state, t, dt / 2)
-        state = self.scheme.step(system, state, t, dt)
-        return self._damp(system, state, t + dt, dt / 2)
+    def needed(self, q: Vector, p: Vector, t: float) -> bool:
+        """Return that it always is."""
+        return True
 
-    def _damp(self, system: HamiltonianSystem, state: S, t: float, duration: float) -> S:
-        factor = times(np.exp(-self.gamma * duration))
-        state, (before, after) = mapped(system, state, t, coordinate=same, momentum=factor)
-        self.energy_taken += before - after
-        return state
+    def coordinate(self, q: Vector) -> Vector:
+        """Return the coordinates as they are."""
+        return same(q)
+
+    def momentum(self, p: Vector) -> Vector:
+        """Return the momenta damped."""
+        return np.asarray(np.exp(-self.gamma * self._dt) * p)
+
+    def account(self, taken: float, *, of: float) -> None:
+        """Add what has been taken."""
+        self.energy_taken += taken
 
     def held(self) -> Held:
         """Return what has been taken, and the rate, which may have been made for the waves of a shorter run."""
-        return super().held() | {"energy_taken": self.energy_taken, "gamma": self.gamma}
+        return {"energy_taken": self.energy_taken, "gamma": self.gamma}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        super().take(held)
         self.energy_taken, self.gamma = held["energy_taken"], held["gamma"]

@@ -1,12 +1,16 @@
-"""A scheme with something that acts on the state between its steps, where it is needed: a penalty, or breaking."""
+"""A scheme with what acts on the state between its steps, where it is needed: a sponge, breaking, or a penalty."""
 
-from collections.abc import Sequence
-from typing import Protocol
+import itertools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Protocol
+
+import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.hamiltonian.change import change
 from wavetank.hamiltonian.contract import HamiltonianSystem
-from wavetank.integrators.contract import Integrator, S
-from wavetank.integrators.wrapper import Wrapper, mapped
+from wavetank.integrators.contract import Evaluated, Integrator, S, State
+from wavetank.integrators.wrapper import Wrapper
 from wavetank.stateful import Held, carry_over, give_back, held_by, named
 
 
@@ -22,29 +26,48 @@ class Filter(Protocol):
     def momentum(self, p: Vector) -> Vector:
         """Return the momenta afterwards; collective."""
 
-    def account(self, before: float, after: float) -> None:
-        """Take note of the energy before and after."""
+    def account(self, taken: float, *, of: float) -> None:
+        """Take note of the energy taken, of that before."""
 
 
 class Filtered(Wrapper[S]):
-    """A scheme, and after each step those filters that are needed then.
+    """A scheme, and after each step those filters that are needed then, one after the other.
 
-    A filter costs one evaluation where it acts (of the energy before it; that after it is where the next step begins),
-    and none where it does not.
+    Filters cost no evaluation: the energy before them all is that where the step has ended, the energy after them that
+    where the next one begins. What each has taken of that is told by the derivatives there, to the cube of what it
+    changes; the little that is left to the whole is that of the one which has taken most.
+
+    Parameters
+    ----------
+    ended
+        Told where and when a step has ended, before filters act; collective.
     """
 
-    def __init__(self, scheme: Integrator[S], filters: Sequence[Filter]):
+    def __init__(
+        self,
+        scheme: Integrator[S],
+        filters: Sequence[Filter],
+        *,
+        ended: Callable[[Evaluated, float], None] = lambda at, t: None,
+    ):
         super().__init__(scheme)
-        self.filters = filters
+        self.filters, self._ended = filters, ended
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
-        state = self.scheme.step(system, state, t, dt)
+        acting, passed = list[Filter](), [self.scheme.step(system, state, t, dt)]
         for one in self.filters:
-            if one.needed(state.q, state.p, t + dt):
-                state, energies = mapped(system, state, t + dt, coordinate=one.coordinate, momentum=one.momentum)
-                one.account(*energies)
-        return state
+            if one.needed(passed[-1].q, passed[-1].p, t + dt):
+                acting.append(one)
+                passed.append(passed[-1].mapped(one.coordinate, one.momentum))
+        if acting:
+            self._ended(passed[0].known[0], t + dt)
+            begin, end = (_look(system, passed, passed[n].known[n], n, t + dt) for n in (0, -1))
+            taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)]
+            taken[int(np.argmax(np.abs(taken)))] += begin.energy - end.energy - sum(taken)
+            for one, part in zip(acting, taken, strict=True):
+                one.account(part, of=begin.energy)
+        return passed[-1]
 
     def held(self) -> Held:
         """Return what scheme and filters remember."""
@@ -58,3 +81,24 @@ class Filtered(Wrapper[S]):
     def carry(self, held: Held) -> None:
         """Take what of the filters outlives a change of numerics."""
         carry_over(named(self.filters), held)
+
+
+class _Look(NamedTuple):
+    """The energy of one of the states passed, and what it changes by from each to the next, as seen from there."""
+
+    energy: float
+    changes: list[float]
+
+
+def _look(system: HamiltonianSystem, passed: Sequence[State], at: Evaluated, n: int, t: float) -> _Look:
+    """Return how the n-th of some states and the ways between them look from a point known of it; collective.
+
+    The energy is right to the square of what lies between its (q, p) and that point.
+    """
+
+    def from_there(state: State) -> float:
+        return change(system, at, (state.q, state.p), t)
+
+    seen = [from_there(state) for state in passed]
+    energy = system.energy(*at, t)
+    return _Look(energy + seen[n], [after - before for before, after in itertools.pairwise(seen)])

@@ -3,9 +3,7 @@
 from typing import Generic
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.change import change
-from wavetank.hamiltonian.contract import HamiltonianSystem
-from wavetank.integrators.contract import Evaluated, Integrator, Map, S, State
+from wavetank.integrators.contract import Integrator, S
 from wavetank.stateful import Held, Stateful
 
 
@@ -58,24 +56,3 @@ class Wrapper(Generic[S]):
         """Take back what has been held."""
         if isinstance(self.scheme, Stateful):
             self.scheme.take(held["scheme"])
-
-
-def mapped(
-    system: HamiltonianSystem, state: S, t: float, *, coordinate: Map, momentum: Map
-) -> tuple[S, tuple[float, float]]:
-    """Return a state mapped, and the energy that it reports before and after; collective.
-
-    Evaluated are the first point known of the state, at which a step ends, and the last of the mapped one, at which the
-    next begins.
-    """
-    after = state.mapped(coordinate, momentum)
-    return after, (_energy(system, state, state.known[0], t), _energy(system, after, after.known[-1], t))
-
-
-def _energy(system: HamiltonianSystem, state: State, known: Evaluated, t: float) -> float:
-    """Return H at a state's (q, p), to the square of what lies between them and a point known; collective."""
-    q, p = known
-    energy = system.energy(q, p, t)
-    if q is state.q and p is state.p:
-        return energy
-    return energy + change(system, (q, p), (state.q, state.p), t)

@@ -46,6 +46,14 @@ class Observer(Protocol):
 
 
 @runtime_checkable
+class Ending(Protocol):
+    """An observer that also looks at where a step has ended, if something acts on the state before it is observed."""
+
+    def ended(self, at: tuple[Vector, Vector], t: float) -> None:
+        """Look at a point known of the state, as it is evaluated then; collective."""
+
+
+@runtime_checkable
 class Judge(Protocol):
     """An observer that has something to say of the run when it has ended."""
 

@@ -8,7 +8,7 @@ integrated over all steps by Adams-Moulton's rule of order 4, however few of the
 between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then the error of the time
 integrator. A scheme that reports the mean of two traces evaluates these, not the mean: power is the mean of theirs,
 and the energies of the mean are those of the plus trace and their derivatives times what lies between; both are right
-to the square of the jump.
+to the square of the jump. Where something acts between steps, the mean is that of before and after.
 """
 
 from collections.abc import Sequence
@@ -16,6 +16,7 @@ from dataclasses import replace
 from math import isclose
 from typing import Protocol, runtime_checkable
 
+from wavetank.arrays import Vector
 from wavetank.hamiltonian.change import change
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import Record
@@ -80,6 +81,7 @@ class EnergyBudget:
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
         self._waves, self._record, self._sinks = waves, record, sinks
         self._rates: list[float] = []
+        self._before: list[float] = []  # that where the step ended, if something has acted since
         self._supplied = self._t = self._dt = 0.0
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
@@ -87,9 +89,15 @@ class EnergyBudget:
         self._dissipated = self._earlier = 0.0  # in all, and by what took it before the numerics changed
         self._taken = self._given = 0.0  # the most ever dissipated, and the most that came back of it
 
+    def ended(self, at: tuple[Vector, Vector], t: float) -> None:
+        """Keep the paddle's power where a step has ended, before something acts on the state; collective."""
+        self._before = [self._waves.explicit_rate(*at, t)]
+
     def observe(self, moment: Moment) -> None:
         """Add to the paddle's work, see how far off the balance is, and append a row where one is due; collective."""
-        rates = [self._waves.explicit_rate(*point, moment.t) for point in moment.points]
+        points = moment.points[-1:] if self._before else moment.points
+        rates = self._before + [self._waves.explicit_rate(*point, moment.t) for point in points]
+        self._before = []
         self._integrate(moment.t, sum(rates) / len(rates))
         now = self._energies(moment)
         if moment.step == 0:

@@ -158,9 +158,6 @@ def build_run(
         footprint = build_footprint(scene, comm)
     waves = fill(scene, footprint)
     integrator = INTEGRATORS[scene.numerics.integrator]() if integrator is None else own_scheme(integrator)
-    if scene.sponge is not None:
-        with about("sponge"):
-            integrator = Absorbing(integrator, build_sponge(scene, scene.sponge, footprint, waves))
     largest = waves.largest_frequency  # of a wall at rest
     t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
     waves.set_time(t)
@@ -168,6 +165,11 @@ def build_run(
     moving = _moving(waves, start, t)
     clock = agreed(comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step))
     filters = build_filters(scene, waves, clock.dt)
+    if scene.sponge is not None:
+        with about("sponge"):
+            sponge = Absorbing(build_sponge(scene, scene.sponge, footprint, waves), dt=clock.dt)
+        filters.insert(0, sponge)
+        start = start if beginning else (start[0], sponge.begun(start[1]))
     return Run(waves, integrator, _stopping(scene, waves), start=start, clock=clock, filters=filters), waves
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem
-from wavetank.integrators.contract import Integrator
+from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
-from wavetank.observers.contract import Moment, Observer
+from wavetank.observers.contract import Ending, Moment, Observer
 from wavetank.observers.energy import Sink
 from wavetank.runs.clock import Clock
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
@@ -45,7 +45,7 @@ class Run:
     ):
         self.system, self.integrator, self.observers = system, integrator, list(observers)
         self.clock, self.filters = clock, filters
-        self._stepper = Filtered(integrator, filters)
+        self._stepper = Filtered(integrator, filters, ended=self._ended)
         self.step = clock.first
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
@@ -58,7 +58,7 @@ class Run:
     @property
     def sinks(self) -> list[Sink]:
         """What takes energy out of the system, and counts it."""
-        return [one for one in (*self.filters, self.integrator) if isinstance(one, Sink)]
+        return [one for one in self.filters if isinstance(one, Sink)]
 
     def execute(self) -> None:
         """Step to the end; collective. Raises ``RunError`` where it breaks down, with everything before recorded."""
@@ -112,6 +112,11 @@ class Run:
         """
         self._begun = True
         carry_over(self._parts, held["parts"])
+
+    def _ended(self, at: Evaluated, t: float) -> None:
+        for observer in self.observers:
+            if isinstance(observer, Ending):
+                observer.ended(at, t)
 
     def _observe(self) -> None:
         state = self.state

@@ -146,10 +146,10 @@ class BreakingDissipation(Smoothing):
         self._breaking = breaking
         return breaking
 
-    def account(self, before: float, after: float) -> None:
+    def account(self, taken: float, *, of: float) -> None:
         """Add what has been taken."""
-        self._had = max(self._had, before)
-        super().account(before, after)
+        self._had = max(self._had, of)
+        super().account(taken, of=of)
 
     def held(self) -> Held:
         """Return what has been taken and of how much, which crests break and where they began, and the last look."""

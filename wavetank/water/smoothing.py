@@ -63,9 +63,9 @@ class Smoothing:
         """Return psi'; collective."""
         return self._smoothed(p)
 
-    def account(self, before: float, after: float) -> None:
+    def account(self, taken: float, *, of: float) -> None:
         """Add what has been taken."""
-        self.energy_taken += before - after
+        self.energy_taken += taken
 
     def held(self) -> Held:
         """Return what has been taken."""
