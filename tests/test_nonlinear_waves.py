@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from wavetank.case import Scene
 from wavetank.errors import RunError
+from wavetank.fe.forms import ScalarForm
 from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.third_order import Traces
 from wavetank.motions import Ramped, Sinusoid
@@ -48,6 +49,15 @@ def test_derivatives_are_those_of_the_energy(make_tank, motion):
     errors = np.array(errors)
     assert fitted_slope(steps, errors[:, 0]) == pytest.approx(2, abs=0.1)
     assert np.all(errors[:, 1] < 1e-9)  # H is quadratic in psi: central differences are exact
+
+
+def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
+    """What is kept of it along a slice, against the form in which it is told."""
+    tank = make_tank(length=2.0, cells=8, n=5, motion=piston())
+    found = tank.energies(*steep_state(tank), 3.3).wall
+    form = ScalarForm(tank.hamiltonian[tank.wall.part], tank.plane.comm)
+    assert found == pytest.approx(form.assemble(), rel=1e-12)
+    assert abs(found) > 1e-3
 
 
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "simpson-4"])

@@ -11,8 +11,9 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
+from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, largest
 from wavetank.errors import InputError
 from wavetank.fe.agreed import agreed
 from wavetank.fe.forms import ScalarForm
@@ -53,7 +54,17 @@ class Bed(Protocol):
 
 
 class Carrying(Protocol):
-    """A wall, as beds know it: it carries the reference tank about."""
+    """A wall, as beds know it: it carries the reference tank about.
+
+    Attributes
+    ----------
+    carries
+        Which of the owned degrees of freedom it can carry.
+    """
+
+    @property
+    def carries(self) -> NDArray[np.intp]:
+        """See above."""
 
     def to_physical(self, places: Vector) -> Vector:
         """Return the physical places of reference ones, (x, y) [m], shape (N, 2)."""
@@ -101,7 +112,8 @@ class VaryingBed:
         self._plane, self._depth = plane, depth
         self._field, self._rate = plane.function("still-water depth"), plane.function("rate of the depth")
         self.d, self.rate = self._field.function, self._rate.function
-        self._set(plane.places)
+        self.still: Vector = np.empty(plane.owned)
+        self._set(plane.places, np.arange(plane.owned))
         measure = {"quadrature_degree": plane.order}
         volume, area = (
             ScalarForm(part * ufl.dx(domain=plane.mesh, metadata=measure), plane.comm).assemble()
@@ -115,30 +127,35 @@ class VaryingBed:
 
     def follow(self, wall: Carrying) -> None:
         """Find the depth where a wall has carried the degrees of freedom; collective."""
-        self._set(wall.to_physical(self._plane.places))
+        self._set(wall.to_physical(self._plane.places[wall.carries]), wall.carries)
 
-    def _set(self, places: Vector) -> None:
-        self.still = self._at(places)
-        shallow = int(np.argmin(self.still)) if len(places) else 0
-        mine = (
-            (float(self.still[shallow]), *map(float, np.round(places[shallow], 6)))
-            if len(places)
-            else (np.inf, 0.0, 0.0)
-        )
+    def _set(self, places: Vector, which: NDArray[np.intp]) -> None:
+        """Find the depth at the places of some degrees of freedom; collective."""
+        found = self._at(places)
+        if not largest(self._plane.comm, -float(found.min(initial=np.inf))) < 0.0:
+            self._refuse(found, places)
+        still = self.still.copy()
+        still[which] = found
+        self.still = still
+        self._field.set(still)
+
+    def _refuse(self, found: Vector, places: Vector) -> None:
+        """Raise what says where the bed is highest; collective."""
+        shallow = int(np.argmin(found)) if len(places) else 0
+        mine = (float(found[shallow]), *map(float, np.round(places[shallow], 6))) if len(places) else (np.inf, 0.0, 0.0)
         least, x, y = self._plane.comm.allreduce(mine, op=MPI.MIN)
-        if not least > 0.0:
-            where = f"x = {x:.4g} m, y = {y:.4g} m"
-            allowed = "it must be positive, which tank.bed.minimum_depth sees to"
-            raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; {allowed}.")
-        self._field.set(self.still)
+        where = f"x = {x:.4g} m, y = {y:.4g} m"
+        allowed = "it must be positive, which tank.bed.minimum_depth sees to"
+        raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; {allowed}.")
 
     def follow_on(self, wall: Carrying) -> None:
         """Find the rate of the depth where it carries them on; collective."""
-        places = wall.to_physical(self._plane.places)
-        step = INSTANT * wall.mesh_velocities(self._plane.places)
-        self._rate.set(
-            np.asarray((self._at(places + step) - self._at(places - step)) / (2 * INSTANT), dtype=np.float64)
-        )
+        there = self._plane.places[wall.carries]
+        places, step = wall.to_physical(there), INSTANT * wall.mesh_velocities(there)
+        after, before = self._at(np.concatenate([places + step, places - step])).reshape(2, -1)
+        rate = self._rate.owned.copy()
+        rate[wall.carries] = (after - before) / (2 * INSTANT)
+        self._rate.set(rate)
 
 
 def bed_of(depth: float | Depth, plane: Plane) -> Bed:

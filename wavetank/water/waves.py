@@ -13,13 +13,12 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
-from wavetank.fe.forms import ScalarForm, VectorForm
+from wavetank.fe.forms import ScalarForm
 from wavetank.fe.mass import mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -141,7 +140,7 @@ class NonlinearWaves:
 
     # ------------------------------------------------------------------------------------------ forms
     def _compile(self, energy: WaterEnergy) -> None:
-        dx, phi, h = self.plane.dx, self.phi.function, self.h.function
+        dx, phi = self.plane.dx, self.phi.function
         self._wall_terms = self.wall.terms(energy, self.phi, bed=self.bed, vertical=self.vertical)
         self.hamiltonian = {
             KINETIC: energy.kinetic(phi, self.vertical) * dx,
@@ -149,8 +148,6 @@ class NonlinearWaves:
             **self._wall_terms.hamiltonian,
         }
         self._potential_energy = ScalarForm(self.hamiltonian[POTENTIAL], self.plane.comm)
-        walls = self._wall_terms.hamiltonian.values()
-        self._of_walls = [VectorForm(ufl.derivative(wall, h)) for wall in walls]  # the operator has the others'
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
@@ -264,10 +261,8 @@ class NonlinearWaves:
         """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,); collective."""
         self.evaluate(q, p, t)
         if self._H_q is None:
-            derivative = self.operator.derivative(self.phi.rows)
-            for of_wall in self._of_walls:
-                derivative += of_wall.assemble()
-            self._H_q = self.mass.solve(derivative)
+            derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
+            self._H_q = self.mass.solve(derivative + self._wall_terms.by_column())
         return self._H_q
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:

@@ -43,6 +43,7 @@ class BothEnds:
         self.part = near.part
         self.leans = near.leans or far.leans
         self.carried = plane.over(np.concatenate([near.cells, far.cells]))
+        self.carries = np.union1d(near.carries, far.carries)
         self._at_near = near.side.distances(plane.places) < far.side.distances(plane.places)
         self._displacement = plane.function("s X_p of both")
         upright = near.shape is UPRIGHT and far.shape is UPRIGHT
@@ -112,6 +113,11 @@ class BothTerms:
         """Return dW/dphi; collective."""
         near, far = self._each
         return np.asarray(near.vector() + far.vector())
+
+    def by_column(self) -> Vector:
+        """Return dW/dh; collective."""
+        near, far = self._each
+        return np.asarray(near.by_column() + far.by_column())
 
     def energy(self) -> float:
         """Return W; collective."""

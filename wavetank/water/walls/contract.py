@@ -10,7 +10,9 @@ from collections.abc import Callable, Sequence
 from math import isclose
 from typing import Protocol
 
+import numpy as np
 import ufl
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.mass import MassMatrix
@@ -54,6 +56,9 @@ class WallTerms(Protocol):
 
     def vector(self) -> Vector:
         """Return dW/dphi, broadcastable to shape (owned, n+1); collective."""
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, broadcastable to shape (owned,); collective."""
 
     def energy(self) -> float:
         """Return W; collective."""
@@ -113,6 +118,10 @@ class Wall(Placed, Protocol):
     @property
     def carried(self) -> ufl.Measure | None:
         """The measure over the cells that it carries; None where it stands still."""
+
+    @property
+    def carries(self) -> NDArray[np.intp]:
+        """Which of the owned degrees of freedom it can carry."""
 
     @property
     def velocities(self) -> Vector:

@@ -22,7 +22,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fe.forms import ScalarForm, VectorForm, taylor_coefficients
+from wavetank.fe.forms import ScalarForm, taylor_coefficients
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -36,6 +36,7 @@ from wavetank.water.walls.mapping import Shift
 from wavetank.water.walls.shape import UPRIGHT, Shape
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.travel import Travel
+from wavetank.water.walls.work import AssembledWork, KeptWork, Work
 
 
 class Piston:
@@ -65,6 +66,7 @@ class Piston:
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
         s = plane.function("s")
         s.set(self._share(side.distances(plane.places)))
+        self.carries = np.flatnonzero(s.owned)
         self.motion, self.travel = motion, Travel(motion, plane=plane, side=side, s=s)
         self.axis = ufl.as_vector([float(side.sign * part) for part in side.normal[: plane.mesh.geometry.dim]])
         self.cells = self._carried(s)
@@ -178,19 +180,23 @@ class PistonTerms:
     def __init__(
         self, wall: Piston, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, plane: Plane, vertical: VerticalBasis
     ):
-        self._wall, self._bed, self._plane, self._components = wall, bed, plane, vertical.n + 1
-        shape = wall.shape
+        self._wall, self._bed, shape, travel = wall, bed, wall.shape, wall.travel
         R = shape.column(energy.h, energy.d)
         parts = {
             "psi": phi.function[vertical.n],
             "R": R,
             "wall_flux": energy.wall_flux(phi.function, vertical, shape.share, degree=shape.degree),
         }
-        work = wall.flux(wall.travel.speed, **parts)
+        work = wall.flux(travel.speed, **parts)
         self.hamiltonian = {wall.part: work}
-        self._vector = VectorForm(ufl.derivative(work, phi.function))
-        self._energy = ScalarForm(work, plane.comm)
-        power_of_flux = wall.flux(wall.travel.acceleration, **parts)
+        self._work: Work
+        if plane.mesh.topology.dim == 1 and plane.comm.size == 1 and not wall.leans:
+            columns = np.unique(plane.V.dofmap.list[wall.cells])
+            self._work = KeptWork(wall.flux(travel.share, **parts), phi, energy.h, travel=travel, columns=columns)
+        else:
+            self._work = AssembledWork(work, phi, energy.h, plane=plane)
+        self._rated = np.nan  # the time of what power depends on [s]
+        power_of_flux = wall.flux(travel.acceleration, **parts)
 
         def density(dt: Any) -> Any:
             later = replace(energy, mapping=wall.after(dt), d=bed.d + dt * bed.rate)
@@ -202,16 +208,22 @@ class PistonTerms:
         self._power = ScalarForm(moved * wall.carried + power_of_flux, plane.comm)
 
     def vector(self) -> Vector:
-        """Return dW/dphi, shape (owned, n+1); collective."""
-        return self._vector.assemble().reshape(-1, self._components)
+        """Return dW/dphi, shape (owned, n+1); collective. The array is reused by the next call."""
+        return self._work.by_potential()
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, shape (owned,); collective. The array is reused by the next call."""
+        return self._work.by_column()
 
     def energy(self) -> float:
         """Return W; collective."""
-        return self._energy.assemble()
+        return self._work.value()
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
         self._mu.set(mu())
-        self._wall.travel.set_acceleration()
-        self._bed.follow_on(self._wall)
+        if self._rated != self._wall.travel.t:
+            self._rated = self._wall.travel.t
+            self._wall.travel.set_acceleration()
+            self._bed.follow_on(self._wall)
         return self._power.assemble()

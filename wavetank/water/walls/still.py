@@ -27,6 +27,7 @@ class StillWall:
     paddles: tuple[Any, ...] = ()
     mapping = Identity()
     carried: ufl.Measure | None = None
+    carries = np.arange(0)
 
     def moved_by(self, tangents: Sequence[Tangent]) -> "StillWall":
         """See ``Wall``: it does not move."""
@@ -71,6 +72,10 @@ class NoTerms:
     def vector(self) -> Vector:
         """Return zero."""
         return self._zero
+
+    def by_column(self) -> Vector:
+        """Return zero."""
+        return self._zero[:, 0]
 
     def energy(self) -> float:
         """Return zero."""

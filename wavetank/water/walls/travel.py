@@ -23,18 +23,22 @@ class Travel:
 
     Attributes
     ----------
+    share
+        What goes with a displacement of 1 m: s.
+    t
+        When it stands as it does [s].
     velocities
         X_p' at the y of the owned degrees of freedom [m/s], shape (owned,); of a paddle that moves as a whole (1,).
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
-        self._motion, self._comm, self._t, self._s = motion, plane.comm, np.nan, side.sign * s.owned
+        self._motion, self._comm, self.t, self._s = motion, plane.comm, np.nan, side.sign * s.owned
         self._y, self._place = np.unique(np.round(side.along(plane.places), 9), return_inverse=True)
-        self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''")]
-        self.position, self.speed, self.acceleration = (field.function for field in self._fields)
+        self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''", "s")]
+        self.position, self.speed, self.acceleration, self.share = (field.function for field in self._fields)
+        self._fields[3].set(self._s)
         self._at: Vector = np.zeros(1)
         self._whole: dict[int, Vector] = {}  # the derivatives of X_p now that are the same at all y
-        self._accelerated = np.nan  # the time of the acceleration [s]
         self.velocities: Vector = np.zeros(1)
 
     def set_time(self, t: float) -> bool:
@@ -42,9 +46,9 @@ class Travel:
 
         The acceleration stays as it is.
         """
-        if t == self._t:
+        if t == self.t:
             return False
-        self._t, before = t, self._at
+        self.t, before = t, self._at
         self._whole.clear()
         self._at, self.velocities = self._here(0), self._here(1)
         self._set(0, self._at)
@@ -53,9 +57,7 @@ class Travel:
 
     def set_acceleration(self) -> None:
         """Bring the acceleration to the time of the position; collective."""
-        if self._t != self._accelerated:
-            self._accelerated = self._t
-            self._set(2, self._here(2))
+        self._set(2, self._here(2))
 
     def _set(self, order: int, values: Vector) -> None:
         self._fields[order].set(self._s * values)
@@ -77,7 +79,7 @@ class Travel:
         """Return a derivative of X_p at places y, shape (N,); of a paddle that moves as a whole found once a time."""
         value = self._whole.get(order)
         if value is None:
-            value = np.asarray(self._motion.derivative(self._t, order, y))
+            value = np.asarray(self._motion.derivative(self.t, order, y))
             if value.ndim == 0:
                 self._whole[order] = value
         return value

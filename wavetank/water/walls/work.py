@@ -1,0 +1,115 @@
+"""W, a moving wall's part of the Hamiltonian, and its derivatives by the potential and by the water column.
+
+As forms they are assembled anew for each potential and column. What a vertical paddle adds along a slice is bilinear in
+both and goes with its velocity, W = X_p' phi . M h, so M is found once.
+"""
+
+from typing import Any, Protocol
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, vstack
+
+from wavetank.arrays import Vector
+from wavetank.fe.forms import ScalarForm, VectorForm
+from wavetank.fe.plane import LayeredField, Plane
+from wavetank.water.walls.travel import Travel
+
+
+class Work(Protocol):
+    """W of the fields as they are; all of it is collective."""
+
+    def by_potential(self) -> Vector:
+        """Return dW/dphi, shape (owned, n+1)."""
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, shape (owned,)."""
+
+    def value(self) -> float:
+        """Return W."""
+
+
+class AssembledWork:
+    """W of any paddle.
+
+    Parameters
+    ----------
+    form
+        W.
+    phi
+        The potential.
+    h
+        The water column.
+    """
+
+    def __init__(self, form: ufl.Form, phi: LayeredField, h: fem.Function, *, plane: Plane):
+        self._components = phi.owned.shape[1]
+        self._by_potential = VectorForm(ufl.derivative(form, phi.function))
+        self._by_column = VectorForm(ufl.derivative(form, h))
+        self._value = ScalarForm(form, plane.comm)
+
+    def by_potential(self) -> Vector:
+        """Return dW/dphi, shape (owned, n+1)."""
+        return self._by_potential.assemble().reshape(-1, self._components)
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, shape (owned,)."""
+        return self._by_column.assemble()
+
+    def value(self) -> float:
+        """Return W."""
+        return self._value.assemble()
+
+
+class KeptWork:
+    """W of a vertical paddle along a slice that is on one rank: X_p' phi . M h.
+
+    Parameters
+    ----------
+    form
+        W at a velocity of 1 m/s.
+    phi, h
+        As of ``AssembledWork``.
+    travel
+        How the paddle moves.
+    columns
+        Where it depends on the water column: degrees of freedom of the cells that are carried.
+    """
+
+    def __init__(
+        self, form: ufl.Form, phi: LayeredField, h: fem.Function, *, travel: Travel, columns: NDArray[np.integer[Any]]
+    ):
+        self._columns, self._h, column = columns, h.x.array, h.x.array.copy()
+        by_potential, whole = VectorForm(ufl.derivative(form, phi.function)), []
+        for one in columns:
+            self._h[:] = 0.0
+            self._h[one] = 1.0
+            whole.append(csr_array(by_potential.assemble()[None]))
+        self._h[:] = column
+        M = csr_array(vstack(whole).T)
+        self._rows = np.flatnonzero(np.diff(M.indptr))  # near the paddle; there is nothing in the others
+        self._M = csr_array(M[self._rows])
+        self._M_transposed = csr_array(self._M.T)
+        self._phi, self._travel = phi.rows.reshape(-1), travel
+        self._of_phi = np.zeros_like(phi.rows)
+        self._of_h: Vector = np.zeros(len(self._of_phi))
+
+    @property
+    def _speed(self) -> float:
+        return float(self._travel.velocities[0])
+
+    def by_potential(self) -> Vector:
+        """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
+        self._of_phi.reshape(-1)[self._rows] = self._speed * (self._M @ self._h[self._columns])
+        return self._of_phi
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, shape (dofs,). The array is reused by the next call."""
+        self._of_h[self._columns] = self._speed * (self._M_transposed @ self._phi[self._rows])
+        return self._of_h
+
+    def value(self) -> float:
+        """Return W."""
+        return float(self._speed * self._phi[self._rows] @ (self._M @ self._h[self._columns]))
