@@ -19,7 +19,7 @@ from wavetank.runs.build import breaking_watch, build_run
 from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.verify.report import Report
 from wavetank.verify.steepness import scene as ring
-from wavetank.water.breaking import STEEP, BreakingWatch
+from wavetank.water.breaking import BreakingWatch
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
@@ -60,8 +60,7 @@ class LargestB:
     def observe(self, moment: Moment) -> None:
         """Look at the surface; collective."""
         for crest in self._watch.look(moment.q, moment.p, moment.t):
-            if crest.front > STEEP:
-                self.found = max(self.found, (crest.overtaking, moment.t, crest.x))
+            self.found = max(self.found, (crest.overtaking, moment.t, crest.x))
 
 
 def row(case: Case) -> Row:

@@ -135,7 +135,7 @@ class StabilityWatch:
         if noise and not self._largest(look.higher(self._last)) > SHORT * lower:
             noise = 0.0
         if noise < look.noise / 10:  # what moves is still the water
-            self._frequency = max(self._frequency, self._short.largest_frequency(self._flow))
+            self._frequency = self._short.largest_frequency(self._flow, least=self._frequency)
         self._steps = self._steps + 1 if noise > look.noise else 0
         if self._steps == IN_A_ROW and self.noise <= look.noise:
             self.since = moment.t

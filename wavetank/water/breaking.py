@@ -31,11 +31,15 @@ STEEP, GENTLE = 0.3, 0.15  # slopes of the front without which it does not begin
 SWIFT = 0.25  # mean u - U of its upper half / (g H)^(1/2): 0.45 and more of what breaks, near 0 of what stands or meets
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
+NEAR = 0.5  # of the slope asked for: below it no crest gets so steep from one look to the next
+RESTS, FASTER = 3, 1.2  # looks that are left out where all B are below 0.6, unless water gets faster by so much
+
 
 class BreakingWatch:
     """Looks at the surface from time to time, and tells which crests could be breaking.
 
-    Within a depth of a wall crests form and vanish: their speed says nothing there.
+    Within a depth of a wall crests form and vanish: their speed says nothing there. Where all crests are far from
+    breaking a few looks are left out: from 0.6 to 0.85 B takes an eighth of a period, or more.
 
     Parameters
     ----------
@@ -49,43 +53,56 @@ class BreakingWatch:
     Attributes
     ----------
     crests
-        The steep ones of the last look, swift or not.
+        The steep ones of the last look that was not left out, swift or not.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
         self._waves, self._flow, self._length = waves, flow, length
         self._last: tuple[float, Profile] | None = None
+        self._rests, self._fastest = 0, 0.0  # looks that are still left out, and the water's velocity before [m/s]
         self.crests: list[SteepCrest] = []
 
-    def look(self, q: Vector, p: Vector, t: float) -> list[SteepCrest]:
-        """Return the crests of a state that are steep and swift enough; collective. The first look sees none."""
+    def look(self, q: Vector, p: Vector, t: float, *, front: float = STEEP) -> list[SteepCrest]:
+        """Return the crests of a state that are swift enough and have a steeper ``front``; collective.
+
+        The first look sees none.
+        """
         self._flow.update(q, p, t)
-        (last, self._last), self.crests = (self._last, None), []
-        steepest = self._flow.largest_slope
-        if steepest < GENTLE / 2:  # nor will there be a steep crest at the next look
+        last, self._last = self._last, None
+        steepest, fastest = self._flow.largest_slope, self._flow.largest_velocity
+        resting = self._rests > 0 and fastest < FASTER * self._fastest
+        self._rests = self._rests - 1 if resting else 0
+        if steepest < NEAR * front or self._rests:
             return []
-        profile = self._flow.profile
-        self._last = t, profile
-        if last is None or steepest < GENTLE:
+        self._last = t, self._flow.profile
+        if resting or last is None or steepest < front:
             return []
-        before = last[1]
+        self.crests = self._steep(last, self._last, front)
+        swift = [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
+        if all(crest.overtaking < RECOVERED for crest in swift):
+            self._rests, self._fastest = RESTS, fastest
+        return swift
+
+    def _steep(self, last: tuple[float, Profile], now: tuple[float, Profile], front: float) -> list[SteepCrest]:
+        """Return the crests between the walls that have a steeper front, of two looks."""
+        (before_t, before), (t, profile) = last, now
         first, end = profile.x[0] + self._waves.depth, profile.x[-1] - self._waves.depth
         if self._length is not None:
             (first, end), turn = (0.0, self._length), self._length
             before, profile = before.unrolled(turn), profile.unrolled(turn)
-        crests = steep_crests(before, profile, time=t - last[0], front=GENTLE, cell=self._flow.cell)
-        self.crests = [crest for crest in crests if first <= crest.x < end]
-        return [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
+        crests = steep_crests(before, profile, time=t - before_t, front=front, cell=self._flow.cell)
+        return [crest for crest in crests if first <= crest.x < end]
 
     def held(self) -> Held:
-        """Return the surface of the last look, if it was not gentle."""
+        """Return the surface of the last look, if it was not gentle, and how many looks are still left out."""
         last = self._last and {"t": self._last[0], "profile": [values.tolist() for values in self._last[1]]}
-        return {"last": last}
+        return {"last": last, "rests": self._rests, "fastest": self._fastest}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         last = held["last"]
         self._last = last and (last["t"], Profile(*map(np.array, last["profile"])))
+        self._rests, self._fastest = held["rests"], held["fastest"]
 
 
 def breaks(crest: SteepCrest) -> bool:
@@ -129,7 +146,8 @@ class BreakingDissipation(Smoothing):
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
-        breaking = self.follow(self.watch.look(q, p, t), t)
+        front = GENTLE if self._breaking else STEEP
+        breaking = self.follow(self.watch.look(q, p, t, front=front), t)
         if breaking:
             self.place(breaking)
         return bool(breaking)

@@ -19,6 +19,7 @@ the plateau for a ripple on it.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 
@@ -93,8 +94,9 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
 
     What is narrower than a ``cell`` [m] in its upper half is the mesh's, not the water's.
     """
-    crests = list[SteepCrest]()
-    for left, peak, right in peaks(after.height, ripple=LEAST * float(np.ptp(after.height))):
+    crests, ripple = list[SteepCrest](), LEAST * float(np.ptp(after.height))
+    above = _above(after.height, np.abs(after.slope) > front, ripple=ripple)
+    for left, peak, right in peaks(after.height, ripple=ripple, among=above):
         part = _upper_half(after.height, peak, (left, right))
         wide = np.ptp(after.x[part]) > cell
         if wide and np.abs(after.slope[left : right + 1]).max() > front:
@@ -102,14 +104,36 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
     return [crest for crest in crests if crest.front > front]
 
 
-def peaks(height: Vector, *, ripple: float) -> list[tuple[int, int, int]]:
-    """Return where the peaks are that stand out by a ``ripple`` on both sides: (trough, peak, trough) each."""
+def _above(height: Vector, steep: NDArray[np.bool_], *, ripple: float) -> NDArray[np.bool_]:
+    """Return where a crest can stand that has steep places between its troughs, shape (N,).
+
+    On the way up from such a place the surface falls no further than a ripple below where it has been.
+    """
+    above = steep.copy()
+    turns = np.flatnonzero(np.diff(steep))
+    for ahead, starts in ((1, turns[steep[turns]]), (-1, turns[~steep[turns]] + 1)):
+        for start in starts:
+            way = height[start::ahead]
+            fallen = way < np.maximum.accumulate(way) - (1.0 + SAME) * ripple
+            until = int(fallen.argmax()) or len(way)
+            above[start::ahead][:until] = True
+    return above
+
+
+def peaks(
+    height: Vector, *, ripple: float, among: NDArray[np.bool_] | None = None
+) -> list[tuple[int, int, int]]:
+    """Return where the peaks are that stand out by a ``ripple`` on both sides: (trough, peak, trough) each.
+
+    Places that are not ``among`` those looked at have none.
+    """
     found = list[tuple[int, int, int]]()
     twice = np.abs(np.diff(height)) <= SAME * ripple  # where cells meet
     distinct = np.flatnonzero(np.append(True, ~twice))
     level = height[distinct]
     tops = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:]))
-    for peak in map(int, distinct[tops]):
+    places = distinct[tops] if among is None else distinct[tops][among[distinct[tops]]]
+    for peak in map(int, places):
         left, right = (_trough(height, peak, step, ripple) for step in (-1, 1))
         if height[peak] - max(height[left], height[right]) >= ripple:
             found.append((left, peak, right))

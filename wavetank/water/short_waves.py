@@ -23,11 +23,15 @@ class ShortWaves:
         self._k = np.pi * plane.order / _widths(waves)
         highest = largest(self._comm, float(self._k.max(initial=0.0)))
         self._still = waves.largest_frequency * np.sqrt(self._k / highest)
+        self._highest = waves.largest_frequency, highest
 
-    def largest_frequency(self, flow: SurfaceVelocity) -> float:
-        """Return the largest frequency [rad/s] on the surface as it moves now; collective."""
+    def largest_frequency(self, flow: SurfaceVelocity, *, least: float = 0.0) -> float:
+        """Return the largest frequency [rad/s] on the surface as it moves now, ``least`` if that is more; collective."""
+        still, k = self._highest
+        if still + k * flow.largest_velocity <= least:
+            return least
         shifted = float((self._still + self._k * flow.speeds).max(initial=0.0))
-        return largest(self._comm, shifted)
+        return max(least, largest(self._comm, shifted))
 
 
 def _widths(waves: NonlinearWaves) -> Vector:

@@ -161,10 +161,22 @@ class SurfaceFlow(SurfaceVelocity):
 
     def _take(self, values: Vector) -> None:
         self._rows, self._profile = values.reshape(-1, 3), None
-        slope, velocity = np.abs(self._rows[:, 1:].T)
-        cells = self._cells.size, len(self._points)
-        self._speeds = (velocity / (1 + slope**2)).reshape(cells).max(axis=1, initial=0.0)
-        self._slopes = slope.reshape(cells).max(axis=1, initial=0.0)
+        self._slopes, velocity = np.abs(self._rows[:, 1:].T)  # at the points
+        self._speeds = velocity / (1 + self._slopes**2)
+
+    def _by_cell(self, values: Vector) -> Vector:
+        """Return the largest of the points' values in each cell, shape (cells,)."""
+        return np.asarray(values.reshape(self._cells.size, len(self._points)).max(axis=1, initial=0.0))
+
+    @property
+    def speeds(self) -> Vector:
+        """See ``SurfaceVelocity``."""
+        return self._by_cell(self._speeds)
+
+    @property
+    def slopes(self) -> Vector:
+        """See ``SurfaceVelocity``."""
+        return self._by_cell(self._slopes)
 
     @property
     def profile(self) -> Profile:
