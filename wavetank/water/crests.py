@@ -120,9 +120,7 @@ def _above(height: Vector, steep: NDArray[np.bool_], *, ripple: float) -> NDArra
     return above
 
 
-def peaks(
-    height: Vector, *, ripple: float, among: NDArray[np.bool_] | None = None
-) -> list[tuple[int, int, int]]:
+def peaks(height: Vector, *, ripple: float, among: NDArray[np.bool_] | None = None) -> list[tuple[int, int, int]]:
     """Return where the peaks are that stand out by a ``ripple`` on both sides: (trough, peak, trough) each.
 
     Places that are not ``among`` those looked at have none.
