@@ -26,7 +26,7 @@ class ShortWaves:
         self._highest = waves.largest_frequency, highest
 
     def largest_frequency(self, flow: SurfaceVelocity, *, least: float = 0.0) -> float:
-        """Return the largest frequency [rad/s] on the surface as it moves now, ``least`` if that is more; collective."""
+        """Return the largest frequency [rad/s] on the surface as it moves, ``least`` if that is more; collective."""
         still, k = self._highest
         if still + k * flow.largest_velocity <= least:
             return least
