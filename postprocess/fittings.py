@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
+from wavetank.case.moving_wall import ShapedWall
 from wavetank.case.sponges import EndSponge, FormulaSponge, Sponge
-from wavetank.case.walls import ShapedWall, Wall
+from wavetank.case.walls import Wall
 from wavetank.records.directory import GAUGES, RunDirectory
 from wavetank.records.series import GaugeSeries
 

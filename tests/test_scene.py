@@ -20,6 +20,7 @@ from wavetank.case import (
     RunNoun,
     Scene,
     SceneError,
+    SegmentedFlapWall,
     SegmentedPistonWall,
     SinusoidMotion,
     SliceTank,
@@ -211,8 +212,8 @@ def test_what_needs_dolfinx_has_a_row_for_every_noun_in_its_table():
         return set(get_args(get_args(union)[0]))
 
     assert set(FOOTPRINTS) == nouns(Tank) and set(SPONGES) == nouns(Sponge) and set(WATERS) == set(get_args(Physics))
-    moving = nouns(Wall) - {FixedWall}
-    assert set(WALLS["nonlinear"]) == moving == {*WALLS["linear"], SegmentedPistonWall}  # refused by linear water
+    moving, segmented = nouns(Wall) - {FixedWall}, {SegmentedPistonWall, SegmentedFlapWall}
+    assert set(WALLS["nonlinear"]) == moving == {*WALLS["linear"], *segmented}  # refused by linear water
 
 
 def test_data_references_are_kept_in_the_dump(case, tmp_path, monkeypatch):

@@ -1,7 +1,6 @@
 """A segmented paddle: waves that leave it at an angle, or meet from many directions. Angles are in degrees from x."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -9,14 +8,15 @@ from pydantic import Field
 
 from wavetank import motions
 from wavetank.case.groups import KEY, FocusingWaves, SpectralWaves
-from wavetank.case.moving_wall import MovingWall
+from wavetank.case.moving_wall import HingedWall, MovingWall
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank
+from wavetank.case.wave_files import ComponentFile, SurfaceFile
 from wavetank.meshes import MeshFile
 from wavetank.motions.segmented import joints, widest_segment
 from wavetank.theory import airy
-from wavetank.theory.plane_waves import waves_along
-from wavetank.theory.wavemaker import PISTON
+from wavetank.theory.plane_waves import PlaneWaves, waves_along
+from wavetank.theory.wavemaker import PISTON, Wavemaker
 from wavetank.values.noun import Noun, Problem, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
 
@@ -24,6 +24,7 @@ Spreading = Annotated[float, Field(ge=0, le=1000)]
 Deviation = Annotated[float, Field(ge=0.1, le=90)]
 PLACES = 101  # at which a paddle without segments is looked at
 SEGMENTS = 1000  # at most
+NARROW = 1e-3  # of the energy of a file's waves: of so little the segments may be too wide
 TERMS = 20_000_000  # of a motion's sum over components, directions and places, at most: 320 MB
 
 
@@ -46,7 +47,7 @@ class ObliqueWaveMotion(Noun):
     angle: float = Field(gt=-90, lt=90, description="direction theta of the wave [deg], positive towards y")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
-    def wave(self, tank: AnyTank) -> motions.ObliqueWave:
+    def wave(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.ObliqueWave:
         """Return the motion without its ramp."""
         return motions.ObliqueWave(
             amplitude=self.wave_amplitude,
@@ -54,11 +55,12 @@ class ObliqueWaveMotion(Noun):
             angle=float(np.radians(self.angle)),
             depth=tank.depth,
             gravity=tank.gravity,
+            maker=maker,
         )
 
-    def build(self, tank: AnyTank) -> motions.Motion:
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the ramped motion."""
-        return motions.ramped(self.wave(tank), 2 * self.period if self.ramp is None else self.ramp)
+        return motions.ramped(self.wave(tank, maker), 2 * self.period if self.ramp is None else self.ramp)
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves."""
@@ -76,10 +78,10 @@ class _FanOfWaves(FocusingWaves):
         default=0.0, ge=0, le=1000, description="exponent s of the directions' shares cos^2s(theta/2); 0: all alike"
     )
 
-    def focus(self, tank: AnyTank) -> motions.DirectionalFocus:
+    def focus(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalFocus:
         """Return the focus as in a sea without side walls, without its ramp."""
         fan = motions.Fan(float(np.radians(self.largest_angle)), self.directions, self.spreading)
-        return motions.DirectionalFocus(group=self.group(tank), fan=fan, focus_y=self.focus_y)
+        return motions.DirectionalFocus(group=self.group(tank, maker), fan=fan, focus_y=self.focus_y)
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
@@ -109,9 +111,9 @@ class DirectionalFocusMotion(_FanOfWaves):
 
     type: Literal["directional-focus"] = "directional-focus"
 
-    def build(self, tank: AnyTank) -> motions.Motion:
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the ramped motion."""
-        return motions.ramped(self.focus(tank), self.ramp_in(tank))
+        return motions.ramped(self.focus(tank, maker), self.ramp_in(tank))
 
     def earliest_focus(self, tank: AnyTank) -> float:
         """Return the earliest focus time [s] that the ramp allows; oblique waves have the longest way."""
@@ -142,14 +144,14 @@ class ReflectedFocusMotion(_FanOfWaves):
         modes = (high - low) / np.pi * float(self.group(scene.tank).k[-1])
         return max(super()._places(scene), int(min(modes, TERMS)))
 
-    def waves(self, tank: AnyTank) -> motions.ReflectedFocus:
+    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.ReflectedFocus:
         """Return the motion without its ramp."""
         low, high = span(tank)
-        return motions.ReflectedFocus(focus=self.focus(tank), low=low, high=high)
+        return motions.ReflectedFocus(focus=self.focus(tank, maker), low=low, high=high)
 
-    def build(self, tank: AnyTank) -> motions.Motion:
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the ramped motion."""
-        return motions.ramped(self.waves(tank), self.ramp_in(tank))
+        return motions.ramped(self.waves(tank, maker), self.ramp_in(tank))
 
     def earliest_focus(self, tank: AnyTank) -> float:
         """Return the earliest focus time [s] that the ramp allows; waves across the basin are the slowest."""
@@ -175,25 +177,24 @@ class DirectionalIrregularMotion(SpectralWaves):
 
     _one_spread = one_of("spreading", "deviation")
 
-    def waves(self, tank: AnyTank) -> motions.DirectionalSea:
+    def waves(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.DirectionalSea:
         """Return the motion without its ramp."""
         f, spectrum = self.frequencies(tank), self.spectrum.build(tank)
         height, seed = self.significant_height, self.seed
         amplitudes, phases = motions.irregular(spectrum, f, significant_height=height, seed=seed)
         chance = motions.uniform(self.seed, 3, f.size)[2]
         angles = motions.drawn(self._density, chance, largest=float(np.radians(self.largest_angle)))
-        along = waves_along(f, amplitudes, phases, depth=tank.depth, gravity=tank.gravity)
-        target = replace(along, k_x=along.k_x * np.cos(angles), k_y=along.k_x * np.sin(angles))
-        return motions.DirectionalSea(target, PISTON)
+        target = waves_along(f, amplitudes, phases, angles=angles, depth=tank.depth, gravity=tank.gravity)
+        return motions.DirectionalSea(target, maker)
 
     def _density(self, angle: motions.Array) -> motions.Array:
         if self.spreading is not None:
             return np.asarray(np.cos(angle / 2.0) ** (2.0 * self.spreading))
         return np.asarray(np.exp(-0.5 * (np.degrees(angle) / self.deviation) ** 2))
 
-    def build(self, tank: AnyTank) -> motions.Motion:
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the ramped motion."""
-        return motions.ramped(self.waves(tank), self.ramp_in(tank))
+        return motions.ramped(self.waves(tank, maker), self.ramp_in(tank))
 
     def widest_segment(self, tank: AnyTank) -> float:
         """Return the width [m] beyond which segments make spurious waves: the shortest and most oblique are first."""
@@ -211,16 +212,86 @@ class DirectionalIrregularMotion(SpectralWaves):
         yield from super().problems(scene)
 
 
+class _SentWaves(Noun):
+    """Plane waves of a file, each in its own direction; side walls reflect them."""
+
+    y: Coordinate = Field(default=0.0, description="where they are told, across the tank [m]")
+
+    def plane_waves(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves, by linear theory."""
+        raise NotImplementedError
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        raise NotImplementedError
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the ramped motion; raises ``SceneError`` if the file cannot be had or read."""
+        return motions.ramped(motions.DirectionalSea(self.plane_waves(tank), maker), self.ramp_in(tank))
+
+    def widest_segment(self, tank: AnyTank) -> float:
+        """Return the width [m] beyond which segments make spurious waves, of all but a thousandth of the energy."""
+        waves = self.plane_waves(tank)
+        k, angles = np.hypot(waves.k_x, waves.k_y), np.arctan2(waves.k_y, waves.k_x)
+        widest = np.array([widest_segment(*map(float, one)) for one in zip(k, angles, strict=True)])
+        narrow_first = np.argsort(widest)
+        energy = np.cumsum(np.abs(waves.amplitudes[narrow_first]) ** 2)
+        return float(widest[narrow_first][np.searchsorted(energy, NARROW * energy[-1])])
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield too many waves to sum up."""
+        places = scene.wall.places(scene.tank)
+        terms = self.plane_waves(scene.tank).omega.size * (PLACES if places is None else places.size)
+        if terms > TERMS:
+            allowed = f"must have fewer waves: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
+            yield Problem((*KEY, "file"), None, allowed)
+
+
+class DirectionalComponentsMotion(ComponentFile, _SentWaves):
+    """Waves by their components in a file, each at an angle: sum a cos(omega (t - time) + phase) at (x, y)."""
+
+    type: Literal["components"] = "components"
+
+    def plane_waves(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves, by linear theory."""
+        return self.target(tank, self.y)
+
+
+class DirectionalSurfaceMotion(SurfaceFile, _SentWaves):
+    """Waves of one direction by the elevation that is wished for at a place, from a file."""
+
+    type: Literal["surface"] = "surface"
+    angle: float = Field(default=0.0, gt=-90, lt=90, description="direction of the waves [deg], positive towards y")
+
+    def plane_waves(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves, by linear theory."""
+        return self.target(tank, self.y, float(np.radians(self.angle)))
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield what is wrong with the place and the times, and too many waves to sum up."""
+        found = list(super().problems(scene))
+        yield from found or _SentWaves.problems(self, scene)
+
+    @property
+    def way(self) -> float:
+        """How far the waves go from the paddle to x [m]."""
+        return self.x / float(np.cos(np.radians(self.angle)))
+
+
 SegmentedPaddleMotion = Annotated[
-    ObliqueWaveMotion | DirectionalFocusMotion | ReflectedFocusMotion | DirectionalIrregularMotion,
+    ObliqueWaveMotion
+    | DirectionalFocusMotion
+    | ReflectedFocusMotion
+    | DirectionalIrregularMotion
+    | DirectionalComponentsMotion
+    | DirectionalSurfaceMotion,
     Field(discriminator="type", description="motion of the paddle's segments"),
 ]
 
 
-class SegmentedPistonWall(MovingWall):
-    """A vertical wall of many pistons side by side, each with its own motion."""
+class SegmentedWall(MovingWall):
+    """A wall of many paddles side by side, each with its own motion."""
 
-    type: Literal["segmented-piston"] = "segmented-piston"
     motion: SegmentedPaddleMotion
     segment: Length | None = Field(
         default=None, description="largest width of a segment [m]; default: no segments, continuous in y"
@@ -228,7 +299,7 @@ class SegmentedPistonWall(MovingWall):
 
     def paddle(self, tank: AnyTank) -> motions.Motion:
         """Return the motion of the paddle's segments, hinged to each other."""
-        motion = self.motion.build(tank)
+        motion = self.motion.build(tank, self.maker)
         return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
 
     def places(self, tank: AnyTank) -> motions.Array:
@@ -238,12 +309,13 @@ class SegmentedPistonWall(MovingWall):
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without a paddle of known width, too many segments, and what is wrong with reach and motion."""
+        kind = getattr(self, "type", None)
         if not np.isfinite(span(scene.tank)).all():
             allowed = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
-            yield Problem(("wall", "type"), self.type, allowed)
+            yield Problem(("wall", "type"), kind, allowed)
             return
         if scene.physics == "linear":
-            yield Problem(("wall", "type"), self.type, "needs nonlinear water (water.type), or must be a piston")
+            yield Problem(("wall", "type"), kind, "needs nonlinear water (water.type), or must be a piston")
         yield from super().problems(scene)
         low, high = span(scene.tank)
         if self.segment is not None and high - low > SEGMENTS * self.segment:
@@ -267,3 +339,15 @@ class SegmentedPistonWall(MovingWall):
             )
             yield Problem(("wall", "segment"), self.segment, allowed)
         yield from self.motion.problems(scene)
+
+
+class SegmentedPistonWall(SegmentedWall):
+    """A vertical wall of many pistons side by side, each with its own motion."""
+
+    type: Literal["segmented-piston"] = "segmented-piston"
+
+
+class SegmentedFlapWall(HingedWall, SegmentedWall):
+    """Many flaps side by side, hinged at one height, each with its own motion."""
+
+    type: Literal["segmented-flap"] = "segmented-flap"

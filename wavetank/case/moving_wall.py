@@ -1,18 +1,19 @@
-"""What walls that move have in common: the reach of their mapping."""
+"""What walls that move have in common: the reach of their mapping, and a shape."""
 
 from collections.abc import Iterator
 from typing import ClassVar
 
+import numpy as np
 from pydantic import Field
 
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
 from wavetank.motions import Array
 from wavetank.motions.extent import Extent
-from wavetank.motions.mapping import STEEPEST, largest_stroke
-from wavetank.theory.wavemaker import PISTON, Wavemaker
+from wavetank.motions.mapping import STEEPEST, TOP, largest_stroke
+from wavetank.theory.wavemaker import PISTON, Flap, Wavemaker
 from wavetank.values.noun import Noun, Problem
-from wavetank.values.quantities import Acceleration, Length, Speed
+from wavetank.values.quantities import Acceleration, Coordinate, Length, Speed, metres
 
 SIZES = (  # of a motion: keys by which the paddle goes far
     *("paddle_amplitude", "wave_amplitude", "linear_crest", "significant_height", "height", "heights"),
@@ -102,3 +103,40 @@ class MovingWall(Noun):
         """Yield a reach beyond the tank."""
         if self.reach is not None and self.reach > scene.tank.length:
             yield Problem(("wall", "reach"), self.reach, f"must be at most the tank's length, {scene.tank.length:g} m")
+
+
+class ShapedWall(MovingWall):
+    """A wall that moves at some heights farther than at others."""
+
+    shaped_by: ClassVar[str]  # the key that says its shape
+
+    def farther(self, tank: AnyTank) -> float:
+        """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
+        z = tank.depth * np.linspace(-1.0, TOP, 1001)
+        return float(np.abs(self.maker.share(z, tank.depth)).max())
+
+
+class HingedWall(ShapedWall):
+    """A wall that turns about a hinge; below a hinge above the bed it stands still."""
+
+    shaped_by: ClassVar[str] = "hinge"
+    hinge: Coordinate = Field(default=0.0, description="height of the hinge above the bed [m], negative below it")
+    stroke_height: Coordinate | None = Field(
+        default=None, description="height above the bed at which its motion is told [m]; default: still water"
+    )
+
+    @property
+    def maker(self) -> Flap:
+        """Its shape, by which it makes waves."""
+        return Flap(self.hinge, self.stroke_height)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a hinge above the water, a stroke's height that is not above it, and what is wrong with any paddle."""
+        depth, height = scene.tank.depth, self.stroke_height
+        if self.hinge >= depth:
+            yield Problem(("wall", "hinge"), self.hinge, f"must be below still water, less than {metres(depth)} m")
+        elif height is not None and height <= self.hinge:
+            allowed = f"must be above the hinge, more than {metres(self.hinge)} m"
+            yield Problem(("wall", "stroke_height"), height, allowed)
+        else:
+            yield from super().problems(scene)

@@ -2,10 +2,13 @@
 
 from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.case.directional import (
+    DirectionalComponentsMotion,
     DirectionalFocusMotion,
     DirectionalIrregularMotion,
+    DirectionalSurfaceMotion,
     ObliqueWaveMotion,
     ReflectedFocusMotion,
+    SegmentedFlapWall,
     SegmentedPistonWall,
 )
 from wavetank.case.gauge_lines import GaugeLine
@@ -59,8 +62,10 @@ __all__ = [
     "ComponentsMotion",
     "ComponentsTarget",
     "CrestTarget",
+    "DirectionalComponentsMotion",
     "DirectionalFocusMotion",
     "DirectionalIrregularMotion",
+    "DirectionalSurfaceMotion",
     "EndSponge",
     "FileSurface",
     "FixedWall",
@@ -105,6 +110,7 @@ __all__ = [
     "RunState",
     "Scene",
     "SceneError",
+    "SegmentedFlapWall",
     "SegmentedPistonWall",
     "SinusoidMotion",
     "SliceTank",

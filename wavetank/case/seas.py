@@ -2,25 +2,24 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
-from wavetank import data, motions
+from wavetank import motions
 from wavetank.case.groups import KEY, FocusingWaves, SpectralWaves
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
-from wavetank.motions.record_file import read_record
+from wavetank.case.wave_files import ComponentFile, SurfaceFile
 from wavetank.motions.wave_motion import WaveMotion
 from wavetank.theory import airy
 from wavetank.theory.plane_waves import PlaneWaves, waves_along
 from wavetank.theory.solitary_wave import HIGHEST_SOLITARY
 from wavetank.theory.stream_function import maximum_height
 from wavetank.theory.wavemaker import Wavemaker
-from wavetank.values.noun import FilePath, Noun, Problem, about, one_of
-from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, metres
+from wavetank.values.noun import Noun, Problem, one_of
+from wavetank.values.quantities import Duration, Frequency, Height, Length, Ramp
 
 STOKES_ENDS = 0.25  # of the wave: with a second harmonic as high its trough has a second crest; H L² / d³ = 26
 SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order
@@ -30,7 +29,6 @@ MOST_PAIRS = 2000  # components: of so many there are 4 million pairs
 Heights = Annotated[tuple[Height, Height], Strict(False)]
 Periods = Annotated[tuple[Duration, Duration], Strict(False)]
 Frequencies = Annotated[tuple[Frequency, Frequency], Strict(False)]
-Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "other"]
 
 
 class PaddleNoun(Noun):
@@ -257,123 +255,37 @@ class FocusedMotion(FocusingWaves, MadeWaves):
         yield from found or self.second_order_problems(scene)
 
 
-class ComponentsMotion(MadeWaves):
+class ComponentsMotion(ComponentFile, MadeWaves):
     """Waves by their components in a file: eta = scale sum a cos(omega (t - time) + phase) at x, by linear theory."""
 
     type: Literal["components"] = "components"
-    file: FilePath = Field(description="file with a row for each component")
-    columns: Annotated[tuple[Column, ...], Strict(False)] = Field(
-        default=("frequency", "amplitude", "phase"),
-        min_length=3,
-        max_length=20,
-        description="what its columns are: frequency in Hz or omega in rad/s, amplitude in m, phase in rad or lag, its "
-        "opposite, other",
-    )
-    x: Coordinate = Field(default=0.0, description="where the phases hold [m]")
-    time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="when they hold [s]")
-    scale: float = Field(default=1.0, ge=1e-12, le=1e12, description="factor of the amplitudes [-]")
-    phase: float = Field(default=0.0, ge=-360, le=360, description="added to all phases [deg]: 180 turns crests over")
-    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods of the highest")
-
-    @model_validator(mode="after")
-    def _enough_columns(self) -> "ComponentsMotion":
-        one_of_each = all(len({*pair} & {*self.columns}) == 1 for pair in (("frequency", "omega"), ("phase", "lag")))
-        if "amplitude" not in self.columns or not one_of_each:
-            raise ValueError("columns must have amplitude, one of frequency and omega, and one of phase and lag")
-        named = [name for name in self.columns if name != "other"]
-        if len({*named}) < len(named):
-            raise ValueError("columns must each be named once, but for other")
-        return self
-
-    @property
-    def reads_file(self) -> bool:
-        """Whether what fits it is known only when a file has been read: yes."""
-        return True
-
-    def components(self) -> tuple[motions.Array, motions.Array, motions.Array]:
-        """Return frequencies [Hz], amplitudes [m] and phases [rad], shape (N,), of components that are not 0.
-
-        Raises ``SceneError`` if the file cannot be had or read.
-        """
-        with about(*KEY, "file"):
-            return motions.read_components(data.resolve(self.file, Path()), self.columns)
 
     def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory."""
-        f, a, phase = self.components()
-        where = {"x": self.x, "time": self.time, "depth": tank.depth, "gravity": tank.gravity}
-        return motions.Sea(waves_along(f, self.scale * a, phase + np.radians(self.phase), **where), maker)
-
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        if self.ramp is not None:
-            return self.ramp
-        f, a, _ = self.components()
-        return 2.0 / float(f[np.abs(a).argmax()])
+        return motions.Sea(self.target(tank), maker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield what second-order generation cannot do."""
+        """Yield directions, of which it has none, and what second-order generation cannot do."""
+        if "direction" in self.columns:
+            allowed = "must have no direction, unless wall.type is of segments: all waves go along x"
+            yield Problem((*KEY, "columns"), None, allowed)
+            return
         yield from self.second_order_problems(scene)
 
 
-class SurfaceMotion(MadeWaves):
+class SurfaceMotion(SurfaceFile, MadeWaves):
     """Waves by the elevation that is wished for at a place, from a file: what paddle makes them, by linear theory."""
 
     type: Literal["surface"] = "surface"
-    file: FilePath = Field(description="file of t [s] and eta [m]")
-    x: Length = Field(description="where it is wished for [m]")
-    delay: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="added to the file's times [s]")
-    lowest_frequency: Frequency | None = Field(
-        default=None, description="of waves that are made [Hz]; default a quarter of their mean"
-    )
-    highest_frequency: Frequency | None = Field(
-        default=None, description="of waves that are made [Hz]; default four times their mean"
-    )
-    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the mean periods")
-
-    @property
-    def reads_file(self) -> bool:
-        """Whether what fits it is known only when a file has been read: yes."""
-        return True
-
-    def wished(self) -> motions.WishedSurface:
-        """Return the surface; raises ``SceneError`` if the file cannot be had or read, or has no such waves."""
-        with about(*KEY, "file"):
-            t, eta = read_record(data.resolve(self.file, Path()), column="elevation [m]")
-            band = self.lowest_frequency, self.highest_frequency
-            return motions.wished_surface(t + self.delay, eta, band=band)
 
     def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory."""
-        found = self.wished()
-        where = {"x": self.x, "time": found.begin, "depth": tank.depth, "gravity": tank.gravity}
-        return motions.Sea(waves_along(found.frequencies, found.amplitudes, found.phases, **where), maker)
-
-    def ramp_in(self, tank: AnyTank) -> float:
-        """Return the length of the ramp [s], default resolved."""
-        return 2.0 / self.wished().mean_frequency if self.ramp is None else self.ramp
+        return motions.Sea(self.target(tank), maker)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a place outside the tank, waves that come too late, and what second-order generation cannot do."""
-        if not self.x < scene.tank.length:
-            allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
-            yield Problem((*KEY, "x"), self.x, allowed)
-            return
-        found, ramp = self.wished(), self.ramp_in(scene.tank)
-        k = airy.wave_number(2.0 * np.pi * found.mean_frequency, scene.tank.depth, scene.tank.gravity)
-        travel = self.x / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
-        if found.begin < ramp + travel:
-            least = self.delay + ramp + travel - found.begin
-            allowed = f"must be at least {least:.4g} s: its waves need {travel:.4g} s from the ramp's end to x"
-            yield Problem((*KEY, "delay"), self.delay, allowed)
-        elif found.begin > travel + found.length:
-            allowed = f"must be at most {self.delay + travel + found.length - found.begin:.4g} s: a copy comes before"
-            yield Problem((*KEY, "delay"), self.delay, allowed)
-        elif scene.run.duration > (again := found.begin + 2.0 * found.length):
-            allowed = f"must be at most {again:.4g} s, when the record's waves come again"
-            yield Problem(("run", "duration"), scene.run.duration, allowed)
-        else:
-            yield from self.second_order_problems(scene)
+        found = list(super().problems(scene))
+        yield from found or self.second_order_problems(scene)
 
 
 class SolitaryWaveMotion(PaddleNoun):

@@ -8,19 +8,18 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motions
-from wavetank.case.directional import SegmentedPistonWall
+from wavetank.case.directional import SegmentedFlapWall, SegmentedPistonWall
 from wavetank.case.formulae import HeightFormulaText, HeightHelpers
-from wavetank.case.moving_wall import MovingWall
+from wavetank.case.moving_wall import HingedWall, MovingWall, ShapedWall
 from wavetank.case.paddles import PaddleMotion
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, RingTank
 from wavetank.errors import InputError
 from wavetank.motions.mapping import TOP
 from wavetank.motions.turned import ANGLES, UPSET
-from wavetank.theory.wavemaker import PISTON, Flap, Profile, Wavemaker
+from wavetank.theory.wavemaker import PISTON, Profile, Wavemaker
 from wavetank.values.formula import Formula
 from wavetank.values.noun import Noun, Problem
-from wavetank.values.quantities import Coordinate, metres
 
 
 class FixedWall(Noun):
@@ -84,37 +83,16 @@ class PistonWall(PaddleWall):
     type: Literal["piston"] = "piston"
 
 
-class ShapedWall(PaddleWall):
-    """A wall that moves as a whole, at some heights farther than at others."""
-
-    shaped_by: ClassVar[str]  # the key that says its shape
-
-    def farther(self, tank: AnyTank) -> float:
-        """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
-        z = tank.depth * np.linspace(-1.0, TOP, 1001)
-        return float(np.abs(self.maker.share(z, tank.depth)).max())
-
-
-class FlapWall(ShapedWall):
+class FlapWall(HingedWall, PaddleWall):
     """A rigid flap that turns about a hinge; below a hinge above the bed the wall stands still."""
 
-    shaped_by: ClassVar[str] = "hinge"
     type: Literal["flap"] = "flap"
-    hinge: Coordinate = Field(default=0.0, description="height of the hinge above the bed [m], negative below it")
-    stroke_height: Coordinate | None = Field(
-        default=None, description="height above the bed at which its motion is told [m]; default: still water"
-    )
     motion_as: Literal["stroke", "angle"] = Field(
         default="stroke",
         description="what the numbers of a sinusoid, a formula, a function or a record are: the horizontal position at "
         "stroke_height in metres, or the angle from upright in radians, positive into the water; a record whose "
         "columns are named as in paddle.csv is of positions either way",
     )
-
-    @property
-    def maker(self) -> Flap:
-        """Its shape, by which it makes waves."""
-        return Flap(self.hinge, self.stroke_height)
 
     def paddle(self, tank: AnyTank) -> motions.Motion:
         """Return the motion at the stroke's height; raises ``SceneError`` if its file cannot be had or read."""
@@ -129,23 +107,18 @@ class FlapWall(ShapedWall):
         return told if self.motion_as == "stroke" else self.maker.arm(tank.depth) * float(np.tan(told))
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a hinge above the water, a stroke's height that is not above it, and what is wrong with any paddle."""
-        depth, height = scene.tank.depth, self.stroke_height
-        if self.hinge >= depth:
-            yield Problem(("wall", "hinge"), self.hinge, f"must be below still water, less than {metres(depth)} m")
-        elif height is not None and height <= self.hinge:
-            allowed = f"must be above the hinge, more than {metres(self.hinge)} m"
-            yield Problem(("wall", "stroke_height"), height, allowed)
-        elif self.motion_as == "angle" and self.motion.by_waves:
+        """Yield what is wrong with any hinged wall, or an angle that is told of a motion that cannot be."""
+        found = list(super().problems(scene))
+        if found or self.motion_as == "stroke":
+            yield from found
+        elif self.motion.by_waves:
             allowed = f"must be left out: a motion of type {self.motion.type} is found for its waves, not told"
             yield Problem(("wall", "motion_as"), self.motion_as, allowed)
-        elif self.motion_as == "angle" and (angle := super().amplitude(scene.tank)) >= UPSET:
+        elif (angle := super().amplitude(scene.tank)) >= UPSET:
             yield Problem(("wall", "motion", "paddle_amplitude"), angle, ANGLES)
-        else:
-            yield from super().problems(scene)
 
 
-class ProfileWall(ShapedWall):
+class ProfileWall(ShapedWall, PaddleWall):
     """A wall of any shape, x = f(z) X(t)."""
 
     shaped_by: ClassVar[str] = "shape"
@@ -173,7 +146,7 @@ class ProfileWall(ShapedWall):
         yield from super().problems(scene)
 
 
-AnyWall = FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall
+AnyWall = FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall | SegmentedFlapWall
 Wall = Annotated[AnyWall, Field(discriminator="type", description="the wall at x = 0")]
 FarWall = Annotated[
     AnyWall,

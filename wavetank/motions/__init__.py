@@ -2,7 +2,7 @@
 
 from wavetank.motions.at_rest import AtRest
 from wavetank.motions.by_formula import ByFormula
-from wavetank.motions.component_file import read_components
+from wavetank.motions.component_file import Components, read_components
 from wavetank.motions.directional_focus import DirectionalFocus
 from wavetank.motions.directional_sea import DirectionalSea, drawn
 from wavetank.motions.fan import Fan
@@ -27,6 +27,7 @@ __all__ = [
     "Array",
     "AtRest",
     "ByFormula",
+    "Components",
     "DirectionalFocus",
     "DirectionalSea",
     "Fan",

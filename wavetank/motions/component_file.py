@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,8 +13,17 @@ from wavetank.values.columns import read_columns
 MOST = 10_000
 
 
-def read_components(path: Path, columns: Sequence[str]) -> tuple[Array, Array, Array]:
-    """Return frequencies [Hz], amplitudes [m] and phases [rad], shape (N,), of the components that are not 0.
+class Components(NamedTuple):
+    """Waves by their frequencies [Hz], amplitudes [m], phases [rad] and angles to x [rad], shape (N,) each."""
+
+    frequencies: Array
+    amplitudes: Array
+    phases: Array
+    angles: Array
+
+
+def read_components(path: Path, columns: Sequence[str]) -> Components:
+    """Return the components that are not 0; angles are 0 where no column has them.
 
     Parameters
     ----------
@@ -21,7 +31,7 @@ def read_components(path: Path, columns: Sequence[str]) -> tuple[Array, Array, A
         The file.
     columns
         What is in its columns: "frequency" [Hz] or "omega" [rad/s], "amplitude", "phase" or "lag", its
-        opposite, and what else there is.
+        opposite, "direction" [deg], and what else there is.
 
     Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not that many finite numbers,
     if a frequency is not positive, or where no component is left, or more than ``MOST``.
@@ -37,4 +47,9 @@ def read_components(path: Path, columns: Sequence[str]) -> tuple[Array, Array, A
     if not 0 < kept.sum() <= MOST:
         raise InputError(f"{path}: {kept.sum()} components received; allowed are 1 to {MOST}.")
     phase = by_name["phase"] if "phase" in by_name else -by_name["lag"]
-    return f[kept], by_name["amplitude"][kept], phase[kept]
+    angles = np.radians(by_name.get("direction", 0.0 * f))
+    for one, line in zip(angles, lines, strict=True):
+        if not abs(one) < np.pi / 2:
+            received = f"a direction of {np.degrees(one):g} deg received"
+            raise InputError(f"{path}, line {line}: {received}; allowed are more than -90 and less than 90.")
+    return Components(f[kept], by_name["amplitude"][kept], phase[kept], angles[kept])

@@ -5,7 +5,7 @@ part cos(theta) along x; projected on the depth profile as for a wave along x (`
 
     eta = Re(-i c / cos(theta) b exp(i (k_x x + k_y y - omega t))),   k_x = k cos(theta),
 
-c being the height to stroke of a piston. Hence X = a cos(theta) / c sin(omega t - k_y y) makes
+c being the height to stroke of the paddle. Hence X = a cos(theta) / c sin(omega t - k_y y) makes
 
     eta = a cos(k_x x + k_y y - omega t).
 
@@ -21,7 +21,7 @@ import numpy as np
 from wavetank.motions.motion import Array, SegmentedMotion
 from wavetank.theory import airy
 from wavetank.theory.plane_waves import PlaneWaves
-from wavetank.theory.wavemaker import PISTON
+from wavetank.theory.wavemaker import PISTON, Wavemaker
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,6 +38,8 @@ class ObliqueWave(SegmentedMotion):
         theta [rad], from the x axis, positive towards y, less than pi / 2 either way.
     depth, gravity
         Still-water depth [m] and gravity [m/s^2].
+    maker
+        The paddle's shape.
     """
 
     amplitude: float
@@ -45,6 +47,7 @@ class ObliqueWave(SegmentedMotion):
     angle: float
     depth: float
     gravity: float
+    maker: Wavemaker = PISTON
 
     @cached_property
     def omega(self) -> float:
@@ -59,7 +62,7 @@ class ObliqueWave(SegmentedMotion):
     @cached_property
     def paddle_amplitude(self) -> float:
         """The snake's amplitude a cos(theta) / c [m]."""
-        return float(self.amplitude * np.cos(self.angle) / PISTON.transfer(self.k, self.depth))
+        return float(self.amplitude * np.cos(self.angle) / self.maker.transfer(self.k, self.depth))
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sine's derivative."""

@@ -1,7 +1,7 @@
 """What a step costs by: the kind of waves, and the entries of the operator."""
 
-from wavetank.case import FlapWall, Physics, Scene
-from wavetank.case.walls import ShapedWall
+from wavetank.case import Physics, Scene
+from wavetank.case.moving_wall import HingedWall, ShapedWall
 
 DEARER = {"leaning": 1.3, "bent": 1.5}  # paddles, over a piston: flaps hinged at the bed or below it; other shapes
 
@@ -12,7 +12,7 @@ def kind_of(scene: Scene, physics: Physics) -> str:
     if physics == "linear" or not wall.moves:
         return physics
     if isinstance(wall, ShapedWall):
-        return "leaning" if isinstance(wall, FlapWall) and wall.hinge <= 0.0 else "bent"
+        return "leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else "bent"
     return "driven"
 
 

@@ -6,9 +6,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.case import FlapWall, Physics, PistonWall, ProfileWall, Scene, SegmentedPistonWall
-from wavetank.case.moving_wall import MovingWall
-from wavetank.case.walls import ShapedWall
+from wavetank.case import (
+    FlapWall,
+    Physics,
+    PistonWall,
+    ProfileWall,
+    Scene,
+    SegmentedFlapWall,
+    SegmentedPistonWall,
+)
+from wavetank.case.moving_wall import MovingWall, ShapedWall
 from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
 from wavetank.motions.mapping import STEEPEST
@@ -146,6 +153,7 @@ WALLS: dict[Physics, dict[type[Noun], Kind]] = {
         FlapWall: Kind(Shaped, _shaped),
         ProfileWall: Kind(Shaped, _shaped),
         SegmentedPistonWall: Kind(Piston, _piston),
+        SegmentedFlapWall: Kind(Shaped, _shaped),
     },
     "linear": {
         PistonWall: Kind(LinearPaddle, _linear_piston),

@@ -70,14 +70,16 @@ def waves_along(
     gravity: float,
     x: float = 0.0,
     time: float = 0.0,
+    angles: ArrayLike = 0.0,
+    y: float = 0.0,
 ) -> PlaneWaves:
-    """Return waves along x that are sum a cos(omega (t - time) + phase) at x.
+    """Return waves along x, or at angles to it [rad], that are sum a cos(omega (t - time) + phase) at (x, y).
 
-    Frequencies [Hz], amplitudes [m] and phases [rad] of one shape, (N,); x [m], time [s], depth [m], gravity [m/s²].
+    Frequencies [Hz], amplitudes [m] and phases [rad] of one shape, (N,), angles of that or one for all; x, y [m],
+    time [s], depth [m], gravity [m/s²].
     """
     omega = np.asarray(2.0 * np.pi * np.asarray(frequencies, dtype=np.float64))
     k = wave_number(omega, depth, gravity)
-    turned = np.exp(-1j * (k * x - omega * time + np.asarray(phases)))
-    return PlaneWaves(
-        amplitudes=amplitudes * turned, k_x=k, k_y=np.zeros_like(k), omega=omega, depth=depth, gravity=gravity
-    )
+    k_x, k_y = k * np.cos(angles), k * np.sin(angles)
+    turned = np.exp(-1j * (k_x * x + k_y * y - omega * time + np.asarray(phases)))
+    return PlaneWaves(amplitudes=amplitudes * turned, k_x=k_x, k_y=k_y, omega=omega, depth=depth, gravity=gravity)

@@ -71,10 +71,14 @@ class Piston:
         self.axis = ufl.as_vector([float(side.sign * part) for part in side.normal[: plane.mesh.geometry.dim]])
         self.cells = self._carried(s)
         self.carried = plane.over(self.cells)
-        self._on_paddle = ufl.ds(domain=plane.mesh, subdomain_data=side.facets)(1)
+        self._on_paddle = self._facets()
         self._into = -ufl.inner(ufl.FacetNormal(plane.mesh), self.axis)
         self.mapping = self.after(0.0)
         self.set_time(0.0)
+
+    def _facets(self) -> ufl.Measure:
+        """Return the measure over the paddle."""
+        return ufl.ds(domain=self._plane.mesh, subdomain_data=self.side.facets)(1)
 
     @property
     def paddles(self) -> tuple["Piston"]:

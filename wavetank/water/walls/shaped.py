@@ -8,6 +8,8 @@ The mapping is x = X + s(X) f(z) X_p, so that a column of water h has the mass
 
 from typing import Protocol
 
+import ufl
+
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
 from wavetank.fe.mass import MassMatrix
@@ -27,6 +29,10 @@ class Shaped(Piston):
     part = Part("wall", "∫ ψ ∇·(s G) dX + Ẋ_p ∫ h f φ dζ at the paddle,  G = Ẋ_p ∫ f dz")
     told = "x = X + s(X) f(z) X_p, F = ∂x/∂X, J = det F: a wall of the shape f moves"
     leans = True
+
+    def _facets(self) -> ufl.Measure:
+        """Return the measure over the paddle, of the water's quadrature: a shape's powers would ask for far more."""
+        return super()._facets()(metadata=self._plane.dx.metadata())
 
     def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
         """Return what finds columns by Newton's method."""

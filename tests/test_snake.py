@@ -1,0 +1,196 @@
+"""Segmented flaps, and waves of files from any segmented paddle, against linear theory done another way."""
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from mpi4py import MPI
+from pydantic import ValidationError
+from test_flaps import BALANCE, GRAVITY
+
+from wavetank.case import RegularMotion, Scene, SliceTank
+from wavetank.errors import InputError
+from wavetank.fe.plane import Plane
+from wavetank.motions import ObliqueWave, PiecewiseLinear
+from wavetank.motions.motion import SegmentedMotion
+from wavetank.observers.energy import EnergyBudget
+from wavetank.observers.record import Memory
+from wavetank.runs.build import build_run
+from wavetank.runs.footprints import build_footprint
+from wavetank.theory import airy
+from wavetank.theory.wavemaker import Flap, modes, norm
+from wavetank.water.walls import Polynomial, Shaped
+from wavetank.water.waves import NonlinearWaves, Tolerances
+
+DEPTH, LENGTH, WIDTH = 1.0, 3.0, 2.0
+OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 30.0}
+Y = np.linspace(0.0, WIDTH, 9)
+
+
+def scene(motion=OBLIQUE, *, duration=20.0, size=0.5, n=5, **wall):
+    layout = {"type": "rectangle", "length": LENGTH, "width": WIDTH}
+    numerics = {"cell_size": size, "order": 3, "vertical_order": n, "dt": 0.04, "tolerance": 1e-10}
+    parts = {"tank": {"type": "basin", "depth": DEPTH, "layout": layout}, "run": {"duration": duration}}
+    wall = {"type": "segmented-flap", "motion": motion, **wall}
+    return Scene.model_validate({**parts, "wall": wall, "numerics": numerics})
+
+
+# ---------------------------------------------------------------- motions
+def test_a_snake_of_flaps_moves_by_their_transfer_function():
+    """Along x a flap's own; at an angle that of pistons by the ratio of heights over strokes; hinged segments."""
+    flap = scene({**OBLIQUE, "angle": 0.0}, hinge=0.2).motion()
+    regular = RegularMotion(height=0.04, period=1.3).build(SliceTank(length=9.0, depth=DEPTH), Flap(0.2))
+    t = np.linspace(0.0, 9.0, 40)
+    np.testing.assert_allclose(flap.position(t, Y), np.multiply.outer(regular.position(t), 1 + 0 * Y), atol=1e-9)
+    flap, piston = scene(hinge=0.2).motion(), scene(type="segmented-piston").motion()
+    k = piston.motion.k
+    ratio = 2 * np.sinh(k) / (np.sinh(2 * k) / (2 * k) + 1) / k  # Biesel's, over an arm of 0.8 m
+    ratio *= np.sinh(k) - (np.cosh(k) - np.cosh(0.2 * k)) / (0.8 * k)
+    ratio /= 2 * (np.cosh(2 * k) - 1) / (np.sinh(2 * k) + 2 * k)
+    np.testing.assert_allclose(flap.position(7.3, Y) * ratio, piston.position(7.3, Y), rtol=1e-9)
+    segments = scene(hinge=0.2, segment=0.5).motion()
+    assert isinstance(segments, PiecewiseLinear)
+    np.testing.assert_allclose(segments.position(7.3, Y[::2]), flap.position(7.3, Y[::2]), rtol=1e-12)
+    middles = segments.position(7.3, Y[1::2]) - 0.5 * (flap.position(7.3, Y[:-1:2]) + flap.position(7.3, Y[2::2]))
+    assert np.abs(middles).max() < 1e-12
+
+
+def test_components_of_a_file_go_their_own_ways(tmp_path):
+    """Each as an oblique wave of its own, its phase at (x, y) and its time."""
+    rows = np.array([[0.7, 0.02, 1.0, 25.0], [0.9, 0.01, -2.0, -40.0], [0.8, 0.015, 0.5, 0.0]])
+    np.savetxt(tmp_path / "waves.txt", rows)
+    told = {"columns": ["frequency", "amplitude", "phase", "direction"], "x": 1.5, "y": 0.7, "time": 4.0}
+    motion = {"type": "components", "file": str(tmp_path / "waves.txt"), "ramp": 0, **told}
+    found, t, total = scene(motion, hinge=-0.5).motion(), 7.3, 0.0
+    for f, a, phase, angle in rows:
+        wave = {"amplitude": a, "period": 1 / f, "angle": np.radians(angle), "depth": DEPTH, "gravity": GRAVITY}
+        one = ObliqueWave(**wave, maker=Flap(-0.5))
+        later = (one.k * (np.cos(one.angle) * 1.5 + np.sin(one.angle) * 0.7) + phase) / one.omega
+        total = total + one.position(t - 4.0 + later, Y)
+    np.testing.assert_allclose(found.position(t, Y), total, atol=1e-9)
+    eta = sum(a * np.cos(2 * np.pi * f * (t - 4.0) + phase) for f, a, phase, _ in rows)
+    assert found.target.elevation(1.5, t, y=0.7) == pytest.approx(eta, abs=1e-12)
+    whole = {"type": "flap", "motion": {**motion, "columns": told["columns"]}}
+    del whole["motion"]["y"]
+    tank = {"length": 9.0, "depth": DEPTH}
+    with pytest.raises(InputError, match=r"wall\.motion\.columns: must have no direction"):
+        Scene.model_validate({"tank": tank, "wall": whole, "run": {"duration": 5.0}}).motion()
+    rows[1, 3] = 90.0
+    np.savetxt(tmp_path / "waves.txt", rows)
+    with pytest.raises(InputError, match="line 2: a direction of 90 deg received"):
+        scene(motion).motion()
+
+
+def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
+    """The record is what its plane waves make at (x, y); where they go straight, all of the paddle moves alike."""
+    t = np.linspace(0.0, 40.0, 801)
+    eta = 0.01 * np.cos(2 * np.pi * 0.8 * t) * np.exp(-(((t - 20.0) / 5.0) ** 2))
+    np.savetxt(tmp_path / "eta.txt", np.column_stack([t, eta]))
+    motion = {"type": "surface", "file": str(tmp_path / "eta.txt"), "x": 2.0, "y": 0.7, "delay": 10.0}
+    found = scene({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5).motion().motion
+    np.testing.assert_allclose(found.target.elevation(2.0, t + 10.0, y=0.7), eta, atol=2e-5)
+    assert np.degrees(np.arctan2(found.target.k_y, found.target.k_x)) == pytest.approx(35.0)
+    straight = scene(motion, duration=60.0).motion().position(31.0, Y)
+    assert np.ptp(straight) < 1e-9 < 1e-4 < np.abs(straight).max()
+    with pytest.raises(InputError, match=r"delay = -20\.0: must be at least"):
+        scene({**motion, "delay": -20}, duration=60.0).motion()
+
+
+def test_segments_too_wide_for_what_a_flap_makes_are_a_sentence():
+    with pytest.raises(ValidationError, match=r"wall\.segment = 2\.0: must be at most 1\.\d+ m, the shortest wave's"):
+        scene(segment=2.0)
+    with pytest.raises(ValidationError, match=r"wall\.hinge = 1\.5: must be below still water"):
+        scene(hinge=1.5)
+
+
+# ---------------------------------------------------------------- water
+class Standing(SegmentedMotion):
+    """X = sin(t) cos(k_y y): at t = 0 it stands upright, and goes 1 m/s where y = 0."""
+
+    def __init__(self, k_y):
+        self.k_y = k_y
+
+    def derivative(self, t, order, y=None):
+        """Return the sine's."""
+        return np.multiply.outer(np.sin(t + order * np.pi / 2), np.cos(self.k_y * y))
+
+
+def closed(maker, omega, x, k_y):
+    """Return the elevation [m] of linear waves of a snake's metre in a closed basin, by eigenfunctions, at y = 0."""
+    found = np.append(
+        airy.wave_number(np.array([omega]), DEPTH, GRAVITY) + 0j,
+        1j * modes(np.array([omega]), DEPTH, GRAVITY, count=300)[0],
+    )[:, None]
+    k = np.sqrt(found**2 - k_y**2)
+    ratio = 1j * (np.exp(1j * k * (2 * LENGTH - x)) + np.exp(1j * k * x)) / (np.exp(2j * k * LENGTH) - 1)
+    return (omega**2 / GRAVITY * maker.moment(found, DEPTH) / norm(found, DEPTH) / k * ratio).real.sum(axis=0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hinge", [0.0, 0.3])
+def test_a_snake_of_flaps_makes_biesels_oblique_waves(hinge):
+    """The limit of small strokes in a closed basin, dying modes and all: response at rest against the series."""
+    kd, k_y, maker = 3.0, np.pi / WIDTH, Flap(hinge)
+    case = scene(hinge=hinge, n=8)
+    footprint = build_footprint(case, MPI.COMM_SELF)
+    plane = Plane(footprint.mesh, 3, footprint.chart, walls=footprint.facets_of)
+    shape = Polynomial.near(lambda z: maker.share(z, DEPTH), DEPTH, plane.mesh, kinks=maker.kinks(DEPTH))
+    wall = Shaped(Standing(k_y), plane=plane, reach=LENGTH, side=footprint.side(), shape=shape)
+    fine = Tolerances(stage=1e-9, interior=1e-10)
+    waves = NonlinearWaves(plane, depth=DEPTH, wall=wall, vertical_order=8, tolerances=fine)
+    rest, units = waves.columns.apply(np.full(plane.owned, DEPTH)), np.eye(plane.owned)
+    inflow = waves.H_p(rest, 0.0 * rest, 0.0)
+    G = np.array([waves.H_p(rest, unit, 0.0) - inflow for unit in units]).T
+    M = np.array([waves.mass.apply(unit) for unit in units]).T
+    waves.set_time(0.1)
+    carried = (waves.columns.apply(np.full(plane.owned, DEPTH)) - rest) / np.sin(0.1)  # masses that go with the mapping
+    inflow = inflow - carried
+    omega = float(airy.angular_frequency(kd / DEPTH, DEPTH, GRAVITY))
+    psi = np.linalg.solve(omega**2 / GRAVITY * M - G, -1j * omega * inflow)
+    eta = (1j * omega * psi / GRAVITY).real
+    exact = closed(maker, omega, plane.x, k_y) * np.cos(k_y * plane.places[:, 1])
+    size, away = np.abs(exact).max(), plane.x > 1.0
+    assert np.abs(eta - exact)[away].max() < 2e-3 * size
+    assert np.abs(eta - exact).max() < 2e-2 * size
+
+
+def bent(steps=10):
+    """Return a run of hinged flaps in segments of which each moves otherwise, with its water; collective."""
+    case = scene({**OBLIQUE, "ramp": 0.5}, hinge=0.3, segment=0.5, duration=0.4)
+    numerics = case.numerics.model_copy(update={"dt": 0.4 / steps})
+    return build_run(case.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
+
+
+def stepped():
+    """Return the energy, the drift of mass, and the elevation's square after ten steps of these; collective."""
+    run, waves = bent()
+    start = waves.total_mass(run.state.q)
+    run.observers = []
+    run.execute()
+    q, p, t = run.state.q, run.state.p, run.t
+    eta = waves.elevation(q, p, t)
+    return waves.energies(q, p, t).total, waves.total_mass(q) / start - 1.0, waves.plane.sum(eta**2)
+
+
+@pytest.mark.slow
+def test_a_snake_of_flaps_on_any_number_of_ranks(on_ranks):
+    """Mass is exact, and one, two and three ranks find the same."""
+    energy, drift, square = stepped()
+    assert abs(drift) < 1e-14 and energy > 1e-6 and square > 1e-6
+    for ranks in (2, 3):
+        for other, drifted, squared in on_ranks(stepped, ranks=ranks):
+            assert other == pytest.approx(energy, rel=1e-7) and squared == pytest.approx(square, rel=1e-7)
+            assert abs(drifted) < 1e-14
+
+
+@pytest.mark.slow
+def test_the_energy_of_a_snake_of_flaps_is_its_work():
+    """With kinks at the hinge and between segments, to the scheme's order in time."""
+    steps, errors = np.array([8, 16]), []
+    for count in steps:
+        run, waves = bent(count)
+        record = Memory()
+        run.observers = [EnergyBudget(waves, record=record, every=1)]
+        run.execute()
+        errors.append(np.abs(record.array()[:, BALANCE]).max())
+    assert fitted_slope(1.0 / steps, errors) == pytest.approx(4.0, abs=0.5)
+    assert errors[-1] < 1e-3 * record.array()[-1, 3]
