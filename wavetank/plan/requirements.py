@@ -35,8 +35,9 @@ from wavetank.motions.extent import values
 from wavetank.plan.kinds import kind_of
 from wavetank.theory import airy, standing_wave
 from wavetank.theory.conformal import SteadyWave
+from wavetank.theory.second_order import Strokes, second_order
 
-FREE = 1 / 3  # of k a: what a piston's free second harmonic has beyond the bound one; at k d = 3 both are 0.83 k a
+LEFT = 0.05  # of the free second harmonic: what second-order generation leaves of it, in steep waves
 MOST_COMPONENTS = 40
 MOST_TIMES = 2**16  # at which a motion is looked at: an hour of it in a tank 0.5 m deep
 DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
@@ -230,14 +231,21 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
 
 
 def _free_harmonic(waves: Components, k: float, scene: Scene) -> tuple[float, float, float, float]:
-    """Return wave number, frequency, amplitude and age of the free waves of twice the frequency that a paddle makes."""
-    depth, g = scene.tank.depth, scene.tank.gravity
+    """Return wave number, frequency, amplitude and age of the free waves of twice the frequency that a paddle makes.
+
+    Their amplitude is that of a regular wave as high (``theory/second_order.py``), at most that itself.
+    """
+    depth, g, maker = scene.tank.depth, scene.tank.gravity, scene.wall.maker
     size, energy = float(np.linalg.norm(waves.amplitude)), waves.amplitude**2
     omega = 2 * float(airy.angular_frequency(k, depth, g))
     free = float(airy.wave_number(omega, depth, g))
     first, second = (float(airy.group_velocity(np.array([one]), depth, g)[0]) for one in (k, free))
     age = min(float(energy @ waves.age / energy.sum()) * first / second, scene.run.duration)
-    return free, omega, size * min(1.0, stokes(k * size, k * depth).second + FREE * k * size), age
+    stroke = Strokes(np.array([omega / 2]), np.array([size / complex(maker.transfer(k, depth))]))
+    made_up = second_order(stroke, maker, depth=depth, gravity=g).b[0]
+    amplitude = min(size, float(abs(made_up) * maker.transfer(free, depth)))
+    taken = getattr(getattr(scene.wall, "motion", None), "generation", None) == "second-order"
+    return free, omega, LEFT * amplitude if taken else amplitude, age
 
 
 def _crest_velocity(k: float, crest: float, scene: Scene) -> float:
