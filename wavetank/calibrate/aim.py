@@ -24,6 +24,14 @@ class Elevation(NamedTuple):
     eta: Array
 
 
+class Crest(NamedTuple):
+    """A crest at its highest: height [m], place [m], time [s]."""
+
+    height: float
+    x: float
+    t: float
+
+
 @dataclass(frozen=True, eq=False)
 class Found:
     """What runs have come to.
@@ -40,6 +48,8 @@ class Found:
         Root mean square of what a record misses, over that of the record; not a number where none is wanted.
     odd
         Of the elevation what is odd in the waves, of runs with turned phases; None where there are none.
+    rival
+        Another crest that is nearly as high, if one is: the next run's highest may be that one.
     """
 
     crest: float
@@ -49,6 +59,7 @@ class Found:
     elevation: Elevation
     nrms: float = np.nan
     odd: Array | None = None
+    rival: Crest | None = None
 
 
 NOTHING = Found(np.nan, np.nan, np.nan, np.inf, Elevation(np.zeros(0), np.zeros(0)))

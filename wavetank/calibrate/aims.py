@@ -22,7 +22,8 @@ from wavetank.theory.plane_waves import PlaneWaves, waves_along
 from wavetank.theory.wave import Array
 from wavetank.values.noun import Problem, SceneError, about
 
-PADDLE = "must be a paddle that moves as a whole, in a slice: its motion is looked for"
+PADDLE = "must be a paddle that moves as a whole: its motion is looked for"
+SLICE = "must be a slice: waves are told by one place along it"
 MADE = "regular, bichromatic, irregular, focused, components or surface"
 FEWEST = 16  # rows of a record that count
 PER_PERIOD = 8  # times of a record in the shortest period
@@ -35,7 +36,9 @@ def aim_of(scene: Scene) -> Aim:
 
     Raises ``SceneError`` where there is none, or no waves for it.
     """
-    if not isinstance(scene.wall, PaddleWall) or scene.tank.type != "slice":
+    if scene.tank.type != "slice":
+        raise SceneError([Problem(("tank", "type"), scene.tank.type, SLICE)])
+    if not isinstance(scene.wall, PaddleWall):
         raise SceneError([Problem(("wall", "type"), scene.wall.type, PADDLE)])
     target = meant(scene) if scene.target is None else scene.target
     return AIMS[type(target)](target, scene)

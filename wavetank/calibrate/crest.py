@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wavetank.calibrate.aim import Aim, Elevation, Found, Setting, Tried, at
+from wavetank.calibrate.aim import Aim, Crest, Elevation, Found, Setting, Tried, at
 from wavetank.calibrate.waves import Scale, moved, scale
 from wavetank.case.targets import CrestTarget
 from wavetank.records.directory import RunDirectory
@@ -25,6 +25,7 @@ AROUND = 1.5  # wave lengths and periods around the target, in which the highest
 PLACES = 60  # in a wave length
 WAY = 1 / 3  # wave lengths on either side of its top, over which a crest is followed
 SAME_CREST = 0.6  # periods around its top, in which no other comes along there
+NEARLY = 0.03  # of the height: a crest that is so little lower may be the highest of the next run
 FEWEST = 6  # places that a fit needs
 FINER = 4  # times at which a crest is looked for, by those of the snapshots
 ROUNDS, SAME = 20, 1e-5  # of fits, until the place moves by less wave lengths
@@ -51,16 +52,20 @@ class CrestAim(Aim):
         return (0.0,)
 
     def found(self, runs: Sequence[RunDirectory]) -> Found:
-        """Return the highest crest around the target."""
+        """Return the highest crest around the target; of two that are alike within what is allowed the nearer."""
         (run,) = runs
         surface, wanted = run.snapshots(), self._target
         near = np.abs(surface.t - wanted.time) < AROUND * self._scale.period
         near = near if np.count_nonzero(near) > 3 else np.ones_like(near)
         kept = Surface(surface.t[near], surface.x[near], surface.eta[near], surface.psi[near])
         reach = AROUND * self._scale.length
-        crest, x, t = highest(kept, wanted.x - reach, wanted.x + reach, sizes=self._scale)
-        found = Found(crest, x, t, np.nan, at(run, self.x))
-        return replace(found, misfit=float((np.abs(self._missed(found)) / self._allowed).max()))
+        tops = crests(kept, wanted.x - reach, wanted.x + reach, sizes=self._scale)
+        alike = (top for top in tops if top.height > (1 - wanted.tolerance) * tops[0].height)
+        each = (Found(*top, np.nan, at(run, self.x)) for top in alike)
+        found = min(each, key=lambda one: float(np.abs(self._missed(one)[1:]).sum()))
+        rivals = (top for top in tops if top.x != found.x and top.height > (1 - NEARLY) * found.crest)
+        misfit = float((np.abs(self._missed(found)) / self._allowed).max())
+        return replace(found, misfit=misfit, rival=next(rivals, None))
 
     def _missed(self, found: Found) -> Array:
         wanted, sizes = self._target, self._scale
@@ -90,27 +95,35 @@ class CrestAim(Aim):
         return Elevation(np.array([self._target.time]), np.array([self._target.height]))
 
 
-def highest(surface: Surface, first: float, last: float, *, sizes: Scale) -> tuple[float, float, float]:
-    """Return height [m], place and time [s] of the highest crest between two places [m], of waves of some sizes.
+def crests(surface: Surface, first: float, last: float, *, sizes: Scale) -> list[Crest]:
+    """Return the highest crest between two places [m], of waves of some sizes, and the highest of the others.
 
     Along its way, a third of a wave length to either side, a crest's height is taken for exp(-x^2), of which a fit
     tells the top: on coarse cells there are ripples as long as a cell, of which now this one is the highest, now that.
     """
     first, last = max(first, float(surface.x[:, 0].max())), min(last, float(surface.x[:, -1].min()))
     places = np.linspace(first, last, max(8, int(PLACES * (last - first) / sizes.length)), dtype=np.float64)
-    row, column = divmod(int(np.argmax(eta := _elevation(surface, places))), places.size)
-    top = float(eta[row, column]), float(places[column]), float(surface.t[row])
+    eta, found, others = _elevation(surface, places), list[Crest](), np.ones((surface.t.size, places.size), dtype=bool)
+    while len(found) < 2 and others.any():
+        row, column = divmod(int(np.argmax(np.where(others, eta, -np.inf))), places.size)
+        guess = Crest(float(eta[row, column]), float(places[column]), float(surface.t[row]))
+        found.append(_top(surface, guess, first, last, sizes=sizes))
+        passing = guess.t + (places - guess.x) * sizes.period / sizes.length
+        others &= np.abs(surface.t[:, None] - passing) > SAME_CREST * sizes.period
+    return sorted(found, reverse=True)
+
+
+def _top(surface: Surface, guess: Crest, first: float, last: float, *, sizes: Scale) -> Crest:
+    """Return a crest's top, fitted until the guess is where it is."""
     for _ in range(ROUNDS):
-        before, top = top, _fitted(surface, top, first, last, sizes=sizes)
-        if abs(top[1] - before[1]) < SAME * sizes.length:
+        before, guess = guess, _fitted(surface, guess, first, last, sizes=sizes)
+        if abs(guess.x - before.x) < SAME * sizes.length:
             break
-    return top
+    return guess
 
 
-def _fitted(
-    surface: Surface, top: tuple[float, float, float], first: float, last: float, *, sizes: Scale
-) -> tuple[float, float, float]:
-    """Return height, place and time of a crest's top, fitted to its way around a guess; the guess where it has none."""
+def _fitted(surface: Surface, top: Crest, first: float, last: float, *, sizes: Scale) -> Crest:
+    """Return a crest's top, fitted to its way around a guess; the guess where it has none."""
     _, x, t = top
     near = np.abs(surface.t - t) < SAME_CREST * sizes.period
     part = Surface(surface.t[near], surface.x[near], surface.eta[near], surface.psi[near])
@@ -126,7 +139,7 @@ def _fitted(
     way = float(np.clip(-slope / (2 * bend), -WAY, WAY))
     passing = np.polyfit(ways, times, 1, w=weights)
     height = np.exp(at_guess + way * (slope + way * bend))
-    return float(height), float(np.clip(x + way * sizes.length, first, last)), float(np.polyval(passing, way))
+    return Crest(float(height), float(np.clip(x + way * sizes.length, first, last)), float(np.polyval(passing, way)))
 
 
 def _elevation(surface: Surface, places: Array) -> Array:

@@ -28,10 +28,12 @@ def told(one: Tried) -> str:
     if one.cause:
         return one.cause
     broke = f"; {one.broke} waves break" if one.broke else ""
+    other = found.rival
+    rival = f"; another of {other.height:.4g} m at {other.x:.4g} m, {other.t:.4g} s" if other else ""
     nrms = "" if np.isnan(found.nrms) else f"nrms {found.nrms:.3g}, "
     return (
-        f"crest {found.crest:.4g} m at x = {found.x:.4g} m, t = {found.t:.4g} s; {nrms}misfit {figures(found.misfit)} "
-        f"of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
+        f"crest {found.crest:.4g} m at x = {found.x:.4g} m, t = {found.t:.4g} s{rival}; {nrms}misfit "
+        f"{figures(found.misfit)} of what is allowed{broke}; {one.cpu:.1f} s of CPU time with {one.numerics} numerics"
     )
 
 
