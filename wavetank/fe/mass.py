@@ -173,8 +173,8 @@ class MassMatrix:
         """Return the product with owned values x, shape (owned,)."""
         return self._product(values[:, None])[:, 0]
 
-    def solve(self, right: Vector) -> Vector:
-        """Return the solution for owned values r, shape (owned,)."""
+    def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
+        """Return the solution for owned values r, shape (owned,), in whose energy so much squared may be missed."""
         self._make_ready()
         found, residual = np.zeros((right.size, 1)), np.array(right[:, None])
         conjugate_gradients(
@@ -182,7 +182,7 @@ class MassMatrix:
             self._precondition,
             found,
             residual,
-            within=lambda energy: ROUND_OFF**2 * energy,
+            within=lambda energy: within**2 * energy,
             comm=self._comm,
             most=self.most,
         )
@@ -217,8 +217,8 @@ class BandedMass(MassMatrix):
     def _prepare(self) -> None:
         self._kernel.call.factor_mass(self._cells, self._kernel.pointer(self._weights), self._factors)
 
-    def solve(self, right: Vector) -> Vector:
-        """Return the solution for owned values r, shape (owned,)."""
+    def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
+        """Return the solution for owned values r, shape (owned,), to round-off."""
         self._make_ready()
         found, at = np.empty_like(right), self._kernel.pointer
         self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(found), self._at_work)

@@ -11,8 +11,9 @@ import numpy as np
 from dolfinx.fem.petsc import interpolation_matrix
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, summed
 from wavetank.fe.cells import DECLARATION, Cells, defined, source
+from wavetank.fe.conjugate_gradients import dot
 from wavetank.fe.decoupled import LEVELS, Averages, LayerMatrices, Responding
 from wavetank.fe.halo import Halo
 from wavetank.fe.kernels import FLAGS, Kernel
@@ -172,7 +173,7 @@ class OrderMultigrid(Responding):
         return self._halo.collect(y)
 
     def _smooth(self, r: Singles, x: Singles) -> Singles:
-        """Improve x by the Chebyshev semi-iteration; return by what, its product r still has to lose; collective.
+        """Improve x by the Chebyshev semi-iteration; return by what, whose product r still has to lose; collective.
 
         Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1.
         """
@@ -191,24 +192,39 @@ class OrderMultigrid(Responding):
             keep, take, ratio = after * ratio, 2 * after / radius, after
         return direction
 
-    def _cycle(self, r: Singles) -> tuple[Singles, Singles]:
-        """Return what a cycle makes of a residual, and what its product is still to be taken from ``r`` of."""
+    def _cycle(self, r: Singles) -> Singles:
+        """Return what a cycle makes of a residual, which it changes; collective."""
         x = np.zeros_like(r)
         r -= self.product(self._smooth(r, x))
         correction = self._coarse.correction(r)
         x += correction
         r -= self.product(correction)
-        return x, self._smooth(r, x)
+        self._smooth(r, x)
+        return x
 
     def solve(self, right: Array, *, cycles: int = 1) -> Array:
-        """See ``Modes``."""
+        """See ``Modes``: of several cycles conjugate gradients make the best."""
         r: Singles = right.astype(np.float32)
-        x, last = self._cycle(r)
-        for _ in range(cycles - 1):
-            r -= self.product(last)
-            more, last = self._cycle(r)
-            x += more
+        if cycles == 1:
+            return self._cycle(r)
+        x, p = np.zeros_like(r), np.zeros_like(r)
+        before = np.inf
+        for _ in range(cycles):
+            z = self._cycle(r.copy())
+            energy = self._inner(r, z)
+            if not energy > 0.0:
+                break
+            p *= energy / before
+            p += z
+            image = self.product(p)
+            length = np.float32(energy / self._inner(p, image))
+            x += length * p
+            r -= length * image
+            before = energy
         return x
+
+    def _inner(self, a: Singles, b: Singles) -> float:
+        return summed(self._plane.comm, dot(a, b))
 
 
 class LinearModes:

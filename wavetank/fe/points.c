@@ -1,6 +1,6 @@
 /* Fields at quadrature points, and what is carried along, of wavetank/fe/surface_points.py; cells.c stands before.
 
-A slope is that along a cell's own direction. Everything at points is [batch][point][lane]. */
+Everything at points is [batch][point][component][lane], of vectors those in space. */
 
 typedef struct {
     const stored *given;    /* at the points */
@@ -12,13 +12,19 @@ INLINE void look_at(const void *what, const Cells *c, long b, int q, const v *u,
 {
     const At *at = what;
     const long place = b * POINTS + q;
-    at->found[place] = at->slopes ? u[1] / at->given[PLACES == 1 ? b : place] : u[0];
+    v f[1 + GDIM];
+    in_space(c, b, q, 1, u, 1, f);
+    if (at->slopes)
+        EACH(i, GDIM)
+            at->found[place * GDIM + i] = f[1 + i];
+    else
+        at->found[place] = f[0];
 }
 
-/* A field x, [dof], or its slope, at the points; lengths [batch][place][lane] of cells, infinite of none. */
-static void look(const Cells *c, const double *lengths, int slopes, const double *x, double *found)
+/* A field x, [dof], or its slopes, at the points. */
+static void look(const Cells *c, int slopes, const double *x, double *found)
 {
-    const At what = {(const stored *)lengths, (stored *)found, slopes};
+    const At what = {NULL, (stored *)found, slopes};
     EACH(b, c->batches) {
         v X[NODES];
         gather(c, b, 1, x, 1, X);
@@ -29,12 +35,20 @@ static void look(const Cells *c, const double *lengths, int slopes, const double
 INLINE void carry_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
     const At *at = what;
-    const v velocity = c->weights[q] * at->given[b * POINTS + q];
-    r[0] = at->slopes ? velocity * u[1] : zero;
-    r[1] = at->slopes ? zero : velocity * u[0];
+    const stored *inverse = inverse_at(c, b, q), *velocity = at->given + (b * POINTS + q) * GDIM;
+    const v measure = measure_at(c, b, q);
+    r[0] = zero;
+    EACH(a, DIM) {
+        v along = zero;
+        EACH(i, GDIM)
+            along += inverse[i * DIM + a] * velocity[i];
+        along *= measure;
+        r[0] += at->slopes ? along * u[1 + a] : zero;
+        r[1 + a] = at->slopes ? zero : along * u[0];
+    }
 }
 
-/* y += int V dx/ds v ds for the slopes of x, else int V x dv/ds ds; V is 0 in cells that are none. */
+/* y += int V . grad x v dX for the slopes of x, else int x V . grad v dX. */
 static void carry(const Cells *c, const double *velocity, int slopes, const double *x, double *y)
 {
     const At what = {(const stored *)velocity, NULL, slopes};
@@ -52,7 +66,7 @@ INLINE void integrate_at(const void *what, const Cells *c, long b, int q, const 
     r[0] = measure_at(c, b, q) * ((const stored *)what)[b * POINTS + q];
 }
 
-/* y += int f v ds. */
+/* y += int f v dX. */
 static void integrate(const Cells *c, const double *integrand, double *y)
 {
     EACH(b, c->batches) {

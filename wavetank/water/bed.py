@@ -4,7 +4,8 @@ The bed stands still in the laboratory; in the reference tank, which a moving wa
 point changes with the velocity of the mapping, d_t = velocity . grad d.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, Protocol
 
 import numpy as np
@@ -52,6 +53,9 @@ class Bed(Protocol):
     def follow_on(self, wall: "Carrying") -> None:
         """Find the rate of the depth where it carries them on; collective."""
 
+    def levelled(self) -> AbstractContextManager[None]:
+        """Lie flat at the mean depth for a while; collective."""
+
 
 class Carrying(Protocol):
     """A wall, as beds know it: it carries the reference tank about.
@@ -93,6 +97,10 @@ class FlatBed:
 
     def follow_on(self, wall: Carrying) -> None:
         """Do nothing."""
+
+    def levelled(self) -> AbstractContextManager[None]:
+        """Do nothing."""
+        return nullcontext()
 
 
 class VaryingBed:
@@ -138,6 +146,13 @@ class VaryingBed:
         still[which] = found
         self.still = still
         self._field.set(still)
+
+    @contextmanager
+    def levelled(self) -> Iterator[None]:
+        """Lie flat at the mean depth for a while; collective."""
+        self._field.set(np.full_like(self.still, self.depth))
+        yield
+        self._field.set(self.still)
 
     def _refuse(self, found: Vector, places: Vector) -> None:
         """Raise what says where the bed is highest; collective."""

@@ -3,10 +3,11 @@
 With V and B the horizontal and vertical velocity of the water at the surface, small disturbances eta and
 chi = psi - B eta of a state obey, but for a small change of gravity,
 
-    d eta/dt = G chi - d(V eta)/dx,     d chi/dt = -g eta - V d chi/dx
+    d eta/dt = G chi - div(V eta),     d chi/dt = -g eta - V . grad chi
 
 (Alinhac's good unknown; Lannes, J. Amer. Math. Soc. 18, 2005). G is near that of still water, and a stage's derivative
-nearly that of linear waves on still water times 1 + a (V d/dx), which is inverted by 1 - a (V d/dx).
+nearly that of linear waves on still water times 1 + a V . grad, which is inverted by 1 - a V . grad. Nothing of that
+needs more than some digits, so mass matrices are inverted roughly.
 """
 
 from typing import NamedTuple, Protocol
@@ -20,6 +21,7 @@ from wavetank.hamiltonian.contract import Stage
 from wavetank.water.still_water import StillWaterWaves, WavesOverStillWater
 
 LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
+ROUGHLY = 1e-3  # of what mass matrices are inverted for
 
 
 class Surface(NamedTuple):
@@ -38,7 +40,7 @@ class Waves(WavesOverStillWater, Protocol):
 
 
 class CarriedWaves:
-    """Approximate inverse of the coupled implicit stage of nonlinear waves along a slice or ring.
+    """Approximate inverse of the coupled implicit stage of nonlinear waves.
 
     Parameters
     ----------
@@ -61,13 +63,17 @@ class CarriedWaves:
             self._look(LARGEST * self._shortest / abs(stage.weight))
         if not self._known:
             return self._still(stage, residual)
-        mass, a, at = self._waves.mass, stage.weight, self._points
+        mass, a, at, solve = self._waves.mass, stage.weight, self._points, self._solved
         q, psi = residual.reshape(2, -1)
-        eta, chi = self._still.surface(stage, q, psi - self._B * mass.solve(q))
+        eta, chi = self._still.surface(stage, q, psi - self._B * solve(q))
         carried = a * at.carried(self._V, eta, along=False)
-        chi -= a * mass.solve(at.carried(self._V, chi, along=True))
+        chi -= a * solve(at.carried(self._V, chi, along=True))
         kept = self._still.keeping(q, mass.apply(eta) + carried)
-        return np.concatenate([kept, chi + self._B * (eta + mass.solve(carried))])
+        return np.concatenate([kept, chi + self._B * (eta + solve(carried))])
+
+    def _solved(self, right: Vector) -> Vector:
+        """Return what the mass matrix makes of that, roughly; collective."""
+        return self._waves.mass.solve(right, within=ROUGHLY)
 
     def _look(self, most: float) -> None:
         """Find the velocities at the surface of the point last evaluated, cut off at so much [m/s]; collective."""
@@ -75,11 +81,16 @@ class CarriedWaves:
         self._known = surface is not None
         if surface is None:
             return
-        at, solve = self._points, self._waves.mass.solve
-        slope, psi_x, rate = at.slopes(surface.eta), at.slopes(surface.psi), at.values(solve(surface.rate))
-        B = (rate + slope * psi_x) / (1 + slope**2)
-        self._V = np.clip(psi_x - B * slope, -most, most)
+        at, solve = self._points, self._solved
+        slope, of_psi, rate = at.slopes(surface.eta), at.slopes(surface.psi), at.values(solve(surface.rate))
+        B = (rate + _product(slope, of_psi)) / (1 + _product(slope, slope))
+        self._V = np.clip(of_psi - B * slope, -most, most)
         fastest = self._waves.plane.comm.allreduce(float(np.abs(self._V).max(initial=0.0)), op=MPI.MAX)
         self._known = fastest * LARGEST > LEAST * most
         if self._known:
             self._B = np.clip(solve(at.integral(B)), -most, most)
+
+
+def _product(a: Vector, b: Vector) -> Vector:
+    """Return the scalar products of vectors at points."""
+    return np.asarray((a * b).sum(axis=2, keepdims=True))

@@ -122,7 +122,8 @@ class NonlinearWaves:
         self.operator, self.layer, minimum = interior_of(
             energy.column, plane, self.vertical, column=self.h, tolerance=tolerances.interior
         )
-        self.still = self.layer.assemble()
+        with self.bed.levelled():
+            self.still = self.layer.assemble()
         self.potential = InteriorPotential(minimum, self.phi, inputs=3 if wall.moves else 2, plane=plane)
         self._compile(energy)
         self._q: Vector = np.full(plane.owned, np.nan)
@@ -349,8 +350,7 @@ class NonlinearWaves:
             floor=self.depth,
         )
         coordinate, momentum = solver(column), solver(speed)
-        still = StillWaterWaves(self)
-        inverse = CarriedWaves(self, still) if self.plane.mesh.topology.dim == 1 else still
+        inverse = CarriedWaves(self, StillWaterWaves(self))
         pair = solver(np.stack([column, speed]), precondition=inverse)
         self.stages = IteratedStages(coordinate, momentum, pair)
 
