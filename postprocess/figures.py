@@ -53,21 +53,22 @@ def surface_figure(
 ) -> Path:
     """Draw the highest crest, with the wave just before and after it, above all snapshots in the (x, t) plane.
 
-    Where a paddle moves, its position stands beside the (x, t) plane. No water is drawn below the depth [m]; where that
+    Where a wall moves, its position stands beside the (x, t) plane. No water is drawn below the depth [m]; where that
     is a function d(x, y) the bed stands between the two. ``gauges`` are lines in the (x, t) plane; what a ``sponge``
     damps, from and to x [m], is hatched. ``origin`` says what x is the distance from, or along. Returns ``path``;
     raises ``InputError`` if there are fewer than two snapshots.
     """
     if surface.t.size < 2:
         raise InputError(f"{path}: {surface.t.size} snapshots of the surface received; at least 2 are needed to draw.")
-    moving, varying = bool(np.ptp(surface.x[:, 0])), callable(depth)
+    near, far = (bool(np.ptp(surface.x[:, node])) for node in (0, -1))
+    varying = callable(depth)
     x = surface.x[_highest_crest(surface)[0]]
     d = depth(x, np.zeros_like(x)) if callable(depth) else np.full_like(x, depth)
-    heights, widths = (1, 0.3, 1.5) if varying else (1, 1.5), (1, 11)[-1 - moving :]
+    heights, widths = (1, 0.3, 1.5) if varying else (1, 1.5), (1, 11, 1)[1 - near : 2 + far]
     with picture(path, 11, 9.6 if varying else 8.6) as figure:
         grid = figure.add_gridspec(len(heights), len(widths), height_ratios=heights, width_ratios=widths)
-        diagram = figure.add_subplot(grid[-1, -1])
-        profile = figure.add_subplot(grid[0, -1], sharex=diagram)
+        diagram = figure.add_subplot(grid[-1, int(near)])
+        profile = figure.add_subplot(grid[0, int(near)], sharex=diagram)
         _draw_diagram(figure, diagram, surface)
         diagram.set_xlabel(f"distance {origin}, x [m]")
         mark_along(diagram, gauges, top=float(surface.t[-1]))
@@ -75,11 +76,18 @@ def surface_figure(
             _hatch_sponge(diagram, *sponge)
         _draw_profile(profile, surface, float(d.max()))
         if varying:
-            _draw_bed(figure.add_subplot(grid[1, -1], sharex=diagram), x, d)
-        if moving:
-            _draw_paddle(figure.add_subplot(grid[-1, 0], sharey=diagram), diagram, surface)
+            _draw_bed(figure.add_subplot(grid[1, int(near)], sharex=diagram), x, d)
+        if near:
+            diagram.tick_params(labelleft=False)
+            beside = figure.add_subplot(grid[-1, 0], sharey=diagram)
+            beside.set_ylabel("time [s]")
+            _draw_paddle(beside, diagram, surface)
         else:
             diagram.set_ylabel("time [s]")
+        if far:
+            beside = figure.add_subplot(grid[-1, -1], sharey=diagram)
+            beside.tick_params(labelleft=False)
+            _draw_paddle(beside, diagram, surface, far=True)
         figure.suptitle(title or "Surface elevation", fontsize=14, parse_math=False)
         lay_out(figure)  # the panel's size, its exaggeration, and where names are is known only now
         leave_out_overlaps(diagram)
@@ -222,17 +230,17 @@ def _between_rows(t: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray
     return np.asarray(rows[first] + s**2 * (3.0 - 2.0 * s) * (rows[first + 1] - rows[first]) + turned)
 
 
-def _draw_paddle(axes: Axes, diagram: Axes, surface: Surface) -> None:
-    """Draw the paddle's position where it is in the diagram, and enlarged beside it."""
-    position = surface.x[:, 0]
-    diagram.plot(position, surface.t, color=PADDLE, lw=1.5)
-    diagram.fill_betweenx(surface.t, position.min(), position, color="#dddddd", lw=0)
-    diagram.tick_params(labelleft=False)
+def _draw_paddle(axes: Axes, diagram: Axes, surface: Surface, *, far: bool = False) -> None:
+    """Draw a paddle's position where it is in the diagram, and enlarged beside it."""
+    x = surface.x[:, -1 if far else 0]
+    position = x - x[0] if far else x
+    diagram.plot(x, surface.t, color=PADDLE, lw=1.5)
+    diagram.fill_betweenx(surface.t, x.max() if far else x.min(), x, color="#dddddd", lw=0)
     axes.plot(CM * position, surface.t, color=PADDLE)
     reach = CM * float(np.abs(position).max())
     tick = float(f"{reach:.0e}")  # one digit: there is no room for more
     axes.set_xticks([-tick, 0.0, tick], [f"{-tick:g}", "0", f"{tick:g}"])
-    axes.set(xlim=(-1.4 * reach, 1.4 * reach), xlabel="paddle\n[cm]", ylabel="time [s]")
+    axes.set(xlim=(-1.4 * reach, 1.4 * reach), xlabel=f"{'far wall' if far else 'paddle'}\n[cm]")
 
 
 # ---------------------------------------------------------------- gauges

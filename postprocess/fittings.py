@@ -37,10 +37,10 @@ def damping_along(run: RunDirectory, length: float) -> Callable[[Array], Array] 
     return _shares(sponge, length) if isinstance(sponge, FormulaSponge) else None
 
 
-def leaning(run: RunDirectory, depth: float) -> Callable[[Array], Array] | None:
-    """Return the share f(z) of a run's paddle, at heights z [m], in which it leans; None of one that is vertical."""
+def leaning(run: RunDirectory, depth: float, key: str = "wall") -> Callable[[Array], Array] | None:
+    """Return the share f(z) of a wall by its key, at heights z [m], in which it leans; None of one that is vertical."""
     try:
-        wall: Any = TypeAdapter(Wall).validate_python(run.manifest["scene"]["wall"])
+        wall: Any = TypeAdapter(Wall).validate_python(run.manifest["scene"][key])
     except (KeyError, ValidationError):
         return None
     return (lambda z: wall.maker.share(z, depth)) if isinstance(wall, ShapedWall) else None

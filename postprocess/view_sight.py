@@ -35,7 +35,7 @@ class Sight:
     sides
         The water's sides, from the rim of the surface down to the bed, with point data ``HEIGHT``.
     paddle
-        The paddle; None where no wall moves.
+        What moves of the walls; None where none does.
     contours
         Lines of equal still-water depth, drawn on the surface; None where there are none to be drawn.
     sponge

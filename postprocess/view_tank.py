@@ -4,8 +4,9 @@ A slice is shown as a flume, its section extruded across y; a ring is the same f
 (``view_basin.py``). Other footprints join ``TANK_VIEWS``.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
@@ -47,6 +48,35 @@ PLATE = 0.006  # thickness of paddle and walls, over the flume's length
 
 
 # ---------------------------------------------------------------- a slice
+class End(NamedTuple):
+    """An end of a flume.
+
+    Attributes
+    ----------
+    node
+        Its place among the surface's: the first or the last.
+    rest
+        Where its wall stands at rest, x [m].
+    out
+        1 if it is the right one, -1 if it is the left one.
+    lean
+        The share f(z) in which its wall leans; None of one that is vertical.
+    moves
+        Whether that moves.
+    """
+
+    node: int
+    rest: float
+    out: int
+    lean: Callable[[Array], Array] | None
+    moves: bool
+
+    def shift(self, x: Array, eta: Array) -> float:
+        """Return how far along x [m] a wall that meets the surface there has moved where its motion is told."""
+        f = 1.0 if self.lean is None else float(self.lean(eta[[self.node]])[0])
+        return float(x[self.node] - self.rest) / f if f else 0.0
+
+
 class FlumeView:
     """A slice: its section extruded across y.
 
@@ -60,7 +90,6 @@ class FlumeView:
         self.length, self._flat = (float(said(run, key)) for key in ("length", "depth"))
         self._bed, self._damping = still_water(run), damping_along(run, self.length)
         self._gauges, self.note = gauges_of(run), SPONGE if self._damping else ""
-        self._leaning = leaning(run, self._flat)
         self.depth = float(self._still_water(np.linspace(0.0, self.length, FINE, dtype=np.float64)).max())
         surface = run.snapshots()
         if not surface.t.size:
@@ -69,6 +98,10 @@ class FlumeView:
         if not (np.all(np.diff(self.times) > 0) and np.all(np.diff(self._x) > 0) and np.all(np.isfinite(self._eta))):
             raise InputError(f"{run.path}: its snapshots are damaged; times and places must increase.")
         self.waves = _sizes(self.times, self._x, self._eta)
+        self._ends = [
+            End(node, rest, out, leaning(run, self._flat, key), bool(np.ptp(self._x[:, node])))
+            for key, node, rest, out in (("wall", 0, 0.0, -1), ("far_wall", -1, self.length, 1))
+        ]
 
     @property
     def extent(self) -> float:
@@ -87,7 +120,7 @@ class FlumeView:
         surface = sheet(rows)
         surface[ELEVATION] = CM * np.tile(eta, len(rows))
         sides = hung(np.array([_rim(self._rows(*line)) for line in self._columns(x, eta)]))
-        return Sight(surface, sides, self._paddle(x[0], eta[0]), sponge=self._sponge(surface, x))
+        return Sight(surface, sides, self._paddles(x, eta), sponge=self._sponge(surface, x))
 
     def parts(self) -> Iterator[Part]:
         """Yield the bed and the walls that stand still."""
@@ -102,9 +135,9 @@ class FlumeView:
         return sheet(rows) + curtain(_rim(rows), -(1 + SLAB) * self.depth)
 
     def walls(self) -> pv.PolyData | None:
-        """Return the far wall, and that at x = 0 where it stands still."""
-        far = self._plate((1 + PLATE / 10) * self.length)  # clear of the water: equal depths flicker
-        return far if self._moving else far + self._plate(-1.1 * PLATE * self.length)
+        """Return the walls that stand still; None where none does."""
+        clear = PLATE / 10 * self.length  # of the water: equal depths flicker
+        return _together([self._plate(end, end.rest + end.out * clear) for end in self._ends if not end.moves])
 
     def marks(self) -> Labels:
         """Return places along the flume, and their x."""
@@ -139,13 +172,9 @@ class FlumeView:
         return x, np.full_like(x, y)
 
     def _ground(self) -> tuple[float, float]:
-        """Return from where to where the bed is seen, x [m]: a little behind paddle and wall."""
+        """Return from where to where the bed is seen, x [m]: a little behind both walls."""
         margin = 2 * PLATE * self.length
-        return float(self._x.min()) - margin, self.length + margin
-
-    @property
-    def _moving(self) -> bool:
-        return bool(np.ptp(self._x[:, 0]))
+        return float(self._x.min()) - margin, float(self._x.max()) + margin
 
     @cached_property
     def _section(self) -> BSpline:
@@ -165,39 +194,41 @@ class FlumeView:
 
     def _columns(self, x: Array, eta: Array) -> Iterator[tuple[Array, Array]]:
         """Yield lines (x, z) through columns of the water from the bed to the surface; beside a paddle they lean."""
-        foot, f = -self._still_water(x), self._leaning
-        moved = self._position(x[0], eta[0]) * np.clip(1.0 - (x - x[0]) / (LEANS * self.depth), 0.0, 1.0)
-        for part in (0.0, 1.0) if f is None else np.linspace(0.0, 1.0, LEVELS):
+        foot, reach = -self._still_water(x), LEANS * self.depth
+        leaning = [
+            (end.lean, end.shift(x, eta) * np.clip(1.0 - np.abs(x - x[end.node]) / reach, 0.0, 1.0))
+            for end in self._ends
+            if end.lean is not None
+        ]
+        for part in np.linspace(0.0, 1.0, LEVELS if leaning else 2):
             z = foot + part * (eta - foot)
-            yield (x if f is None else x + (f(z) - f(eta)) * moved), z
-
-    def _position(self, x: float, eta: float) -> float:
-        """Return X_p [m] of a paddle that meets the surface at x and eta [m]."""
-        f = 1.0 if self._leaning is None else float(self._leaning(np.array([eta]))[0])
-        return x / f if f else 0.0
+            yield x + sum((f(z) - f(eta)) * moved for f, moved in leaning), z
 
     def _sponge(self, surface: pv.PolyData, x: Array) -> pv.PolyData | None:
         if self._damping is None:
             return None
         return veiled(surface, np.tile(self._damping(x), 2), self.waves.high - self.waves.low)
 
-    def _paddle(self, x: float, eta: float) -> pv.PolyData | None:
-        """Return the paddle that meets the surface at x and eta [m]."""
-        if not self._moving or self._leaning is None:
-            return self._plate(x - PLATE * self.length) if self._moving else None
-        z = np.linspace(-float(self._still_water(np.zeros(1))[0]), self._top, FINE, dtype=np.float64)
-        line = self._rows(self._position(x, eta) * self._leaning(z), z)
-        return sheet(line).extrude((-PLATE * self.length, 0.0, 0.0), capping=True)
+    def _paddles(self, x: Array, eta: Array) -> pv.PolyData | None:
+        """Return the walls that move, where they meet the surface; None where none does."""
+        return _together([self._paddle(end, x, eta) for end in self._ends if end.moves])
+
+    def _paddle(self, end: End, x: Array, eta: Array) -> pv.PolyData:
+        if end.lean is None:
+            return self._plate(end, float(x[end.node]))
+        z = np.linspace(-float(self._still_water(np.array([end.rest]))[0]), self._top, FINE, dtype=np.float64)
+        line = self._rows(end.rest + end.shift(x, eta) * end.lean(z), z)
+        return sheet(line).extrude((end.out * PLATE * self.length, 0.0, 0.0), capping=True)
 
     @property
     def _top(self) -> float:
         """The height of walls [m], which no crest overtops."""
         return 1.3 * self.waves.high - 0.3 * self.waves.low
 
-    def _plate(self, x: float) -> pv.PolyData:
-        """Return a plate across the flume from its bed, its left side at x [m]."""
+    def _plate(self, end: End, x: float) -> pv.PolyData:
+        """Return a plate across the flume from its bed, its side to the water at x [m]."""
         half, foot = self.width / 2, -float(self._still_water(np.array([x]))[0])
-        return pv.Box((x, x + PLATE * self.length, -half, half, foot, self._top))
+        return pv.Box((*sorted((x, x + end.out * PLATE * self.length)), -half, half, foot, self._top))
 
 
 class RingView(FlumeView):
@@ -255,6 +286,11 @@ def tank_view(run: RunDirectory) -> TankView:
     if (kind := said(run, "type")) not in TANK_VIEWS:
         raise InputError(f"{run.path}: its tank is of type {kind!r}; can be viewed: {', '.join(TANK_VIEWS)}.")
     return TANK_VIEWS[kind](run)
+
+
+def _together(meshes: Sequence[pv.PolyData]) -> pv.PolyData | None:
+    """Return one mesh of several; None of none."""
+    return sum(meshes[1:], start=meshes[0]) if meshes else None
 
 
 def _rim(rows: Array) -> Array:

@@ -285,7 +285,8 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "delay = 16.0\n",
     "solitary": SLICE + RUN + "[wall]\ntype = 'piston'\nmotion = {type = 'solitary-wave', height = 0.2}\n",
     "formula": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'formula'\nposition = 'a*sin(t)'\n"
-    "where = {a = 0.02}\n",
+    "where = {a = 0.02}\n[far_wall]\ntype = 'flap'\nhinge = 0.1\nlimits = {stroke = 1.0}\n"
+    "motion = {type = 'regular', height = 0.02, period = 2.0}\n",
     "record": SLICE + RUN + "[initial]\ntype = 'solitary-wave'\nheight = 0.2\nx = 8.0\n"
     "[wall]\ntype = 'piston'\nmotion = {type = 'recorded', position = 'paddle.txt'}\n",
     "going on": SLICE + "[initial]\ntype = 'run'\ndirectory = 'earlier'\nt = 2.0\n" + RUN,

@@ -2,12 +2,18 @@
 
 import numpy as np
 import pytest
-from conftest import fitted_slope
+from conftest import fitted_slope, recorded
 from mpi4py import MPI
 
 from wavetank.case import Scene
+from wavetank.case.reading import read_case
+from wavetank.cli import main
+from wavetank.errors import InputError
+from wavetank.integrators import INTEGRATORS
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
+from wavetank.plan.requirements import requirements
+from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
 
 GRAVITY = 9.81
@@ -22,7 +28,9 @@ def scene(wall=None, far_wall=None, *, length=4.0, cells=4, n=5, duration=0.4, d
     parts = {
         "tank": {"length": length, "depth": 1.0},
         "run": {"duration": duration},
-        "numerics": {"cells": cells, "order": 3, "vertical_order": n, "dt": dt, "tolerance": tolerance},
+        "numerics": {
+            **{"cells": cells, "order": 3, "vertical_order": n, "dt": dt, "tolerance": tolerance, "edge_penalty": 0.0}
+        },
         **{key: wall for key, wall in walls.items() if wall},
     }
     return Scene.model_validate({**parts, **more})
@@ -104,3 +112,193 @@ def test_derivatives_are_those_of_the_energy(steep):
     assert errors[:, 1].max() < 1e-11
     for n in (0, 2):
         assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
+
+
+# ---------------------------------------------------------------- theory
+def test_a_tank_that_begins_to_move_sloshes():
+    """Pushed with the acceleration a t at both ends: linear theory's modes in a frame that moves with the tank.
+
+    Water there is pulled back: eta = -(a/g) sum_n c_n cos(k_n x) (t - sin(omega_n t) / omega_n), c_n those of x.
+    """
+    a, t, length = 1e-3, 1.0, 4.0
+    pushed, back = (moved(f"{sign}{a}*t**3/6") for sign in ("", "-"))
+    (eta, _), x, _ = ended(pushed, back, cells=8, n=8, duration=t, water={"type": "linear"})
+    k = np.pi / length * np.arange(1, 400, 2)
+    omega = np.sqrt(GRAVITY * k * np.tanh(k))
+    modes = -4.0 / (length * k**2) * (t - np.sin(omega * t) / omega)
+    exact = -a / GRAVITY * np.cos(np.outer(x, k)) @ modes
+    assert np.abs(exact).max() > 5e-5
+    assert eta == pytest.approx(exact, abs=2e-3 * np.abs(exact).max())
+
+
+# ---------------------------------------------------------------- cases
+CASE = """
+gauges = [0.5, 3.0]
+[tank]
+length = 4.0
+depth = 1.0
+[wall]
+type = "piston"
+motion = { type = "sinusoid", paddle_amplitude = 0.1, period = 1.6, ramp = 2.0 }
+[far_wall]
+type = "piston"
+motion = { type = "sinusoid", paddle_amplitude = 0.1, period = 1.6, ramp = 2.0 }
+[run]
+duration = 0.4
+[numerics]
+cells = 4
+order = 3
+vertical_order = 5
+dt = 0.02
+tolerance = 1e-11
+[[loads]]
+on = "paddle"
+[[loads]]
+on = "far wall"
+"""
+
+
+@pytest.fixture
+def case(tmp_path):
+    path = tmp_path / "case.toml"
+    path.write_text(CASE)
+    return path
+
+
+def test_what_both_walls_do_is_recorded(case, tmp_path):
+    """Alike at both ends; the power of both is what the energy budget has."""
+    recorded(case, (), tmp_path / "run")
+    run = RunDirectory(tmp_path / "run")
+    near, far, energy = run.paddle, run.far_paddle, run.energy
+    for name in ("position", "velocity", "acceleration", "force", "power"):
+        assert np.abs(near[name]).max() > 0.0
+        assert far[name].values == pytest.approx(near[name].values, abs=1e-9 * float(np.abs(near[name]).max()))
+    loads = run.loads.force_x
+    assert loads.sel(wall="far wall").values == pytest.approx(-loads.sel(wall="paddle").values, rel=1e-10)
+    work = 1000.0 * np.gradient(energy.paddle_work.values, energy.time.values)[1:-1]
+    assert (near.power + far.power).values[1:-1] == pytest.approx(work, abs=1e-2 * np.abs(work).max())
+    board = tmp_path / "board.csv"
+    assert main(["motion", str(case), "--out", str(board), "--rate", "50"]) == 0
+    for path, record in ((board, near), (tmp_path / "board-far.csv", far)):
+        rows = np.loadtxt(path, delimiter=",", skiprows=1)
+        for name, column in zip(("position", "velocity", "acceleration"), rows.T[1:], strict=True):
+            assert column == pytest.approx(record[name].values, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (["wall.reach=3", "far_wall.reach=2"], "far_wall.reach = 2.0: must be at most 1 m, not to overlap with wall"),
+        (["far_wall.reach=4"], "far_wall.reach = 4.0: must leave some of the tank to the other wall"),
+        (["far_wall.motion.paddle_amplitude=3"], "far_wall.motion.paddle_amplitude = 3.0: takes the paddle 3 m"),
+        (["far_wall.limits.speed=0.001"], "far_wall.limits.speed = 0.001: is too little: this motion needs"),
+        (["far_wall.motion.height=0.1"], "far_wall.motion.height = 0.1: is an unknown key"),
+        (["far_wall.type='flap'", "far_wall.hinge=2.0"], "far_wall.hinge = 2.0: must be below still water"),
+        (
+            ["far_wall={type='segmented-piston',motion={type='oblique-wave',wave_amplitude=0.01,period=2,angle=5}}"],
+            'far_wall.type = "segmented-piston": needs a basin',
+        ),
+        (["sponge={type='end',length=2.0}"], 'far_wall.type = "piston": must be fixed or left out: there is a sponge'),
+        (["tank={type='ring',length=4.0,depth=1.0}", "wall={type='fixed'}", "loads=[]"], "in a ring no far wall moves"),
+        (["tank.bed={type='formula',depth='1-0.1*x'}"], "must be the bed's depth at the far wall, 0.6 m, to 1 %"),
+        (["far_wall.motion={type='recorded',position='no.csv'}"], "far_wall.motion.position"),
+    ],
+)
+def test_what_no_far_wall_can_be_is_a_sentence(case, changes, said):
+    with pytest.raises(InputError) as error:
+        build_run(read_case(case, changes), MPI.COMM_SELF)
+    assert said in str(error.value)
+
+
+def test_a_plan_is_made_of_the_waves_of_both_walls(case):
+    """Of one wall, whichever it is, as of the other; of both as many more."""
+    moving = {"wall": "far_wall={type='fixed'}", "far_wall": "wall={type='fixed'}", "both": "title='both'"}
+    found = {key: requirements(read_case(case, [change, "gauges=[2.0]"]), 1e-2) for key, change in moving.items()}
+    near, far, both = found.values()
+    assert far.waves.k == pytest.approx(near.waves.k) and far.waves.age == pytest.approx(near.waves.age)
+    assert both.waves.k.size == near.waves.k.size + far.waves.k.size - 1
+    assert both.steepness == pytest.approx(2 * near.steepness)
+    assert any("far end: a piston" in reason for reason in both.reasons)
+
+
+# ---------------------------------------------------------------- whole runs
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("wall", "depth"), [(PISTON, None), (FLAP, None), (PISTON, "1 - 0.3*sin(pi*x/6)**2")], ids=["piston", "flap", "bed"]
+)
+def test_energy_is_the_work_of_both_to_the_schemes_order(wall, depth):
+    """Simpson's scheme is of fourth order; mass is exact."""
+    steps, errors = np.array([0.04, 0.02, 0.01]), []
+    for dt in steps:
+        mesh = {"cells": 12, "n": 6, "tolerance": 1e-9}
+        mesh["tank"] = {"length": 6.0, "depth": 1.0, "bed": depth and {"type": "formula", "depth": depth}}
+        _, _, budget = ended(wall, {**PISTON, "reach": 2.0}, dt=dt, duration=4.0, **mesh)
+        assert np.ptp(budget[:, MASS]) < 1e-13 * budget[0, MASS]
+        errors.append(np.abs(budget[:, BALANCE]).max())
+    assert fitted_slope(steps, errors) == pytest.approx(4.0, abs=0.15)
+
+
+@pytest.mark.slow
+def test_time_goes_back():
+    """Forward and back returns to the start, with a scheme whose jumps are not damped."""
+    _, waves = build_run(scene(FLAP, {**PISTON, "reach": 1.0}, length=2.0, tolerance=1e-12), MPI.COMM_SELF)
+    scheme, dt, x = INTEGRATORS["gauss-legendre-4"](), 0.02, waves.plane.x * np.pi / 2.0
+    start = scheme.start(*waves.state(0.1 * np.cos(x), 0.1 * np.sin(x)))
+    state = start
+    for step in range(30):
+        state = scheme.step(waves, state, step * dt, dt)
+    for step in range(30, 0, -1):
+        state = scheme.step(waves, state, step * dt, -dt)
+    assert np.abs(state.q - start.q).max() < 1e-9
+    assert np.abs(state.p - start.p).max() < 1e-9
+
+
+@pytest.mark.slow
+def test_opposite_waves_stand():
+    """Two pistons that make waves 4 m long, whole lengths apart: the standing wave of twice their height, half way.
+
+    It is looked at before waves are there that the walls have sent back.
+    """
+    k = np.pi / 2.0
+    omega = np.sqrt(GRAVITY * k * np.tanh(k))
+    wave = {"type": "piston", "motion": {"type": "regular", "height": 0.02, "period": 2 * np.pi / omega, "ramp": 10.0}}
+    mesh = {"length": 40.0, "cells": 120, "n": 6, "dt": 0.04, "tolerance": 1e-9}
+    (eta, psi), x, _ = ended(wave, wave, duration=30.0, water={"type": "linear"}, **mesh)
+    middle = np.abs(x - 20.0) < 2.0
+    eta, velocity, shape = eta[middle], psi[middle] - psi[middle].mean(), np.cos(k * (x[middle] - 20.0))
+    here, quarter = eta @ shape / (shape @ shape), omega / GRAVITY * velocity @ shape / (shape @ shape)
+    assert np.hypot(here, quarter) == pytest.approx(0.02, rel=0.01)
+    assert eta == pytest.approx(here * shape, abs=1e-4)
+
+
+def on_these_ranks():
+    """Return the surface, by x, and the energy budget of a flap and a piston; the first rank's of all; collective."""
+    run, waves = build_run(scene(FLAP, PISTON, cells=6), MPI.COMM_WORLD)
+    budget = Memory()
+    run.observers.append(EnergyBudget(waves, record=budget, every=1))
+    run.execute()
+    eta = waves.elevation(run.state.q, run.state.p, run.t)
+    x, eta = (np.concatenate(MPI.COMM_WORLD.allgather(values)) for values in (waves.plane.x, eta))
+    return eta[np.argsort(x)], budget.array()
+
+
+@pytest.mark.slow
+def test_ranks_agree(on_ranks):
+    eta, budget = on_these_ranks()
+    for ranks in (2, 3):
+        for eta_there, others in on_ranks(on_these_ranks, ranks=ranks):
+            assert eta_there == pytest.approx(eta, abs=1e-9)
+            assert others == pytest.approx(budget, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_run_goes_on_as_if_it_had_not_stopped(case, tmp_path):
+    changes = ("far_wall={type='flap', motion={type='regular', height=0.05, period=1.6}}", "run.duration=0.8")
+    recorded(case, changes, tmp_path / "whole")
+    recorded(case, (*changes[:1], "run.duration=0.4"), tmp_path / "parts")
+    assert main(["resume", str(tmp_path / "parts"), "--extend", "0.4"]) == 0
+    whole, parts = (RunDirectory(tmp_path / name) for name in ("whole", "parts"))
+    for name in ("far_paddle", "energy"):
+        one, other = getattr(whole, name), getattr(parts, name)
+        for column in one:
+            assert other[column].values == pytest.approx(one[column].values, abs=1e-12)

@@ -122,7 +122,10 @@ def test_a_tank_of_fixed_walls_and_still_water_are_drawn_too(tmp_path):
     x = np.broadcast_to(np.linspace(0.0, 2.0, 21), (5, 21))
     text = words(lambda path: surface_figure(Surface(np.arange(5.0), x, 0 * x, 0 * x), path), tmp_path)
     assert "0 cm at x = 0.00 m" in text
-    assert ">paddle<" not in text
+    assert ">paddle<" not in text and ">far wall<" not in text
+    moved = x + 0.05 * np.arange(5)[:, None] * x
+    text = words(lambda path: surface_figure(Surface(np.arange(5.0), moved, 0 * x, 0 * x), path), tmp_path)
+    assert ">paddle<" not in text and ">far wall<" in text
 
 
 def test_a_ring_is_drawn_closed_and_no_water_below_the_bed(tmp_path):

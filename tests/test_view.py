@@ -30,16 +30,15 @@ def travelling(x, t):
     return HEIGHT / 2 * np.cos(2 * np.pi * (x / LENGTH - t / PERIOD))
 
 
-def record(
-    path, tank=TANK, *, elevation=travelling, paddle=0.0, times=TIMES, title="", gauges=(), sponge=None, wall=None
-):
-    """Write a run directory with an elevation(x, t), a paddle that moves by so much, and gauges at some x [m]."""
-    scene = {"title": title, "tank": tank, "wall": wall or {"type": "fixed"}, "sponge": sponge}
+def record(path, tank=TANK, *, elevation=travelling, paddle=0.0, far=0.0, times=TIMES, title="", gauges=(), **fitted):
+    """Write a run directory with an elevation(x, t), walls that move by so much, and gauges at some x [m]."""
+    fixed = {"wall": {"type": "fixed"}, "far_wall": {"type": "fixed"}}
+    scene = {"title": title, "tank": tank, "sponge": None, **fixed, **fitted}
     with RunWriter(path, {"scene": scene}) as writer:
         surface, table = writer.surface(), writer.gauges([(str(n), x) for n, x in enumerate(gauges, start=1)])
         x = np.linspace(0.0, LENGTH, 81)[: -1 if tank["type"] == "ring" else None]
         for t in times:
-            moved = x + paddle * np.sin(2 * np.pi * t / PERIOD) * (1 - x / LENGTH)
+            moved = x + np.sin(2 * np.pi * t / PERIOD) * (paddle * (1 - x / LENGTH) + far * x / LENGTH)
             surface.append(t, moved, elevation(moved, t), 0 * x)
             table.append([t, *(0.0 for _ in gauges)])
     return RunDirectory(path)
@@ -50,19 +49,25 @@ def run(tmp_path):
     return record(tmp_path / "run", title="A wave")
 
 
-def test_a_flap_leans_and_the_water_beside_it(tmp_path):
-    """Both are on its line x = (z - z_h) / (d - hinge) X above the hinge, and at x = 0 below it."""
+@pytest.mark.parametrize("far", [False, True], ids=["near", "far"])
+def test_a_flap_leans_and_the_water_beside_it(tmp_path, far):
+    """Both are on its line x = (z - z_h) / (d - hinge) X above the hinge, and at x = 0 below it, x from the flap."""
     hinge, moved = 0.3, 0.2
-    wall = {"type": "flap", "hinge": hinge, "motion": {"type": "at-rest"}}
-    sight = view_tank.tank_view(record(tmp_path / "run", wall=wall, paddle=moved)).at(PERIOD / 4)
+    flap = {"type": "flap", "hinge": hinge, "motion": {"type": "at-rest"}}
+    wall, mirror = {"wall": flap, "paddle": moved}, {"far_wall": flap, "far": -moved}
+    mirror["elevation"] = lambda x, t: travelling(LENGTH - x, t)
+    tank = view_tank.tank_view(record(tmp_path / "run", **(mirror if far else wall)))
+    sight = tank.at(PERIOD / 4)
     eta = travelling(moved, PERIOD / 4)
     X = moved * (DEPTH - hinge) / (DEPTH - hinge + eta)
     for mesh in (sight.paddle, sight.sides):
         x, _, z = mesh.points.T
+        x = LENGTH - x if far else x
         line = X * np.maximum(z + DEPTH - hinge, 0.0) / (DEPTH - hinge)
         on_it = np.abs(x - line) < 1e-6
         assert on_it.sum() > 20 and z[on_it].min() == pytest.approx(-DEPTH) and np.ptp(line[on_it]) > 0.9 * X
-    assert sight.sides.points[:, 0].min() == pytest.approx(0.0, abs=1e-6)
+    assert x.min() == pytest.approx(0.0, abs=1e-6)
+    assert tank.walls().bounds[0 if far else 1] == pytest.approx(-0.0066 * LENGTH if far else 1.0066 * LENGTH)
 
 
 @pytest.fixture(scope="module")

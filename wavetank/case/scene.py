@@ -258,10 +258,13 @@ class Scene(Noun):
             yield Problem(kind, far.type, "must be fixed or left out: there is a sponge before it (sponge.type)")
             return
         yield from (problem.at("wall", "far_wall") for problem in far.problems(self.mirrored))
-        if self.wall.moves and (both := self.reach + self.mirrored.reach) > self.tank.length * (1 + 1e-9):
-            near, beyond = f"that of the wall, {metres(self.reach)} m", metres(self.tank.length)
-            what = f"must leave room for {near}: both are {metres(both)} m, at most the tank's length, {beyond} m"
-            yield Problem(("far_wall", "reach"), self.mirrored.reach, what)
+        length, near, other = self.tank.length, self.reach, self.mirrored.reach
+        if self.wall.moves and near + other > length * (1 + 1e-9) and max(near, other) <= length:
+            allowed = f"must be at most {metres(length - near)} m, not to overlap with wall.reach = {metres(near)} m"
+            yield Problem(("far_wall", "reach"), other, f"{allowed} in a tank of {metres(length)} m")
+        for seen, reach, rest in ((self, near, other), (self.mirrored, other, near)):
+            if self.wall.moves and reach == length and not rest:
+                yield Problem((seen.key, "reach"), reach, "must leave some of the tank to the other wall")
 
     def _gauge_problems(self) -> Iterator[Problem]:
         count = Counter(gauge.name for gauge in self.all_gauges)

@@ -77,7 +77,12 @@ def _vertical_order(kd: float) -> int:
 
 
 def _of_motion(scene: Scene) -> float:
-    """Return the frequency below which the paddle moves [rad/s]; 0 if it stands still."""
+    """Return the frequency below which the paddles move [rad/s]; 0 if they stand still."""
+    return max(map(_of_paddle, scene.paddles), default=0.0)
+
+
+def _of_paddle(scene: Scene) -> float:
+    """Return the same of the wall that the scene is seen from."""
     motion = scene.motion()
     if not motion.moves:
         return 0.0

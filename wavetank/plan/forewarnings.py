@@ -31,9 +31,14 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
 
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted.
     """
-    before = [*(_predicted(scene) if own is None else ()), *scene.wall.doubts(scene.tank)]
+    before = [*(_predicted(scene) if own is None else ()), *_of_walls(scene)]
     nodes = (own or INTEGRATORS[scene.numerics.integrator]()).nodes
     return [*before, *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock, nodes), *_end(scene, clock)]
+
+
+def _of_walls(scene: Scene) -> Iterator[str]:
+    for seen in scene.paddles:
+        yield from seen.wall.doubts(scene.tank)
 
 
 def _predicted(scene: Scene) -> Iterator[str]:
@@ -82,20 +87,22 @@ def _cells(waves: AnyWaves) -> str:
 
 
 def _motion(scene: Scene, clock: Clock, nodes: Sequence[float]) -> Iterator[str]:
-    """Yield a sentence if what the scheme sees of the paddle's velocity does not add up to its displacement.
+    """Yield a sentence for each paddle of whose velocity what the scheme sees does not add up to its displacement.
 
     Of a short run the motion is looked at beyond its end: hardly a paddle has moved by then.
     """
-    motion = scene.motion()
-    missed = stroke_missed(
-        scene.of_paddle(motion, "position"),
-        scene.of_paddle(motion, "velocity"),
-        dt=clock.dt,
-        steps=max(clock.steps, int(looked_at(scene, motion) / clock.dt)),
-        nodes=nodes,
-    )
-    if missed > HELD:
-        yield f"the step of {clock.dt:.3g} s misses the paddle's motion by {missed:.2g} of it: it is too long"
+    for seen in scene.paddles:
+        motion = seen.motion()
+        missed = stroke_missed(
+            seen.of_paddle(motion, "position"),
+            seen.of_paddle(motion, "velocity"),
+            dt=clock.dt,
+            steps=max(clock.steps, int(looked_at(scene, motion) / clock.dt)),
+            nodes=nodes,
+        )
+        if missed > HELD:
+            whose = "paddle" if seen is scene else seen.end
+            yield f"the step of {clock.dt:.3g} s misses the {whose}'s motion by {missed:.2g} of it: it is too long"
 
 
 def _end(scene: Scene, clock: Clock) -> Iterator[str]:

@@ -1,6 +1,7 @@
-"""``wavetank motion``: what a case asks of its paddle, and the file that a wave board's controller reads."""
+"""``wavetank motion``: what a case asks of its paddles, and the files that wave boards' controllers read."""
 
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,7 +28,11 @@ class Format(StrEnum):
 def motion(
     case: Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")],
     out: Annotated[
-        Path | None, typer.Option(help="file to write, never over another; default: the case's name, -paddle.csv")
+        Path | None,
+        typer.Option(
+            help="file to write, never over another; default: the case's name, -paddle.csv; where both walls move, "
+            "-far is added to the name of the far one's"
+        ),
     ] = None,
     rate: Annotated[float, typer.Option(help="rows a second [Hz]", min=1e-3, max=1e6)] = 100.0,
     form: Annotated[
@@ -48,12 +53,15 @@ def motion(
     from wavetank.fe.agreed import on_first
 
     scene = read_case(case, overrides or [])
-    if not scene.motion().moves:
+    moving = [seen for seen in scene.paddles if seen.motion().moves]
+    if not moving:
         raise InputError(f"{case}: no paddle moves in it; a wall with a motion is needed.")
     path = Path(f"{case.stem}-paddle.{form}") if out is None else out
-    t, told = _times(scene, rate), _told(scene.extent(scene.motion()))
-    on_first(MPI.COMM_WORLD, lambda: _write(path, scene, t, form, told))
-    console().print(f"{told}\nwrote {path}: {t.size} rows, {rate:g} a second", highlight=False)
+    for n, seen in enumerate(moving):
+        file = path.with_stem(f"{path.stem}-far") if n else path
+        t, told = _times(seen, rate), _told(seen.extent(seen.motion()))
+        on_first(MPI.COMM_WORLD, partial(_write, file, seen, t, form, told))
+        console().print(f"{told}\nwrote {file}: {t.size} rows, {rate:g} a second", highlight=False)
 
 
 def _told(needed: "Extent") -> str:

@@ -21,6 +21,7 @@ import numpy as np
 from wavetank.case import LinearWater, NonlinearWater, Physics, Scene
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
+from wavetank.motions import Motion
 from wavetank.plan.cost_model import BUILT_IN, Cost, CostModel
 from wavetank.plan.defaults import solved_to
 from wavetank.plan.dispersion import Mesh
@@ -311,37 +312,41 @@ class _Steps:
         coarsest = np.pi / float(required.waves.omega.min())
         counts = required.duration / coarsest * STEP_RATIO ** np.arange(120)
         divided = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
-        self._given = given is not None
+        self._given, self._measured = given is not None, required.measured
         self._dt = np.sort([*divided, *self._of_rows()])[::-1] if given is None else np.array([given])
         self._parts: dict[tuple[str, int], ErrorPart] = {}
-        self._missed: dict[tuple[str, float], float] = {}
+        self._missed: dict[tuple[str, float, int], float] = {}
 
     def _of_rows(self) -> list[float]:
-        """Return steps of some rows of the record that end within it."""
-        motion, row, duration = self._required.motion, self._required.motion.interval, self._required.duration
-        if row is None:
-            return []
-        steps = [Clock.covering(duration, rows * row) for rows in ROWS]
-        return [clock.dt for clock in steps if clock.end <= motion.duration * (1 + ROUNDING)]
+        """Return steps of some rows of each record that end within all."""
+        end = min((motion.duration for motion in self._measured), default=0.0)
+        steps = [
+            Clock.covering(self._required.duration, rows * motion.interval)
+            for motion in self._measured
+            for rows in ROWS
+            if motion.interval is not None
+        ]
+        return [clock.dt for clock in steps if clock.end <= end * (1 + ROUNDING)]
 
     def _holds(self, name: str, dt: float) -> bool:
-        """Return whether a step holds a measured motion; what is given is kept, and the run says what it misses.
+        """Return whether a step holds measured motions; what is given is kept, and the run says what it misses.
 
         Where one of ``BETWEEN`` rows does not, the noise counts: steps that do not resolve the rows hold it by chance.
         """
-        limit, row = HELD * self._required.accuracy, self._required.motion.interval
-        if row is None or self._given:
-            return True
-        if dt > ROWS[0] * row * (1 + ROUNDING) and self._misses(name, BETWEEN * row) > limit:
-            return False
-        return self._misses(name, dt) <= limit
+        limit = HELD * self._required.accuracy
+        return self._given or all(
+            (dt <= ROWS[0] * row * (1 + ROUNDING) or self._misses(name, BETWEEN * row, motion) <= limit)
+            and self._misses(name, dt, motion) <= limit
+            for motion in self._measured
+            if (row := motion.interval) is not None
+        )
 
-    def _misses(self, name: str, dt: float) -> float:
-        motion = self._required.motion
-        if (name, dt) not in self._missed:
+    def _misses(self, name: str, dt: float, motion: Motion) -> float:
+        key = name, dt, id(motion)
+        if key not in self._missed:
             nodes, steps = INTEGRATORS[name].nodes, max(1, int(self._required.duration / dt))
-            self._missed[name, dt] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
-        return self._missed[name, dt]
+            self._missed[key] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
+        return self._missed[key]
 
     def _part(self, name: str, i: int) -> ErrorPart:
         if (name, i) not in self._parts:

@@ -4,7 +4,8 @@ A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with 
 motion over the run (of a short one, and beyond it: ``WINDOW``) and c the paddle's transfer function
 (``theory/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
 within the run; where there is no gauge, as far as it gets towards the far wall. At a gauge it is seen for the rest of
-the run: that is its share in the error. A standing wave is followed for the whole run.
+the run: that is its share in the error. Those of a far wall are found alike, as seen from it. A standing wave is
+followed for the whole run.
 
 Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma = tanh(k d):
 
@@ -148,8 +149,8 @@ class Requirements:
         Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
     kind
         Of waves by what a step costs (``kind_of``).
-    motion
-        The paddle's motion; if that was measured, steps must hold it, noise and all.
+    measured
+        Motions of paddles that were measured: steps must hold them, noise and all.
     physics
         "linear" or "nonlinear".
     reasons
@@ -169,7 +170,7 @@ class Requirements:
     velocity: float
     harmonics: Vector
     kind: str
-    motion: Motion
+    measured: tuple[Motion, ...]
     physics: Physics
     reasons: tuple[str, ...]
 
@@ -195,7 +196,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     if why := unplanned(scene):
         raise InputError(f"{why}; give the numerics instead.")
     waves, crest, form, lasting = _all_waves(scene, accuracy)
-    motion = scene.motion()
+    motions = [seen.motion() for seen in scene.paddles]
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
     harmonics = stokes(k * crest, k * tank.depth)
@@ -203,7 +204,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
-    free = _free_harmonic(waves, k, scene) if motion.moves and physics == "nonlinear" else None
+    free = _free_harmonic(waves, k, scene) if physics == "nonlinear" and any(one.moves for one in motions) else None
     return Requirements(
         accuracy=accuracy,
         length=tank.length,
@@ -218,7 +219,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
         kind=kind_of(scene, physics),
-        motion=motion,
+        measured=tuple(one for one in motions if one.interval is not None),
         physics=physics,
         reasons=(
             f"footprint: a {tank.type}, the scene has one horizontal dimension.",
@@ -277,7 +278,11 @@ def _wall_reason(scene: Scene) -> str:
         return "wall at x = 0: none in a ring."
     if not scene.wall.moves:
         return "wall at x = 0: fixed, nothing moves there."
-    paddle = f"wall at x = 0: a {scene.wall.type}"
+    return f"wall at x = 0: {_paddle_reason(scene)}"
+
+
+def _paddle_reason(scene: Scene) -> str:
+    paddle = f"a {scene.wall.type}"
     if scene.motion().interval is not None:
         return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise."
     return f"{paddle}, the waves come from its motion."
@@ -288,6 +293,8 @@ def _end_reason(scene: Scene, waves: Components) -> str:
         return "far end: none, a ring needs no sponge."
     if scene.sponge is not None:
         return f"far end: a sponge (type {scene.sponge.type}) absorbs what comes; what it reflects is not planned for."
+    if scene.far_wall.moves:
+        return f"far end: {_paddle_reason(scene.mirrored)}"
     fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
     if not scene.wall.moves or fastest * scene.run.duration > scene.tank.length:
         return "far end: a wall that reflects, the scene has no sponge; reflected waves are not followed further."
@@ -297,9 +304,9 @@ def _end_reason(scene: Scene, waves: Components) -> str:
 # ---------------------------------------------------------------- the waves
 def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
     found = STARTS[type(scene.initial)](scene.initial, scene)
-    motion = scene.motion()
-    if motion.moves:
-        found.append(_paddle_waves(scene, motion, accuracy))
+    for seen in scene.paddles:
+        if (motion := seen.motion()).moves:
+            found.append(_paddle_waves(seen, motion, accuracy))
     if not found or not max(waves.crest for waves in found) > 0.0:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
     parts = zip(*(waves.components for waves in found), strict=True)

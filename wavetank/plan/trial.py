@@ -106,11 +106,12 @@ def trial(scene: Scene, comm: MPI.Comm) -> Trial:
 
 
 def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:
-    """Put regular waves as the paddle makes them at its period into the tank, when it moves fast; collective.
+    """Put regular waves as a paddle makes them at its period into the tank, when it moves fast; collective.
 
     That is what steps cost later; where it stands still the waves are those of the start. They are linear, on the mean
     depth, and not steeper than ``STEEPEST``.
     """
+    scene = next((seen for seen in scene.paddles if seen.motion().moves), scene)
     motion, period = scene.motion(), scene.paddle_period
     if period is None:
         return

@@ -46,16 +46,17 @@ def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
     depth = _depth(scene)
     if not callable(depth):
         return
-    at, where = plane.places, "a depth of the bed"
-    if scene.paddles and not isinstance(footprint, Ring):
-        at = at[np.concatenate([plane.at(footprint.side(seen.end).facets) for seen in scene.paddles])]
-        where = "the bed's depth at a paddle"
-    found = agreed(plane.comm, lambda: depth(*at.T))
-    low = plane.comm.allreduce(float(np.min(found, initial=np.inf)), op=MPI.MIN)
-    high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
-    if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
-        depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
-        raise SceneError([Problem(("tank", "depth"), scene.tank.depth, f"must be {where}, {depths}, to 1 %")])
+    looked_at = {"a depth of the bed": plane.places}
+    if not isinstance(footprint, Ring) and scene.paddles:
+        ends = {seen.end: plane.places[plane.at(footprint.side(seen.end).facets)] for seen in scene.paddles}
+        looked_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
+    for where, at in looked_at.items():
+        found = agreed(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
+        low = plane.comm.allreduce(float(np.min(found, initial=np.inf)), op=MPI.MIN)
+        high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
+        if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
+            depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
+            raise SceneError([Problem(("tank", "depth"), scene.tank.depth, f"must be {where}, {depths}, to 1 %")])
 
 
 def told_of_bed(scene: Scene, waves: AnyWaves) -> str:

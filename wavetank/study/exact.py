@@ -90,8 +90,8 @@ class TravellingWave:
 def exact_solution(scene: Scene) -> ExactSolution:
     """Return the exact solution of a scene; raises ``InputError`` if none is known."""
     tank, initial = scene.tank, scene.initial
-    if scene.wall.type != "fixed":
-        raise InputError(f"reference exact: wall.type = {scene.wall.type!r} received; the wall must be fixed.")
+    for seen in scene.paddles:
+        raise InputError(f"reference exact: {seen.key}.type = {seen.wall.type!r} received; the walls must be fixed.")
     if isinstance(initial, StreamFunctionWave) and not isinstance(scene.water, LinearWater):
         wave, k = initial.wave(tank), 2 * np.pi * initial.waves / tank.length
         crest, trough = wave.elevation([0.0, np.pi / k])
