@@ -9,6 +9,7 @@ import typer
 from rich.box import SIMPLE
 from rich.table import Table
 
+from wavetank import data
 from wavetank.console import console
 from wavetank.errors import InputError, choice
 from wavetank.records.directory import MANIFEST
@@ -62,6 +63,8 @@ def analyse(
     results = {kind: known.analysed(kind, record) for kind in asked}
     _make(folder)
     terminal = console(least=WIDTH)
+    if units := data.told_of_units(source):
+        terminal.print(units, highlight=False)
     for kind, found in results.items():
         terminal.print(_table(found.columns, found.rows))
         if found.said:

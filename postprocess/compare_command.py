@@ -51,6 +51,8 @@ def compare(
     terminal = console()
     for table in tables:
         terminal.print(table)
+    for line in filter(None, map(data.told_of_units, (run, reference))):
+        terminal.print(line, highlight=False)
     terminal.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
 
 

@@ -54,6 +54,24 @@ def compared(run, reference, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("t,1,5", "FILE: 1, 5 in m and t in s, as its first line says no units"),
+        ("time [s],1,5 [m]", "FILE: 1 in m, as its first line says no units"),
+        ("time [s],1 [m],5 [m]", ""),
+        ("t [s],1@x=2,5@x=7.5", ""),
+    ],
+)
+def test_a_table_that_says_no_units_is_told_to_be_taken_in_metres(tmp_path, header, said):
+    (tmp_path / "u.csv").write_text(f"{header}\n" + rows(T, eta(T, 2.0), eta(T, 7.5)))
+    told = data.told_of_units(str(tmp_path / "u.csv"))
+    assert told.startswith(said.replace("FILE", str(tmp_path / "u.csv"))) and bool(told) == bool(said)
+    if header == "t,1,5":
+        shown = commanded("analyse", str(tmp_path / "u.csv"), "heights", "--out", str(tmp_path / "out")).stdout
+        assert told in shown.replace("\n", " ")
+
+
+@pytest.mark.parametrize(
     "header", ["t,1,5", "time [s], 1 [m], 5 [m]", "t [s];1@x=2;5@x=7.5"], ids=["names", "units", "places"]
 )
 def test_a_plain_csv_names_its_gauges(run, tmp_path, header):

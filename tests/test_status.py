@@ -15,7 +15,7 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.progress import Standing
 from wavetank.records import environment, lock
 from wavetank.records.checkpoint import Checkpoint
-from wavetank.records.directory import CHECKPOINT, MANIFEST, RunDirectory
+from wavetank.records.directory import CHECKPOINT, ENERGY, MANIFEST, RunDirectory
 from wavetank.records.writer import RunWriter
 
 HOST, PRESENT = {"host": socket.gethostname()}, environment.present().replace(microsecond=0)
@@ -54,6 +54,9 @@ def test_a_run_is_told_while_it_goes_on_and_after_each_end(writer, tmp_path, wav
     changed(run, progress={"t": 0.0, "begin": 0.0, "end": 10.0, "step": 0, "wall_s": 0.01})
     begun = f"{run}: running, t 3.5 of 10 s, written 0 seconds ago, checkpoint t = 3.5 s; warning: it is steep"
     assert told(wavetank, run) == [begun]  # the checkpoint has come since
+    (run / ENERGY).write_text("t [s],total [m^4/s^2]\n3.6,1.0\n3.7,1.0\n3.8,1")
+    assert told(wavetank, run) == [begun.replace("t 3.5 of", "t 3.7 of")]  # and rows of the records, the last one cut
+    (run / ENERGY).unlink()
     writer.fail(StoppedError("t = 4 s: interrupted by SIGTERM"))
     stopped = f"{run}: stopped, {numbers}, written 0 seconds ago, checkpoint t = 3.5 s; t = 4 s: interrupted by SIGTERM"
     assert told(wavetank, run) == [stopped]

@@ -67,7 +67,8 @@ def standing(path: Path) -> Standing:
     manifest, state = run.manifest, run.status
     progress, warnings = manifest.get("progress", {}), manifest.get("warnings", [])
     kept, since = last_checkpoint(path), progress.get("t", 0.0) - progress.get("begin", 0.0)
-    t = max((one for one in (progress.get("t"), kept) if one is not None), default=None)  # whichever was written later
+    known = progress.get("t"), kept, run.reached
+    t = max((one for one in known if one is not None), default=None)  # whichever was written last
     speed = since / progress["wall_s"] if since > 0.0 else None
     note = manifest.get("cause") or (f"warning: {warnings[0]}" if warnings else "")
     if state == "unknown":

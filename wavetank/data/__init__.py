@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from wavetank.data.description import DATASET, DataFile, Dataset, Gauge, Records, Section, WaveHeights
     from wavetank.data.downloading import download, fetch
-    from wavetank.data.places import dataset, find, folders, names, opened, resolve, told
+    from wavetank.data.places import dataset, find, folders, names, opened, resolve, told, told_of_units
     from wavetank.data.series import GaugeRecords, HeightSeries, gauge_records, height_series
 
 __all__ = [
@@ -34,12 +34,13 @@ __all__ = [
     "opened",
     "resolve",
     "told",
+    "told_of_units",
 ]
 
 HOMES = {  # by modules whose own names are none of these: a module, once loaded, is an attribute of its package
     "description": {"DATASET", "DataFile", "Dataset", "Gauge", "Records", "Section", "WaveHeights"},
     "downloading": {"download", "fetch"},
-    "places": {"dataset", "find", "folders", "names", "opened", "resolve", "told"},
+    "places": {"dataset", "find", "folders", "names", "opened", "resolve", "told", "told_of_units"},
     "series": {"GaugeRecords", "HeightSeries", "gauge_records", "height_series"},
 }
 

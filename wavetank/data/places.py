@@ -95,6 +95,22 @@ def plain(path: Path) -> Dataset:
         raise refused(path, error) from None
 
 
+def told_of_units(reference: str) -> str:
+    """Return in what units a table is read whose first line tells none, of elevations or of times; else nothing.
+
+    A place in a name, as a run's own table has, says metres. Raises ``InputError`` as ``opened``.
+    """
+    path = Path(reference)
+    if reference in names() or path.name == DATASET or not path.is_file():
+        return ""
+    time, *others = read_columns(path).names
+    silent = [name for name in others if "[" not in name and "@" not in name]
+    if not silent:
+        return ""
+    units = f"{', '.join(silent)} in m{'' if '[' in time else f' and {time} in s'}"
+    return f"{path}: {units}, as its first line says no units; a {DATASET} beside it says others"
+
+
 def _unit_taken_off(path: Path, column: str) -> str:
     name, _, unit = column.removesuffix("]").partition("[")
     if unit not in UNITS:

@@ -27,7 +27,9 @@ ever written.
 
 import csv
 import json
+import os
 from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO, StringIO
 from pathlib import Path
 from socket import gethostname
@@ -63,6 +65,7 @@ FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
 PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.csv", "analysis-*.png", "analysis-*.csv"
 INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
+LINES = 2**12  # bytes, more than a row of energies has
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 
 
@@ -126,6 +129,15 @@ class RunDirectory:
         if status != "running":
             return status
         return "killed" if self.manifest.get("host", gethostname()) == gethostname() else "unknown"
+
+    @property
+    def reached(self) -> float | None:
+        """The time [s] of the last whole row of its energies, which may be later than its manifest; None without."""
+        with suppress(OSError, ValueError), (self.path / ENERGY).open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - LINES))
+            *_, last, _ = file.read().split(b"\n")  # what is behind the last end of a line was cut
+            return float(last.partition(b",")[0])
+        return None
 
     @property
     def title(self) -> str:
