@@ -17,13 +17,15 @@ from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.plan.cost_model import BUILT_IN
 from wavetank.plan.error_model import Settings
+from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.kinds import kind_of
-from wavetank.runs.build import build_run
+from wavetank.runs.build import build_clock, build_run
 from wavetank.theory import airy
 from wavetank.theory.wavemaker import PISTON, Flap, Profile, modes, norm
 from wavetank.verify.measured_flap import waves
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.still_water import largest_frequency
 from wavetank.water.surface_points import SurfacePoints
 from wavetank.water.walls import LinearPaddle, Polynomial
 from wavetank.water.walls.shape import fitted
@@ -148,6 +150,40 @@ def test_linear_waves_are_biesels_with_the_field_at_the_paddle(hinge, kd):
     assert np.abs(eta - exact)[plane.x > 1.0].max() < 2e-4 * size
     assert np.abs(eta - exact).max() < 5e-3 * size
     assert np.abs(exact - far).max() > 0.02 * size  # what dies out is there
+
+
+# ---------------------------------------------------------------- steps
+def leaning(degrees, *, wall=None, **more):
+    motion = {"type": "sinusoid", "paddle_amplitude": np.radians(degrees), "period": 4.0, "ramp": 0}
+    return scene({"type": "flap", "motion_as": "angle", "motion": motion, **(wall or {})}, **more)
+
+
+@pytest.mark.parametrize("degrees", [20.0, 45.0])
+def test_the_step_knows_how_far_a_flap_leans(degrees):
+    """Lanczos' largest frequency of the tank whose flap stands so is the bound within 15 %; a given step is doubted."""
+    case = leaning(degrees, cells=12, n=6, duration=4.0, dt=None)
+    run, waves = build_run(case, MPI.COMM_SELF)
+    leant = largest_frequency(waves, 1.0) / waves.largest_frequency
+    assert 0.85 * case.quickened < leant < case.quickened
+    limit = run.integrator.stability_limit / waves.largest_frequency
+    assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.quickened), rel=0.02)
+    longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=6, duration=4.0, dt=0.85 * limit)
+    doubts = forewarnings(longer, build_clock(longer, waves.largest_frequency, run.integrator), waves)
+    assert any("where the paddle leans farthest" in line for line in doubts) == (degrees > 30)
+
+
+@pytest.mark.slow
+def test_a_flap_at_sixty_degrees_runs_with_its_default_step():
+    """At the step of an upright wall stages did not converge after seven seconds; a second later its wave breaks."""
+    case = leaning(60.0, length=8.0, cells=30, n=8, duration=7.9, dt=None, sponge={"type": "end", "length": 3.0})
+    motion = case.wall.motion.model_copy(update={"ramp": 8.0})
+    tank = case.tank.model_copy(update={"depth": 0.6})
+    case = case.model_copy(update={"tank": tank, "wall": case.wall.model_copy(update={"motion": motion})})
+    run, waves = build_run(case, MPI.COMM_SELF)
+    record = Memory()
+    run.observers.append(EnergyBudget(waves, record=record, every=1, sinks=run.sinks))
+    run.execute()
+    assert np.abs(record.array()[:, BALANCE]).max() < 1e-4 * record.array()[:, 3].max()
 
 
 # ---------------------------------------------------------------- nonlinear water

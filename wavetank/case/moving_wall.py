@@ -10,11 +10,12 @@ from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
 from wavetank.motions import Array
 from wavetank.motions.extent import Extent
-from wavetank.motions.mapping import STEEPEST, TOP, largest_stroke
+from wavetank.motions.mapping import STEEPEST, TOP, largest_stroke, share
 from wavetank.theory.wavemaker import PISTON, Flap, Wavemaker
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Acceleration, Coordinate, Length, Speed, metres
 
+NARROWEST = 0.01  # J, at which a mapping is looked at
 SIZES = (  # of a motion: keys by which the paddle goes far
     *("paddle_amplitude", "wave_amplitude", "linear_crest", "significant_height", "height", "heights"),
     *("position", "velocity", "file"),
@@ -55,6 +56,13 @@ class MovingWall(Noun):
 
     def farther(self, tank: AnyTank) -> float:
         """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
+        return 1.0
+
+    def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
+        """Return how much faster the mesh's shortest waves get, at most, where it leans: 1 of a vertical wall.
+
+        Given are the mapping's reach and the paddle's largest distance from rest [m].
+        """
         return 1.0
 
     def amplitude(self, tank: AnyTank) -> float:
@@ -114,6 +122,18 @@ class ShapedWall(MovingWall):
         """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
         z = tank.depth * np.linspace(-1.0, TOP, 1001)
         return float(np.abs(self.maker.share(z, tank.depth)).max())
+
+    def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
+        """Return the largest 1 / (cos(theta) J^(1/2)), theta the angle from upright of what goes with the paddle.
+
+        Of waves too short for the vertical order the energy is that of the velocity along x, k² |P|² / J of a potential
+        psi P(zeta), and tan²(theta) as much upwards.
+        """
+        z, r = tank.depth * np.linspace(-1.0, 0.0, 1001), np.linspace(0.0, 1.0, 101, dtype=np.float64)
+        shares = self.maker.share(z, tank.depth)
+        tangents = share(r) * float(np.abs(np.diff(shares) / np.diff(z)).max()) * excursion
+        J = 1.0 + np.gradient(share(r), r) * float(np.abs(shares).max()) * excursion / reach
+        return float(np.sqrt(((1.0 + tangents**2) / np.maximum(J, NARROWEST)).max()))
 
 
 class HingedWall(ShapedWall):

@@ -207,6 +207,16 @@ class Scene(Noun):
         """Return the paddle's largest distance from rest in the run [m]."""
         return float(np.abs(values(self.of_paddle(motion, "position"), self._times(motion))).max())
 
+    @property
+    def quickened(self) -> float:
+        """How much faster the mesh's shortest waves get, at most, where its paddles lean."""
+        factors = (
+            one.wall.quickened(one.tank, one.reach, one.excursion(one.motion()))
+            for one in self.paddles
+            if isinstance(one.wall, MovingWall) and self.physics == "nonlinear"
+        )
+        return max(factors, default=1.0)
+
     def extent(self, motion: motions.Motion) -> Extent:
         """Return the paddle's stroke, largest speed and acceleration in the run."""
         return extent(motion, self._times(motion), self.wall.places(self.tank))

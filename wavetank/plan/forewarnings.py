@@ -32,8 +32,9 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted.
     """
     before = [*(_predicted(scene) if own is None else ()), *_of_walls(scene)]
-    nodes = (own or INTEGRATORS[scene.numerics.integrator]()).nodes
-    return [*before, *_bed(scene, waves), *_start(scene, waves), *_motion(scene, clock, nodes), *_end(scene, clock)]
+    scheme = own or INTEGRATORS[scene.numerics.integrator]()
+    of_step = *_motion(scene, clock, scheme.nodes), *_leaning(scene, clock, waves, scheme), *_end(scene, clock)
+    return [*before, *_bed(scene, waves), *_start(scene, waves), *of_step]
 
 
 def _of_walls(scene: Scene) -> Iterator[str]:
@@ -103,6 +104,17 @@ def _motion(scene: Scene, clock: Clock, nodes: Sequence[float]) -> Iterator[str]
         if missed > HELD:
             whose = "paddle" if seen is scene else seen.end
             yield f"the step of {clock.dt:.3g} s misses the {whose}'s motion by {missed:.2g} of it: it is too long"
+
+
+def _leaning(scene: Scene, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[str]:
+    """Yield a sentence if the step may be too long where a paddle leans as far as it goes."""
+    faster = scene.quickened
+    longest = integrator.stability_limit / (waves.largest_frequency * faster)
+    if clock.dt > longest:
+        yield (
+            f"where the paddle leans farthest, the mesh's shortest waves are up to {faster:.3g} times as fast: "
+            f"the step of {clock.dt:.3g} s may be unstable there, one of {longest:.3g} s is not"
+        )
 
 
 def _end(scene: Scene, clock: Clock) -> Iterator[str]:

@@ -30,7 +30,7 @@ from wavetank.plan.kinds import entries_of
 from wavetank.plan.looks import Looks
 from wavetank.plan.requirements import Requirements, requirements
 from wavetank.plan.stroke_held import stroke_missed
-from wavetank.runs.build import build_clock
+from wavetank.runs.build import LEANING, build_clock
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.values.noun import Problem, SceneError
 from wavetank.water.edge_penalty import NEEDED
@@ -169,7 +169,7 @@ class _Search:
 
     def __init__(self, scene: Scene, accuracy: float):
         self._scene, self._given = scene, Given.by(scene)
-        self._required = requirements(scene, accuracy)
+        self._required, self._quickened = requirements(scene, accuracy), scene.quickened
         self._errors = ErrorModel(self._required)
         self._steps = _Steps(self._errors, self._required, self._given.dt)
 
@@ -230,7 +230,8 @@ class _Search:
         if required.physics == "linear":
             return limit / mesh.largest_frequency
         shifted = mesh.largest_frequency + required.velocity * _k_grid(mesh)
-        return min(limit / shifted, SOLVABLE[name] / mesh.largest_frequency)
+        leaning = LEANING * INTEGRATORS[name].stability_limit / self._quickened
+        return min(limit / shifted, min(SOLVABLE[name], leaning) / mesh.largest_frequency)
 
     def _current(self, mesh: Mesh) -> float:
         """Return u² k_grid / g; 0 for linear waves, which have no current."""

@@ -42,6 +42,9 @@ class WavesOverStillWater(Protocol):
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi, shape (owned,); collective."""
 
+    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
+        """Return (Q, psi) for elevation [m] and surface potential [m²/s]; collective."""
+
 
 class StillWaterWaves:
     """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): linear waves on still water.
@@ -92,13 +95,13 @@ def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
     return column, np.full(waves.plane.owned, float(np.sqrt(waves.gravity * waves.depth)))
 
 
-def largest_frequency(waves: WavesOverStillWater) -> float:
-    """Return the largest angular frequency the mesh carries [rad/s], by Lanczos iteration; collective."""
-    still = waves.mass.apply(np.zeros(waves.plane.owned) + waves.bed.still)
-    rest = waves.H_p(still, np.zeros(waves.plane.owned), 0.0)
+def largest_frequency(waves: WavesOverStillWater, t: float = 0.0) -> float:
+    """Return the largest angular frequency the mesh carries [rad/s], its walls as at t [s], by Lanczos; collective."""
+    still, nothing = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
+    rest = waves.H_p(still, nothing, t)
 
     def surface_operator(psi: Vector) -> Vector:
-        return waves.mass.solve(waves.H_p(still, psi, 0.0) - rest)
+        return waves.mass.solve(waves.H_p(still, psi, t) - rest)
 
     def inner(rows: Vector, image: Vector) -> Vector:
         return np.asarray(waves.plane.comm.allreduce(rows @ waves.mass.apply(image)))
