@@ -31,7 +31,7 @@ STEEP, GENTLE = 0.3, 0.15  # slopes of the front without which it does not begin
 SWIFT = 0.25  # mean u - U of its upper half / (g H)^(1/2): 0.45 and more of what breaks, near 0 of what stands or meets
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
-NEAR = 0.5  # of the slope asked for: below it no crest gets so steep from one look to the next
+NEAR = 0.8  # of the slope asked for: below it no crest gets so steep from one look to the next
 RESTS, FASTER = 3, 1.2  # looks that are left out where all B are below 0.6, unless water gets faster by so much
 
 

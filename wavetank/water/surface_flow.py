@@ -11,6 +11,7 @@ import ufl
 from mpi4py import MPI
 
 from wavetank.arrays import Vector, largest
+from wavetank.fe.cell_places import tabulate
 from wavetank.fe.forms import compile_expression
 from wavetank.fe.plane import Plane
 from wavetank.water.crests import Profile
@@ -85,9 +86,10 @@ class SurfaceVelocity:
         self._waves.set_time(t)
         self._eta.set(self._waves.elevation(q, p, t))
         self._psi.set(p)
-        self._take(self._expression.eval(self._waves.plane.mesh, self._cells))
+        self._look()
 
-    def _take(self, values: Vector) -> None:
+    def _look(self) -> None:
+        values = self._expression.eval(self._waves.plane.mesh, self._cells)
         rows = values.reshape(self._cells.size, len(self._points), 2)
         self._speeds, self._slopes = rows[:, :, 0].max(axis=1, initial=0.0), rows[:, :, 1].max(axis=1, initial=0.0)
 
@@ -143,13 +145,21 @@ class SurfaceFlow(SurfaceVelocity):
         coordinates = np.zeros((len(places), 3))
         coordinates[:, : places.shape[1]] = places
         x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, len(points)))
-        self._turned = x[:, 0] > x[:, -1]  # cells that run backwards
-        forwards = np.where(self._turned[:, None], np.arange(x.shape[1])[::-1], np.arange(x.shape[1]))
+        self._dofs = plane.V.dofmap.list[: self._cells.size]
+        self._values, slopes = tabulate(plane.V.element.basix_element, 1, points).transpose(0, 2, 1)
+        self._slopes_of, self._stretched = slopes, 1.0 / (x[:, -1:] - x[:, :1])  # cells that run backwards are negative
+        carried = plane.function("carried")
+        carried.owned[self._waves.wall.carries] = 1.0
+        carried.fetch()
+        self._carried = self._cells[carried.rows[self._dofs, 0].any(axis=1)]
+        forwards = np.where(x[:, :1] > x[:, -1:], np.arange(x.shape[1])[::-1], np.arange(x.shape[1]))
         self._forwards = forwards + x.shape[1] * np.arange(x.shape[0])[:, None]  # this rank's points, cells forwards
         self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
         self._alone = self._forwards[self._order].ravel() if self._comm.size == 1 else None
-        reference = self._sorted(x.reshape(-1, 1))[:, 0]
-        self._places = np.column_stack([reference, 0 * reference])
+        is_carried = np.repeat(np.isin(self._cells, self._carried), len(points))
+        self._reference, moved = self._sorted(np.column_stack([x.ravel(), is_carried])).T
+        self._moved = np.flatnonzero(moved)  # which of the places
+        self._rest = np.column_stack([self._reference, 0 * self._reference])[self._moved]
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
     def _sorted(self, values: Vector) -> Vector:
@@ -159,32 +169,36 @@ class SurfaceFlow(SurfaceVelocity):
         rows = np.concatenate(self._comm.allgather(values[self._forwards]))[self._order]
         return np.asarray(rows.reshape(-1, values.shape[1]))
 
-    def _take(self, values: Vector) -> None:
-        self._rows, self._profile = values.reshape(-1, 3), None
-        self._slopes, velocity = np.abs(self._rows[:, 1:].T)  # at the points
-        self._speeds = velocity / (1 + self._slopes**2)
-
-    def _by_cell(self, values: Vector) -> Vector:
-        """Return the largest of the points' values in each cell, shape (cells,)."""
-        return np.asarray(values.reshape(self._cells.size, len(self._points)).max(axis=1, initial=0.0))
+    def _look(self) -> None:
+        self._of_cells, self._profile = self._eta.rows[self._dofs, 0], None
+        slope = self._of_cells @ self._slopes_of * self._stretched  # at the points, shape (cells, points)
+        psi_x = self._psi.rows[self._dofs, 0] @ self._slopes_of * self._stretched
+        if self._carried.size:
+            found = self._expression.eval(self._waves.plane.mesh, self._carried)
+            _, slope[self._carried], psi_x[self._carried] = np.moveaxis(found.reshape(-1, len(self._points), 3), 2, 0)
+        self._slope, self._psi_x, self._slopes = slope, psi_x, np.abs(slope)
+        self._speeds = np.abs(psi_x) / (1 + slope**2)
 
     @property
     def speeds(self) -> Vector:
         """See ``SurfaceVelocity``."""
-        return self._by_cell(self._speeds)
+        return np.asarray(self._speeds.max(axis=1, initial=0.0))
 
     @property
     def slopes(self) -> Vector:
         """See ``SurfaceVelocity``."""
-        return self._by_cell(self._slopes)
+        return np.asarray(self._slopes.max(axis=1, initial=0.0))
 
     @property
     def profile(self) -> Profile:
         """The surface last taken, the same on all ranks, found where it is asked for."""
         if self._profile is None:
             self._waves.set_time(self._t)
-            height, slope, psi_x = self._sorted(self._rows).T
-            self._profile = Profile(self._waves.wall.to_physical(self._places, height)[:, 0], height, slope, psi_x)
+            rows = self._of_cells @ self._values, self._slope, self._psi_x
+            height, slope, psi_x = self._sorted(np.stack(rows, axis=-1).reshape(-1, 3)).T
+            x = self._reference.copy()
+            x[self._moved] = self._waves.wall.to_physical(self._rest, height[self._moved])[:, 0]
+            self._profile = Profile(x, height, slope, psi_x)
         return self._profile
 
     def crests(self) -> list[Crest]:
