@@ -13,6 +13,7 @@ Array = npt.NDArray[np.float64]
 
 TOP = 0.5  # depths above still water, up to which a paddle's shape is looked at
 LITTLE = 0.1  # reaches
+SETTLED = 1e-8  # reaches; the square is round-off
 STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
 
 
@@ -39,16 +40,18 @@ def unmapped(r: Array, moved: Array) -> Array:
     """Return R with R + s(R) moved = r, lengths in reaches, all of shape (N,), for moved < 3/4.
 
     Newton's method, started where it converges from one side: at an end where the map is flattest inside, at r = 1/3,
-    or at that place where it is steepest there. Where little is moved it converges from anywhere.
+    or at that place where it is steepest there. Where little is moved it converges from anywhere. What the last
+    change leaves is of the size of its square.
     """
     third = 1 / 3
     inside = _between(r, moved)  # places beyond both ends are found without
     end = inside > third + _inside(np.asarray(third)) * moved
     R = np.where(np.abs(moved) < LITTLE, inside, np.where(moved > 0.0, end, third))
     for _ in range(100):
-        change = (R + _inside(R) * moved - inside) / (1.0 - (1.0 - R) * (1.0 + 3.0 * R) * moved)
+        left = 1.0 - R
+        change = (R + left * left * (1.0 + R) * moved - inside) / (1.0 - left * (1.0 + 3.0 * R) * moved)
         R = _between(R - change, 0.0)
-        if not (np.abs(change) > 1e-14).any():
+        if np.abs(change).max(initial=0.0) < SETTLED:
             break
     before = (r - moved) / (1.0 - moved)
     return np.where(r >= 1.0, r, np.where(before < 0.0, before, R))

@@ -19,6 +19,7 @@ behind that it has made grow, and the edge penalty takes them. It only tells wha
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 from math import comb
 
 import numpy as np
@@ -70,8 +71,13 @@ class Alternating:
 
     @staticmethod
     def _difference(values: Sequence[Vector], order: int) -> Vector:
-        weights = [(-1) ** k * comb(order, k) / 2**order for k in range(order + 1)]
-        return np.asarray(weights @ np.array(values))
+        return np.asarray(_weights(order) @ np.array(values))
+
+
+@cache
+def _weights(order: int) -> Vector:
+    """Return the weights of a difference of so many values and one."""
+    return np.array([(-1) ** k * comb(order, k) / 2**order for k in range(order + 1)])
 
 
 IN_ELEVATION = Alternating(order=6, noise=5e-3, driven=4.0)

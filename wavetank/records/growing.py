@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from itertools import islice
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -165,7 +166,7 @@ class TableWriter(GrowingFile):
         """
         if len(row) != len(self._columns):
             raise ValueError(f"{self._path.name}: {len(row)} values received; it has {len(self._columns)} columns.")
-        values = [None if value is None else float(value) for value in row]
-        self._check(np.array([value for value in values if value is not None]))
-        self.write(",".join("" if value is None else repr(value) for value in values).encode() + b"\n")
+        if not isfinite(sum(value for value in row if value is not None)):
+            self._check(np.array([value for value in row if value is not None], dtype=np.float64))
+        self.write(",".join(["" if value is None else repr(float(value)) for value in row]).encode() + b"\n")
         self._rows += 1
