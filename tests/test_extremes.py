@@ -266,14 +266,15 @@ def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
 
 
 def test_the_surface_of_a_moment_is_looked_at_once_for_all_who_ask(monkeypatch):
-    """The start, the penalty, breaking and the watch: one look at the start and one at each step."""
+    """By the penalty, breaking and the watch, if at all: what is calm is looked at every fifth step at least."""
     looks, look = list[float](), SurfaceFlow._look
     monkeypatch.setattr(SurfaceFlow, "_look", lambda flow: (looks.append(flow._t), look(flow))[1])
     scene = ring_scene(initial_steepness=0.2, run_duration=0.2)  # the penalty has nothing to take
     run, waves = build_run(scene, MPI.COMM_SELF)
     run.observers += build_watch(scene, run, waves, print)
     run.execute()
-    assert looks == pytest.approx([run.clock.time(step) for step in range(run.clock.steps + 1)])
+    steps = [round(t / run.clock.dt) for t in looks]
+    assert steps == sorted(set(steps)) and np.diff(steps).max() <= 5 and len(steps) < run.clock.steps
 
 
 def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():

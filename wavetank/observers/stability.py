@@ -34,8 +34,9 @@ from wavetank.water.waves import NonlinearWaves
 
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
+OFTEN = 4  # steps between looks at what would help
 CALM = 1e-6  # of the depth: lower waves are not looked at
-SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency"  # what a watch remembers beside the last steps
+SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency", "_next"  # what a watch remembers beside the last steps
 
 
 @dataclass(frozen=True)
@@ -122,15 +123,16 @@ class StabilityWatch:
         self._short = ShortWaves(waves)
         self._last, self._wall = (deque[Vector](maxlen=IN_ELEVATION.length) for _ in range(2))
         self._driven = 0.0  # the highest waves that alternate and are a paddle's [m]
+        self._next = 0  # when it is looked what would help
         self._highest, self._steps, self._frequency = CALM * waves.depth, 0, waves.largest_frequency
         self.noise = 0.0
         self.since: float | None = None
 
     def observe(self, moment: Moment) -> None:
         """Look at the surface, or at its jump where the moment has one; collective."""
-        self._flow.update(moment.q, moment.p, moment.t)
-        eta, jump, look = self._flow.elevation, moment.jump, IN_ELEVATION if moment.jump is None else IN_JUMP
-        self._last.append(eta.copy() if jump is None else self._waves.mass.solve(jump))
+        eta, jump = self._waves.elevation(moment.q, moment.p, moment.t), moment.jump
+        look = IN_ELEVATION if moment.jump is None else IN_JUMP
+        self._last.append(eta if jump is None else self._waves.mass.solve(jump))
         self._wall.append(self._dt * self._waves.wall.velocities)
         self._highest = max(self._highest, self._largest(eta))
         if len(self._last) < look.length:
@@ -140,7 +142,9 @@ class StabilityWatch:
         noise = max(0.0, lower - self._driven) / self._highest
         if noise and not self._largest(look.higher(self._last)) > SHORT * lower:
             noise = 0.0
-        if noise < look.noise / 10:  # what moves is still the water
+        if noise < look.noise / 10 and moment.step >= self._next:  # what moves is still the water
+            self._next = moment.step + OFTEN
+            self._flow.update(moment.q, moment.p, moment.t)
             self._frequency = self._short.largest_frequency(self._flow, least=self._frequency)
         self._steps = self._steps + 1 if noise > look.noise else 0
         if self._steps == IN_A_ROW and self.noise <= look.noise:

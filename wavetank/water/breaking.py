@@ -22,6 +22,7 @@ import ufl
 from wavetank.arrays import Vector
 from wavetank.stateful import Held
 from wavetank.water.crests import Profile, SteepCrest, steep_crests
+from wavetank.water.seldom import Seldom
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
@@ -59,6 +60,7 @@ class BreakingWatch:
     def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
         self._waves, self._flow, self._length = waves, flow, length
         self._last: tuple[float, Profile] | None = None
+        self._seldom = Seldom()
         self._rests, self._fastest = 0, 0.0  # looks that are still left out, and the water's velocity before [m/s]
         self.crests: list[SteepCrest] = []
 
@@ -67,9 +69,12 @@ class BreakingWatch:
 
         The first look sees none.
         """
+        if self._seldom.rests():
+            return []
         self._flow.update(q, p, t)
         last, self._last = self._last, None
         steepest, fastest = self._flow.largest_slope, self._flow.largest_velocity
+        self._seldom.saw(steepest / (NEAR * front))
         resting = self._rests > 0 and fastest < FASTER * self._fastest
         self._rests = self._rests - 1 if resting else 0
         if steepest < NEAR * front or self._rests:
@@ -96,12 +101,13 @@ class BreakingWatch:
     def held(self) -> Held:
         """Return the surface of the last look, if it was not gentle, and how many looks are still left out."""
         last = self._last and {"t": self._last[0], "profile": [values.tolist() for values in self._last[1]]}
-        return {"last": last, "rests": self._rests, "fastest": self._fastest}
+        return {"last": last, "seldom": self._seldom.held(), "rests": self._rests, "fastest": self._fastest}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         last = held["last"]
         self._last = last and (last["t"], Profile(*map(np.array, last["profile"])))
+        self._seldom.take(held["seldom"])
         self._rests, self._fastest = held["rests"], held["fastest"]
 
 

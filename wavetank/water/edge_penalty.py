@@ -18,6 +18,8 @@ import ufl
 from dolfinx import fem
 
 from wavetank.arrays import Vector
+from wavetank.stateful import Held
+from wavetank.water.seldom import Seldom
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
@@ -65,18 +67,29 @@ class EdgePenalty(Smoothing):
             return kappa * one * other * facets
 
         super().__init__(waves, penalty)
-        self._flow, self._short = flow, waves.gravity / k
-        self._threshold = threshold
+        self._flow, self._fast = flow, np.sqrt(threshold * waves.gravity / k)  # from which velocity on it is needed
+        self._seldom = Seldom()
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective."""
-        if self._waves.plane.order == 1:
+        if self._waves.plane.order == 1 or self._seldom.rests():
             return False
         self._flow.update(q, p, t)
-        needed = self._flow.largest_velocity**2 / self._short > self._threshold
+        fastest = self._flow.largest_velocity
+        self._seldom.saw(fastest / self._fast if self._fast else np.inf)
+        needed = bool(fastest > self._fast)
         if needed and self._waves.wall.moves:
             self.update()
         return needed
+
+    def held(self) -> Held:
+        """Return what has been taken, and when it is looked again."""
+        return super().held() | {"seldom": self._seldom.held()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        super().take(held)
+        self._seldom.take(held["seldom"])
 
     def generator(self) -> Vector:
         """Return M^-1 kappa S as a dense matrix, on one rank: for small tanks only."""
