@@ -36,7 +36,8 @@ SHORT = 0.5  # the higher difference over the lower: more of what has fewer than
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
 OFTEN = 4  # steps between looks at what would help
 CALM = 1e-6  # of the depth: lower waves are not looked at
-SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency", "_next"  # what a watch remembers beside the last steps
+# what a watch remembers beside the last steps:
+SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency", "_next"
 
 
 @dataclass(frozen=True)
