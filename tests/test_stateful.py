@@ -73,7 +73,7 @@ class Observed:
         self.run, self.waves = build_run(scene, comm)
         for one in self.run.filters:
             if isinstance(one, EdgePenalty):
-                one._threshold = 0.0  # acts in each step
+                one._fast = 0.0  # acts in each step
         self.gauges, self.energy, said = Memory(), Memory(), []
         records = Records(self.gauges, self.energy, None)
         self.run.observers += build_observers(scene, self.waves, records, sinks=self.run.sinks)
