@@ -15,6 +15,7 @@ from rich.console import Console
 from scipy.signal import find_peaks
 
 from wavetank.errors import ConvergenceError, RunError
+from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
 from wavetank.fe.plane import Plane
 from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
@@ -60,6 +61,21 @@ def test_still_water_over_a_bed_stays_still(make):
     q, _ = waves.state(np.where(x < 2.0, 0.1 * np.cos(np.pi * x / 4) ** 3, 0.0), 0 * x)
     change = waves.mass.solve(smoothing.coordinate(q) - q)
     assert np.abs(change[x < 2.0]).max() > 1e-7 and np.abs(change[x > 6.0]).max() < 1e-12
+
+
+def test_conjugate_gradients_smooth_as_factors_do():
+    """Those are of basins and several ranks, these of slices; from nothing, and from what is found."""
+    waves = over_a_bar()
+    plane, right = waves.plane, waves.mass.apply(np.sin(40.0 * waves.plane.x))
+
+    def smoothing(u, v):
+        return 0.01 * ufl.inner(ufl.grad(u), ufl.grad(v)) * plane.dx
+
+    exact = FactoredMatrix(plane, lambda u, v: u * v * plane.dx + smoothing(u, v)).solve(right, 0 * right)
+    raised = RaisedMass(waves.mass, HorizontalMatrix(plane, smoothing), plane)
+    found = raised.solve(right, 0 * right)
+    for one in (found, raised.solve(right, found)):
+        assert np.abs(one - exact).max() < 1e-7 * np.abs(exact).max()
 
 
 # ---------------------------------------------------------------- a crest's speed and its water's

@@ -13,8 +13,7 @@ import ufl
 from dolfinx import fem
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError
+from wavetank.arrays import Vector, summed
 from wavetank.fe.cells import DECLARATION, Cells, defined, source
 from wavetank.fe.chain import CHAIN, chain
 from wavetank.fe.conjugate_gradients import conjugate_gradients
@@ -25,7 +24,7 @@ from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
 
 LANES = 8  # cells at a time
-ROUND_OFF = 1e-15  # of a solution, in its energy
+ROUND_OFF, EIGHT_DIGITS = 1e-15, 1e-8  # of a solution, in its energy
 DECLARATIONS = """
 void weigh(const Cells *, const double *constants, const double *fields, double *weights);
 void multiply(const Cells *, const double *weights, const double *x, double *y);
@@ -42,7 +41,7 @@ Bilinear = Callable[[Any, Any], ufl.Form]  # of trial and test function
 
 
 class HorizontalMatrix:
-    """A symmetric matrix on the horizontal space, near enough to a mass matrix to be inverted like one.
+    """A symmetric matrix on the horizontal space, assembled; all of it is collective.
 
     Parameters
     ----------
@@ -57,44 +56,81 @@ class HorizontalMatrix:
         _, columns, pointers = owned_rows(self._matrix)  # forms on facets reach farther than the space's ghosts
         columns = self._matrix.index_map(1).local_to_global(columns)
         self._rows = SparseRows(columns, pointers, size=plane.size, comm=plane.comm)
-        self._ksp = self._solver()
         self._in, self._out = self._rows.matrix.createVecs()
         self.update()
 
-    def _solver(self) -> PETSc.KSP:
-        ksp = PETSc.KSP().create(self._plane.comm)
-        ksp.setOperators(self._rows.matrix)
-        if self._plane.comm.size == 1 and self._plane.mesh.topology.dim == 1:
-            ksp.setType("preonly")
-            ksp.getPC().setType("lu")
-            ksp.getPC().setFactorOrdering("natural")
-        else:
-            ksp.setType("cg")
-            ksp.getPC().setType("jacobi")
-            ksp.setNormType(PETSc.KSP.NormType.NATURAL)  # takes no reduction beyond those of the iteration
-            ksp.setTolerances(rtol=1e-15, atol=1e-50, max_it=500)
-        return ksp
-
     def update(self) -> None:
-        """Assemble it for the present values of what the form depends on; collective."""
+        """Assemble it for the present values of what the form depends on."""
         self._matrix.data[:] = 0.0
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
         self._rows.set(owned_rows(self._matrix)[0])
 
     def apply(self, values: Vector) -> Vector:
-        """Return the product with owned values x, shape (owned,); collective."""
+        """Return the product with owned values x, shape (owned,)."""
         self._in.array = values
         self._rows.matrix.mult(self._in, self._out)
         return np.array(self._out.array_r)
 
-    def solve(self, right: Vector) -> Vector:
-        """Return the solution for owned values r, shape (owned,); collective."""
+    def diagonal(self) -> Vector:
+        """Return the owned diagonal entries, shape (owned,)."""
+        self._rows.matrix.getDiagonal(self._out)
+        return np.array(self._out.array_r)
+
+
+class FactoredMatrix(HorizontalMatrix):
+    """One that is inverted by its factors, along a slice or ring on one rank."""
+
+    def __init__(self, plane: Plane, form: Bilinear):
+        super().__init__(plane, form)
+        self._ksp = PETSc.KSP().create(plane.comm)
+        self._ksp.setOperators(self._rows.matrix)
+        self._ksp.setType("preonly")
+        self._ksp.getPC().setType("lu")
+        self._ksp.getPC().setFactorOrdering("natural")
+
+    def solve(self, right: Vector, start: Vector) -> Vector:
+        """Return the solution for owned values r, shape (owned,); it needs no start value."""
         self._in.array = right
         self._ksp.solve(self._in, self._out)
-        if self._ksp.getConvergedReason() < 0:
-            raise ConvergenceError(f"a mass matrix could not be inverted (residual {self._ksp.getResidualNorm():.3g})")
         return np.array(self._out.array_r)
+
+
+class RaisedMass:
+    """A mass matrix and another matrix together, M_J + N; all of it is collective.
+
+    It is inverted by conjugate gradients with its diagonal, and is not made: N's largest eigenvalues in M_J are some
+    tens, so that three iterations find a digit.
+    """
+
+    most = 500  # iterations
+
+    def __init__(self, mass: "MassMatrix", other: HorizontalMatrix, plane: Plane):
+        self._mass, self._other, self._comm = mass, other, plane.comm
+        self.update()
+
+    def update(self) -> None:
+        """Take over both as they are."""
+        self._diagonal = (self._mass.diagonal() + self._other.diagonal())[:, None]
+
+    def apply(self, values: Vector) -> Vector:
+        """Return the product with owned values x, shape (owned,)."""
+        return self._mass.apply(values) + self._other.apply(values)
+
+    def solve(self, right: Vector, start: Vector) -> Vector:
+        """Return the solution for owned values r, from a start value, both (owned,), to eight digits of its energy."""
+        found, residual = start[:, None].copy(), (right - self.apply(start))[:, None]
+        largest = summed(self._comm, float(right @ (right / self._diagonal[:, 0])))
+        conjugate_gradients(
+            lambda x: self.apply(x[:, 0])[:, None],
+            lambda r: r / self._diagonal,
+            found,
+            residual,
+            within=lambda _: EIGHT_DIGITS**2 * largest,
+            comm=self._comm,
+            most=self.most,
+        )
+        return found[:, 0]
 
 
 def mass_matrix(plane: Plane, J: Any) -> "MassMatrix":

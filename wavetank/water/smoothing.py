@@ -8,7 +8,7 @@ import numpy as np
 import ufl
 
 from wavetank.arrays import Vector
-from wavetank.fe.mass import HorizontalMatrix
+from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
 from wavetank.stateful import Held
 from wavetank.water.waves import NonlinearWaves
 
@@ -34,6 +34,7 @@ class Smoothing:
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form]):
         self._waves, self._of = waves, form
         self.energy_taken = 0.0
+        self._last = dict[str, Vector]()  # what has been taken of a state's points, until all are smoothed
 
     @cached_property
     def _form(self) -> HorizontalMatrix:
@@ -41,31 +42,40 @@ class Smoothing:
         return HorizontalMatrix(self._waves.plane, self._of)
 
     @cached_property
-    def _implicit(self) -> HorizontalMatrix:
+    def _implicit(self) -> FactoredMatrix | RaisedMass:
         """M_J + N; collective."""
         plane, J = self._waves.plane, self._waves.wall.mapping.J(self._waves.densities.eta)
-        return HorizontalMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v))
+        if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
+            return FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v))
+        return RaisedMass(self._waves.mass, self._form, plane)
 
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
         self._form.update()
         self._implicit.update()
 
-    def _smoothed(self, v: Vector) -> Vector:
-        return self._implicit.solve(self._waves.mass.apply(v))
+    def _taken(self, of: str, v: Vector) -> Vector:
+        """Return what smoothing takes of v, (M_J + N)^-1 N v; collective.
+
+        The points of a state are close to each other: from what it takes of one it finds what it takes of the next.
+        """
+        start = self._last.get(of, np.zeros_like(v))
+        self._last[of] = taken = self._implicit.solve(self._form.apply(v), start)
+        return taken
 
     def coordinate(self, q: Vector) -> Vector:
         """Return Q - N eta': its sum, the mass, is that of Q; collective."""
         eta = self._waves.columns.solve(q) - self._waves.bed.still
-        return np.asarray(q - self._form.apply(self._smoothed(eta)))
+        return np.asarray(q - self._form.apply(eta - self._taken("eta", eta)))
 
     def momentum(self, p: Vector) -> Vector:
         """Return psi'; collective."""
-        return self._smoothed(p)
+        return p - self._taken("psi", p)
 
     def account(self, taken: float, *, of: float) -> None:
         """Add what has been taken."""
         self.energy_taken += taken
+        self._last.clear()
 
     def held(self) -> Held:
         """Return what has been taken."""
