@@ -16,4 +16,4 @@ def still_water(run: RunDirectory) -> Depth | None:
         tank: AnyTank = TypeAdapter(Tank).validate_python(run.manifest["scene"]["tank"])
     except (KeyError, ValidationError):
         return None
-    return None if tank.bed is None else tank.bed.build()
+    return None if tank.bed is None else tank.bed.build(tank.depth)

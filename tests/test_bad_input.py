@@ -144,7 +144,7 @@ def test_a_bed_that_ends_the_program_is_an_error_of_the_bed(tmp_path, where, lin
     text = TANK.replace("depth = 1.0", "depth = 1.0\nbed = {type = 'python', file = 'bed.py'}")
     if where:
         (tmp_path / "case.toml").write_text(text)
-        bed = read_case(tmp_path / "case.toml").tank.bed.build()
+        bed = read_case(tmp_path / "case.toml").tank.bed.build(1.0)
         with pytest.raises(InputError, match=rf"bed\.py, function 'depth', line {line}: SystemExit: 0"):
             bed(*2 * [np.zeros(3)])
     else:
@@ -301,6 +301,8 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "wave_amplitude = 0.1\n[wall]\ntype = 'piston'\nmotion = {type = 'at-rest'}\n" + RUN,
     "python": SLICE + "bed = {type = 'python', file = 'bed.py'}\n[wall]\ntype = 'fixed'\n"
     "[initial]\ntype = 'still-water'\n" + RUN,
+    "beach": SLICE + "bed = {type = 'beach', start = 12.0, slope = 0.2, minimum_depth = 0.05}\n[initial]\n"
+    "type = 'still-water'\n" + RUN,
     "written": SLICE + "[wall]\ntype = 'piston'\nmotion = {type = 'python', file = 'paddle.py'}\n" + RUN,
     "rectangle": RECTANGLE + "[tank.layout.refine]\nx = [2.0, 4.0]\nfactor = 0.5\n[sponge]\ntype = 'group'\n"
     + SEGMENTS + "type = 'oblique-wave'\nwave_amplitude = 0.01\nperiod = 1.6\nangle = 20.0\n" + UNCUT,

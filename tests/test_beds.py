@@ -11,7 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from wavetank.beds import Gridded, Survey, read_bed
 from wavetank.case import Scene, SceneError
-from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
+from wavetank.case.beds import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
@@ -359,10 +359,11 @@ def test_nouns_build_their_beds_and_survive_json(tmp_path, python):
         (FormulaBed(depth="a + s*x", where={"a": 1.0, "s": "a/2"}), 1.0 + 0.5 * X),
         (PythonBed(file=str(path), function="bed"), 1.0 + X),
         (elevations, 2.0 + 0.5 * X),
+        (BeachBed(start=1.5, slope=0.5, minimum_depth=0.3), np.maximum(1.0 - 0.5 * np.maximum(X - 1.5, 0.0), 0.3)),
     ]
     union = TypeAdapter(Bed)
     for noun, d in nouns:
-        np.testing.assert_allclose(noun.build()(X, Y), d, rtol=1e-14)
+        np.testing.assert_allclose(noun.build(1.0)(X, Y), d, rtol=1e-14)
         assert union.validate_python(noun.model_dump(mode="json")) == noun
         assert union.validate_json(noun.model_dump_json()) == noun
 
@@ -382,6 +383,23 @@ def test_a_case_s_formula_is_refused_where_it_stands(tmp_path, text, sentence):
     message = refused(read_case, path)
     assert sentence in message
     assert message.count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("beach", "said"),
+    [
+        ("start = 5.0\nslope = 0.1", "tank.bed.start = 5.0: must be below the tank's length, 4 m"),
+        ("start = 2.0\nslope = 0.5", "tank.bed.slope = 0.5: must be below 0.5 for a tank that is wet to its end"),
+        ("start = 2.0\nslope = 0.5\nminimum_depth = 0.1", ""),
+    ],
+)
+def test_a_beach_must_be_in_the_tank_and_below_the_water(tmp_path, beach, said):
+    path = tmp_path / "case.toml"
+    path.write_text(f'run.duration = 1.0\n[tank]\nlength = 4.0\ndepth = 1.0\n[tank.bed]\ntype = "beach"\n{beach}\n')
+    if not said:
+        assert read_case(path).tank.bed.build(1.0)(np.array([2.2, 4.0]), np.zeros(2)) == pytest.approx([0.9, 0.1])
+        return
+    assert said in refused(read_case, path)
 
 
 BASIN = {"type": "basin", "layout": {"type": "rectangle", "length": 8.0, "width": 4.0, "origin": [2.0, 0.0]}}
@@ -431,7 +449,7 @@ def test_a_file_that_cannot_be_used_is_refused_where_it_stands(tmp_path):
     for noun in (PythonBed, GriddedBed):
         missing = str(tmp_path / "bed.nc")
         with pytest.raises(SceneError) as error:
-            noun(file=missing).build()
+            noun(file=missing).build(1.0)
         assert str(error.value).startswith(f'tank.bed.file = "{missing}": {missing}: cannot be read')
 
 

@@ -280,6 +280,8 @@ def test_a_plan_knows_what_a_flap_costs():
     )
     assert flap / piston == pytest.approx(1.3) and bent / piston == pytest.approx(1.5)
     assert kind_of(scene(FLAP), "linear") == "linear"
+    assert kind_of(scene({"type": "piston", "motion": MOTION}, far_wall=FLAP), "nonlinear") == "leaning"
+    assert kind_of(scene(KINKED, far_wall=KINKED), "nonlinear") == "both bent"
 
 
 # ---------------------------------------------------------------- whole runs

@@ -58,7 +58,7 @@ def test_the_page_runs_as_it_stands(folder):
         exec(scheme, own := {})
     x = np.array([0.0, 4.0, 8.0])
     assert seen["run"].manifest["status"] == own["run"].manifest["status"] == "finished"
-    assert wt.read_case("case.toml").tank.bed.build()(x, 0 * x) == pytest.approx([0.7, 0.8, 0.9], abs=1e-3)
+    assert wt.read_case("case.toml").tank.bed.build(0.7)(x, 0 * x) == pytest.approx([0.7, 0.8, 0.9], abs=1e-3)
     assert seen["run"].paddle.position.values[-1] == pytest.approx(0.01 * (1 - np.cos(2 * np.pi * 0.5 / 1.6)))
     assert [t for t, _ in seen["RUN_UP"]] == pytest.approx(np.arange(0, 0.51, 0.1))
     surfaces = [run.surface.elevation.values[-1] for run in (seen["run"], own["run"])]

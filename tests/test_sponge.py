@@ -57,6 +57,9 @@ def ends(waves, scheme, start, *, steps, dt):
     return state
 
 
+SLOPE = {"least": 0.1, "share": 0.5}
+
+
 def linear(*, length=1.0, cells=8, order=3, n=6, depth=0.5):
     footprint = Slice(length, cells, comm=MPI.COMM_SELF)
     plane = Plane(footprint.mesh, order, footprint.chart)
@@ -232,6 +235,12 @@ def test_a_sponge_of_one_wave_length_reflects_less_than_2_percent(kd, most):
 def test_longer_sponges_reflect_less():
     found = [Operators(Beach(1.0, lengths)).reflection(1.0) for lengths in (0.5, 1.0, 1.5, 2.0, 3.0)]
     assert found == sorted(found, reverse=True) and found[-1] < 1e-3
+
+
+def test_a_beach_beneath_a_short_sponge_reflects_less():
+    """Half a wave long, of half the default strength: as the page on sponges has it."""
+    flat, beach = (Operators(Beach(1.0, 0.5, cells=8, **more)).reflection(1.0) for more in ({}, SLOPE))
+    assert flat == pytest.approx(0.182, abs=0.01) and beach == pytest.approx(0.107, abs=0.01)
 
 
 def test_the_reflection_in_time_is_that_of_the_frequency_domain():

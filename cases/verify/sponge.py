@@ -20,6 +20,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 from rich.console import Console
 
+from wavetank.case.beds import BeachBed
 from wavetank.case.sponges import EndSponge
 from wavetank.case.tanks import SliceTank
 from wavetank.fe.plane import Plane
@@ -49,6 +50,7 @@ DASHES = dict(zip(SIZES, ("-", "--", ":"), strict=True))
 RATIOS = (0.5, 0.7, 0.85, 1.0, 1.2, 1.5, 2.0)  # frequency over the design's
 AHEAD, QUIET = 1.5, 5.0  # wave lengths and depths between paddle and sponge; the depths keep the paddle's near field
 STEPS = 40  # a period
+SHALLOW = 0.1  # m: the depth at a beach's end
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 
@@ -64,9 +66,13 @@ class Beach:
         Length of the sponge over that of the wave.
     cells
         A wave length.
+    least
+        Depth at the end, to which the bed rises beneath the sponge [m].
+    share
+        Strength over the default.
     """
 
-    def __init__(self, kd: float, lengths: float, *, cells: int = 16):
+    def __init__(self, kd: float, lengths: float, *, cells: int = 16, least: float = 1.0, share: float = 1.0):
         self.k, self.wave_length = kd, 2 * np.pi / kd
         self.width, self.start = lengths * self.wave_length, AHEAD * self.wave_length + QUIET
         self.length = self.start + self.width
@@ -77,19 +83,21 @@ class Beach:
         tank = SliceTank(length=self.length, depth=1.0)
         self.omega = float(angular_frequency(kd, 1.0, tank.gravity))
         strength = EndSponge(length=self.width).strength_for(self.width, tank, paddle=2 * np.pi / self.omega)
-        self.gamma = profile(self.plane.x - self.start, width=self.width, strength=strength)
+        self.gamma = profile(self.plane.x - self.start, width=self.width, strength=share * strength)
+        slope = BeachBed(start=self.start, slope=(1.0 - least) / self.width) if least < 1.0 else None
+        self.depth = 1.0 if slope is None else slope.build(1.0)
 
     def linear(self, motion: Motion) -> LinearWaves:
         """Return linear waves of a piston."""
         wall = LinearPaddle(motion, plane=self.plane, side=self.footprint.side())
-        return LinearWaves(self.plane, depth=1.0, wall=wall, vertical_order=self.vertical_order)
+        return LinearWaves(self.plane, depth=self.depth, wall=wall, vertical_order=self.vertical_order)
 
     def nonlinear(self, motion: Motion) -> NonlinearWaves:
         """Return nonlinear waves of a piston, whose mapping ends before the waves are looked at."""
         wall = Piston(motion, plane=self.plane, reach=QUIET, side=self.footprint.side())
         tolerances = Tolerances(stage=1e-7, interior=1e-8)
         return NonlinearWaves(
-            self.plane, depth=1.0, wall=wall, vertical_order=self.vertical_order, tolerances=tolerances
+            self.plane, depth=self.depth, wall=wall, vertical_order=self.vertical_order, tolerances=tolerances
         )
 
     def reflection(self, values: Complex, omega: float) -> float:
@@ -157,6 +165,16 @@ class BandRow(NamedTuple):
     reflection: float
 
 
+class BeachRow(NamedTuple):
+    """Reflection where the bed rises to a tenth of the depth beneath the sponge, of so much of the default strength."""
+
+    kd: float
+    sponge_over_wave_length: float
+    strength_over_default: float
+    frequency_ratio: float
+    reflection: float
+
+
 class TimeRow(NamedTuple):
     """Reflection in time, of waves of ka; 0 for linear ones."""
 
@@ -180,6 +198,16 @@ def band_rows() -> Iterator[BandRow]:
             operators = Operators(Beach(kd, lengths, cells=24))
             for ratio in RATIOS:
                 yield BandRow(kd, lengths, ratio, operators.reflection(ratio))
+
+
+def beach_rows() -> Iterator[BeachRow]:
+    """Yield sponges of two strengths over beaches, for waves of the frequency they are made for and longer ones."""
+    for kd in DEPTHS[1:4]:
+        for lengths in LENGTHS[:3]:
+            for share in (0.5, 1.0):
+                operators = Operators(Beach(kd, lengths, least=SHALLOW, share=share))
+                for ratio in RATIOS[:4:3]:
+                    yield BeachRow(kd, lengths, share, ratio, operators.reflection(ratio))
 
 
 def time_rows() -> Iterator[TimeRow]:
@@ -215,10 +243,11 @@ def _draw_bands(axes: Axes, bands: Sequence[BandRow]) -> None:
 
 
 def write(report: Report) -> None:
-    """Write sponge-length.csv and .png, sponge-band.csv and sponge-time.csv."""
+    """Write sponge-length.csv and .png, sponge-band.csv, sponge-beach.csv and sponge-time.csv."""
     lengths, bands, times = list(length_rows()), list(band_rows()), list(time_rows())
     report.table("sponge-length", LengthRow._fields, lengths)
     report.table("sponge-band", BandRow._fields, bands)
+    report.table("sponge-beach", BeachRow._fields, list(beach_rows()))
     report.table("sponge-time", TimeRow._fields, times)
     draw(report, lengths, bands, times)
 

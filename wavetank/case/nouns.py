@@ -1,6 +1,6 @@
 """All nouns of a scene, by name."""
 
-from wavetank.case.beds import Bed, FormulaBed, GriddedBed, PythonBed
+from wavetank.case.beds import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.case.directional import (
     DirectionalComponentsMotion,
     DirectionalFocusMotion,
@@ -57,6 +57,7 @@ __all__ = [
     "AnyTank",
     "AtRestMotion",
     "BasinTank",
+    "BeachBed",
     "Bed",
     "BichromaticMotion",
     "ComponentsMotion",

@@ -48,7 +48,7 @@ def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[s
         for seen in (scene, *scene.paddles):
             seen.motion()
         if scene.tank.bed is not None:
-            scene.tank.bed.build()
+            scene.tank.bed.build(scene.tank.depth)
         return scene
     except ValidationError as error:
         found = error.errors(include_url=False)

@@ -62,7 +62,7 @@ def _cure(kd: float) -> str:
 def _bed(scene: Scene, waves: AnyWaves) -> Iterator[str]:
     if scene.tank.bed is None:
         return
-    missed, depth = misfit(waves.plane, scene.tank.bed.build())
+    missed, depth = misfit(waves.plane, scene.tank.bed.build(scene.tank.depth))
     off = rms(waves.plane, np.asarray(missed / depth))
     if off > HELD:
         yield f"the mesh misses the bed by {off:.2g} of the depth: {_cells(waves)}"

@@ -2,15 +2,24 @@
 
 from wavetank.case import Physics, Scene
 from wavetank.case.moving_wall import HingedWall, ShapedWall
+from wavetank.values.noun import Noun
 
-DEARER = {"leaning": 1.3, "bent": 1.5}  # paddles, over a piston: flaps hinged at the bed or below it; other shapes
+# paddles, over a piston: flaps hinged at the bed or below it; other shapes, of one or both walls
+DEARER = {"leaning": 1.3, "bent": 1.5, "both bent": 2.1}
 
 
 def kind_of(scene: Scene, physics: Physics) -> str:
-    """Return the kind of waves by what a step costs: "linear", "nonlinear", or of "driven" ones a ``DEARER`` one."""
-    wall = scene.wall
-    if physics == "linear" or not wall.moves:
+    """Return the kind of waves by what a step costs: "linear", "nonlinear", or of "driven" ones a ``DEARER`` one.
+
+    A second paddle costs nothing but where both are bent.
+    """
+    kinds = [_of_paddle(seen.wall) for seen in scene.paddles]
+    if physics == "linear" or not kinds:
         return physics
+    return "both bent" if kinds == ["bent", "bent"] else max(kinds, key=lambda kind: DEARER.get(kind, 1.0))
+
+
+def _of_paddle(wall: Noun) -> str:
     if isinstance(wall, ShapedWall):
         return "leaning" if isinstance(wall, HingedWall) and wall.hinge <= 0.0 else "bent"
     return "driven"

@@ -106,7 +106,7 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
     """Raise ``SceneError`` for a bed that varies within the reach of a paddle that leans; collective."""
     if scene.tank.bed is None:
         return
-    depth, distances = scene.tank.bed.build(), wall.distances(plane)
+    depth, distances = scene.tank.bed.build(scene.tank.depth), wall.distances(plane)
     found = agreed(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
     uneven = np.abs(found - scene.tank.depth) > FLAT * scene.tank.depth
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)

@@ -38,7 +38,7 @@ def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
 
 
 def _depth(scene: Scene) -> float | Depth:
-    return scene.tank.depth if scene.tank.bed is None else scene.tank.bed.build()
+    return scene.tank.depth if scene.tank.bed is None else scene.tank.bed.build(scene.tank.depth)
 
 
 def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
