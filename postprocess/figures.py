@@ -36,6 +36,7 @@ from wavetank.records.surface import Surface
 KINETIC, POTENTIAL, TOTAL, WORK = VERMILION, GREEN, "#8cc5e8", INK
 BEFORE, CREST, AFTER = ORANGE, "#0b2d5c", "#a0417f"
 SKY, STILL, SAND = "#f4f9fd", "#a8d3ee", "#cdb990"
+PIXELS = 1200, 540  # of the (x, t) plane
 FOCUS = 4.0  # s shown on either side of the largest crest
 SEEN = 1e-3  # of the largest energy; less dissipation is not drawn
 
@@ -208,8 +209,8 @@ def _resampled(surface: Surface) -> NDArray[np.float64]:
 
     The elevation is interpolated, not the colour: halfway between red and blue there is white, not purple.
     """
-    x = np.linspace(surface.x.min(), surface.x.max(), 1200)
-    t = np.linspace(surface.t[0], surface.t[-1], 800)
+    x = np.linspace(surface.x.min(), surface.x.max(), PIXELS[0])
+    t = np.linspace(surface.t[0], surface.t[-1], PIXELS[1])
     rows = np.array([np.interp(x, *snapshot) for snapshot in zip(surface.x, surface.eta, strict=True)])
     return _between_rows(surface.t, rows, t)
 
