@@ -53,7 +53,7 @@ def test_the_commands_kinds_are_those_there_are():
 def test_a_table_of_ones_own_is_analysed_in_every_way(table, tmp_path, monkeypatch):
     """Oracle: the waves it was made of. Its numbers have seven digits."""
     figures = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
     done = commanded("analyse", str(table), *KINDS, "--period", "2", "--depth", "1", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert len(figures) == len(KINDS) and not [fault for figure in figures for fault in faults(figure)]

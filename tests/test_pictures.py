@@ -30,7 +30,7 @@ CASES = Path(__file__).resolve().parents[1] / "cases"
 def drawn(monkeypatch):
     """Return the figures that would have been saved."""
     figures = []
-    monkeypatch.setattr(Figure, "savefig", lambda figure, path: figures.append(figure))
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
     return figures
 
 

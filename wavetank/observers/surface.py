@@ -32,8 +32,12 @@ class SurfaceSnapshots:
         self._waves, self._record, self.schedule = waves, record, schedule
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")
-        self._reference: Vector = comm.bcast(reference[self._order])
+        self._look_at(comm.bcast(reference[self._order]))
         self._points: Points | None = None  # where those are not the places of this mesh
+
+    def _look_at(self, x: Vector) -> None:
+        """Take the places in the mesh [m] in the order of x."""
+        self._reference, self._places = x, np.column_stack([x, np.zeros_like(x)])
 
     def _gather(self, owned: Vector) -> Vector:
         if self._waves.plane.comm.size == 1:
@@ -48,10 +52,6 @@ class SurfaceSnapshots:
         if self._record is not None:
             x = self._waves.wall.to_physical(self._places, eta)[:, 0]
             self._record.append(moment.t, x, eta, psi)
-
-    @property
-    def _places(self) -> Vector:
-        return np.column_stack([self._reference, np.zeros_like(self._reference)])
 
     def _sorted(self, owned: Vector) -> Vector:
         """Return values at the places in the order of x, on the first rank, of values at the degrees of freedom."""
@@ -69,7 +69,8 @@ class SurfaceSnapshots:
         plane, x = self._waves.plane, np.array(held["x"])
         if x.shape == self._reference.shape and np.allclose(x, self._reference, rtol=0.0, atol=SAME * plane.cell_size):
             return
-        self._reference, self._field = x, plane.function("on the surface")
+        self._look_at(x)
+        self._field = plane.function("on the surface")
         self._points = Points(plane, plane.chart.place(self._places))
 
     carry = take

@@ -148,7 +148,14 @@ class NonlinearWaves:
             POTENTIAL: energy.potential() * dx,
             **self._wall_terms.hamiltonian,
         }
-        self._potential_energy = ScalarForm(self.hamiltonian[POTENTIAL], self.plane.comm)
+        self._potential_energy = self._by_elevation
+        if self.wall.leans:
+            self._potential_energy = ScalarForm(self.hamiltonian[POTENTIAL], self.plane.comm).assemble
+
+    def _by_elevation(self) -> float:
+        """Return the potential energy between vertical walls, 1/2 g eta M_J eta; collective."""
+        eta = self.h.owned - self.bed.still
+        return 0.5 * self.gravity * self.inner(eta, self.mass.apply(eta))
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
@@ -269,7 +276,7 @@ class NonlinearWaves:
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
         self.evaluate(q, p, t)
-        return Energies(self._kinetic, self._potential_energy.assemble(), self._wall_terms.energy())
+        return Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""
@@ -292,12 +299,13 @@ class NonlinearWaves:
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
-        if self._knows(q, p, t):
-            return np.asarray(self.h.owned - self.bed.still)
         self.set_time(t)
         last = self._elevation
-        if not self._all(one_time(t, last.t) and np.array_equal(q, last.q)):
-            self._elevation = last = _Elevation(q.copy(), t, self.columns.solve(q) - self.bed.still)
+        if one_time(t, last.t) and self._all(np.array_equal(q, last.q)):
+            return last.eta.copy()
+        if self._knows(q, p, t):
+            return np.asarray(self.h.owned - self.bed.still)
+        self._elevation = last = _Elevation(q.copy(), t, self.columns.solve(q) - self.bed.still)
         return last.eta.copy()
 
     def total_mass(self, q: Vector) -> float:
