@@ -78,6 +78,7 @@ def test_imports_go_one_way(path):
 
 STEPPERS = {
     "wavetank.runs.run": "the time loop",
+    "wavetank.integrators.answering": "around a scheme",
     "wavetank.integrators.composition": "a scheme of steps of another",
     "wavetank.integrators.damped": "around a scheme",
     "wavetank.integrators.filtered": "around a scheme",

@@ -268,6 +268,8 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "[wall.motion]\ntype = 'regular'\nheight = 0.05\nperiod = 2.0\ngeneration = 'second-order'\n",
     "flap": SLICE + RUN + "[wall]\ntype = 'flap'\nhinge = 0.1\nstroke_height = 1.2\nmotion_as = 'angle'\n"
     "[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n",
+    "absorbing": SLICE + RUN + "[wall]\ntype = 'piston'\nabsorb = {type = 'active', shortest = 1.2, longest = 3.0}\n"
+    "[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n",
     "profile": SLICE + RUN + "[wall]\ntype = 'profile'\nshape = '1 + z/d'\nwhere = {d = 1.0}\n"
     "[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n",
     "bichromatic": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'bichromatic'\n"

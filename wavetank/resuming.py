@@ -325,7 +325,16 @@ class GoingOn:
     @property
     def beginning(self) -> Beginning | None:
         """Where a run with other numerics begins; None of one that goes on as it was."""
-        return Beginning(self.about["t"], self.about["step"], self._surface.on) if self.anew else None
+        if not self.anew:
+            return None
+        scheme = self._held["parts"]["scheme"].get("scheme", {})
+        return Beginning(self.about["t"], self.about["step"], scheme, self._surface.on)
+
+    @property
+    def _held(self) -> Held:
+        """What the run has held, but for its arrays, which are empty."""
+        held: Held = together(self._text, [np.zeros(0)] * self._count)["run"]
+        return held
 
     @property
     def _surface(self) -> KeptSurface:
@@ -369,7 +378,7 @@ class GoingOn:
 
     def _carry(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
         """Take what outlives other numerics: the run has begun with the surface."""
-        run.carry(together(self._text, [np.zeros(0)] * self._count)["run"])
+        run.carry(self._held)
         mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0
         former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))
         former["numerics"]["dt"] = self.about["clock"]["dt"]

@@ -1,6 +1,6 @@
 """The sponge: where waves are absorbed.
 
-Where no strength is given it is that of the least reflection of one wave, found by measurement (docs/sponge.md):
+Where no strength is given it is that of the least reflection of one wave, found by measurement (docs/absorption.md):
 
     gamma_0 = 15 c_g / (L lambda)^(1/2)
 

@@ -8,12 +8,13 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motions
+from wavetank.case.absorption import ActiveAbsorption
 from wavetank.case.directional import SegmentedFlapWall, SegmentedPistonWall
 from wavetank.case.formulae import HeightFormulaText, HeightHelpers
 from wavetank.case.moving_wall import HingedWall, MovingWall, ShapedWall
 from wavetank.case.paddles import PaddleMotion
 from wavetank.case.surroundings import Surroundings
-from wavetank.case.tanks import AnyTank, RingTank
+from wavetank.case.tanks import AnyTank, RingTank, SliceTank
 from wavetank.errors import InputError
 from wavetank.motions.mapping import TOP
 from wavetank.motions.turned import ANGLES, UPSET
@@ -49,6 +50,9 @@ class PaddleWall(MovingWall):
     """A wall that moves as a whole."""
 
     motion: PaddleMotion
+    absorb: ActiveAbsorption | None = Field(
+        default=None, description="how it absorbs the waves that come back to it, in a slice; default: not at all"
+    )
 
     def paddle(self, tank: AnyTank) -> motions.Motion:
         """Return the paddle's motion; raises ``SceneError`` if its file cannot be had or read."""
@@ -65,6 +69,10 @@ class PaddleWall(MovingWall):
             yield Problem(("wall", "type"), kind, "must be left out: a ring has no walls, hence no paddle")
             return
         yield from super().problems(scene)
+        if self.absorb is not None and not isinstance(scene.tank, SliceTank):
+            yield Problem(("wall", "absorb"), None, f"must be left out: in a {scene.tank.type} no paddle absorbs")
+        elif self.absorb is not None:
+            yield from self.absorb.problems(scene)
         yield from () if self.reads_file else self.motion_problems(scene)
 
     @property

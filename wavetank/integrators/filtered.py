@@ -79,7 +79,8 @@ class Filtered(Wrapper[S]):
         give_back(named(self.filters), {name: one for name, one in held.items() if name != "scheme"})
 
     def carry(self, held: Held) -> None:
-        """Take what of the filters outlives a change of numerics."""
+        """Take what of scheme and filters outlives a change of numerics."""
+        super().carry(held)
         carry_over(named(self.filters), held)
 
 

@@ -4,7 +4,7 @@ from typing import Generic
 
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import Integrator, S
-from wavetank.stateful import Held, Stateful
+from wavetank.stateful import Carrying, Held, Stateful
 
 
 class Wrapper(Generic[S]):
@@ -56,3 +56,8 @@ class Wrapper(Generic[S]):
         """Take back what has been held."""
         if isinstance(self.scheme, Stateful):
             self.scheme.take(held["scheme"])
+
+    def carry(self, held: Held) -> None:
+        """Take what of the inner scheme outlives a change of numerics."""
+        if isinstance(self.scheme, Carrying):
+            self.scheme.carry(held["scheme"])

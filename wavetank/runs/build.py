@@ -16,6 +16,7 @@ from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.stage_solver import ITERATES
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.absorbing import Absorbing
+from wavetank.integrators.answering import Answering
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
 from wavetank.observers.breaking import StopAtBreaking
@@ -32,6 +33,7 @@ from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.stability import StabilityWatch
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
 from wavetank.observers.windows import WindowObserver, WindowRecord
+from wavetank.runs.answering import build_answers
 from wavetank.runs.clock import Clock
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.own import own_scheme
@@ -39,7 +41,7 @@ from wavetank.runs.run import Run
 from wavetank.runs.sponges import build_sponge
 from wavetank.runs.starts import initial_surface
 from wavetank.runs.waters import AnyWaves, fill, moving_water
-from wavetank.stateful import Stateful
+from wavetank.stateful import Held, Stateful
 from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.edge_penalty import EdgePenalty
@@ -52,6 +54,7 @@ from wavetank.water.wall_pressure import PaddlePush, WallPressure
 from wavetank.water.waves import NonlinearWaves
 
 LEANING = 0.8  # of the stability limit: the default step, where a paddle leans as far as it goes
+ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
 
 
 class Records(NamedTuple):
@@ -90,12 +93,15 @@ class Beginning(NamedTuple):
     ----------
     t, step
         The time [s], and the number of steps that it took.
+    scheme
+        What their integrator held.
     surface
         Returns (elevation [m], surface potential [m²/s]) at the degrees of freedom of waves; collective.
     """
 
     t: float
     step: int
+    scheme: Held
     surface: Callable[[AnyWaves], tuple[Vector, Vector]]
 
 
@@ -161,12 +167,20 @@ def build_run(
         footprint = build_footprint(scene, comm)
     waves = fill(scene, footprint)
     integrator = INTEGRATORS[scene.numerics.integrator]() if integrator is None else own_scheme(integrator)
+    answers = build_answers(scene, waves)
+    if answers:
+        integrator = Answering(integrator, answers)
+        if beginning is not None:
+            integrator.carry(beginning.scheme)  # so that the paddles stand where they stood
     largest = waves.largest_frequency  # of a wall at rest
     t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
     waves.set_time(t)
     start = waves.state(*beginning.surface(waves), t) if beginning else initial_state(scene, waves)
     moving = _moving(waves, start, t)
     clock = agreed(comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step))
+    if answers and clock.dt * largest > ANSWERED:
+        allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
+        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     filters = build_filters(scene, waves, clock.dt)
     if scene.sponge is not None:
         with about("sponge"):
@@ -249,8 +263,9 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
         observers.append(_gauges(scene, waves, records.gauges))
     look = InTheWater.of(scene, waves, records)
     schedule = EverySteps(output.gauges_every)
-    for seen, record in zip(scene.paddles, records.paddles, strict=False):  # a trial has none of the latter
-        rates = {name: seen.of_paddle(seen.motion(), name) for name in RATES}
+    paddles = zip(scene.paddles, waves.wall.paddles, records.paddles, strict=False)  # a trial has none of the latter
+    for seen, paddle, record in paddles:
+        rates = {name: seen.of_paddle(paddle.motion, name) for name in RATES}
         observers.append(PaddleMotion(rates, record=record, schedule=schedule, push=look.pushes.get(seen.end)))
     return observers + look.observers
 

@@ -78,7 +78,7 @@ class Run:
     @property
     def _parts(self) -> dict[str, Stateful]:
         """What remembers something, by name."""
-        own = {"system": self.system, "stages": self.system.stages, "scheme": self._stepper}
+        own = {"scheme": self._stepper, "system": self.system, "stages": self.system.stages}  # paddles are moved first
         parts = {name: part for name, part in own.items() if isinstance(part, Stateful)}
         return parts | named(self.observers)
 

@@ -18,7 +18,9 @@ from wavetank.case import (
 from wavetank.case.moving_wall import MovingWall, ShapedWall
 from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
+from wavetank.motions import Motion
 from wavetank.motions.mapping import STEEPEST
+from wavetank.motions.steered import Steered
 from wavetank.runs.footprints import Footprint
 from wavetank.values.noun import Noun, Problem, SceneError, renamed
 from wavetank.water.footprint import Basin, Slice
@@ -73,13 +75,18 @@ def _both(scene: Scene, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
     return BothEnds(near, far, plane=plane)
 
 
+def _motion(scene: Scene) -> Motion:
+    """Return what moves the wall: of a paddle that absorbs a motion of this run's own."""
+    return scene.motion() if getattr(scene.wall, "absorb", None) is None else Steered(scene.motion())
+
+
 def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
-    return LinearPaddle(scene.motion(), plane=plane, side=footprint.side(scene.end))
+    return LinearPaddle(_motion(scene), plane=plane, side=footprint.side(scene.end))
 
 
 def _linear_shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
     side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
-    return LinearPaddle(scene.motion(), plane=plane, side=side, shape=shape)
+    return LinearPaddle(_motion(scene), plane=plane, side=side, shape=shape)
 
 
 def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
@@ -97,7 +104,7 @@ def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
 
 def _shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
     side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
-    wall = Shaped(scene.motion(), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
+    wall = Shaped(_motion(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
     _check_flat(scene, noun, wall, plane)
     return _checked(scene, noun, wall)
 
@@ -122,7 +129,7 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
 
 def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
     side = footprint.side(scene.end)
-    wall = Piston(scene.motion(), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
+    wall = Piston(_motion(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
     return _checked(scene, noun, wall)
 
 

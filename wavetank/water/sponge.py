@@ -5,7 +5,7 @@
 gamma grows from nothing, gamma = gamma_0 (distance / width)², with the distance from the sponge's inner edge: a kink or
 step would reflect. On linear waves of uniform gamma the amplitude falls at the rate gamma / 2, whatever the depth; a
 wave that crosses the sponge and comes back keeps e^(-gamma_0 width / (3 c_g)) of it, c_g the group velocity. Which
-gamma_0 serves which wave was measured: docs/sponge.md.
+gamma_0 serves which wave was measured: docs/absorption.md.
 """
 
 import numpy as np

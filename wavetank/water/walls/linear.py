@@ -1,5 +1,6 @@
 """The walls of linear waves: they stay at x = 0, and what a paddle displaces flows through them."""
 
+import numpy as np
 import ufl
 
 from wavetank.arrays import Vector
@@ -24,6 +25,7 @@ class LinearPaddle(StillWall):
         f(z); by default it is vertical.
     """
 
+    largest_stroke = np.inf
     part = Part("wall", "Ẋ_p d ∫ f φ dζ at the paddle")
     told = "x = X, F = J = 1: linear waves leave the wall where it is"
 

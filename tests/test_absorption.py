@@ -1,0 +1,228 @@
+"""Paddles that absorb what comes back to them (docs/absorption.md).
+
+Oracles: linear wavemaker theory, whose reflection the tank must have; energy; exact solutions of the paddle's equation;
+the run that was not interrupted.
+"""
+
+import numpy as np
+import pytest
+from conftest import fitted_slope
+from mpi4py import MPI
+from test_checkpoint import record, record_until, same
+from test_stateful import SLICE
+
+from wavetank.case import Scene
+from wavetank.case.absorption import ActiveAbsorption
+from wavetank.case.tanks import SliceTank
+from wavetank.errors import InputError
+from wavetank.motions import Sinusoid
+from wavetank.motions.answer import Answer, Equation
+from wavetank.motions.at_face import elevation_at_face
+from wavetank.motions.steered import Steered
+from wavetank.observers.energy import COLUMNS, EnergyBudget
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.postprocess.analysis.reflection import reflected
+from wavetank.records.directory import RunDirectory
+from wavetank.runs.build import ANSWERED, build_run
+from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_mass
+from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
+from wavetank.theory.wavemaker import PISTON, Flap
+
+GRAVITY = 9.81
+BALANCE, WORK, TOTAL = (COLUMNS.index(f"{name} [m^4/s^2]") for name in ("balance", "paddle_work", "total"))
+REST = {"type": "at-rest"}
+ACTIVE = {"type": "active"}
+MAKERS = [PISTON, Flap(0.0), Flap(0.4)]
+
+
+def period(kd: float) -> float:
+    return float(2 * np.pi / angular_frequency(kd, 1.0, GRAVITY))
+
+
+def tank(wall, far_wall=None, *, length, duration, dt, cells, physics="linear", n=5, tolerance=1e-9, **more):
+    """Return the run of a tank of depth 1 m, and its waves."""
+    walls = {"wall": wall} | ({"far_wall": far_wall} if far_wall else {})
+    numerics = {"cells": cells, "order": 3, "vertical_order": n, "dt": dt, "tolerance": tolerance}
+    parts = {"tank": {"length": length, "depth": 1.0}, "water": {"type": physics}, "run": {"duration": duration}}
+    return build_run(Scene.model_validate({**parts, **walls, "numerics": numerics, **more}), MPI.COMM_SELF)
+
+
+# ---------------------------------------------------------------- theory
+@pytest.mark.parametrize("maker", MAKERS, ids=["piston", "flap", "flap above the bed"])
+def test_a_paddles_power_is_that_of_its_waves(maker):
+    """With c the wave over the stroke r = g c_g (c / omega)², Re Z = c / omega; of the highest mu is a sudden one's."""
+    omega = np.array([1.0, 3.0, 6.0, 120.0])
+    k = wave_number(omega, 1.0, GRAVITY)
+    height = maker.transfer(k, 1.0) / omega
+    damping, mass = radiation(maker, omega, 1.0, GRAVITY)
+    assert damping == pytest.approx(GRAVITY * group_velocity(k, 1.0, GRAVITY) * height**2, rel=1e-9)
+    assert face(maker, omega, 1.0, GRAVITY).real == pytest.approx(height, rel=1e-12)
+    assert mass[-1] == pytest.approx(sudden_mass(maker, 1.0), rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("maker", "band", "tuned"),
+    [(PISTON, 0.05, 0.01), pytest.param(Flap(0.0), 0.1, 0.025, marks=pytest.mark.slow)],
+    ids=["piston", "flap"],
+)
+def test_a_filter_absorbs_its_band_and_feeds_no_wave(maker, band, tuned):
+    """|R| <= 1 at all frequencies, as Re F >= 0; F(0) = 0, so a paddle does not drift."""
+    for low, high, most in ((0.5, 3.0, band), (0.9, 1.1, tuned)):
+        one = PassiveFilter.fitted(maker, depth=1.0, gravity=GRAVITY, shortest=period(high), longest=period(low))
+        omega = 2 * np.pi / np.array([period(kd) for kd in np.geomspace(low, high, 101)])
+        assert np.abs(one.reflection(face(maker, omega, 1.0, GRAVITY), omega)).max() < most
+        everywhere = np.geomspace(0.05, 50.0, 400)
+        assert np.abs(one.reflection(face(maker, everywhere, 1.0, GRAVITY), everywhere)).max() < 1.0 + 1e-3
+        assert one(0.0) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_band_holds_the_waves_that_the_paddle_makes():
+    """And is one, whichever end of it is given."""
+    water = SliceTank(length=10.0, depth=1.0)
+    usual = ActiveAbsorption().band(water)
+    assert usual == pytest.approx((period(3.0), period(0.5)))
+    assert ActiveAbsorption().band(water, paddle=period(4.0)) == pytest.approx((period(4.0), period(0.5)))
+    for given in ({"longest": 0.9}, {"shortest": 5.0}, {"shortest": 1.0, "longest": 2.0}):
+        shortest, longest = ActiveAbsorption(**given).band(water)
+        assert shortest < longest
+        assert {"shortest": shortest, "longest": longest}.items() >= given.items()
+
+
+# ---------------------------------------------------------------- the motion
+def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step():
+    """Its derivatives are those of its position; at knots they are what was asked for, on both sides."""
+    motion = Steered(Sinusoid(0.1, 2.0))
+    for n, t in enumerate((0.1, 0.2, 0.3, 0.4)):
+        motion.go_on(0.1 * n, 0.1, np.sin(t), np.cos(t))
+    t = np.linspace(0.012, 0.392, 20)
+    for order in (0, 1):
+        rate = (motion.added(t + 1e-6, order) - motion.added(t - 1e-6, order)) / 2e-6
+        assert motion.added(t, order + 1) == pytest.approx(rate, rel=1e-6, abs=1e-6)
+    for order, value in enumerate((np.sin(0.2), np.cos(0.2))):
+        assert motion.added(np.array([0.2, 0.2 + 1e-12]), order) == pytest.approx(value, abs=1e-9)
+    assert np.diff(motion.added(np.array([0.2, 0.2 + 1e-12]), 2)) == pytest.approx(0.0, abs=1e-6)
+    assert motion.position(0.3) == Sinusoid(0.1, 2.0).position(0.3) + motion.added(0.3, 0)
+    again = Steered(Sinusoid(0.1, 2.0))
+    again.take(motion.held())
+    assert np.array_equal(again.position(t), motion.position(t))
+    motion.go_on(0.2, 0.1, 0.0, 0.0)  # another way, from an earlier time
+    assert motion.position(0.5) == motion.motion.position(0.5) + motion.added(0.3, 0)
+
+
+def test_an_answer_is_that_of_its_equation():
+    """Of X'' + 3 X' + 2 X = u: to third order in the step, of a u known at its beginnings."""
+    equation, counts, errors = Equation.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0])), (40, 80, 160), []
+    steady = 1.0 / (1.0 + 3.0j - 1.0 * 1.0 + 1.0)  # of u = exp(i t)
+    for count in counts:
+        answer, dt, found = Answer(equation), 16.0 / count, 0.0
+        for n in range(count):
+            found, _ = answer.next(n * dt, dt, np.array([np.cos(n * dt)]))
+        errors.append(abs(found - (steady * np.exp(16.0j)).real))
+    assert errors[-1] < 1e-5
+    assert -fitted_slope(counts, errors) > 2.7
+
+
+def test_a_paddles_own_elevation_at_its_face_is_that_of_theory():
+    """Of a long train of regular waves, once all that begins with it is gone."""
+    omega = 3.0
+    made = elevation_at_face(Sinusoid(0.01, 2 * np.pi / omega), Flap(0.0), depth=1.0, gravity=GRAVITY, duration=60.0)
+    Z = face(Flap(0.0), np.array([omega]), 1.0, GRAVITY)[0]
+    for t in (40.0, 40.3, 41.1):
+        assert made(t) == pytest.approx((Z * 0.01 * omega * np.exp(1j * omega * t)).real, abs=2e-4 * 0.01)
+
+
+# ---------------------------------------------------------------- the tank
+def reflection(wall, *, kd, height, periods, steps, **more):
+    """Return what a paddle at rest at the far end sends back, and what theory says, both over what comes."""
+    T, length = period(kd), 6.0 + 2 * np.pi / kd
+    wave = {"type": "regular", "height": height, "period": T, "ramp": 2 * T}
+    near = {"type": "piston", "reach": 3.0, "motion": wave, "absorb": ACTIVE}
+    far = {**wall, "reach": 3.0, "motion": REST, "absorb": ACTIVE}
+    run, waves = tank(near, far, length=length, duration=periods * T, dt=T / steps, **more)
+    seen, rows = (waves.plane.x > 3.0) & (waves.plane.x < length - 3.0), []
+
+    class Looking:
+        schedule = EverySteps()
+
+        def observe(self, moment):
+            if moment.step > run.clock.steps - steps:
+                eta = waves.elevation(moment.q, moment.p, moment.t)[seen]
+                rows.append(eta * np.exp(2j * np.pi * moment.step / steps))
+
+    run.observers.append(Looking())
+    run.execute()
+    found = reflected(np.mean(rows, axis=0), waves.plane.x[seen], kd, within=0.03)
+    scene = Scene.model_validate(
+        {"tank": {"length": length, "depth": 1.0}, "wall": far, "run": {"duration": 1.0}, "numerics": {"cells": 4}}
+    )
+    omega = np.array([2 * np.pi / T])
+    Z = face(scene.wall.maker, omega, 1.0, GRAVITY)
+    expected = scene.wall.absorb.build(scene.tank, scene.wall.maker).reflection(Z, omega)
+    return found.coefficient, float(np.abs(expected)[0])
+
+
+def test_what_a_piston_sends_back_is_what_theory_says():
+    found, expected = reflection({"type": "piston"}, kd=2.0, height=0.01, periods=14, steps=24, cells=20, n=4)
+    assert expected < 0.05
+    assert found == pytest.approx(expected, abs=3e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kd", [0.5, 1.0, 3.0])
+@pytest.mark.parametrize("wall", [{"type": "piston"}, {"type": "flap"}], ids=["piston", "flap"])
+def test_and_a_flap_at_any_depth(wall, kd):
+    found, expected = reflection(wall, kd=kd, height=0.01, periods=24, steps=80, cells=40, n=8)
+    assert found == pytest.approx(expected, abs=6e-3)
+
+
+@pytest.mark.slow
+def test_and_in_nonlinear_water():
+    gentle = {"kd": 1.0, "height": 0.03, "periods": 16, "steps": 40, "cells": 30}
+    found, expected = reflection({"type": "piston"}, physics="nonlinear", **gentle)
+    assert found == pytest.approx(expected, abs=5e-3)
+
+
+def test_a_flap_in_a_coarse_tank_absorbs_at_the_longest_step_that_is_allowed():
+    """Waves of all lengths in a short tank, which one that answers late would make grow; a longer step is refused."""
+    bare = tank({"type": "fixed"}, length=2.0, duration=1.0, dt=None, cells=4)[1]
+    dt = 0.99 * ANSWERED / bare.largest_frequency
+    flap = {"type": "flap", "hinge": 0.5, "motion": REST, "absorb": ACTIVE}
+    noise = {"type": "formula", "eta": "0.01*cos(1.5707963*x) + 0.003*sin(37*x)*sin(5*x)"}
+    run, waves = tank(flap, length=2.0, duration=100 * dt, dt=dt, cells=4, initial=noise)
+    before = waves.energies(run.state.q, run.state.p, 0.0).total
+    run.execute()
+    assert waves.energies(run.state.q, run.state.p, run.t).total < 0.05 * before
+    with pytest.raises(InputError, match="numerics.dt = .* must be at most .* looks at the water once a step"):
+        tank(flap, length=2.0, duration=300 * dt, dt=1.1 * dt, cells=4)
+
+
+def test_the_energy_that_a_paddle_absorbs_is_its_work():
+    """Nonlinear, a sloshing wave and a piston at once: the balance falls with the step; most of the energy goes."""
+    sloshing = {"type": "standing-wave", "wave_amplitude": 0.05}
+    piston = {"type": "piston", "motion": REST, "absorb": ACTIVE}
+    budgets = []
+    for dt in (0.04, 0.02):
+        run, waves = tank(piston, length=3.0, duration=1.5, dt=dt, cells=6, physics="nonlinear", initial=sloshing)
+        budget = Memory()
+        run.observers.append(EnergyBudget(waves, record=budget, every=1))
+        run.execute()
+        budgets.append(budget.array())
+    first, last = budgets[-1][0], budgets[-1][-1]
+    assert last[TOTAL] < 0.7 * first[TOTAL]
+    coarse, fine = (np.abs(budget[:, BALANCE]).max() / first[TOTAL] for budget in budgets)
+    assert fine < 1e-3
+    assert coarse / fine > 6
+
+
+# ---------------------------------------------------------------- going on
+ABSORBING = SLICE | {"wall": SLICE["wall"] | {"absorb": ACTIVE}}
+
+
+def test_a_run_goes_on_bit_for_bit(tmp_path):
+    record(ABSORBING, tmp_path / "whole", {})
+    record_until(ABSORBING, tmp_path / "part", {}, 4, 7)
+    record(ABSORBING, tmp_path / "part", {}, resume=True)
+    same(tmp_path / "whole", tmp_path / "part")
+    moved = RunDirectory(tmp_path / "whole").paddle
+    assert moved is not None

@@ -1,0 +1,63 @@
+"""Paddles that absorb the waves which come back to them."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+from pydantic import Field
+
+from wavetank.case.surroundings import Surroundings
+from wavetank.case.tanks import AnyTank
+from wavetank.theory.absorption import PassiveFilter
+from wavetank.theory.airy import angular_frequency
+from wavetank.theory.wavemaker import Wavemaker
+from wavetank.values.noun import Noun, Problem
+from wavetank.values.quantities import Duration
+
+BAND = (0.5, 3.0)  # k d of the longest and the shortest waves, by default
+POSSIBLE = (0.02, 10.0)  # the same, at most
+NARROWEST = 1.05  # the longest period over the shortest
+
+
+class ActiveAbsorption(Noun):
+    """The paddle makes its waves and absorbs others at once, by the elevation at its face."""
+
+    type: Literal["active"] = "active"
+    shortest: Duration | None = Field(
+        default=None, description="shortest period that it is made for [s]; default: that of k d = 3, or the paddle's"
+    )
+    longest: Duration | None = Field(
+        default=None, description="longest period that it is made for [s]; default: that of k d = 1/2, or the paddle's"
+    )
+
+    def band(self, tank: AnyTank, *, paddle: float | None = None) -> tuple[float, float]:
+        """Return the shortest and the longest period [s], defaults resolved; ``paddle`` moves with that period [s]."""
+        shortest, longest = _periods(tank, BAND)
+        if paddle is not None:
+            paddle = float(np.clip(paddle, *_periods(tank, POSSIBLE)))
+            shortest, longest = min(shortest, paddle), max(longest, paddle)
+        shortest = self.shortest or min(shortest, (self.longest or longest) / NARROWEST)
+        return shortest, self.longest or max(longest, shortest * NARROWEST)
+
+    def build(self, tank: AnyTank, maker: Wavemaker, *, paddle: float | None = None) -> PassiveFilter:
+        """Return the filter by which a paddle of a shape absorbs; as ``band``."""
+        shortest, longest = self.band(tank, paddle=paddle)
+        return PassiveFilter.fitted(maker, depth=tank.depth, gravity=tank.gravity, shortest=shortest, longest=longest)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a band that is none."""
+        least, most = _periods(scene.tank, POSSIBLE)
+        for name in ("shortest", "longest"):
+            period = getattr(self, name)
+            if period is not None and not least <= period <= most:
+                allowed = f"must be from {least:.4g} to {most:.4g} s, k d = {POSSIBLE[1]:g} to {POSSIBLE[0]:g}"
+                yield Problem(("wall", "absorb", name), period, allowed)
+        if self.shortest is not None and self.longest is not None and self.longest < NARROWEST * self.shortest:
+            allowed = f"must be at least {NARROWEST * self.shortest:.4g} s, {NARROWEST:g} times the shortest"
+            yield Problem(("wall", "absorb", "longest"), self.longest, allowed)
+
+
+def _periods(tank: AnyTank, band: tuple[float, float]) -> tuple[float, float]:
+    """Return the shortest and the longest period [s] of a band of k d from the least on."""
+    low, high = (float(2 * np.pi / angular_frequency(kd / tank.depth, tank.depth, tank.gravity)) for kd in band)
+    return high, low

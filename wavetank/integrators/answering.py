@@ -1,0 +1,68 @@
+"""Paddles that answer the water, around any scheme: before each step they look at the water, and say how they go on.
+
+Within a step a paddle then moves as any other does, by a function of time: the scheme, its order and what it conserves
+stay what they are. What the answer misses is that it is known at the beginning of a step only.
+"""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from wavetank.arrays import Vector
+from wavetank.hamiltonian.contract import HamiltonianSystem
+from wavetank.integrators.contract import Integrator, S
+from wavetank.integrators.wrapper import Wrapper
+from wavetank.stateful import Held, Stateful, give_back, held_by
+
+ONCE_A_STEP = 2.0
+
+
+class AnsweringPaddle(Stateful, Protocol):
+    """A paddle that answers."""
+
+    def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
+        """Look at the water at t, and go on to t + dt; collective."""
+
+
+class Answering(Wrapper[S]):
+    """A scheme with paddles that answer; it evaluates nothing but where the scheme begins.
+
+    Parameters
+    ----------
+    scheme
+        Any integrator.
+    paddles
+        What answers.
+    """
+
+    def __init__(self, scheme: Integrator[S], paddles: Sequence[AnsweringPaddle]):
+        super().__init__(scheme)
+        self.paddles = paddles
+
+    @property
+    def stability_limit(self) -> float:
+        """Largest omega dt on the oscillator: that of the inner scheme, at most that of looking once a step."""
+        return min(self.scheme.stability_limit, ONCE_A_STEP)
+
+    def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
+        """Return the state at t + dt; collective."""
+        for paddle in self.paddles:
+            paddle.go_on(state.q, state.p, t, dt)
+        return self.scheme.step(system, state, t, dt)
+
+    @property
+    def _named(self) -> dict[str, AnsweringPaddle]:
+        return {f"paddle {n}": paddle for n, paddle in enumerate(self.paddles)}
+
+    def held(self) -> Held:
+        """Return what scheme and paddles remember."""
+        return super().held() | held_by(self._named)
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        super().take(held)
+        give_back(self._named, {name: one for name, one in held.items() if name in self._named})
+
+    def carry(self, held: Held) -> None:
+        """Take all but the inner scheme's: what the paddles have seen and where they stand outlives any numerics."""
+        super().carry(held)
+        give_back(self._named, {name: one for name, one in held.items() if name in self._named})

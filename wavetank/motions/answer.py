@@ -1,0 +1,119 @@
+"""What a paddle answers: a linear equation of motion, of what has been measured up to now.
+
+    x' = A x + B u(t),     X = C x,     V = C x'
+
+u is what is measured at the beginning of each step. Up to there x goes on by the parabola through the last three
+values, to third order; from there to the end of the step, where u is not known yet, the paddle goes on by the straight
+line through the last two. Both solve the equation exactly, so neither is stiff.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import scipy
+
+from wavetank.motions.motion import Array
+
+REMEMBERED = 3  # values of u
+STRAIGHT = 2  # of them, by which a paddle goes on: a parabola overshoots waves of a few steps a period
+
+
+@dataclass(frozen=True, eq=False)
+class Equation:
+    """The equation; n numbers x, m measured.
+
+    Attributes
+    ----------
+    A, B, C
+        Shapes (n, n), (n, m) and (n,).
+    rest
+        x = rest u keeps the paddle where it is when it begins, shape (n, m).
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    rest: Array
+
+    @classmethod
+    def of_transfer(cls, above: Array, below: Array) -> "Equation":
+        """Return X = above(s) / below(s) u, polynomials in falling powers of s [1/s], the latter's first 1.
+
+        ``below`` is of two degrees more: a sudden u makes a sudden acceleration, but no sudden velocity.
+        """
+        n = len(below) - 1
+        A = np.eye(n, k=1)
+        A[-1] = -below[:0:-1]
+        B, C = np.zeros((n, 1)), np.zeros(n)
+        B[-1], C[: len(above)] = 1.0, above[::-1]
+        return cls(A, B, C, rest=np.zeros((n, 1)))
+
+    def met_by(self, share: float) -> "Equation":
+        """Return the equation of u - share X, of one u, where u goes up at once by a share of X as the paddle goes on.
+
+        What is left of u is smooth: without that an answer could not be as quick as a step is long.
+        """
+        return Equation(self.A + share * self.B @ self.C[None], self.B, self.C, self.rest)
+
+    @lru_cache(maxsize=8)  # noqa: B019 - of an equation that lives as long as its paddle
+    def over(self, dt: float) -> Array:
+        """Return what takes (x, u, u', u'') on by a time [s] while u'' stays, shape (n + 3 m, n + 3 m)."""
+        n, m = self.B.shape
+        rates = np.zeros((n + REMEMBERED * m,) * 2)
+        rates[:n, : n + m] = np.hstack([self.A, self.B])
+        rates[n:-m, n + m :] = np.eye((REMEMBERED - 1) * m)
+        return np.asarray(scipy.linalg.expm(dt * rates))
+
+    def moved(self, x: Array, u: Array) -> tuple[float, float]:
+        """Return position and velocity for x and u."""
+        return float(self.C @ x), float(self.C @ (self.A @ x + self.B @ u))
+
+
+class Answer:
+    """The answer to what is measured, step by step.
+
+    Parameters
+    ----------
+    equation
+        Of motion.
+    """
+
+    def __init__(self, equation: Equation):
+        self._equation = equation
+        self._x: Array | None = None
+        self._times: list[float] = []
+        self._measured: list[Array] = []
+
+    def next(self, t: float, dt: float, u: Array) -> tuple[float, float]:
+        """Return position [m] and velocity [m/s] at t + dt, u having been measured at t, shape (m,)."""
+        if self._x is None:
+            self._x = self._equation.rest @ u
+        last = self._times[-1] if self._times else t
+        self._times = [*self._times[1 - REMEMBERED :], t]
+        self._measured = [*self._measured[1 - REMEMBERED :], np.asarray(u, dtype=float)]
+        if t > last:  # a step has been taken
+            self._x, _ = self._gone_on(self._x, last, t - last, by=REMEMBERED)
+        return self._equation.moved(*self._gone_on(self._x, t, dt, by=STRAIGHT))
+
+    def _gone_on(self, x: Array, t: float, dt: float, *, by: int) -> tuple[Array, Array]:
+        """Return x and u a time dt [s] after t, u going through the last values, as many as are told."""
+        n, m = self._equation.B.shape
+        u = np.zeros((REMEMBERED, m))
+        since = np.array(self._times[-by:]) - t
+        u[: len(since)] = np.linalg.solve(np.vander(since, increasing=True), np.array(self._measured[-by:]))
+        u[2] *= 2.0
+        end = self._equation.over(float(f"{dt:.12g}")) @ np.concatenate([x, u.ravel()])
+        return end[:n], end[n : n + m]
+
+    def held(self) -> dict[str, Any]:
+        """Return what is remembered, as JSON has it."""
+        x = None if self._x is None else self._x.tolist()
+        return {"x": x, "times": list(self._times), "measured": [u.tolist() for u in self._measured]}
+
+    def take(self, held: Mapping[str, Any]) -> None:
+        """Take back what has been held."""
+        self._x = None if held["x"] is None else np.array(held["x"])
+        self._times, self._measured = list(held["times"]), [np.array(u) for u in held["measured"]]

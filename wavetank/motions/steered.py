@@ -1,0 +1,97 @@
+"""A motion with something added that is found on the way: known up to the end of the step that is being taken."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from wavetank.motions.motion import Array, Motion
+
+REST = (0.0, 0.0, 0.0)
+
+
+class Steered(Motion):
+    """A motion, and what has been added to it: quintics through position, velocity and acceleration at knots.
+
+    All are continuous. The acceleration at a knot is that of the cubic through the last four velocities: of another,
+    which these would not follow, the work between knots could not be told from the power at them. Before the first knot
+    and after the last what is added stays as it is there.
+
+    Parameters
+    ----------
+    motion
+        What it is added to, of a paddle that moves as a whole.
+    """
+
+    def __init__(self, motion: Motion):
+        self.motion = motion
+        self._times: list[float] = []
+        self._knots: list[tuple[float, float, float]] = []
+
+    @property
+    def start(self) -> float:
+        """When it may begin to move [s]: at once."""
+        return 0.0
+
+    @property
+    def duration(self) -> float:
+        """Until when the motion is known that is added to [s]."""
+        return self.motion.duration
+
+    def check(self, times: Array) -> None:
+        """See ``Motion``."""
+        self.motion.check(times)
+
+    def forget(self) -> None:
+        """Add nothing any more."""
+        self._times, self._knots = [], []
+
+    def go_on(self, t: float, dt: float, position: float, velocity: float) -> None:
+        """Go on from t for a step to some position [m] and velocity [m/s]; what was later is not.
+
+        The first time it begins at rest.
+        """
+        while len(self._times) > 1 and self._times[-1] > t + 0.5 * dt:
+            del self._times[-1], self._knots[-1]
+        if not self._times:
+            self._times, self._knots = [t], [REST]
+        self._times.append(t + dt)
+        self._knots.append((position, velocity, self._bent(velocity, dt)))
+
+    def _bent(self, velocity: float, dt: float) -> float:
+        """Return the acceleration [m/s²] at the last time, of that velocity there."""
+        missing = range(max(0, 5 - len(self._times)), 0, -1)  # before the first knot all rests
+        times = [*(self._times[0] - n * dt for n in missing), *self._times[-4:]]
+        velocities = [*(0.0 for _ in missing), *(knot[1] for knot in self._knots[-3:]), velocity]
+        since = (np.array(times[-4:]) - times[-1]) / dt
+        return float(np.linalg.solve(np.vander(since, increasing=True), velocities[-4:])[1] / dt)
+
+    def added(self, t: Any, order: int) -> Any:
+        """Return the derivative of that order of what is added, in m/s^order, at times t [s] of any shape."""
+        if len(self._times) < 2:
+            return 0.0 * t
+        within = np.clip(t, self._times[0], self._times[-1])
+        last = np.clip(np.searchsorted(self._times, within, side="left"), 1, len(self._times) - 1)
+        times, knots = np.asarray(self._times), np.asarray(self._knots)
+        begin, dt = times[last - 1], times[last] - times[last - 1]
+        x0, v0, a0 = np.moveaxis(knots[last - 1], -1, 0)
+        x1, v1, a1 = np.moveaxis(knots[last], -1, 0)
+        x = x1 - x0 - dt * (v0 + 0.5 * dt * a0)
+        v, a = dt * (v1 - v0 - dt * a0), dt**2 * (a1 - a0)
+        powers = (x0, dt * v0, 0.5 * dt**2 * a0, 10 * x - 4 * v + a / 2, -15 * x + 7 * v - a, 6 * x - 3 * v + a / 2)
+        part, value = (within - begin) / dt, 0.0
+        for n in range(5, order - 1, -1):
+            value = value * part + np.prod(np.arange(n - order + 1, n + 1)) * powers[n]
+        return value / dt**order
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the derivative of all of it."""
+        return self.motion.derivative(t, order, y) + self.added(t, order)
+
+    def held(self) -> dict[str, Any]:
+        """Return what has been added so far, as JSON has it."""
+        return {"times": list(self._times), "knots": [list(map(float, one)) for one in self._knots]}
+
+    def take(self, held: Mapping[str, Any]) -> None:
+        """Take back what has been held."""
+        self._times, self._knots = list(held["times"]), [tuple(one) for one in held["knots"]]

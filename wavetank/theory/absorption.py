@@ -1,0 +1,152 @@
+"""Linear theory of paddles that absorb: what a paddle's motion does at the paddle itself, and what answers waves best.
+
+Of a paddle that moves at the velocity U exp(i omega t) (``wavemaker.py``; k_0 the wave, k_j = -i kappa_j what dies out)
+the elevation at its face and the force of the water on it over the density are
+
+    eta = Z U,    Z = omega/g sum_j m(k_j) / (k_j N(k_j)),
+    F = -(r + i omega mu) U,    r = omega m(k_0)² / (k_0 N(k_0)),    mu = sum_j m(kappa_j)² / (kappa_j N(kappa_j)),
+
+of which Re Z = c / omega and r belong to the wave. A wave a that comes makes 2a at a wall. A paddle that moves at
+U = -F(i omega) times the elevation that it has not made itself sends back, in units of a,
+
+    R = (1 - F Z*) / (1 + F Z),
+
+nothing if F = 1 / Z*, which answers before the wave is there: what is causal comes near in a band. |R| <= 1 at all
+frequencies if and only if Re F >= 0: then no tank, whatever it sends back, grows with the paddle. A paddle on a spring
+and a damper has R = (b - r + i X) / (b + r + i X), X = omega (M + mu) - k / omega, M, b and k over the density.
+
+Sources: H. A. Schaffer and K. P. Jakobsen, "Non-linear wave generation and active absorption in wave flumes", Proc.
+Long Waves Symposium, Thessaloniki, 2003, who fit F likewise; J. Falnes, "Ocean Waves and Oscillating Systems", 2002,
+chapters 3 and 6. That Re F >= 0 is ours.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from wavetank.theory.airy import angular_frequency, wave_number
+from wavetank.theory.wave import Array
+from wavetank.theory.wavemaker import Wavemaker, modes, norm
+
+Complex = NDArray[np.complex128]
+
+MODES = 100  # that die out
+WAVES = 40  # of the band, at which the filter is judged
+ALL = np.geomspace(0.005, 20.0, 80)  # k d over the band's ends, at which it must not send back more than comes
+FASTEST, DAMPED = 5.0, (0.5, 10.0)  # of a section: w_i over the shortest waves', and z_i: a step later must be as good
+SPREADS = (0.4, 0.7)  # of the logarithms of the sections' w_i, where a fit begins: the best is taken
+EXPONENTS = (2, 4, 8, 16)  # of the mean of |R|, one fit after another: towards the largest
+
+
+def face(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> Complex:
+    """Return Z(i omega) [s], shape (N,), at angular frequencies > 0 [rad/s], shape (N,)."""
+    k = np.asarray(wave_number(omega, depth, gravity))
+    kappa, moments, norms = _dying(maker, omega, depth, gravity)
+    wave = maker.transfer(k, depth) / omega
+    return np.asarray(wave + 1j * omega / gravity * (moments / (kappa * norms)).sum(axis=1))
+
+
+def radiation(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array]:
+    """Return the damping r [m²/s] and the added mass mu [m²], over the density and a metre's width, shape (N,) each."""
+    k = np.asarray(wave_number(omega, depth, gravity))
+    kappa, moments, norms = _dying(maker, omega, depth, gravity)
+    damping = omega * maker.moment(k, depth) ** 2 / (k * norm(k, depth))
+    return np.asarray(damping), np.asarray((moments**2 / (kappa * norms)).sum(axis=1))
+
+
+def sudden_mass(maker: Wavemaker, depth: float) -> float:
+    """Return the added mass of a sudden motion [m²], over the density and a metre's width: that of high frequencies."""
+    kappa = (np.arange(MODES) + 0.5) * np.pi / depth
+    x, weights = np.polynomial.legendre.leggauss(4 * MODES)
+    z = 0.5 * depth * (x - 1.0)
+    moments = (0.5 * depth * weights * maker.share(z, depth)) @ np.cos(np.outer(z + depth, kappa))
+    return float((moments**2 / kappa).sum() * 2.0 / depth)
+
+
+def _dying(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array, Array]:
+    """Return kappa_j, m and N of modes that die out, shape (N, MODES) each."""
+    kappa = modes(np.asarray(omega), depth, gravity, count=MODES)
+    return kappa, np.real(maker.moment(1j * kappa, depth)), np.real(norm(1j * kappa, depth))
+
+
+@dataclass(frozen=True)
+class PassiveFilter:
+    """F(s) = gain sum_i (c_i y + e_i) / (y² + 2 z_i y + 1), y = s / w_i, with F(0) = 0: no drift of the paddle.
+
+    Attributes
+    ----------
+    gain
+        [1/s].
+    sections
+        w_i [rad/s], z_i, c_i and e_i of each, shape (n, 4).
+    """
+
+    gain: float
+    sections: Array
+
+    def __call__(self, s: Any) -> Any:
+        """Return F [1/s] at s [1/s], of any shape."""
+        total: Any = 0.0
+        for w, z, c, e in self.sections:
+            y = s / w
+            total = total + self.gain * (c * y + e) / (y**2 + 2.0 * z * y + 1.0)
+        return total
+
+    def reflection(self, at_face: Complex, omega: Array) -> Complex:
+        """Return R of waves [rad/s], shape (N,), for Z there."""
+        F = self(1j * omega)
+        return np.asarray((1.0 - F * at_face.conj()) / (1.0 + F * at_face))
+
+    def over_s(self) -> tuple[Array, Array]:
+        """Return the polynomials of F(s) / s, numerator and denominator, in falling powers of s."""
+        below = np.ones(1)
+        for w, z, _, _ in self.sections:
+            below = np.polymul(below, [1.0 / w**2, 2.0 * z / w, 1.0])
+        above = np.zeros(1)
+        for w, z, c, e in self.sections:
+            others, _ = np.polydiv(below, [1.0 / w**2, 2.0 * z / w, 1.0])
+            above = np.polyadd(above, self.gain * np.polymul([c / w, e], others))
+        return above[:-1] / below[0], below / below[0]
+
+    @classmethod
+    @lru_cache(maxsize=16)
+    def fitted(
+        cls, maker: Wavemaker, *, depth: float, gravity: float, shortest: float, longest: float, order: int = 2
+    ) -> "PassiveFilter":
+        """Return the filter of least largest reflection of waves of periods from the shortest to the longest [s].
+
+        ``order`` counts its sections.
+        """
+        ends = 2 * np.pi / np.array([longest, shortest])
+        low, high = depth * np.asarray(wave_number(ends, depth, gravity))
+        kd, wide = np.geomspace(low, high, WAVES), np.geomspace(ALL[0] * low, ALL[-1] * high, len(ALL))
+        omega, omega_wide = (np.asarray(angular_frequency(one / depth, depth, gravity)) for one in (kd, wide))
+        at_face, middle = face(maker, omega, depth, gravity), float(np.sqrt(ends.prod()))
+        gain = float(1.0 / np.abs(at_face).mean())
+
+        def built(x: Array) -> PassiveFilter:
+            w, z, c, e = x.reshape(order, 4).T
+            e = np.append(e[:-1], -e[:-1].sum())
+            return cls(gain, np.column_stack([middle * np.exp(w), np.exp(z), c, e]))
+
+        def misses(x: Array, exponent: int) -> Array:
+            one = built(x)
+            R = np.abs(one.reflection(at_face, omega)) / 0.05
+            active = np.minimum(one(1j * omega_wide).real / gain, 0.0)
+            return np.concatenate([R ** (exponent / 2) / np.sqrt(WAVES), 100.0 * active])
+
+        width = np.log(FASTEST * ends[1] / middle)
+        bounds = np.array([[-width, np.log(DAMPED[0]), -np.inf, -np.inf], [width, np.log(DAMPED[1]), np.inf, np.inf]])
+        bounds = np.tile(bounds, order)
+        found = []
+        for spread in SPREADS:
+            apart = np.linspace(-spread, spread, order) if order > 1 else np.zeros(1)
+            x = np.column_stack([apart, np.full(order, 0.5), np.full(order, 2.0), np.zeros(order)]).ravel()
+            for exponent in EXPONENTS:
+                x = scipy.optimize.least_squares(misses, x, args=(exponent,), bounds=bounds, max_nfev=60).x
+            found.append((float(np.square(misses(x, EXPONENTS[-1])).sum()), x))
+        return built(min(found, key=lambda one: one[0])[1])

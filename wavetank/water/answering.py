@@ -1,0 +1,132 @@
+"""Paddles that answer what the water does: what they look at, and how they go on (docs/absorption.md)."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.errors import RunError
+from wavetank.fe.mass import MassMatrix
+from wavetank.fe.plane import Plane
+from wavetank.motions.answer import Answer, Equation
+from wavetank.stateful import Held
+from wavetank.water.walls.side import Side
+
+GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: waves that stand at a paddle do not push it off at once
+
+
+class Elevated(Protocol):
+    """Waves, as they are looked at."""
+
+    plane: Plane
+    mass: MassMatrix
+    gravity: float
+    depth: float
+
+    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
+        """Return (q, p) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dq/dt, shape (owned,); collective."""
+
+    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+
+
+class Answered(Protocol):
+    """A paddle that can answer.
+
+    Attributes
+    ----------
+    motion
+        How it moves: a ``Steered`` motion.
+    side
+        Where it stands.
+    largest_stroke
+        How far it can go from rest [m], where that is told.
+    """
+
+    motion: Any
+    side: Side
+    largest_stroke: float
+
+
+Look = Callable[[Vector, Vector, float], Vector]
+"""Returns what is measured of a state (q, p) at t [s], the same on all ranks; collective."""
+
+
+class AnsweringPaddle:
+    """A paddle whose motion goes on by what is measured of the water.
+
+    Parameters
+    ----------
+    paddle
+        Which it is; its motion is a ``Steered`` one.
+    equation
+        By which it answers.
+    look
+        Measures.
+    """
+
+    def __init__(self, paddle: Answered, equation: Equation, look: Look):
+        self._paddle, self._motion, self._answer, self._look = paddle, paddle.motion, Answer(equation), look
+
+    def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
+        """Look at the water at t, and go on to t + dt; collective."""
+        self._motion.go_on(t, dt, *self._answer.next(t, dt, self._look(q, p, t)))
+        where, most = self._motion.position(t + dt), self._paddle.largest_stroke
+        if abs(where) >= most:
+            what = f"the paddle would be {where:.4g} m from rest to absorb what comes; its reach allows {most:.4g} m"
+            raise RunError(f"t = {t:.6g} s: {what}")
+
+    def held(self) -> Held:
+        """Return how the paddle has moved, and what it answers by."""
+        return {"motion": self._motion.held(), "answer": self._answer.held()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._motion.take(held["motion"])
+        self._answer.take(held["answer"])
+
+
+class Excess:
+    """The mean elevation at a paddle's face, less what the paddle is to make there.
+
+    Parameters
+    ----------
+    made
+        Of t [s], in m.
+
+    Attributes
+    ----------
+    rise
+        By how much water at the face rises where the paddle goes on by a metre at once.
+    """
+
+    def __init__(self, waves: Elevated, paddle: Answered, made: Callable[[float], float]):
+        self._waves, self._made, self._motion = waves, made, paddle.motion
+        self._at = waves.plane.at(paddle.side.facets)
+        self._count = waves.plane.comm.allreduce(len(self._at))
+        self.rise = self._found_rise()
+
+    def _found_rise(self) -> float:
+        """Return ``rise``: how fast still water rises, where the paddle is a metre a second faster; collective."""
+        waves, motion, speed = self._waves, self._motion, float(np.sqrt(self._waves.gravity * self._waves.depth))
+        rates = list[float]()
+        for t, added in ((-1.0, 0.0), (-3.0, speed)):
+            motion.forget()
+            motion.go_on(t - 1.0, 1.0, 0.0, added)
+            q, p = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
+            rates.append(self._mean(waves.mass.solve(waves.H_p(q, p, t))))
+        motion.forget()
+        return float((rates[1] - rates[0]) / (speed + motion.velocity(-3.0) - motion.velocity(-1.0)))
+
+    def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
+        """See ``Look``; shape (1,), in m."""
+        eta = self._mean(self._waves.elevation(q, p, t)) - self._made(t)
+        s = min(t / (GENTLY * np.sqrt(self._waves.depth / self._waves.gravity)), 1.0)
+        return np.array([s**3 * (10 - 15 * s + 6 * s**2) * eta - self.rise * self._motion.added(t, 0)])
+
+    def _mean(self, values: Vector) -> float:
+        return float(self._waves.plane.sum(values[self._at]) / self._count)
