@@ -133,7 +133,7 @@ def test_a_tank_that_begins_to_move_sloshes():
 
 # ---------------------------------------------------------------- cases
 CASE = """
-gauges = [0.5, 3.0]
+gauges = [0.5, 3.5]
 [tank]
 length = 4.0
 depth = 1.0
@@ -170,6 +170,7 @@ def test_what_both_walls_do_is_recorded(case, tmp_path):
     recorded(case, (), tmp_path / "run")
     run = RunDirectory(tmp_path / "run")
     near, far, energy = run.paddle, run.far_paddle, run.energy
+    assert run.gauges.values[1] == pytest.approx(run.gauges.values[0], abs=1e-12) and run.gauges.values.any()
     for name in ("position", "velocity", "acceleration", "force", "power"):
         assert np.abs(near[name]).max() > 0.0
         assert far[name].values == pytest.approx(near[name].values, abs=1e-9 * float(np.abs(near[name]).max()))
