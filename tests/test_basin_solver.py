@@ -195,3 +195,20 @@ def test_corrections_of_single_precision_make_a_solution_of_double_precision():
     assert solution == pytest.approx(known, rel=1e-13, abs=1e-13 * 4e6)
     assert len(residuals) == 3 and 3 <= len(steps) <= 15
     assert last == pytest.approx(eigenvalues * (known - solution), abs=1e-8)
+
+
+def test_a_residual_of_single_precision_is_not_trusted_below_its_round_off():
+    """One iteration solves x = b, and leaves no residual in single precision; in double there is one of 1e-8."""
+    known, solution = np.random.default_rng(0).standard_normal(50), np.zeros(50)
+
+    steps, _ = corrected(
+        lambda: known - solution,
+        np.copy,
+        np.copy,
+        solution,
+        within=lambda first: 1e-20 * first,
+        comm=MPI.COMM_SELF,
+        most=9,
+    )
+    assert len(steps) == 2
+    assert np.abs(solution - known).max() < 1e-13

@@ -6,6 +6,7 @@ All is of single precision: a correction to a potential, whose residual is of do
 #define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
 #define ENOUGH 1e-10            /* of a residual's energy: then it is found anew */
 #define ROUND_OFF 1e-13         /* of it: so much of single precision is left */
+#define CLOSING 8.0             /* what a correction by the preconditioner alone leaves, over what an iteration does */
 
 /* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
 static void product_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y,
@@ -17,13 +18,26 @@ static void product_within(const Cells *c, const Layers *layers, const REAL *sta
         gather(c, b, MODES, x, ROW, X);
         clear(NODES * NUMBERS, Y);
         through(c, b, DIM, MODES, X, NUMBERS, Y, within_at, &what);
-        EACH(i, NODES)
-            EACH(l, LANES) {
-                const long row = c->dofs[(b * NODES + i) * LANES + l];
-                EACH(j, MODES)
-                    y[row * ROW + j] += Y[i * NUMBERS + j][l];
-                by_surface[row] += Y[i * NUMBERS + MODES][l];
-            }
+        scatter_among(c, b, MODES, Y, NUMBERS, y, ROW);
+        scatter_among(c, b, 1, Y + MODES, NUMBERS, by_surface, 1);
+    }
+}
+
+INLINE void surface_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    multiply(what, c, b, q, MODES, MODES, u, r);
+}
+
+/* The same, of the surface potential's share alone. */
+static void surface_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *by_surface)
+{
+    const Multiplied what = {layers, state};
+    EACH(b, c->batches) {
+        v X[NODES * MODES], Y[NODES];
+        gather(c, b, MODES, x, ROW, X);
+        clear(NODES, Y);
+        through(c, b, DIM, MODES, X, 1, Y, surface_at, &what);
+        scatter(c, b, 1, Y, by_surface, 1);
     }
 }
 
@@ -47,15 +61,16 @@ typedef struct {
 /* Conjugate gradients: correct the interior part of phi, [degree of freedom][number], for its last column, the surface
    potential, and what the wall adds, [degree of freedom] of that stride [number]. ``image`` is A phi, and becomes that of
    the new phi in its last column. The residual's energy is to fall below tolerance² that of phi, or to ENOUGH of what it
-   was, when a new residual is needed. Returns the iterations, -1 where ``most`` are not enough, -2 where A or the modes
+   was, when a new residual is needed. Where what the preconditioner makes of the last residual will do, that is added, and
+   needs no product but its surface's. Returns the iterations, -1 where ``most`` are not enough, -2 where A or the modes
    are not positive; ``steps`` has the length of each and how much of its direction the next keeps. */
 static int correct(const Cells *cells, const Layers *layers, const REAL *state, const Chain *c, const double *wall,
                    int stride, double *restrict phi, double *restrict image, double tolerance, int most, double *steps,
                    Found *found, REAL *work)
 {
     const long size = (long)c->dofs * ROW;
-    REAL *restrict p = work, *restrict Ap = p + size, *restrict r = Ap + size, *restrict z = r + size;
-    REAL *restrict x = z + size, *restrict flow = x + size, *restrict by_surface = flow + c->dofs;
+    REAL *restrict p = work, *restrict x = p + size, *restrict Ap = x + size, *restrict r = Ap + size;
+    REAL *restrict z = r + size, *restrict flow = z + size, *restrict by_surface = flow + c->dofs;
     double kinetic = 0.0, length = 0.0;
     for (long i = 0; i < c->dofs; ++i) {
         EACH(j, NUMBERS)
@@ -68,24 +83,27 @@ static int correct(const Cells *cells, const Layers *layers, const REAL *state, 
     *found = (Found){kinetic, 0.0};
     if (length == 0.0)
         return 0;
-    const double scale = 1.0 / sqrt(length);
-    memset(work, 0, sizeof(REAL) * (5 * size + 2 * c->dofs));
+    const double scale = 1.0 / sqrt(length), back = sqrt(length);
+    memset(p, 0, sizeof(REAL) * 2 * size);
+    memset(flow, 0, sizeof(REAL) * 2 * c->dofs);
     for (long i = 0; i < c->dofs; ++i)
-        EACH(j, MODES)
-            r[(long)c->row[i] * ROW + j] = -scale * (image[i * NUMBERS + j] + wall[i * stride + j]);
-    double target = 0.0, before = 0.0, first = 0.0;
-    int iterations = 0;
+        EACH(j, ROW)
+            r[(long)c->row[i] * ROW + j] = j < MODES ? -scale * (image[i * NUMBERS + j] + wall[i * stride + j]) : 0.0;
+    double target = 0.0, before = 0.0, first = 0.0, rz, left;
+    int iterations = 0, closes = 0;
     for (;; ++iterations) {
         solve_chain(c, (const abreast *)r, (abreast *)z);
-        const double rz = inner(size, r, z), beta = iterations ? rz / before : 0.0;
-        if (iterations)
-            steps[2 * iterations - 1] = beta;
-        else
-            first = rz, target = tolerance * tolerance * (kinetic * scale * scale + rz);
-        found->residual = (iterations && rz < ROUND_OFF * first ? ROUND_OFF * first : rz) / target;
+        rz = left = inner(size, r, z);
+        const double beta = iterations ? rz / before : 0.0;
         if (rz < 0.0)
             return -2;
-        if (!(rz > target && rz > ENOUGH * first))
+        if (iterations) {
+            steps[2 * iterations - 1] = beta;
+            closes = rz > target && CLOSING * beta * rz <= target;
+            left = closes ? CLOSING * beta * rz : rz;
+        } else
+            first = rz, target = tolerance * tolerance * (kinetic * scale * scale + rz);
+        if (closes || !(rz > target && rz > ENOUGH * first))
             break;
         if (iterations == most)
             return -1;
@@ -103,17 +121,23 @@ static int correct(const Cells *cells, const Layers *layers, const REAL *state, 
             flow[i] += (REAL)alpha * by_surface[i];
         steps[2 * iterations] = alpha, before = rz;
     }
-    const double back = 1.0 / scale;
-    kinetic = 0.0;
+    memset(by_surface, 0, sizeof(REAL) * c->dofs);
+    if (closes)
+        surface_within(cells, layers, state, z, by_surface);
+    const double closing = closes ? back : 0.0;
+    kinetic = closing * closing * rz;   /* z A z, as z is nearly the inverse of A times r */
     for (long i = 0; i < c->dofs; ++i) {
         const long row = c->row[i];
+        const double before_closing = image[i * NUMBERS + MODES] + back * flow[row];
         EACH(j, MODES) {
-            phi[i * NUMBERS + j] += back * x[row * ROW + j];
-            kinetic -= phi[i * NUMBERS + j] * (back * r[row * ROW + j] + wall[i * stride + j]);
+            const double x_now = phi[i * NUMBERS + j] + back * x[row * ROW + j], more = closing * z[row * ROW + j];
+            kinetic -= (x_now + 2.0 * more) * (back * r[row * ROW + j] + wall[i * stride + j]);
+            phi[i * NUMBERS + j] = x_now + more;
         }
-        image[i * NUMBERS + MODES] += back * flow[row];
-        kinetic += phi[i * NUMBERS + MODES] * image[i * NUMBERS + MODES];
+        kinetic += phi[i * NUMBERS + MODES] * before_closing;
+        image[i * NUMBERS + MODES] = before_closing + closing * by_surface[row];
     }
-    found->kinetic = kinetic;
+    const double floor = iterations ? ROUND_OFF * first : 0.0;
+    *found = (Found){kinetic, (left > floor ? left : floor) / target};
     return iterations;
 }

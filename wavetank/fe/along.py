@@ -5,6 +5,7 @@ section 4). A residual is of double precision; what is added to the potential fo
 of it compiled as one (``along.c``), and takes the error down by up to five digits. Then there is a new residual.
 """
 
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,8 @@ class Minimum:
         phi A phi of that.
     """
 
+    lasts = 6
+
     def __init__(
         self,
         operator: LayerOperator,
@@ -175,8 +178,8 @@ class Minimum:
             iterations += max(0, taken)
             if taken == -1:
                 raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
-            self.flow = np.ascontiguousarray(image[:, -1])
-            if taken < 0 or not self._operator.least > 0.0 or not np.isfinite(self.flow.sum()):
+            self.flow = image[:, -1]
+            if taken < 0 or not self._operator.least > 0.0 or not isfinite(self._found.kinetic):
                 raise ConvergenceError(NO_MINIMUM)
             if self._found.residual <= 1.0:
                 self.kinetic = self._found.kinetic

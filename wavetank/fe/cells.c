@@ -29,6 +29,8 @@ typedef struct {
 typedef REAL four __attribute__((vector_size(sizeof(REAL) * 4), aligned(sizeof(REAL)), may_alias));
 #define PICK __builtin_shufflevector
 
+_Static_assert(LANES % 4 == 0, "LANES must be a multiple of 4: rows are transposed four lanes at a time.");
+
 INLINE void transpose(const four *rows, four *columns)
 {
     const four a = PICK(rows[0], rows[1], 0, 4, 1, 5), b = PICK(rows[2], rows[3], 0, 4, 1, 5);
@@ -66,7 +68,8 @@ INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int strid
     gather_among(c, b, numbers, x, stride, X, numbers);
 }
 
-INLINE void scatter(const Cells *c, long b, int numbers, const v *Y, REAL *y, int stride)
+/* y += Y[node][number] of ``width`` numbers, of which the first are wanted. */
+INLINE void scatter_among(const Cells *c, long b, int numbers, const v *Y, int width, REAL *y, int stride)
 {
     EACH(i, NODES)
         EACH(l, LANES / 4) {
@@ -78,15 +81,20 @@ INLINE void scatter(const Cells *c, long b, int numbers, const v *Y, REAL *y, in
             int j = 0;
             for (; j + 4 <= numbers; j += 4) {
                 EACH(k, 4)
-                    columns[k] = ((const four *)&Y[i * numbers + j + k])[l];
+                    columns[k] = ((const four *)&Y[i * width + j + k])[l];
                 transpose(columns, rows);
                 EACH(k, 4)
                     *(four *)(row[k] + j) += rows[k];
             }
             for (; j < numbers; ++j)
                 EACH(k, 4)
-                    row[k][j] += ((const REAL *)&Y[i * numbers + j])[4 * l + k];
+                    row[k][j] += ((const REAL *)&Y[i * width + j])[4 * l + k];
         }
+}
+
+INLINE void scatter(const Cells *c, long b, int numbers, const v *Y, REAL *y, int stride)
+{
+    scatter_among(c, b, numbers, Y, numbers, y, stride);
 }
 
 INLINE void clear(int size, v *Y)

@@ -9,6 +9,16 @@ ring is cut: one of its rows borders the rest, and is last. */
 #include <math.h>
 #include <string.h>
 
+/* What is to be found before what it stands beside: a row waits for its neighbour with one product alone. */
+#ifdef __has_builtin
+#if __has_builtin(__builtin_assoc_barrier)
+#define FIRST __builtin_assoc_barrier
+#endif
+#endif
+#ifndef FIRST
+#define FIRST
+#endif
+
 #if ABREAST == 1
 typedef REAL abreast;
 #else
@@ -77,8 +87,9 @@ INLINE void forth_and_back(long rows, const abreast *restrict L, const abreast *
         const abreast *row = L + i * (BAND + 1) * GROUPS;
         EACH(g, GROUPS) {
             abreast here = b[i * GROUPS + g];
-            for (int d = BAND; d > 0; --d)
+            for (int d = BAND; d > 1; --d)
                 here -= row[d * GROUPS + g] * last[d - 1][g];
+            here = FIRST(here) - row[GROUPS + g] * last[0][g];
             for (int d = BAND - 1; d > 0; --d)
                 last[d][g] = last[d - 1][g];
             last[0][g] = here;
@@ -91,8 +102,9 @@ INLINE void forth_and_back(long rows, const abreast *restrict L, const abreast *
     for (long i = rows - 1; i >= 0; --i)
         EACH(g, GROUPS) {
             abreast here = x[i * GROUPS + g];
-            for (int d = BAND; d > 0; --d)  /* BAND rows of zeros follow the last one */
+            for (int d = BAND; d > 1; --d)  /* BAND rows of zeros follow the last one */
                 here -= L[((i + d) * (BAND + 1) + d) * GROUPS + g] * last[d - 1][g];
+            here = FIRST(here) - L[((i + 1) * (BAND + 1) + 1) * GROUPS + g] * last[0][g];
             for (int d = BAND - 1; d > 0; --d)
                 last[d][g] = last[d - 1][g];
             last[0][g] = x[i * GROUPS + g] = here;

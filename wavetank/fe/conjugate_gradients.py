@@ -21,7 +21,8 @@ Map = Callable[[Array], Array]
 Steps = list[tuple[float, float]]  # the length of each, and how much of its direction the next has kept
 
 PIECE = 2**16  # numbers of single precision that are summed in it
-LEAST = 1e-10  # of a residual's energy: what is less is round-off of single precision
+LEAST = 1e-10  # of a residual's energy: then it is found anew
+ROUND_OFF = 1e-13  # of it: so much of single precision is left, whatever its own residual says
 
 
 def conjugate_gradients(
@@ -127,10 +128,10 @@ def corrected(
         more = most - len(taken)
         steps = conjugate_gradients(product, precondition, change, residual, within=enough, comm=comm, most=more)
         taken += steps
-        energy *= prod(kept for _, kept in steps)
+        energy *= max(prod(abs(kept) for _, kept in steps), ROUND_OFF if steps else 1.0)
         change *= scale
         solution += change
-        if abs(energy) <= target:
+        if energy <= target:
             residual *= scale
             return taken, residual
 

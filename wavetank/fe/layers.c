@@ -46,16 +46,16 @@ typedef struct {
     const REAL *state;
 } Multiplied;
 
-/* The first numbers are ``given``, and then there may be fields; the others are nothing. */
-INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int given, const v *u, v *r)
+/* The first numbers are ``given``, and then there may be fields; the others are nothing. Those from ``first`` on are wanted. */
+INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int given, int first, const v *u, v *r)
 {
     const Layers *layers = m->layers;
     const stored *kept = (const stored *)m->state + (b * POINTS + q) * LEVELS * HESSIANS;
-    const int width = given + BESIDE;
+    const int width = given + BESIDE, wanted = NUMBERS - first;
     v f[OF_FIELDS];
     if (!STORED)
         in_space(c, b, q, FIELDS, u + given, width, f);
-    clear((1 + DIM) * NUMBERS, r);
+    clear((1 + DIM) * wanted, r);
     EACH(z, LEVELS) {
         const REAL *P = layers->P + z * NUMBERS, *dP = layers->dP + z * NUMBERS;
         v k[HESSIANS], s[DIM], w = zero, by_s[DIM];
@@ -81,22 +81,22 @@ INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int giv
                 ++uu;
             }
         }
-        EACH(j, NUMBERS) {
-            r[j] += dP[j] * by_w;
+        EACH(j, wanted) {
+            r[j] += dP[first + j] * by_w;
             EACH(a, DIM)
-                r[(1 + a) * NUMBERS + j] += P[j] * by_s[a];
+                r[(1 + a) * wanted + j] += P[first + j] * by_s[a];
         }
     }
 }
 
 INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
-    multiply(what, c, b, q, NUMBERS, u, r);
+    multiply(what, c, b, q, NUMBERS, 0, u, r);
 }
 
 INLINE void within_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
-    multiply(what, c, b, q, NUMBERS - 1, u, r);
+    multiply(what, c, b, q, NUMBERS - 1, 0, u, r);
 }
 
 INLINE void product_of(const Cells *c, const Layers *layers, const REAL *state, int given, Point at, const REAL *x, REAL *y)

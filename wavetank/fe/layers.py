@@ -126,7 +126,7 @@ class LayerOperator:
     ):
         self.density = LayerDensity(energy, plane, column)
         self._owned, self.numbers, self._order = plane.owned, vertical.n + 1, order
-        cells, lanes = Cells(plane, 3 * plane.order, lanes=LANES[real]), LANES[real]
+        cells, lanes = Cells(plane, plane.degree, lanes=LANES[real]), LANES[real]
         if order is not None:
             cells.parts["dofs"] = np.argsort(order)[cells.parts["dofs"]]
         sizes = {

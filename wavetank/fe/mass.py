@@ -154,7 +154,7 @@ class MassMatrix:
     more = "", ""  # C code, and its declarations
 
     def __init__(self, plane: Plane, J: Any):
-        cells = Cells(plane, 3 * plane.order, lanes=LANES)
+        cells = Cells(plane, plane.degree, lanes=LANES)
         self._density = Density(ufl.as_ufl(J), plane)
         self._comm, self._halo = plane.comm, cells.halo(1)
         sizes = {"REAL": "double", **cells.sizes, "FIELDS": self._density.fields}

@@ -31,8 +31,11 @@ class Plane:
     ----------
     mesh, V
         The dolfinx mesh and function space.
+    degree
+        Of quadrature: up to which it is exact. The polynomial part of the energy has 3p; what 2.5p loses of it is far
+        below what elements do (docs/scaling.md).
     dx
-        The measure over the mesh, of a degree that integrates the polynomial part of the energy exactly.
+        The measure over the mesh, of that degree.
     owned
         Number of degrees of freedom this rank owns.
     """
@@ -48,7 +51,8 @@ class Plane:
         self.mesh, self.order, self.chart = horizontal, order, chart or Straight()
         self._walls = walls
         self.V = fem.functionspace(horizontal, ("Lagrange", order))
-        self.dx = ufl.dx(domain=horizontal, metadata={"quadrature_degree": 3 * order})
+        self.degree = 5 * order // 2
+        self.dx = ufl.dx(domain=horizontal, metadata={"quadrature_degree": self.degree})
         self.owned: int = self.V.dofmap.index_map.size_local
         self.size: int = self.V.dofmap.index_map.size_global
 

@@ -41,10 +41,14 @@ class Minimiser(Protocol):
         The last column of A phi, of the potential found last, shape (owned,).
     kinetic
         phi A phi of that, twice its energy.
+    lasts
+        After how many solves its preconditioner is made anew, for less than the iterations cost that it saves; 0: not
+        before it gets worse.
     """
 
     flow: Vector
     kinetic: float
+    lasts: int
 
     def factor(self) -> None:
         """Make a preconditioner of the operator as it is; collective."""
@@ -109,7 +113,8 @@ class InteriorPotential:
     @property
     def renews(self) -> bool:
         """Whether the next solve makes the preconditioner anew, of the operator as it will be then."""
-        return self._fresh_iterations is None
+        lasts = self.minimiser.lasts
+        return self._fresh_iterations is None or (lasts > 0 and self.counters.solves % lasts == 0)
 
     def held(self) -> Held:
         """Return what start values are found among, how good the preconditioner was, and what solves have cost."""
@@ -143,6 +148,7 @@ class Krylov:
     """
 
     most = 200  # iterations
+    lasts = 0
 
     def __init__(
         self,
