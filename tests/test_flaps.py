@@ -16,9 +16,11 @@ from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.plan.cost_model import BUILT_IN
+from wavetank.plan.defaults import DEFAULT
 from wavetank.plan.error_model import Settings
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.kinds import kind_of
+from wavetank.plan.plan import make_plan
 from wavetank.runs.build import build_clock, build_run
 from wavetank.theory import airy
 from wavetank.theory.wavemaker import PISTON, Flap, Profile, modes, norm
@@ -128,17 +130,24 @@ def closed(maker, omega, x, *, length, depth, count=300):
     + [pytest.param(h, kd, marks=pytest.mark.slow) for h in (-0.5, 0.0, 0.1, 0.5) for kd in (0.5, 1.0, 2.0, 5.0, 10.0)],
 )
 def test_linear_waves_are_biesels_with_the_field_at_the_paddle(hinge, kd):
-    """Steady waves in a closed tank on the default mesh, finer for the shortest, against the series of modes.
+    """Steady waves in a closed tank on cells of 0.2 d, the shortest on the mesh of a case that names none, by modes.
 
     At the paddle the series itself converges slowly: there 1.1e-3 of the wave, a depth from it 2e-4.
     """
     omega = float(airy.angular_frequency(kd, 1.0, GRAVITY))
-    length, cells = (np.floor(2.0 * kd / np.pi) + 0.5) * np.pi / kd, 5 if kd < 8 else 10
-    footprint = Slice(length, max(2, round(cells * length)), comm=MPI.COMM_SELF)
-    plane, maker = Plane(footprint.mesh, 3, footprint.chart), Flap(hinge)
+    length = (np.floor(2.0 * kd / np.pi) + 0.5) * np.pi / kd
+    order, cells, n = 3, max(2, round(5 * length)), 8
+    if kd > 5.0:
+        motion = {"type": "sinusoid", "paddle_amplitude": 1e-4, "period": 2 * np.pi / omega}
+        parts = {"tank": {"length": length, "depth": 1.0}, "run": {"duration": 40 * np.pi / omega}}
+        case = {**parts, "wall": {"type": "flap", "hinge": hinge, "motion": motion}, "water": {"type": "linear"}}
+        settings = make_plan(Scene.model_validate(case), DEFAULT).settings
+        order, cells, n = settings.order, settings.cells, settings.vertical_order
+    footprint = Slice(length, cells, comm=MPI.COMM_SELF)
+    plane, maker = Plane(footprint.mesh, order, footprint.chart), Flap(hinge)
     shape = Polynomial.near(lambda z: maker.share(z, 1.0), 1.0, plane.mesh, kinks=maker.kinks(1.0))
     wall = LinearPaddle(Sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
-    waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=8)
+    waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=n)
     units = np.eye(plane.owned)
     inflow = waves.H_p(units[0], 0.0 * units[0], 0.0)  # the paddle goes 1 m/s
     G = np.array([waves.H_p(unit, unit, 0.0) - inflow for unit in units]).T
