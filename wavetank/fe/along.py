@@ -178,7 +178,7 @@ class Minimum:
             iterations += max(0, taken)
             if taken == -1:
                 raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
-            self.flow = image[:, -1]
+            self.flow = np.ascontiguousarray(image[:, -1])
             if taken < 0 or not self._operator.least > 0.0 or not isfinite(self._found.kinetic):
                 raise ConvergenceError(NO_MINIMUM)
             if self._found.residual <= 1.0:

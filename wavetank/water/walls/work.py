@@ -82,16 +82,16 @@ class KeptWork:
         self, form: ufl.Form, phi: LayeredField, h: fem.Function, *, travel: Travel, columns: NDArray[np.integer[Any]]
     ):
         self._columns, self._h, column = columns, h.x.array, h.x.array.copy()
-        by_potential, whole = VectorForm(ufl.derivative(form, phi.function)), []
+        by_potential, M = VectorForm(ufl.derivative(form, phi.function)), []
         for one in columns:
             self._h[:] = 0.0
             self._h[one] = 1.0
-            whole.append(csr_array(by_potential.assemble()[None]))
+            M.append(csr_array(by_potential.assemble()[None]))
         self._h[:] = column
-        M = csr_array(vstack(whole).T)
-        self._rows = np.flatnonzero(np.diff(M.indptr))  # near the paddle; there is nothing in the others
-        self._M = csr_array(M[self._rows])
-        self._M_transposed = csr_array(self._M.T)
+        transposed = csr_array(vstack(M))
+        near = csr_array(transposed.T)
+        self._rows = np.flatnonzero(np.diff(near.indptr))  # near the paddle; there is nothing in the others
+        self._M, self._M_transposed = _Entries(csr_array(near[self._rows]), columns), _Entries(transposed)
         self._phi, self._travel = phi.rows.reshape(-1), travel
         self._of_phi = np.zeros_like(phi.rows)
         self._of_h: Vector = np.zeros(len(self._of_phi))
@@ -102,14 +102,35 @@ class KeptWork:
 
     def by_potential(self) -> Vector:
         """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
-        self._of_phi.reshape(-1)[self._rows] = self._speed * (self._M @ self._h[self._columns])
+        self._of_phi.reshape(-1)[self._rows] = self._speed * self._M.times(self._h)
         return self._of_phi
 
     def by_column(self) -> Vector:
         """Return dW/dh, shape (dofs,). The array is reused by the next call."""
-        self._of_h[self._columns] = self._speed * (self._M_transposed @ self._phi[self._rows])
+        self._of_h[self._columns] = self._speed * self._M_transposed.times(self._phi)
         return self._of_h
 
     def value(self) -> float:
         """Return W."""
-        return float(self._speed * self._phi[self._rows] @ (self._M @ self._h[self._columns]))
+        return float(self._speed * self._phi[self._rows] @ self._M.times(self._h))
+
+
+class _Entries:
+    """Of a matrix with few in a row: as many of each row, so that a product is one of arrays.
+
+    Parameters
+    ----------
+    places
+        Where the numbers are that its columns are multiplied by; their own, if not given.
+    """
+
+    def __init__(self, matrix: csr_array, places: NDArray[np.integer[Any]] | None = None):
+        counts = np.diff(matrix.indptr)
+        there = np.arange(counts.max(initial=0)) < counts[:, None]
+        self._entries, self._places = np.zeros(there.shape), np.zeros(there.shape, dtype=np.intp)
+        self._entries[there] = matrix.data
+        self._places[there] = matrix.indices if places is None else places[matrix.indices]
+
+    def times(self, x: Vector) -> Vector:
+        """Return the product with numbers x."""
+        return np.asarray(np.einsum("ij,ij->i", self._entries, x[self._places]))
