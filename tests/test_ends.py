@@ -158,17 +158,22 @@ on = "far wall"
 """
 
 
-@pytest.fixture
-def case(tmp_path):
-    path = tmp_path / "case.toml"
+@pytest.fixture(scope="module")
+def case(tmp_path_factory):
+    path = tmp_path_factory.mktemp("case") / "case.toml"
     path.write_text(CASE)
     return path
 
 
-def test_what_both_walls_do_is_recorded(case, tmp_path):
+@pytest.fixture(scope="module")
+def run(case):
+    """Return a run of the case."""
+    recorded(case, (), case.parent / "run")
+    return RunDirectory(case.parent / "run")
+
+
+def test_what_both_walls_do_is_recorded(run, case, tmp_path):
     """Alike at both ends; the power of both is what the energy budget has."""
-    recorded(case, (), tmp_path / "run")
-    run = RunDirectory(tmp_path / "run")
     near, far, energy = run.paddle, run.far_paddle, run.energy
     assert run.gauges.values[1] == pytest.approx(run.gauges.values[0], abs=1e-12) and run.gauges.values.any()
     for name in ("position", "velocity", "acceleration", "force", "power"):
@@ -186,6 +191,19 @@ def test_what_both_walls_do_is_recorded(case, tmp_path):
             assert column == pytest.approx(record[name].values, rel=1e-8)
 
 
+def test_another_run_begins_where_both_walls_stand(run, case):
+    """On the same mesh with its surface, on a finer one with what that says; with a wall elsewhere it is refused."""
+    eta, stood = (run.snapshots().eta[-1], float(run.paddle.position[-1]))
+    begin = f"initial={{type='run', directory='{run.path}'}}"
+    walls = [f"{key}.motion={{type='formula', position='{stood!r}+0*t'}}" for key in ("wall", "far_wall")]
+    for cells in (4, 8):
+        going_on, waves = build_run(read_case(case, [begin, *walls, f"numerics.cells={cells}"]), MPI.COMM_SELF)
+        found = waves.elevation(*going_on.state[:2], 0.0)[np.argsort(waves.plane.x)]
+        assert found[[0, -1]] == pytest.approx(eta[[0, -1]], abs=1e-7)
+    with pytest.raises(InputError, match="the far wall stood at .* m when t = 0.4 s, and begins at 0 m"):
+        build_run(read_case(case, [begin, walls[0]]), MPI.COMM_SELF)
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
@@ -201,6 +219,7 @@ def test_what_both_walls_do_is_recorded(case, tmp_path):
         ),
         (["sponge={type='end',length=2.0}"], 'far_wall.type = "piston": must be fixed or left out: there is a sponge'),
         (["tank={type='ring',length=4.0,depth=1.0}", "wall={type='fixed'}", "loads=[]"], "in a ring no far wall moves"),
+        (["tank={type='basin',depth=1.0,layout={type='rectangle',length=4.0,width=1.0}}"], "in a basin no far wall"),
         (["tank.bed={type='formula',depth='1-0.1*x'}"], "must be the bed's depth at the far wall, 0.6 m, to 1 %"),
         (["far_wall.motion={type='recorded',position='no.csv'}"], "far_wall.motion.position"),
     ],

@@ -118,9 +118,9 @@ class Scene(Noun):
 
     @cached_property
     def mirrored(self) -> "Scene":
-        """The same scene as seen from its far wall, which is the ``wall`` of it; what stands in the tank is left out.
+        """The same scene as seen from its far wall, which is the ``wall`` of it.
 
-        Its x count from there, into the water, and its gauges are those of the tank. Bed and start stay as they are.
+        x of waves and gauges count from there, into the water; what else stands in the tank is where it was.
         """
         gauges = [gauge.model_copy(update={"x": self.tank.length - gauge.x}) for gauge in self.all_gauges]
         same = {name: getattr(self, name) for name in Scene.model_fields}
