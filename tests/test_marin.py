@@ -24,7 +24,7 @@ def the_data():
 def test_the_first_waves_pass_the_first_gauge(wavetank, tmp_path):
     """In a short tank with a sponge, to the instruments' noise of 0.3 mm, a seventh of the waves by then."""
     changes = ["tank.length=24.0", "gauges=[10.0]", 'sponge={type="end", length=10.0}', "run.duration=50.0"]
-    changes += ["numerics.cell_size=0.4", "numerics.vertical_order=5", "numerics.dt=0.05"]
+    changes += ["numerics.cell_size=0.4", "numerics.order=3", "numerics.vertical_order=5", "numerics.dt=0.05"]
     out, overrides = tmp_path / "marin", [word for change in changes for word in ("--set", change)]
     result = wavetank("run", "cases/marin-202002.toml", *overrides, "--no-plots", "--out", str(out))
     assert result.returncode == 0, result.stderr

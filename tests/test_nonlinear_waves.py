@@ -8,6 +8,8 @@ from mpi4py import MPI
 from wavetank.case import Scene
 from wavetank.errors import RunError
 from wavetank.fe.forms import ScalarForm
+from wavetank.hamiltonian.contract import Stage
+from wavetank.hamiltonian.stage_solver import AndersonStageSolver
 from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.third_order import Traces
 from wavetank.motions import Ramped, Sinusoid
@@ -15,6 +17,7 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.runs.build import build_run
+from wavetank.water.still_water import StillWaterWaves, scales
 
 SCHEMES = sorted(INTEGRATORS)
 QUICK = ("simpson-4",)  # the others are alike, and their long runs slow
@@ -49,6 +52,23 @@ def test_derivatives_are_those_of_the_energy(make_tank, motion):
     errors = np.array(errors)
     assert fitted_slope(steps, errors[:, 0]) == pytest.approx(2, abs=0.1)
     assert np.all(errors[:, 1] < 1e-9)  # H is quadratic in psi: central differences are exact
+
+
+def test_a_stage_s_preconditioner_knows_the_current(make_tank):
+    """Short waves on water of 0.3 m/s: linear waves on still water alone take twice the evaluations, 16 of 8."""
+    tank, a = make_tank(length=2.0, cells=24, n=5, tolerance=1e-5), 0.01
+    x = np.pi * tank.plane.x
+    known = np.concatenate(tank.state(0.05 * np.cos(3 * x), 0.05 * np.cos(2.5 * x) - 0.6 / np.pi * np.cos(x / 2)))
+
+    def residual(z):
+        q, p = z.reshape(2, -1)
+        return z - known - a * np.concatenate([tank.H_p(q, p, 0.0), -tank.H_q(q, p, 0.0)])
+
+    size, still = np.stack(scales(tank)), StillWaterWaves(tank)
+    slow = AndersonStageSolver(tank.plane.comm, size, tolerance=1e-5, size=tank.size, precondition=still)
+    for solver in (tank.stages.pair, slow):
+        solver.solve(Stage("q, p", 0.0, 4 * a, a), residual, known)
+    assert tank.stages.pair.counters.evaluations < 0.7 * slow.counters.evaluations
 
 
 def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
