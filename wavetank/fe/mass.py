@@ -96,6 +96,20 @@ class FactoredMatrix(HorizontalMatrix):
         return np.array(self._out.array_r)
 
 
+class Remainder:
+    """N of M_J + N, which is there; all of it is collective."""
+
+    def __init__(self, whole: HorizontalMatrix, mass: "MassMatrix"):
+        self._whole, self._mass = whole, mass
+
+    def update(self) -> None:
+        """Do nothing: both are as they are."""
+
+    def apply(self, values: Vector) -> Vector:
+        """Return the product with owned values x, shape (owned,)."""
+        return self._whole.apply(values) - self._mass.apply(values)
+
+
 class RaisedMass:
     """A mass matrix and another matrix together, M_J + N; all of it is collective.
 

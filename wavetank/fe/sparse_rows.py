@@ -38,8 +38,13 @@ class SparseRows:
         self._pointers = np.concatenate([[0], np.cumsum(np.repeat(entries, copies))]).astype(PETSc.IntType)
         self._columns = self._interlaced((columns[:, None] * copies + copy).astype(PETSc.IntType))
         sizes = (entries.size * copies, size * copies)
-        self.matrix = PETSc.Mat().createAIJ((sizes, sizes), comm=comm)
-        self.matrix.setPreallocationCSR((self._pointers, self._columns, np.zeros(self._columns.size)))
+        self._values, self._alone = np.zeros(self._columns.size), comm.size == 1
+        csr = self._pointers, self._columns, self._values
+        if self._alone:  # PETSc takes these arrays as its own
+            self.matrix = PETSc.Mat().createAIJWithArrays((sizes, sizes), csr, comm=comm)
+        else:
+            self.matrix = PETSc.Mat().createAIJ((sizes, sizes), comm=comm)
+            self.matrix.setPreallocationCSR(csr)
 
     def _interlaced(self, values: NDArray[np.number]) -> NDArray[np.number]:
         if self._places.shape[1] == 1:
@@ -50,5 +55,7 @@ class SparseRows:
 
     def set(self, values: Vector) -> None:
         """Set all entries, shape (entries, copies) or (entries,); collective."""
-        self.matrix.setValuesCSR(self._pointers, self._columns, self._interlaced(values))
+        self._values[:] = self._interlaced(values)
+        if not self._alone:
+            self.matrix.setValuesCSR(self._pointers, self._columns, self._values)
         self.matrix.assemble()

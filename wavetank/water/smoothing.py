@@ -8,7 +8,7 @@ import numpy as np
 import ufl
 
 from wavetank.arrays import Vector
-from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
+from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass, Remainder
 from wavetank.stateful import Held
 from wavetank.water.waves import NonlinearWaves
 
@@ -37,22 +37,29 @@ class Smoothing:
         self._last = dict[str, Vector]()  # what has been taken of a state's points, until all are smoothed
 
     @cached_property
-    def _form(self) -> HorizontalMatrix:
-        """N, made where it is first needed; collective."""
-        return HorizontalMatrix(self._waves.plane, self._of)
+    def _matrices(self) -> tuple[HorizontalMatrix | Remainder, FactoredMatrix | RaisedMass]:
+        """N and M_J + N, made where they are first needed; collective."""
+        plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
+        if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
+            whole = FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v))
+            return Remainder(whole, mass), whole
+        form = HorizontalMatrix(plane, self._of)
+        return form, RaisedMass(mass, form, plane)
 
-    @cached_property
+    @property
+    def _form(self) -> HorizontalMatrix | Remainder:
+        """N; collective."""
+        return self._matrices[0]
+
+    @property
     def _implicit(self) -> FactoredMatrix | RaisedMass:
         """M_J + N; collective."""
-        plane, J = self._waves.plane, self._waves.wall.mapping.J(self._waves.densities.eta)
-        if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-            return FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v))
-        return RaisedMass(self._waves.mass, self._form, plane)
+        return self._matrices[1]
 
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
-        self._form.update()
-        self._implicit.update()
+        for one in self._matrices:
+            one.update()
 
     def _taken(self, of: str, v: Vector) -> Vector:
         """Return what smoothing takes of v, (M_J + N)^-1 N v; collective.
