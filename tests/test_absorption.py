@@ -12,7 +12,7 @@ from test_checkpoint import record, record_until, same
 from test_stateful import SLICE
 
 from wavetank.case import Scene
-from wavetank.case.absorption import ActiveAbsorption
+from wavetank.case.absorption import ActiveAbsorption, SpringDamper
 from wavetank.case.tanks import SliceTank
 from wavetank.errors import InputError
 from wavetank.motions import Sinusoid
@@ -138,7 +138,7 @@ def reflection(wall, *, kd, height, periods, steps, **more):
     T, length = period(kd), 6.0 + 2 * np.pi / kd
     wave = {"type": "regular", "height": height, "period": T, "ramp": 2 * T}
     near = {"type": "piston", "reach": 3.0, "motion": wave, "absorb": ACTIVE}
-    far = {**wall, "reach": 3.0, "motion": REST, "absorb": ACTIVE}
+    far = {"absorb": ACTIVE, **wall, "reach": 3.0, "motion": REST}
     run, waves = tank(near, far, length=length, duration=periods * T, dt=T / steps, **more)
     seen, rows = (waves.plane.x > 3.0) & (waves.plane.x < length - 3.0), []
 
@@ -158,7 +158,7 @@ def reflection(wall, *, kd, height, periods, steps, **more):
     )
     omega = np.array([2 * np.pi / T])
     Z = face(scene.wall.maker, omega, 1.0, GRAVITY)
-    expected = scene.wall.absorb.build(scene.tank, scene.wall.maker).reflection(Z, omega)
+    expected = ActiveAbsorption().build(scene.tank, scene.wall.maker).reflection(Z, omega)
     return found.coefficient, float(np.abs(expected)[0])
 
 
@@ -226,3 +226,58 @@ def test_a_run_goes_on_bit_for_bit(tmp_path):
     same(tmp_path / "whole", tmp_path / "part")
     moved = RunDirectory(tmp_path / "whole").paddle
     assert moved is not None
+
+
+# ---------------------------------------------------------------- a spring and a damper
+SPRING = {"type": "spring-damper", "mass": 200.0, "period": period(1.0)}
+
+
+def test_a_paddle_on_a_spring_that_is_tuned_sends_nothing_back_of_its_period():
+    """By the series of theory, with b = r and k = omega² (M + mu); it does of others."""
+    scene = Scene.model_validate(
+        {
+            "tank": {"length": 9.0, "depth": 1.0},
+            "wall": {"type": "piston", "motion": REST, "absorb": SPRING},
+            "run": {"duration": 1.0},
+            "numerics": {"cells": 4},
+        }
+    )
+    mass, stiffness, damping = scene.wall.absorb.resolved(scene.tank, PISTON)
+    omega = 2 * np.pi / np.array([period(1.0), period(2.0)])
+    r, mu = radiation(PISTON, omega, 1.0, GRAVITY)
+    X = omega * (mass + mu) - stiffness / omega
+    expected = np.abs((damping - r + 1j * X) / (damping + r + 1j * X))
+    assert mass == pytest.approx(0.2) and expected[0] < 1e-12
+    assert expected[1] > 0.1
+
+
+@pytest.mark.slow
+def test_and_in_the_tank():
+    piston = {"type": "piston", "absorb": SPRING}
+    found, _ = reflection(piston, kd=1.0, height=0.01, periods=12, steps=30, cells=20, n=4)
+    assert found < 0.01
+
+
+def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water():
+    """Nonlinear; with waves that push at once to second order, as the balance. Slopes of H make its explicit rate."""
+    far_away = {"type": "formula", "eta": "0.08*exp(-((x - 3.0)/0.8)**2)"}
+    spring = {"type": "spring-damper", "mass": 100.0}
+    piston, missing, off = {"type": "piston", "motion": REST, "absorb": spring}, [], []
+    mass, stiffness, damping = SpringDamper(mass=100.0).resolved(SliceTank(length=3.0, depth=1.0), PISTON)
+    for dt in (0.032, 0.016):
+        run, waves = tank(piston, length=3.0, duration=1.2, dt=dt, cells=6, physics="nonlinear", initial=far_away)
+        budget = Memory()
+        run.observers.append(EnergyBudget(waves, record=budget, every=1))
+        run.execute()
+        motion, times = waves.wall.paddles[0].motion, np.linspace(0.0, run.t, 20001)
+        X, V = motion.added(times, 0), motion.added(times, 1)
+        kept = 0.5 * mass * V[-1] ** 2 + 0.5 * stiffness * X[-1] ** 2 + np.trapezoid(damping * V**2, times)
+        rows = budget.array()
+        assert rows[-1, WORK] < -0.1 * rows[0, TOTAL]
+        missing.append(abs(rows[-1, WORK] + kept) / rows[0, TOTAL])
+        off.append(np.abs(rows[:, BALANCE]).max() / rows[0, TOTAL])
+        ((by_position, by_velocity),) = waves.slopes(*run.state.known[-1], run.t)
+        rate = motion.velocity(run.t) * by_position + motion.acceleration(run.t) * by_velocity
+        assert waves.explicit_rate(*run.state.known[-1], run.t) == pytest.approx(rate, rel=1e-12)
+    assert max(missing[1], off[1]) < 1e-3
+    assert missing[0] / missing[1] > 2.8 and off[0] / off[1] > 2.8

@@ -270,6 +270,8 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n",
     "absorbing": SLICE + RUN + "[wall]\ntype = 'piston'\nabsorb = {type = 'active', shortest = 1.2, longest = 3.0}\n"
     "[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n",
+    "spring": SLICE + RUN + "[far_wall]\ntype = 'piston'\nmotion = {type = 'at-rest'}\n"
+    "absorb = {type = 'spring-damper', mass = 100.0, stiffness = 9000.0, damping = 3000.0}\n",
     "profile": SLICE + RUN + "[wall]\ntype = 'profile'\nshape = '1 + z/d'\nwhere = {d = 1.0}\n"
     "[wall.motion]\ntype = 'sinusoid'\npaddle_amplitude = 0.01\nperiod = 2.0\n",
     "bichromatic": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'bichromatic'\n"

@@ -1,18 +1,18 @@
 """Paddles that absorb the waves which come back to them."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
-from wavetank.theory.absorption import PassiveFilter
+from wavetank.theory.absorption import PassiveFilter, radiation, sudden_mass
 from wavetank.theory.airy import angular_frequency
 from wavetank.theory.wavemaker import Wavemaker
 from wavetank.values.noun import Noun, Problem
-from wavetank.values.quantities import Duration
+from wavetank.values.quantities import Damping, Duration, Mass, Stiffness
 
 BAND = (0.5, 3.0)  # k d of the longest and the shortest waves, by default
 POSSIBLE = (0.02, 10.0)  # the same, at most
@@ -55,6 +55,54 @@ class ActiveAbsorption(Noun):
         if self.shortest is not None and self.longest is not None and self.longest < NARROWEST * self.shortest:
             allowed = f"must be at least {NARROWEST * self.shortest:.4g} s, {NARROWEST:g} times the shortest"
             yield Problem(("wall", "absorb", "longest"), self.longest, allowed)
+
+
+class SpringDamper(Noun):
+    """The paddle, which is not driven, is a mass on a spring and a damper; of a flap where its motion is told."""
+
+    type: Literal["spring-damper"] = "spring-damper"
+    period: Duration | None = Field(
+        default=None, description="period that it is tuned to [s]; default: that of k d = 1"
+    )
+    mass: Mass = Field(default=0.0, description="mass [kg/m], for a metre's width")
+    stiffness: Stiffness | None = Field(
+        default=None, description="of the spring [N/m²], for a metre's width; default: none of the period comes back"
+    )
+    damping: Damping | None = Field(
+        default=None, description="of the damper [N s/m²], for a metre's width; default: none of the period comes back"
+    )
+
+    def resolved(self, tank: AnyTank, maker: Wavemaker) -> tuple[float, float, float]:
+        """Return mass [m²], stiffness [m²/s²] and damping [m²/s] over the density, defaults resolved."""
+        omega = np.array([2 * np.pi / (self.period or _periods(tank, (1.0, 1.0))[0])])
+        (damping,), (added,) = radiation(maker, omega, tank.depth, tank.gravity)
+        mass = self.mass / tank.density
+        stiffness = float(omega[0] ** 2 * (mass + added))
+        return (
+            mass,
+            stiffness if self.stiffness is None else self.stiffness / tank.density,
+            float(damping) if self.damping is None else self.damping / tank.density,
+        )
+
+    def added(self, tank: AnyTank, maker: Wavemaker) -> float:
+        """Return the added mass of a sudden motion [m²], over the density."""
+        return sudden_mass(maker, tank.depth)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a period that is none of the tank's waves, or that nothing follows from."""
+        least, most = _periods(scene.tank, POSSIBLE)
+        if self.period is not None and not least <= self.period <= most:
+            allowed = f"must be from {least:.4g} to {most:.4g} s, k d = {POSSIBLE[1]:g} to {POSSIBLE[0]:g}"
+            yield Problem(("wall", "absorb", "period"), self.period, allowed)
+        elif self.period is not None and self.stiffness is not None and self.damping is not None:
+            allowed = "must be left out: stiffness and damping are given"
+            yield Problem(("wall", "absorb", "period"), self.period, allowed)
+
+
+Absorption = Annotated[
+    ActiveAbsorption | SpringDamper,
+    Field(discriminator="type", description="how a paddle absorbs the waves that come back to it"),
+]
 
 
 def _periods(tank: AnyTank, band: tuple[float, float]) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motions
-from wavetank.case.absorption import ActiveAbsorption
+from wavetank.case.absorption import Absorption, SpringDamper
 from wavetank.case.directional import SegmentedFlapWall, SegmentedPistonWall
 from wavetank.case.formulae import HeightFormulaText, HeightHelpers
 from wavetank.case.moving_wall import HingedWall, MovingWall, ShapedWall
@@ -50,7 +50,7 @@ class PaddleWall(MovingWall):
     """A wall that moves as a whole."""
 
     motion: PaddleMotion
-    absorb: ActiveAbsorption | None = Field(
+    absorb: Absorption | None = Field(
         default=None, description="how it absorbs the waves that come back to it, in a slice; default: not at all"
     )
 
@@ -73,6 +73,9 @@ class PaddleWall(MovingWall):
             yield Problem(("wall", "absorb"), None, f"must be left out: in a {scene.tank.type} no paddle absorbs")
         elif self.absorb is not None:
             yield from self.absorb.problems(scene)
+            if isinstance(self.absorb, SpringDamper) and self.motion.type != "at-rest":
+                allowed = "must be at-rest: a paddle on a spring is not driven (wall.absorb.type)"
+                yield Problem(("wall", "motion", "type"), self.motion.type, allowed)
         yield from () if self.reads_file else self.motion_problems(scene)
 
     @property

@@ -4,7 +4,7 @@
 
 u is what is measured at the beginning of each step. Up to there x goes on by the parabola through the last three
 values, to third order; from there to the end of the step, where u is not known yet, the paddle goes on by the straight
-line through the last two. Both solve the equation exactly, so neither is stiff.
+line through the last two, or by the parabola. Both solve the equation exactly, so neither is stiff.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,6 @@ import scipy
 from wavetank.motions.motion import Array
 
 REMEMBERED = 3  # values of u
-STRAIGHT = 2  # of them, by which a paddle goes on: a parabola overshoots waves of a few steps a period
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,12 +30,29 @@ class Equation:
         Shapes (n, n), (n, m) and (n,).
     rest
         x = rest u keeps the paddle where it is when it begins, shape (n, m).
+    ahead
+        By how many of the last values the paddle goes on: 2, as a parabola overshoots waves of a few steps a period, or
+        3 where u is part of the velocity itself, and must be known as well as the position is.
     """
 
     A: Array
     B: Array
     C: Array
     rest: Array
+    ahead: int = 2
+
+    @classmethod
+    def of_spring(cls, mass: float, stiffness: float, damping: float) -> "Equation":
+        """Return that of a mass on a spring and a damper in water: x = (X, P), u = (J, dH/dX) (docs/absorption.md).
+
+            X' = (P + J) / mass,   P' = -stiffness X - damping X' - dH/dX
+
+        The mass [m²], its added one included, stiffness [m²/s²] and damping [m²/s] are those over the density and a
+        metre's width.
+        """
+        A = np.array([[0.0, 1.0 / mass], [-stiffness, -damping / mass]])
+        B = np.array([[1.0 / mass, 0.0], [-damping / mass, -1.0]])
+        return cls(A, B, np.array([1.0, 0.0]), rest=np.array([[0.0, 0.0], [-1.0, 0.0]]), ahead=3)
 
     @classmethod
     def of_transfer(cls, above: Array, below: Array) -> "Equation":
@@ -56,7 +72,7 @@ class Equation:
 
         What is left of u is smooth: without that an answer could not be as quick as a step is long.
         """
-        return Equation(self.A + share * self.B @ self.C[None], self.B, self.C, self.rest)
+        return Equation(self.A + share * self.B @ self.C[None], self.B, self.C, self.rest, self.ahead)
 
     @lru_cache(maxsize=8)  # noqa: B019 - of an equation that lives as long as its paddle
     def over(self, dt: float) -> Array:
@@ -96,7 +112,7 @@ class Answer:
         self._measured = [*self._measured[1 - REMEMBERED :], np.asarray(u, dtype=float)]
         if t > last:  # a step has been taken
             self._x, _ = self._gone_on(self._x, last, t - last, by=REMEMBERED)
-        return self._equation.moved(*self._gone_on(self._x, t, dt, by=STRAIGHT))
+        return self._equation.moved(*self._gone_on(self._x, t, dt, by=self._equation.ahead))
 
     def _gone_on(self, x: Array, t: float, dt: float, *, by: int) -> tuple[Array, Array]:
         """Return x and u a time dt [s] after t, u going through the last values, as many as are told."""

@@ -13,9 +13,9 @@ REST = (0.0, 0.0, 0.0)
 class Steered(Motion):
     """A motion, and what has been added to it: quintics through position, velocity and acceleration at knots.
 
-    All are continuous. The acceleration at a knot is that of the cubic through the last four velocities: of another,
-    which these would not follow, the work between knots could not be told from the power at them. Before the first knot
-    and after the last what is added stays as it is there.
+    All are continuous. The acceleration at a knot is that of the cubic through the last four velocities, as many as
+    there are: of another, which these would not follow, the work between knots could not be told from the power at
+    them. Before the first knot and after the last what is added stays as it is there.
 
     Parameters
     ----------
@@ -56,15 +56,12 @@ class Steered(Motion):
         if not self._times:
             self._times, self._knots = [t], [REST]
         self._times.append(t + dt)
-        self._knots.append((position, velocity, self._bent(velocity, dt)))
-
-    def _bent(self, velocity: float, dt: float) -> float:
-        """Return the acceleration [m/s²] at the last time, of that velocity there."""
-        missing = range(max(0, 5 - len(self._times)), 0, -1)  # before the first knot all rests
-        times = [*(self._times[0] - n * dt for n in missing), *self._times[-4:]]
-        velocities = [*(0.0 for _ in missing), *(knot[1] for knot in self._knots[-3:]), velocity]
-        since = (np.array(times[-4:]) - times[-1]) / dt
-        return float(np.linalg.solve(np.vander(since, increasing=True), velocities[-4:])[1] / dt)
+        velocities = [*(knot[1] for knot in self._knots[-3:]), velocity]
+        since = (np.array(self._times[-4:]) - self._times[-1]) / dt
+        acceleration = float(np.linalg.solve(np.vander(since, increasing=True), velocities)[1] / dt)
+        if len(self._knots) == 1:  # waves may be there when it begins
+            self._knots[0] = (0.0, 0.0, acceleration)
+        self._knots.append((position, velocity, acceleration))
 
     def added(self, t: Any, order: int) -> Any:
         """Return the derivative of that order of what is added, in m/s^order, at times t [s] of any shape."""

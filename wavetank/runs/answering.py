@@ -4,27 +4,28 @@ from collections.abc import Callable
 from typing import Any
 
 from wavetank.case import Scene
-from wavetank.case.absorption import ActiveAbsorption
+from wavetank.case.absorption import ActiveAbsorption, SpringDamper
 from wavetank.fe.agreed import agreed, from_first
 from wavetank.motions.answer import Equation
 from wavetank.motions.at_face import elevation_at_face
 from wavetank.runs.waters import AnyWaves
 from wavetank.values.noun import Noun
-from wavetank.water.answering import Answered, AnsweringPaddle, Excess
+from wavetank.water.answering import AnsweringPaddle, Excess, Push
 
 
 def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
     """Return what answers the water, of each paddle of a scene that absorbs; collective."""
     found = list[AnsweringPaddle]()
-    for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True):
+    for number, seen in enumerate(scene.paddles):
         absorb = getattr(seen.wall, "absorb", None)
         if absorb is not None:
-            found.append(ANSWERS[type(absorb)](seen, absorb, paddle, waves))
+            found.append(ANSWERS[type(absorb)](seen, absorb, number, waves))
     return found
 
 
-def _active(scene: Scene, absorb: ActiveAbsorption, paddle: Answered, waves: AnyWaves) -> AnsweringPaddle:
+def _active(scene: Scene, absorb: ActiveAbsorption, number: int, waves: AnyWaves) -> AnsweringPaddle:
     tank, comm = scene.tank, waves.plane.comm
+    paddle: Any = waves.wall.paddles[number]
     found = from_first(comm, lambda: absorb.build(tank, scene.wall.maker, paddle=scene.paddle_period))
     above, below = found.over_s()
     made = agreed(
@@ -37,4 +38,16 @@ def _active(scene: Scene, absorb: ActiveAbsorption, paddle: Answered, waves: Any
     return AnsweringPaddle(paddle, Equation.of_transfer(-above, below).met_by(excess.rise), excess)
 
 
-ANSWERS: dict[type[Noun], Callable[[Scene, Any, Any, AnyWaves], AnsweringPaddle]] = {ActiveAbsorption: _active}
+def _on_spring(scene: Scene, absorb: SpringDamper, number: int, waves: AnyWaves) -> AnsweringPaddle:
+    tank, maker = scene.tank, scene.wall.maker
+    paddle: Any = waves.wall.paddles[number]
+    mass, stiffness, damping = absorb.resolved(tank, maker)
+    added = absorb.added(tank, maker)
+    equation = Equation.of_spring(mass + added, stiffness, damping)
+    return AnsweringPaddle(paddle, equation, Push(waves, number, paddle, mass=added))
+
+
+ANSWERS: dict[type[Noun], Callable[[Scene, Any, int, AnyWaves], AnsweringPaddle]] = {
+    ActiveAbsorption: _active,
+    SpringDamper: _on_spring,
+}

@@ -43,6 +43,9 @@ Rate = Annotated[float, Field(ge=1e-9, le=1e6)]  # 1/s
 Speed = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s
 Acceleration = Annotated[float, Field(ge=1e-12, le=1e6)]  # m/s^2
 Density = Annotated[float, Field(ge=1e-3, le=1e5)]  # kg/m^3
+Mass = Annotated[float, Field(ge=0, le=1e9)]  # kg/m, of a metre's width
+Stiffness = Annotated[float, Field(ge=0, le=1e9)]  # N/m² of the same
+Damping = Annotated[float, Field(ge=0, le=1e9)]  # N s/m² of the same
 Gravity = Annotated[float, Field(ge=1e-3, le=1e3)]  # m/s^2
 Count = Annotated[int, Field(ge=1, le=10**9)]
 Share = Annotated[float, Field(ge=1e-9, lt=1)]  # of a whole

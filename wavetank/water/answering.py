@@ -90,6 +90,35 @@ class AnsweringPaddle:
         self._answer.take(held["answer"])
 
 
+class Pushed(Protocol):
+    """Waves that push paddles."""
+
+    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
+        """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi); collective."""
+
+
+class Push:
+    """What the water does to a paddle on a spring: J = dH/dX' + c X', and dH/dX.
+
+    Parameters
+    ----------
+    number
+        Which of the paddles it is.
+    paddle
+        The same.
+    mass
+        c, its added mass of a sudden motion [m²].
+    """
+
+    def __init__(self, waves: Pushed, number: int, paddle: Answered, *, mass: float):
+        self._waves, self._number, self._motion, self._mass = waves, number, paddle.motion, mass
+
+    def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
+        """See ``Look``; shape (2,), in m³/s and m³/s²."""
+        by_position, by_velocity = self._waves.slopes(q, p, t)[self._number]
+        return np.array([by_velocity + self._mass * self._motion.velocity(t), by_position])
+
+
 class Excess:
     """The mean elevation at a paddle's face, less what the paddle is to make there.
 

@@ -185,6 +185,10 @@ class LinearWaves:
         """Return the sum of a b over the degrees of freedom of all ranks; collective."""
         return self.plane.sum(a * b)
 
+    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
+        """Return dH/dX_p = 0 and dH/dX_p' = F [m^3/s] of each paddle at fixed (Q, psi); collective."""
+        return [(0.0, float(F)) for F in self._through_walls(p, self._rates(t, 1))]
+
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi), X_p'' F [m^4/s³]: what the paddle does; collective."""
         return float(self._rates(t, 2) @ self._through_walls(p, self._rates(t, 1)))

@@ -287,6 +287,11 @@ class NonlinearWaves:
         """Return the sum of a b over the degrees of freedom of all ranks; collective."""
         return self.plane.sum(a * b)
 
+    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
+        """Return dH/dX_p [m^3/s²] and dH/dX_p' [m^3/s] of each paddle at fixed (Q, psi); collective."""
+        self.evaluate(q, p, t)
+        return self._wall_terms.slopes(lambda: self.H_q(q, p, t))
+
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
         return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))

@@ -123,6 +123,11 @@ class BothTerms:
         """Return W; collective."""
         return sum(terms.energy() for terms in self._each)
 
+    def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
+        """Return dH/dX_p and dH/dX_p' of both; collective."""
+        near, far = self._each
+        return near.slopes(mu) + far.slopes(mu)
+
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
         near, far = self._each

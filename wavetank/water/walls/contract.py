@@ -63,6 +63,9 @@ class WallTerms(Protocol):
     def energy(self) -> float:
         """Return W; collective."""
 
+    def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
+        """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi), positive into the water; ``mu`` as below."""
+
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); ``mu`` evaluates that point and gives M_J^-1 H_h there; collective."""
 

@@ -223,6 +223,16 @@ class PistonTerms:
         """Return W; collective."""
         return self._work.value()
 
+    def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
+        """Return dH/dX_p and dH/dX_p' at fixed (Q, psi), positive into the water; collective."""
+        self._mu.set(mu())
+        self._rated, found = np.nan, list[float]()
+        for rates in ((1.0, 0.0), (0.0, 1.0)):
+            with self._wall.travel.going(*rates):
+                self._bed.follow_on(self._wall)
+                found.append(self._power.assemble())
+        return [(found[0], found[1])]
+
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
         self._mu.set(mu())

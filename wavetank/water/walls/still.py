@@ -81,6 +81,10 @@ class NoTerms:
         """Return zero."""
         return 0.0
 
+    def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
+        """Return that there is no paddle."""
+        return []
+
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return zero."""
         return 0.0

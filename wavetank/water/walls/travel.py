@@ -1,5 +1,8 @@
 """How far a paddle has carried the water, and how fast it does."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
 from wavetank.arrays import Vector, summed
@@ -58,6 +61,17 @@ class Travel:
     def set_acceleration(self) -> None:
         """Bring the acceleration to the time of the position; collective."""
         self._set(2, self._here(2))
+
+    @contextmanager
+    def going(self, speed: float, acceleration: float) -> Iterator[None]:
+        """Go, for a while, at another speed [m/s] and acceleration [m/s²], positive into the water; collective."""
+        for order, rate in ((1, speed), (2, acceleration)):
+            self._whole[order] = np.array(rate)
+            self._set(order, np.array([rate]))
+        yield
+        del self._whole[1], self._whole[2]
+        self._set(1, self.velocities)
+        self.set_acceleration()
 
     def _set(self, order: int, values: Vector) -> None:
         self._fields[order].set(self._s * values)
