@@ -125,13 +125,13 @@ class BasinSurface:
             loops.append(np.array(loop))
         return sorted(loops, key=lambda loop: -_area(self.first[loop]))
 
-    def paddle(self, travel: Array) -> Indices:
-        """Return the points of the paddle, by increasing y; none, shape (0,), if it does not move.
+    def paddle(self, travel: Array, *, far: bool = False) -> Indices:
+        """Return the points of the paddle, or of the far wall, by increasing y; none, shape (0,), if it does not move.
 
         ``travel`` [m], shape (N,), is how far each point moves along x.
         """
         stroke, rim = travel.max(), self.loops[0]
-        x, y = self.first[rim, 0], self.first[rim, 1]
+        x, y = (-1 if far else 1) * self.first[rim, 0], self.first[rim, 1]
         moving = travel[rim] > MOVED * np.ptp(x)
         if not np.any(moving):
             return np.zeros(0, np.int64)

@@ -25,6 +25,7 @@ from wavetank.postprocess.view_sight import (
     curtain,
     sheet,
     ticks,
+    together,
     upright,
     veiled,
 )
@@ -57,9 +58,11 @@ class BasinView:
         )
         sponge = SPONGE if self._surface.damping is not None else ""
         self.note = ", ".join(filter(None, (_said(self._surface.contours), sponge)))
-        self._paddle = self._surface.paddle(came_to.travel)
+        found = {out: self._surface.paddle(came_to.travel, far=out > 0) for out in (-1, 1)}
+        self._paddles = {out: points for out, points in found.items() if points.size}  # 1: outwards is along x
         self._ground = self._surface.first * (1.0, 1.0, 0.0)
-        self._ground[self._paddle, 0] -= came_to.travel.max() + PLATE * self.extent
+        for out, points in self._paddles.items():
+            self._ground[points, 0] += out * (came_to.travel.max() + PLATE * self.extent)
 
     @property
     def extent(self) -> float:
@@ -73,9 +76,9 @@ class BasinView:
         surface[ELEVATION] = CM * points[:, 2]
         depth = self._surface.depth
         sides = pv.merge([curtain(points[loop], -depth[loop]) for loop in self._surface.loops])
-        paddle = self._board(points[self._paddle]) if self._paddle.size else None
+        paddles = [self._board(points, one, out) for out, one in self._paddles.items()]
         contours = self._contours(surface) if self._surface.contours.size else None
-        return Sight(surface, sides, paddle, contours, self._sponge(surface))
+        return Sight(surface, sides, together(paddles), contours, self._sponge(surface))
 
     def parts(self) -> Iterator[Part]:
         """Yield the bed, the walls behind the water and what stands in it."""
@@ -150,18 +153,18 @@ class BasinView:
             return None
         return veiled(surface, damping / damping.max(), self.waves.high - self.waves.low)
 
-    def _board(self, line: Array) -> pv.PolyData:
-        """Return the paddle behind the water's line [m], shape (N, 3)."""
-        rows = np.array([line, line])
-        rows[..., 2] = -self._surface.depth[self._paddle], np.full(len(line), self._top)
-        return sheet(rows).extrude((-PLATE * self.extent, 0.0, 0.0), capping=True)
+    def _board(self, points: Array, paddle: Indices, out: int) -> pv.PolyData:
+        """Return a paddle behind its line among the water's points [m], shape (N, 3)."""
+        rows = np.array([points[paddle], points[paddle]])
+        rows[..., 2] = -self._surface.depth[paddle], np.full(paddle.size, self._top)
+        return sheet(rows).extrude((out * PLATE * self.extent, 0.0, 0.0), capping=True)
 
     def _wall(self, loop: Indices) -> pv.PolyData:
-        """Return the wall along a line of the rim but for the paddle; faces look at the water."""
+        """Return the wall along a line of the rim but for paddles; faces look at the water."""
         line = self._ground[loop] + (0.0, 0.0, self._top)
-        wall = curtain(line, -self._surface.depth[loop])
-        moving = np.isin(loop, self._paddle)
-        return wall.remove_cells(np.flatnonzero(moving & np.roll(moving, -1)))
+        wall, moving = curtain(line, -self._surface.depth[loop]), (np.isin(loop, one) for one in self._paddles.values())
+        within = sum((one & np.roll(one, -1) for one in moving), start=np.zeros(len(loop), dtype=bool))
+        return wall.remove_cells(np.flatnonzero(within))
 
     def _island(self, loop: Indices) -> pv.PolyData:
         """Return what stands in the water within a line of the rim."""

@@ -1,6 +1,6 @@
 """What a picture needs of a tank: the water, the bed, walls and paddle as meshes in metres, at any time of the run."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -166,6 +166,11 @@ def ticks(low: float, high: float, *, most: int = 8) -> Array:
 
 
 # ---------------------------------------------------------------- meshes
+def together(meshes: Sequence[pv.PolyData]) -> pv.PolyData | None:
+    """Return one mesh of several; None of none."""
+    return sum(meshes[1:], start=meshes[0]) if meshes else None
+
+
 def sheet(rows: Array) -> pv.PolyData:
     """Return quadrilaterals between the points of rows [m], shape (R, N, 3)."""
     index = np.arange(rows[..., 0].size).reshape(rows.shape[:2])

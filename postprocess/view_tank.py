@@ -4,7 +4,7 @@ A slice is shown as a flume, its section extruded across y; a ring is the same f
 (``view_basin.py``). Other footprints join ``TANK_VIEWS``.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import NamedTuple
 
@@ -37,6 +37,7 @@ from wavetank.postprocess.view_sight import (
     said,
     sheet,
     ticks,
+    together,
     upright,
     veiled,
 )
@@ -137,7 +138,7 @@ class FlumeView:
     def walls(self) -> pv.PolyData | None:
         """Return the walls that stand still; None where none does."""
         clear = PLATE / 10 * self.length  # of the water: equal depths flicker
-        return _together([self._plate(end, end.rest + end.out * clear) for end in self._ends if not end.moves])
+        return together([self._plate(end, end.rest + end.out * clear) for end in self._ends if not end.moves])
 
     def marks(self) -> Labels:
         """Return places along the flume, and their x."""
@@ -211,7 +212,7 @@ class FlumeView:
 
     def _paddles(self, x: Array, eta: Array) -> pv.PolyData | None:
         """Return the walls that move, where they meet the surface; None where none does."""
-        return _together([self._paddle(end, x, eta) for end in self._ends if end.moves])
+        return together([self._paddle(end, x, eta) for end in self._ends if end.moves])
 
     def _paddle(self, end: End, x: Array, eta: Array) -> pv.PolyData:
         if end.lean is None:
@@ -286,11 +287,6 @@ def tank_view(run: RunDirectory) -> TankView:
     if (kind := said(run, "type")) not in TANK_VIEWS:
         raise InputError(f"{run.path}: its tank is of type {kind!r}; can be viewed: {', '.join(TANK_VIEWS)}.")
     return TANK_VIEWS[kind](run)
-
-
-def _together(meshes: Sequence[pv.PolyData]) -> pv.PolyData | None:
-    """Return one mesh of several; None of none."""
-    return sum(meshes[1:], start=meshes[0]) if meshes else None
 
 
 def _rim(rows: Array) -> Array:

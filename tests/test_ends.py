@@ -215,11 +215,14 @@ def test_another_run_begins_where_both_walls_stand(run, case):
         (["far_wall.type='flap'", "far_wall.hinge=2.0"], "far_wall.hinge = 2.0: must be below still water"),
         (
             ["far_wall={type='segmented-piston',motion={type='oblique-wave',wave_amplitude=0.01,period=2,angle=5}}"],
-            'far_wall.type = "segmented-piston": needs a basin',
+            'far_wall.type = "segmented-piston": must move as a whole',
         ),
         (["sponge={type='end',length=2.0}"], 'far_wall.type = "piston": must be fixed or left out: there is a sponge'),
         (["tank={type='ring',length=4.0,depth=1.0}", "wall={type='fixed'}", "loads=[]"], "in a ring no far wall moves"),
-        (["tank={type='basin',depth=1.0,layout={type='rectangle',length=4.0,width=1.0}}"], "in a basin no far wall"),
+        (
+            ["tank={type='basin',depth=1.0,layout={type='bend',first=4.0,second=2.0,angle=90.0,radius=2.0,width=1.0}}"],
+            "in a basin that is no rectangle no far wall moves",
+        ),
         (["tank.bed={type='formula',depth='1-0.1*x'}"], "must be the bed's depth at the far wall, 0.6 m, to 1 %"),
         (["far_wall.motion={type='recorded',position='no.csv'}"], "far_wall.motion.position"),
     ],
@@ -289,6 +292,23 @@ def test_opposite_waves_stand():
     here, quarter = eta @ shape / (shape @ shape), omega / GRAVITY * velocity @ shape / (shape @ shape)
     assert np.hypot(here, quarter) == pytest.approx(0.02, rel=0.01)
     assert eta == pytest.approx(here * shape, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_both_walls_across_a_basin_are_those_of_a_slice():
+    """A basin two cells wide, alike in y; loads on both walls are those of its width."""
+    walls = {"wall": FLAP, "far_wall": {**PISTON, "reach": 1.0}}
+    _, _, budget = ended(*walls.values(), cells=8, n=4, duration=1.0, tolerance=1e-9)
+    numerics = {"cell_size": 0.5, "order": 3, "vertical_order": 4, "dt": 0.02, "tolerance": 1e-9, "edge_penalty": 0.0}
+    layout = {"type": "rectangle", "length": 4.0, "width": 1.0}
+    tank = {"type": "basin", "depth": 1.0, "layout": layout}
+    case = Scene.model_validate({"tank": tank, **walls, "run": {"duration": 1.0}, "numerics": numerics})
+    run, waves = build_run(case, MPI.COMM_SELF)
+    across = Memory()
+    run.observers.append(EnergyBudget(waves, record=across, every=1))
+    run.execute()
+    assert across.array() == pytest.approx(budget, abs=1e-7)
+    assert np.ptp(across.array()[:, MASS]) < 1e-13 * budget[0, MASS]
 
 
 def on_these_ranks():

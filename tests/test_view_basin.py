@@ -74,6 +74,7 @@ def record(
     elevation=travelling,
     depth=flat,
     paddle=None,
+    far=None,
     ranks=1,
     kept=lambda x, y: x > 0,
     triangles=False,
@@ -81,7 +82,7 @@ def record(
     motion=None,
     damping=None,
 ):
-    """Write a run directory of a basin with an elevation(x, y, t), a depth(x, y) and a paddle's place(y, t) [m].
+    """Write a run directory of a basin with an elevation(x, y, t), a depth(x, y) and paddles' places(y, t) [m].
 
     And a sponge of damping(x, y) [1/s].
     """
@@ -104,6 +105,7 @@ def record(
         x, y = places[points].T
         for t in times:
             moved = x + (0.0 if paddle is None else np.maximum(0.0, 1 - x / REACH) * paddle(y, t))
+            moved -= 0.0 if far is None else np.maximum(0.0, 1 - (LENGTH - x) / REACH) * far(y, t)
             eta = elevation(moved, y, t)
             arrays = {"elevation": eta, "surface potential": 0 * eta, "depth": depth(x, y)}
             arrays |= {} if damping is None else {"damping rate": damping(x, y)}
@@ -167,6 +169,16 @@ def test_the_paddle_is_the_wall_that_moves_across_its_plane(tmp_path):
     assert np.all(np.abs(line[:, 0]) < 1e-9)
     still = BasinSurface(record(tmp_path / "still"))
     assert not still.paddle(history(still).travel).size
+
+
+def test_a_far_wall_that_moves_is_another_paddle(tmp_path):
+    both = BasinView(record(tmp_path / "both", paddle=swinging, far=swinging))
+    near = BasinView(record(tmp_path / "near", paddle=swinging)).at(PERIOD / 4).paddle
+    sight = both.at(PERIOD / 4)
+    low, high = sorted((swinging(0.0, PERIOD / 4), swinging(WIDTH, PERIOD / 4)))
+    assert sight.paddle.n_points == 2 * near.n_points
+    assert sight.paddle.bounds[1] == pytest.approx(LENGTH - low + 0.006 * both.extent, abs=1e-6)
+    assert sight.paddle.bounds[0] == pytest.approx(near.bounds[0], abs=1e-6)
 
 
 def test_crests_between_snapshots_are_found():

@@ -13,7 +13,8 @@ class WallLoad(Noun):
     """A wall on which force and moment of the water's pressure are recorded, still water's included."""
 
     on: Label = Field(
-        min_length=1, description="the wall: 'paddle', 'far wall' of a slice, or a group of walls of a basin's mesh"
+        min_length=1,
+        description="the wall: 'paddle', 'far wall' of a slice or a rectangle, or a group of walls of a basin's mesh",
     )
     name: Label | None = Field(default=None, min_length=1, description="name of the load; default: the wall's")
     about: Triple | None = Field(

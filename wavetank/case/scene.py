@@ -19,7 +19,7 @@ from wavetank.case.probes import Probe
 from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.targets import Target
-from wavetank.case.walls import FarWall, FixedWall, Wall
+from wavetank.case.walls import FarWall, FixedWall, PaddleWall, Wall
 from wavetank.case.windows import Window
 from wavetank.motions.extent import Extent, extent, times, values
 from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
@@ -261,11 +261,15 @@ class Scene(Noun):
         far, kind = self.far_wall, ("far_wall", "type")
         if not far.moves:
             return
-        if self.tank.type != "slice":
-            yield Problem(kind, far.type, f"must be fixed or left out: in a {self.tank.type} no far wall moves")
+        tank = "basin that is no rectangle" if isinstance(self.tank, BasinTank) else self.tank.type
+        if self.tank.type == "ring" or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
+            yield Problem(kind, far.type, f"must be fixed or left out: in a {tank} no far wall moves")
             return
-        if self.sponge is not None and self.sponge.type == "end":
+        if self.sponge is not None and self.sponge.type in ("end", "group"):
             yield Problem(kind, far.type, "must be fixed or left out: there is a sponge before it (sponge.type)")
+            return
+        if not isinstance(far, PaddleWall):
+            yield Problem(kind, far.type, "must move as a whole: only [wall] is made of segments")
             return
         yield from (problem.at("wall", "far_wall") for problem in far.problems(self.mirrored))
         length, near, other = self.tank.length, self.reach, self.mirrored.reach

@@ -163,7 +163,7 @@ FarWall = Annotated[
     AnyWall,
     Field(
         discriminator="type",
-        description="the wall at x = length, of a slice; its motion is positive into the "
+        description="the wall at x = length, of a slice or a rectangle; its motion is positive into the "
         "water, and all x of its waves count from it, into the water",
     ),
 ]

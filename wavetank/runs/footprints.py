@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from wavetank.case import BasinTank, RingTank, Scene, SliceTank
 from wavetank.fe.layout_mesh import draw_layout, read_layout
-from wavetank.meshes import MeshFile
+from wavetank.meshes import MeshFile, Rectangle
 from wavetank.values.noun import Noun
 from wavetank.water.footprint import Basin, Ring, Slice
 
@@ -32,7 +32,8 @@ def _basin(scene: Scene, tank: BasinTank, comm: MPI.Comm) -> Basin:
     layout, size = tank.layout, scene.cell_size
     if isinstance(layout, MeshFile):
         return Basin(read_layout(Path(layout.file), comm))
-    return Basin(draw_layout(lambda: layout.draw(size), comm))
+    far = layout.box[2] if isinstance(layout, Rectangle) else None
+    return Basin(draw_layout(lambda: layout.draw(size), comm), far=far)
 
 
 FOOTPRINTS: dict[type[Noun], Callable[[Scene, Any, MPI.Comm], Footprint]] = {

@@ -89,19 +89,30 @@ class Basin:
     ----------
     layout
         The mesh with its groups.
+    far
+        x of the far wall, all along which it is straight [m]; None where there is no such.
     """
 
-    def __init__(self, layout: LayoutMesh):
-        self.layout, self.mesh, self.chart = layout, layout.mesh, Straight()
+    def __init__(self, layout: LayoutMesh, *, far: float | None = None):
+        self.layout, self.mesh, self.chart, self._far = layout, layout.mesh, Straight(), far
 
     def side(self, name: str = "paddle") -> Side:
-        """Return the wall of the group ``paddle``; raises ``InputError`` if it is none, or not straight; collective."""
+        """Return the wall of the group ``paddle``, or the ``far wall``; collective.
+
+        Raises ``InputError`` if it is none, or not straight.
+        """
+        if name == "far wall" and self._far is not None:
+            return Side(self.facets_of(name), point=np.array([self._far, 0.0]), normal=np.array([-1.0, 0.0]))
         point, normal = self.layout.paddle_line()
         return Side(self.layout.facets_of("paddle"), point=point, normal=normal)
 
     def facets_of(self, name: str) -> mesh.MeshTags:
-        """Return tags with 1 at a group of walls; raises ``InputError`` if there is no such group."""
-        return self.layout.facets_of(name)
+        """Return tags with 1 at a group of walls, or the ``far wall``; raises ``InputError`` if there is none."""
+        if name != "far wall" or (far := self._far) is None:
+            return self.layout.facets_of(name)
+        near = ALONG * self.layout.cell_size
+        facets = mesh.locate_entities_boundary(self.mesh, 1, lambda at: np.abs(at[0] - far) < near)
+        return mesh.meshtags(self.mesh, 1, facets, np.ones(facets.size, dtype=np.int32))
 
     def free_reach(self, side: Side) -> float:
         """Return how far from the paddle all walls run along its motion [m]: others must not move with it; collective.
