@@ -58,28 +58,29 @@ INLINE void mode_at(const void *what, const Cells *c, long b, int q, const v *u,
     }
 }
 
-INLINE void some_modes(const Cells *c, long b, const REAL *averages, const REAL *lambda, int few, int many, const REAL *x,
-                       REAL *y)
+/* f with a number of modes that the compiler knows, where they are few; of none nothing. */
+#define OF_FEW(many, f, ...) \
+    ((many) == 1 ? f(1, __VA_ARGS__) : (many) == 2 ? f(2, __VA_ARGS__) : (many) == 3 ? f(3, __VA_ARGS__) : (void)0)
+
+INLINE void some_modes(int few, const Cells *c, long b, const REAL *averages, const REAL *lambda, int stride,
+                       const REAL *x, REAL *y)
 {
     const Modes what = {(const stored *)averages, lambda, few};
     v X[NODES * FEW], Y[NODES * FEW];
-    gather(c, b, few, x, many, X);
+    gather(c, b, few, x, stride, X);
     clear(NODES * few, Y);
     through(c, b, DIM, few, X, few, Y, mode_at, &what);
-    scatter(c, b, few, Y, y, many);
+    scatter(c, b, few, Y, y, stride);
 }
 
-/* y += (S_u + lambda_j S_w) x_j, [dof][mode], for ``many`` modes j: those of the interior, or one more. */
-static void multiply(const Cells *c, const REAL *averages, const REAL *lambda, int many, const REAL *x, REAL *y)
+/* y += (S_u + lambda_j S_w) x_j, [dof][mode] with ``stride`` numbers of a row, for the first modes j, ``many``. */
+static void multiply(const Cells *c, const REAL *averages, const REAL *lambda, int many, int stride, const REAL *x, REAL *y)
 {
     EACH(b, c->batches) {
         int j = 0;
         for (; j + FEW <= many; j += FEW)
-            some_modes(c, b, averages, lambda + j, FEW, many, x + j, y + j);
-        if (many == NUMBERS)
-            some_modes(c, b, averages, lambda + j, NUMBERS % FEW, many, x + j, y + j);
-        else
-            some_modes(c, b, averages, lambda + j, (NUMBERS - 1) % FEW, many, x + j, y + j);
+            some_modes(FEW, c, b, averages, lambda + j, stride, x + j, y + j);
+        OF_FEW(many - j, some_modes, c, b, averages, lambda + j, stride, x + j, y + j);
     }
 }
 
@@ -99,31 +100,31 @@ static void diagonals(const Cells *c, const REAL *averages, REAL *y)
     }
 }
 
-/* r -= Ad, d = keep d + take r / D, x += d, all [dof][mode], D = diagonals[dof][2] of S_u and S_w. What is next to nothing
-   is nothing: such numbers are slow. */
-INLINE void smooth_rows(long rows, const REAL *restrict diagonals, const REAL *lambda, int many, REAL keep, REAL take,
-                        const REAL *restrict Ad, REAL *restrict r, REAL *restrict d, REAL *restrict x)
+/* r -= Ad, d = keep d + take r / D, x += d, all [dof][mode], keep[mode] and take[mode], D = diagonals[dof][2] of S_u and
+   S_w. What is next to nothing is nothing: such numbers are slow. */
+INLINE void smooth_rows(long rows, const REAL *restrict diagonals, const REAL *lambda, const REAL *keep, const REAL *take,
+                        int many, const REAL *restrict Ad, REAL *restrict r, REAL *restrict d, REAL *restrict x)
 {
     for (long i = 0; i < rows; ++i)
         EACH(j, many) {
             const long k = i * many + j;
             const REAL residual = r[k] - Ad[k];
             r[k] = residual > NOTHING || residual < -NOTHING ? residual : 0;
-            d[k] = keep * d[k] + take * r[k] / (diagonals[2 * i] + lambda[j] * diagonals[2 * i + 1]);
+            d[k] = keep[j] * d[k] + take[j] * r[k] / (diagonals[2 * i] + lambda[j] * diagonals[2 * i + 1]);
             x[k] += d[k];
         }
 }
 
-static void smooth(long rows, const REAL *diagonals, const REAL *lambda, int many, REAL keep, REAL take, const REAL *Ad,
-                   REAL *r, REAL *d, REAL *x)
+static void smooth(long rows, const REAL *diagonals, const REAL *lambda, const REAL *keep, const REAL *take, int many,
+                   const REAL *Ad, REAL *r, REAL *d, REAL *x)
 {
     if (many == NUMBERS)
-        smooth_rows(rows, diagonals, lambda, NUMBERS, keep, take, Ad, r, d, x);
+        smooth_rows(rows, diagonals, lambda, keep, take, NUMBERS, Ad, r, d, x);
     else
-        smooth_rows(rows, diagonals, lambda, NUMBERS - 1, keep, take, Ad, r, d, x);
+        smooth_rows(rows, diagonals, lambda, keep, take, NUMBERS - 1, Ad, r, d, x);
 }
 
-INLINE void interpolate_rows(long rows, const int *pointers, const int *columns, const REAL *entries, int many,
+INLINE void interpolate_rows(int many, long rows, const int *pointers, const int *columns, const REAL *entries, int stride,
                              const REAL *restrict x, REAL *restrict y)
 {
     for (long i = 0; i < rows; ++i) {
@@ -132,35 +133,39 @@ INLINE void interpolate_rows(long rows, const int *pointers, const int *columns,
             EACH(j, many)
                 sum[j] += entries[k] * x[(long)columns[k] * many + j];
         EACH(j, many)
-            y[i * many + j] = sum[j];
+            y[i * stride + j] = sum[j];
     }
 }
 
-INLINE void restrict_rows(long rows, const int *pointers, const int *columns, const REAL *entries, int many,
+INLINE void restrict_rows(int many, long rows, const int *pointers, const int *columns, const REAL *entries, int stride,
                           const REAL *restrict x, REAL *restrict y)
 {
     for (long i = 0; i < rows; ++i)
         for (int k = pointers[i]; k < pointers[i + 1]; ++k)
             EACH(j, many)
-                y[(long)columns[k] * many + j] += entries[k] * x[i * many + j];
+                y[(long)columns[k] * many + j] += entries[k] * x[i * stride + j];
 }
 
-/* y = P x, P of sparse rows, [row][mode]. */
-static void interpolate(long rows, const int *pointers, const int *columns, const REAL *entries, int many, const REAL *x,
-                        REAL *y)
+/* y = P x, P of sparse rows, x[row][mode] of the first modes, y of ``stride`` numbers of a row. */
+static void interpolate(long rows, const int *pointers, const int *columns, const REAL *entries, int many, int stride,
+                        const REAL *x, REAL *y)
 {
-    if (many == NUMBERS)
-        interpolate_rows(rows, pointers, columns, entries, NUMBERS, x, y);
+    if (many < FEW)
+        OF_FEW(many, interpolate_rows, rows, pointers, columns, entries, stride, x, y);
+    else if (many == FEW)
+        interpolate_rows(FEW, rows, pointers, columns, entries, stride, x, y);
     else
-        interpolate_rows(rows, pointers, columns, entries, NUMBERS - 1, x, y);
+        interpolate_rows(many, rows, pointers, columns, entries, stride, x, y);
 }
 
-/* y += P' x. */
-static void restrict_to(long rows, const int *pointers, const int *columns, const REAL *entries, int many, const REAL *x,
-                        REAL *y)
+/* y += P' x, of the same. */
+static void restrict_to(long rows, const int *pointers, const int *columns, const REAL *entries, int many, int stride,
+                        const REAL *x, REAL *y)
 {
-    if (many == NUMBERS)
-        restrict_rows(rows, pointers, columns, entries, NUMBERS, x, y);
+    if (many < FEW)
+        OF_FEW(many, restrict_rows, rows, pointers, columns, entries, stride, x, y);
+    else if (many == FEW)
+        restrict_rows(FEW, rows, pointers, columns, entries, stride, x, y);
     else
-        restrict_rows(rows, pointers, columns, entries, NUMBERS - 1, x, y);
+        restrict_rows(many, rows, pointers, columns, entries, stride, x, y);
 }

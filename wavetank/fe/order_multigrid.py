@@ -24,17 +24,19 @@ Singles = NDArray[np.float32]
 
 LANES = 16  # cells at a time
 FEW = 4  # modes at a time
-NOTHING = 1e-30  # of single precision
+NOTHING, NONE = 1e-30, 1e-3  # of single precision; of the largest eigenvalue: as small is as bad
+LEAVES = 0.12  # of an error: what a cycle of multigrid does, and smoothing alone has to where it is all that is done
 DECLARATIONS = """
 void average(const Cells *, const Layers *, const float *fields, float *out);
-void multiply(const Cells *, const float *averages, const float *lambda, int many, const float *x, float *y);
+void multiply(const Cells *, const float *averages, const float *lambda, int many, int stride, const float *x,
+              float *y);
 void diagonals(const Cells *, const float *averages, float *y);
-void smooth(long rows, const float *diagonals, const float *lambda, int many, float keep, float take, const float *Ad,
-            float *r, float *d, float *x);
-void interpolate(long rows, const int *pointers, const int *columns, const float *entries, int many, const float *x,
-                 float *y);
-void restrict_to(long rows, const int *pointers, const int *columns, const float *entries, int many, const float *x,
-                 float *y);
+void smooth(long rows, const float *diagonals, const float *lambda, const float *keep, const float *take, int many,
+            const float *Ad, float *r, float *d, float *x);
+void interpolate(long rows, const int *pointers, const int *columns, const float *entries, int many, int stride,
+                 const float *x, float *y);
+void restrict_to(long rows, const int *pointers, const int *columns, const float *entries, int many, int stride,
+                 const float *x, float *y);
 """
 
 
@@ -107,27 +109,32 @@ Means = tuple[Singles, Averages]  # at the points, and on elements of order 1
 class OrderMultigrid(Responding):
     """The decoupled problems of some modes; see ``Modes``.
 
+    High modes are nearly mass matrices, whose eigenvalues the smoother takes down, all of them: these need no elements
+    of order 1, half of the products, and are done where the others turn to the coarse end.
+
     Attributes
     ----------
     steps
         Of smoothing, before and after.
     spread
         Largest over smallest of the eigenvalues that smoothing takes down; elements of order 1 have the others.
+    low
+        Modes that have others.
     diagonals
         Of S_u and S_w, shape (owned, 2).
     """
 
     lanczos = 10  # steps, which see the largest eigenvalue to a few per cent
-    margin = 1.1  # over what they see
+    margin = 1.1  # over what they see, and below
 
     def __init__(self, layer: LayerMeans, eigenvalues: Vector):
-        self._plane, self._kernel, self._cells = layer.plane, layer.kernel, layer.cells
+        self._plane, self._kernel, self._cells, self._layer = layer.plane, layer.kernel, layer.cells, layer
         self._eigenvalues, p = eigenvalues.astype(np.float32), layer.plane.order
-        self.steps, self.spread = max(2, (p + 1) // 2), max(8.0, p**2 / 2)
+        self.steps, self.spread, self.low = max(2, (p + 1) // 2), max(8.0, p**2 / 2), eigenvalues.size
         self._halo, self._one = (layer.halo(many, np.float32) for many in (eigenvalues.size, 2))
-        self._coarse = LinearModes(layer, eigenvalues)
         self._image, direction = layer.work(self._halo.size, eigenvalues.size)
         self._direction = direction[: layer.plane.owned]
+        self._of_low = dict[int, LinearModes]()
 
     def take(self, averages: Means) -> None:
         """See ``Modes``."""
@@ -135,71 +142,78 @@ class OrderMultigrid(Responding):
         at, y = self._kernel.pointer, np.zeros((self._one.size, 2), dtype=np.float32)
         self._kernel.call.diagonals(self._cells, at(self._averages), at(y))
         self.diagonals = self._one.collect(y)
-        largest = self.margin * self._largest_eigenvalue()
-        self._bounds = largest / self.spread, largest
+        smallest, largest = self._ends_of_spectra()
+        tops = self.margin * largest
+        bottoms = np.maximum(smallest / self.margin, NONE * tops)
+        left = 1 / np.cosh((self.steps + 1) * np.arccosh((tops + bottoms) / (tops - bottoms)))
+        self.low = low = 1 + max(map(int, np.flatnonzero(left > LEAVES)), default=0)
+        if low not in self._of_low:
+            self._of_low[low] = LinearModes(self._layer, self._eigenvalues[:low].astype(np.float64))
+        self._coarse = self._of_low[low]
         self._coarse.take(linear)
+        tops[:low] = tops.max()
+        bottoms[:low] = tops.max() / self.spread
+        before = _chebyshev(bottoms, tops, self.steps + 1)
+        after = before[:-1].copy()
+        before[-1, :, :low] = after[:, :, low:] = 0.0  # there the residual alone changes, or nothing
+        self._lengths = np.concatenate([before, after])
 
-    def _largest_eigenvalue(self) -> float:
-        """Return the largest of all modes, with Jacobi's preconditioner, by Lanczos' method; collective."""
+    def _ends_of_spectra(self) -> tuple[Vector, Vector]:
+        """Return each mode's smallest and largest eigenvalue, with Jacobi's preconditioner, by Lanczos; collective."""
         of_u, of_w = self.diagonals.T
         scale, modes = (of_u[:, None] + of_w[:, None] * self._eigenvalues) ** -0.5, self._eigenvalues.size
 
         def inner(a: Vector, b: Vector) -> Vector:
-            return np.asarray(self._plane.comm.allreduce((a * b).sum(axis=0)))
+            return summed(self._plane.comm, np.asarray((a * b).sum(axis=0), dtype=np.float64))
 
         v = np.repeat(np.sin(1e5 * self._plane.coordinates() @ [1.0, np.sqrt(2.0), 0.0])[:, None], modes, axis=1)
         v, before = (v / np.sqrt(inner(v, v))).astype(np.float32), np.zeros(v.shape, dtype=np.float32)
-        beta: Vector = np.zeros(modes, dtype=np.float32)
+        beta: Vector = np.zeros(modes)
         projected = np.zeros((modes, self.lanczos, self.lanczos))
         for k in range(self.lanczos):
-            w = scale * self.product(scale * v) - beta * before
+            w = scale * self.product(scale * v) - beta.astype(np.float32) * before
             projected[:, k, k] = alpha = inner(w, v)
-            w -= alpha * v
+            w -= alpha.astype(np.float32) * v
             before, beta = v, np.sqrt(inner(w, w))
             if k + 1 == self.lanczos or beta.min() < 1e-4:  # the latter: a mesh of few cells is exhausted
                 break
             projected[:, k, k + 1] = projected[:, k + 1, k] = beta
-            v = w / beta
-        return float(np.linalg.eigvalsh(projected).max())
+            v = w / beta.astype(np.float32)
+        seen = np.asarray(np.linalg.eigvalsh(projected[:, : k + 1, : k + 1]), dtype=np.float64)
+        return seen[:, 0], seen[:, -1]
 
-    def product(self, x: Singles) -> Singles:
+    def product(self, x: Singles, *, many: int | None = None) -> Singles:
         """Return (S_u + Lambda_j S_w) x_j, shape (owned, m), of single precision; collective.
 
-        The array is reused by the next call.
+        That is of the first modes, ``many``, or of all. The array is reused by the next call.
         """
-        many, at, y = self._eigenvalues.size, self._kernel.pointer, self._image
-        x, y[:] = self._halo.fetch(x), 0.0
-        self._kernel.call.multiply(self._cells, at(self._averages), at(self._eigenvalues), many, at(x), at(y))
+        size, at, y = self._eigenvalues.size, self._kernel.pointer, self._image
+        x, y[:], many = self._halo.fetch(x), 0.0, size if many is None else many
+        self._kernel.call.multiply(self._cells, at(self._averages), at(self._eigenvalues), many, size, at(x), at(y))
         return self._halo.collect(y)
 
-    def _smooth(self, r: Singles, x: Singles) -> Singles:
-        """Improve x by the Chebyshev semi-iteration; return by what, whose product r still has to lose; collective.
+    def _smooth(self, lengths: Singles, image: Singles, r: Singles, x: Singles) -> Singles:
+        """Improve x by a step of the Chebyshev semi-iteration; return by what.
 
-        Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1.
+        Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1. ``image``, the product with the last
+        change of x, is taken from r before.
         """
-        lowest, largest = self._bounds
-        centre, radius = (largest + lowest) / 2, (largest - lowest) / 2
-        ratio, keep, take = radius / centre, 0.0, 1 / centre
-        direction, image = self._direction, self._image[: len(r)]
-        direction[:] = image[:] = 0.0
         at, (rows, many) = self._kernel.pointer, r.shape
-        matrices = rows, at(self.diagonals), at(self._eigenvalues), many
-        for step in range(self.steps):
-            if step:
-                image = self.product(direction)
-            self._kernel.call.smooth(*matrices, keep, take, at(image), at(r), at(direction), at(x))
-            after = 1.0 / (2 * centre / radius - ratio)
-            keep, take, ratio = after * ratio, 2 * after / radius, after
-        return direction
+        matrices = rows, at(self.diagonals), at(self._eigenvalues), at(lengths[0]), at(lengths[1]), many
+        self._kernel.call.smooth(*matrices, at(image), at(r), at(self._direction), at(x))
+        return self._direction
 
     def _cycle(self, r: Singles) -> Singles:
         """Return what a cycle makes of a residual, which it changes; collective."""
-        x = np.zeros_like(r)
-        r -= self.product(self._smooth(r, x))
-        correction = self._coarse.correction(r)
-        x += correction
-        r -= self.product(correction)
-        self._smooth(r, x)
+        x, image, low = np.zeros_like(r), self._image[: len(r)], self.low
+        self._direction[:] = image[:] = 0.0
+        for lengths in self._lengths[: self.steps]:
+            image = self.product(self._smooth(lengths, image, r, x))
+        self._smooth(self._lengths[self.steps], image, r, x)
+        change = self._coarse.correction(r)
+        x += change
+        for lengths in self._lengths[self.steps + 1 :]:
+            change = self._smooth(lengths, self.product(change, many=low), r, x)
         return x
 
     def solve(self, right: Array, *, cycles: int = 1) -> Array:
@@ -228,7 +242,7 @@ class OrderMultigrid(Responding):
 
 
 class LinearModes:
-    """The problems on elements of order 1, and one cycle of algebraic multigrid for it.
+    """The problems on elements of order 1, of some modes, and one cycle of algebraic multigrid for them.
 
     Nothing of PETSc's is made twice: what Python lets go of there is kept, on several ranks, until all of them collect.
     """
@@ -240,7 +254,7 @@ class LinearModes:
         interpolation.assemble()
         pointers, columns, weights = interpolation.getValuesCSR()
         here = numbering.global_to_local(columns.astype(np.int64))
-        self._halo = Halo(numbering, eigenvalues.size, np.float32, reached=here)
+        self._halo, self._many = Halo(numbering, eigenvalues.size, np.float32, reached=here), eigenvalues.size
         self._rows, self._interpolation = fine.owned, (pointers, here, weights.astype(np.float32))
         self._modes = linear.modes(eigenvalues)
 
@@ -249,11 +263,22 @@ class LinearModes:
         self._modes.take(averages)
 
     def correction(self, residual: Singles) -> Singles:
-        """Return what elements of order 1 make of a residual, both of shape (owned, m); collective."""
-        many, at, call = residual.shape[1], self._kernel.pointer, self._kernel.call
-        interpolation = self._rows, *map(at, self._interpolation), many
-        right, fine = np.zeros((self._halo.size, many), dtype=np.float32), np.empty_like(residual)
+        """Return what they make of a residual, of other modes nothing, both of shape (owned, m); collective."""
+        at, call, sizes = self._kernel.pointer, self._kernel.call, (self._many, residual.shape[1])
+        interpolation = self._rows, *map(at, self._interpolation), *sizes
+        right, fine = np.zeros((self._halo.size, self._many), dtype=np.float32), np.zeros_like(residual)
         call.restrict_to(*interpolation, at(residual), at(right))
         coarse = self._halo.fetch(self._modes.solve(self._halo.collect(right)).astype(np.float32))
         call.interpolate(*interpolation, at(coarse), at(fine))
         return fine
+
+
+def _chebyshev(bottoms: Vector, tops: Vector, steps: int) -> Singles:
+    """Return how much of its direction each step keeps, and takes of a residual, (steps, 2, modes), for spectra."""
+    centre, radius = (tops + bottoms) / 2, (tops - bottoms) / 2
+    lengths, ratio = [(0 * centre, 1 / centre)], radius / centre
+    for _ in range(steps - 1):
+        after = 1 / (2 * centre / radius - ratio)
+        lengths.append((after * ratio, 2 * after / radius))
+        ratio = after
+    return np.array(lengths, dtype=np.float32)
