@@ -123,7 +123,7 @@ def test_watch_gauges_and_snapshots_have_one_solve_for_the_elevation_of_the_mean
     for observer in run.observers:
         observer.schedule = EverySteps()
     solve, solved = waves.mass.solve, []
-    monkeypatch.setattr(waves.mass, "solve", lambda right: solved.append(right) or solve(right))
+    monkeypatch.setattr(waves.mass, "solve", lambda right, **how: solved.append(right) or solve(right, **how))
     run.execute()
     assert sum(np.array_equal(right, run.state.q) for right in solved) == 1
     eta = waves.elevation(run.state.q, run.state.p, run.t)

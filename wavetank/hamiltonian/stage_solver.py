@@ -136,7 +136,8 @@ class AndersonStageSolver:
         return np.asarray(np.sqrt(total) / self._root_of_length)
 
     def _norm(self, z: Vector) -> float:
-        return float(self._norms(z[None])[0])
+        scaled = z / self._scale
+        return float(np.sqrt(summed(self._comm, float(scaled @ scaled))) / self._root_of_length)
 
     def solve(
         self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
@@ -293,14 +294,13 @@ class Mixing:
 
     def next(self, z: Vector, residual: Vector) -> Vector:
         """Return the iterate after z, shape (n,); collective."""
-        image, scaled = z - residual, residual / self._scale
-        if self._last is not None:
-            self._steps.append((image - self._last[0], scaled - self._last[1]))
-        self._last = image, scaled
-        if not self._steps:
+        image, before = z - residual, self._last
+        self._last = image, residual
+        if before is None:
             return image
+        self._steps.append((image - before[0], (residual - before[1]) / self._scale))
         images, residuals = (np.array(part) for part in zip(*self._steps, strict=True))
-        stacked = np.vstack([residuals, scaled])
+        stacked = np.vstack([residuals, residual / self._scale])
         gram = summed(self._comm, stacked @ stacked.T)
         weights = nearest(gram[:-1, :-1], gram[:-1, -1], shortest=SHORTEST)
         return np.asarray(image - weights @ images)

@@ -103,7 +103,7 @@ class Simpson4:
             q, p = z.reshape(2, -1)
             return np.concatenate(flow(system, q, p, t))
 
-        z, d, *_ = state.pairs
+        z, d, *earlier, _ = state.pairs
         plus = z + d / 2
         f_0 = f(plus, t)
         known = z - d / 4 + dt / 4 * f_0
@@ -117,9 +117,9 @@ class Simpson4:
         minus = plus + dt * f_half
         f_1 = f(minus, t + dt)
         smooth = dt / 6 * (f_0 - 2 * f_half + f_1)
-        jumps = (2 * smooth - d, *state.pairs[1:4])
+        jumps = (2 * smooth - d, d, *earlier)
         mean = z + dt / 6 * (f_0 + 4 * f_half + f_1)
-        return MeanAndJumps.of(mean, self.settled(jumps, smooth), *jumps[1:3], minus)
+        return MeanAndJumps.of(mean, self.settled(jumps, smooth), d, earlier[0], minus)
 
     def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
         """Return the new jump, jumps[0], less kappa of what alternates; ``smooth`` is that of a smooth solution."""
