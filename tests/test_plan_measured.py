@@ -151,6 +151,10 @@ class Trial:
             cost, now = min(good, key=lambda one: one[0])
         return now, cost
 
+    def least(self, error: float) -> float:
+        """Return what the cheapest of all settings tried costs that has at most this error [CPU s]."""
+        return min(cpu for found, cpu in self._tried.values() if found <= error)
+
     def row(self, name: str) -> str:
         """Return the scene's row of the table."""
         plan, (error, cpu) = self.plan, self.measure(self.plan.settings)
@@ -239,9 +243,11 @@ def test_a_case_that_names_no_numerics_is_right_to_a_percent(name, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SCENES)
 def test_error_and_cost_are_as_predicted_and_little_is_cheaper(name):
-    """Errors within a factor of three, CPU seconds of two; nothing found by a search is 1.5 times as cheap.
+    """Errors within a factor of three, CPU seconds of two; nothing found as accurate is 1.5 times as cheap.
 
-    Prints the rows of the table of docs/plan.md.
+    A plan aims at a third of the accuracy. What is found within the whole of it may have steps 3^(1/4) as long and
+    cells 3^(1/5) as large, by the orders of the scheme and of most plans' elements, 1.64 together; it is not twice as
+    cheap. Prints the rows of the table of docs/plan.md.
     """
     needs_data(name)
     trial = Trial(name, this_machine())
@@ -250,4 +256,5 @@ def test_error_and_cost_are_as_predicted_and_little_is_cheaper(name):
     print(f"{trial.row(name)} {least:.2g} | {cpu / least:.2f} | {best}")
     assert 1 / 3 < trial.plan.error / error < 3
     assert 1 / 2 < trial.plan.cost.cpu / cpu < 2
-    assert cpu < 1.5 * least
+    assert cpu < 1.5 * trial.least(error)
+    assert cpu < 2 * least
