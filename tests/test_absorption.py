@@ -4,6 +4,9 @@ Oracles: linear wavemaker theory, whose reflection the tank must have; energy; e
 the run that was not interrupted.
 """
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pytest
 from conftest import fitted_slope
@@ -14,6 +17,7 @@ from test_stateful import SLICE
 from wavetank.case import Scene
 from wavetank.case.absorption import ActiveAbsorption, SpringDamper
 from wavetank.case.tanks import SliceTank
+from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.motions import Sinusoid
 from wavetank.motions.answer import Answer, Equation
@@ -22,8 +26,10 @@ from wavetank.motions.steered import Steered
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
+from wavetank.plan.planned import planned
+from wavetank.plan.requirements import requirements
 from wavetank.postprocess.analysis.reflection import reflected
-from wavetank.records.directory import RunDirectory
+from wavetank.records.directory import PADDLE
 from wavetank.runs.build import ANSWERED, build_run
 from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
@@ -219,13 +225,65 @@ def test_the_energy_that_a_paddle_absorbs_is_its_work():
 ABSORBING = SLICE | {"wall": SLICE["wall"] | {"absorb": ACTIVE}}
 
 
-def test_a_run_goes_on_bit_for_bit(tmp_path):
+@pytest.fixture(scope="module")
+def broken_off(tmp_path_factory):
+    """Return the directory of a run of 0.5 s that broke off, with a checkpoint of 0.2 s."""
+    out = tmp_path_factory.mktemp("runs") / "part"
+    record_until(ABSORBING, out, {}, 4, 7)
+    return out
+
+
+def test_a_run_goes_on_bit_for_bit(broken_off, tmp_path):
     record(ABSORBING, tmp_path / "whole", {})
-    record_until(ABSORBING, tmp_path / "part", {}, 4, 7)
+    shutil.copytree(broken_off, tmp_path / "part")
     record(ABSORBING, tmp_path / "part", {}, resume=True)
     same(tmp_path / "whole", tmp_path / "part")
-    moved = RunDirectory(tmp_path / "whole").paddle
-    assert moved is not None
+
+
+@pytest.mark.slow
+def test_with_another_step_it_goes_on_from_where_its_paddle_stands(broken_off, tmp_path):
+    """As the run of one step throughout does, but for the step's error."""
+    record(ABSORBING, tmp_path / "whole", {})
+    part = Path(shutil.copytree(broken_off, tmp_path / "part"))
+    assert main(["resume", str(part), "--no-plots", "--set", "numerics.dt=0.025"]) == 0
+    stood, stands = (np.loadtxt(run / PADDLE, delimiter=",", skiprows=1) for run in (tmp_path / "whole", part))
+    there = np.interp(stood[:, 0], stands[:, 0], stands[:, 1])
+    assert np.abs(np.diff(stood[:, 1])).max() > 1e-3
+    assert there == pytest.approx(stood[:, 1], abs=2e-4)
+
+
+def surface(comm):
+    run, waves = build_run(Scene.model_validate(ABSORBING), comm)
+    run.execute()
+    motion = waves.wall.paddles[0].motion
+    energy = waves.energies(run.state.q, run.state.p, run.t).total
+    return [float(motion.position(run.t)), float(motion.velocity(run.t)), energy]
+
+
+def on_all(*_):
+    return surface(MPI.COMM_WORLD)
+
+
+@pytest.mark.slow
+def test_any_number_of_ranks_moves_the_paddle_alike(on_ranks):
+    one = surface(MPI.COMM_SELF)
+    for ranks in (2, 3):
+        for found in on_ranks(on_all, ranks=ranks):
+            assert found == pytest.approx(one, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
+    """And says what they let through."""
+    wall = {"type": "flap", "motion": {"type": "regular", "height": 0.05, "period": 1.8}, "absorb": ACTIVE}
+    parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": wall, "run": {"duration": 2.0}}
+    far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper", "period": 1.8}}
+    scene = Scene.model_validate({**parts, "far_wall": far, "numerics": {"accuracy": 0.02}})
+    run, waves = build_run(planned(scene, MPI.COMM_SELF).scene, MPI.COMM_SELF)
+    assert run.clock.dt * waves.largest_frequency < ANSWERED
+    reasons = "\n".join(requirements(scene, 0.02).reasons)
+    assert "a flap, the waves come from its motion; it absorbs what comes to it, all but 7.6 % of waves" in reasons
+    assert "a piston that is not driven; it absorbs, a mass of 0 kg/m on a spring of 251.4 N/m²" in reasons
 
 
 # ---------------------------------------------------------------- a spring and a damper
@@ -267,12 +325,14 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water():
     for dt in (0.032, 0.016):
         run, waves = tank(piston, length=3.0, duration=1.2, dt=dt, cells=6, physics="nonlinear", initial=far_away)
         budget = Memory()
-        run.observers.append(EnergyBudget(waves, record=budget, every=1))
+        absorbing = {0: waves.wall.paddles[0].motion}
+        run.observers.append(EnergyBudget(waves, record=budget, absorbing=absorbing))
         run.execute()
         motion, times = waves.wall.paddles[0].motion, np.linspace(0.0, run.t, 20001)
         X, V = motion.added(times, 0), motion.added(times, 1)
         kept = 0.5 * mass * V[-1] ** 2 + 0.5 * stiffness * X[-1] ** 2 + np.trapezoid(damping * V**2, times)
         rows = budget.array()
+        assert rows[:, len(COLUMNS)] == pytest.approx(-rows[:, WORK], abs=1e-12)  # all that it does
         assert rows[-1, WORK] < -0.1 * rows[0, TOTAL]
         missing.append(abs(rows[-1, WORK] + kept) / rows[0, TOTAL])
         off.append(np.abs(rows[:, BALANCE]).max() / rows[0, TOTAL])

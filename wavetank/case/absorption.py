@@ -8,7 +8,7 @@ from pydantic import Field
 
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
-from wavetank.theory.absorption import PassiveFilter, radiation, sudden_mass
+from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.theory.airy import angular_frequency
 from wavetank.theory.wavemaker import Wavemaker
 from wavetank.values.noun import Noun, Problem
@@ -43,6 +43,15 @@ class ActiveAbsorption(Noun):
         """Return the filter by which a paddle of a shape absorbs; as ``band``."""
         shortest, longest = self.band(tank, paddle=paddle)
         return PassiveFilter.fitted(maker, depth=tank.depth, gravity=tank.gravity, shortest=shortest, longest=longest)
+
+    def told(self, tank: AnyTank, maker: Wavemaker, *, paddle: float | None = None) -> str:
+        """Return what it does, in words; as ``band``."""
+        shortest, longest = self.band(tank, paddle=paddle)
+        omega = np.asarray(2 * np.pi / np.geomspace(shortest, longest, 50), dtype=np.float64)
+        at_face = face(maker, omega, tank.depth, tank.gravity)
+        most = np.abs(self.build(tank, maker, paddle=paddle).reflection(at_face, omega)).max()
+        band = f"waves from {shortest:.3g} to {longest:.3g} s"
+        return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band}"
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a band that is none."""
@@ -83,6 +92,12 @@ class SpringDamper(Noun):
             stiffness if self.stiffness is None else self.stiffness / tank.density,
             float(damping) if self.damping is None else self.damping / tank.density,
         )
+
+    def told(self, tank: AnyTank, maker: Wavemaker, *, paddle: float | None = None) -> str:
+        """Return what it does, in words."""
+        mass, stiffness, damping = (tank.density * part for part in self.resolved(tank, maker))
+        parts = f"{mass:.4g} kg/m on a spring of {stiffness:.4g} N/m² and a damper of {damping:.4g} N s/m²"
+        return f"it absorbs, a mass of {parts}"
 
     def added(self, tank: AnyTank, maker: Wavemaker) -> float:
         """Return the added mass of a sudden motion [m²], over the density."""

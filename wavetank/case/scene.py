@@ -128,6 +128,11 @@ class Scene(Noun):
         return MirroredScene.model_construct(self.model_fields_set, **{**same, **seen})
 
     @property
+    def absorbing(self) -> list[int]:
+        """The numbers of those of ``paddles`` that absorb."""
+        return [n for n, seen in enumerate(self.paddles) if getattr(seen.wall, "absorb", None) is not None]
+
+    @property
     def paddles(self) -> tuple["Scene", ...]:
         """The scene as seen from each wall that moves."""
         return (*((self,) if self.wall.moves else ()), *((self.mirrored,) if self.far_wall.moves else ()))

@@ -101,6 +101,9 @@ class ObservedWaves(Protocol):
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi), in energy a second."""
 
+    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
+        """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi)."""
+
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dQ, shape (owned,)."""
 

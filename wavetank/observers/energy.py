@@ -11,10 +11,12 @@ and the energies of the mean are those of the plus trace and their derivatives t
 to the square of the jump. Where something acts between steps, the mean is that of before and after.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isclose
 from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.change import change
@@ -25,14 +27,15 @@ from wavetank.stateful import Held
 from wavetank.water.energy import Energies
 
 
-def columns(dimensions: int) -> tuple[str, ...]:
+def columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
     """Return the budget's columns with their units, for a tank of one or two horizontal dimensions.
 
-    Energies are per unit of density, and of width where the tank has none.
+    Energies are per unit of density, and of width where the tank has none. What is absorbed is one where paddles do.
     """
     energy, volume = f"[m^{3 + dimensions}/s^2]", f"[m^{1 + dimensions}]"
     energies = ("kinetic", "potential", "total", "paddle_work", "dissipated", "balance")
-    return "t [s]", *(f"{name} {energy}" for name in energies), f"mass {volume}"
+    more = (f"absorbed {energy}",) if absorbed else ()
+    return "t [s]", *(f"{name} {energy}" for name in energies), f"mass {volume}", *more
 
 
 COLUMNS = columns(1)
@@ -46,7 +49,7 @@ SMOOTHED = "smoothing of waves too short or too steep for the step and the cells
 
 # what a budget remembers:
 SUMS = (
-    *("t", "dt", "supplied", "total", "wall", "mass"),
+    *("t", "dt", "total", "wall", "mass"),
     *("energy", "off", "lost", "nothing", "taken", "given", "dissipated", "earlier"),
 )
 
@@ -64,6 +67,13 @@ class Sink(Protocol):
     energy_taken: float
 
 
+class Absorbing(Protocol):
+    """What absorbs adds to a paddle's motion."""
+
+    def added(self, t: float, order: int) -> float:
+        """Return the derivative of that order, in m/s^order, at t [s]."""
+
+
 class EnergyBudget:
     """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``columns``.
 
@@ -75,14 +85,25 @@ class EnergyBudget:
         Steps between rows; the work is integrated from all of them, and all of them are judged.
     sinks
         What dissipates.
+    absorbing
+        What paddles that absorb add to their motion, by their numbers: what their work is less by that is ``absorbed``.
     """
 
-    def __init__(self, waves: ObservedWaves, *, record: Record, every: int = 1, sinks: Sequence[Sink] = ()):
+    def __init__(
+        self,
+        waves: ObservedWaves,
+        *,
+        record: Record,
+        every: int = 1,
+        sinks: Sequence[Sink] = (),
+        absorbing: Mapping[int, Absorbing] | None = None,
+    ):
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
-        self._waves, self._record, self._sinks = waves, record, sinks
-        self._rates: list[float] = []
-        self._before: list[float] = []  # that where the step ended, if something has acted since
-        self._supplied = self._t = self._dt = 0.0
+        self._waves, self._record, self._sinks, self._absorbing = waves, record, sinks, absorbing or {}
+        self._rates: list[Vector] = []  # the paddles' power, and that of what absorbs
+        self._before: list[Vector] = []  # those where the step ended, if something has acted since
+        self._supplied: Vector = np.zeros(2)
+        self._t = self._dt = 0.0
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
@@ -91,19 +112,33 @@ class EnergyBudget:
 
     def ended(self, at: tuple[Vector, Vector], t: float) -> None:
         """Keep the paddle's power where a step has ended, before something acts on the state; collective."""
-        self._before = [self._waves.explicit_rate(*at, t)]
+        self._before = [self._powers(*at, t)]
+
+    def _powers(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dt at fixed (q, p), and what of it is by what absorbs, shape (2,); collective."""
+        rate, slopes = self._waves.explicit_rate(q, p, t), self._waves.slopes(q, p, t) if self._absorbing else []
+        parts = (one.added(t, 1) * slopes[n][0] + one.added(t, 2) * slopes[n][1] for n, one in self._absorbing.items())
+        return np.array([rate, sum(parts)])
+
+    def _absorbed(self, moment: Moment) -> list[float]:
+        """Return what has been absorbed, if anything absorbs; collective."""
+        if not self._absorbing:
+            return []
+        slopes = self._waves.slopes(*moment.points[-1], moment.t)
+        of_wall = sum(one.added(moment.t, 1) * slopes[n][1] for n, one in self._absorbing.items())
+        return [float(of_wall - self._supplied[1])]
 
     def observe(self, moment: Moment) -> None:
         """Add to the paddle's work, see how far off the balance is, and append a row where one is due; collective."""
         points = moment.points[-1:] if self._before else moment.points
-        rates = self._before + [self._waves.explicit_rate(*point, moment.t) for point in points]
+        rates = self._before + [self._powers(*point, moment.t) for point in points]
         self._before = []
-        self._integrate(moment.t, sum(rates) / len(rates))
+        self._integrate(moment.t, np.mean(rates, axis=0))
         now = self._energies(moment)
         if moment.step == 0:
             self._total, self._wall, self._mass = now.total, now.wall, self._waves.total_mass(moment.q)
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
-        work = self._supplied - (now.wall - self._wall)
+        work = float(self._supplied[0]) - (now.wall - self._wall)
         self._dissipated = dissipated = self._earlier + self._by_sinks()
         balance = now.total - self._total - work + dissipated
         self._taken = max(self._taken, dissipated)
@@ -113,7 +148,8 @@ class EnergyBudget:
             return
         mass = self._waves.total_mass(moment.q)
         self._lost = max(self._lost, abs(mass - self._mass))
-        self._record.append([moment.t, now.kinetic, now.potential, now.total, work, dissipated, balance, mass])
+        energies = (now.kinetic, now.potential, now.total, work, dissipated, balance)
+        self._record.append([moment.t, *energies, mass, *self._absorbed(moment)])
 
     def _by_sinks(self) -> float:
         return sum(sink.energy_taken for sink in self._sinks)
@@ -154,24 +190,25 @@ class EnergyBudget:
             sentences.append(f"what should damp the waves has given them {part}: {what}")
         return sentences
 
-    def _integrate(self, t: float, rate: float) -> None:
+    def _integrate(self, t: float, rate: Vector) -> None:
         dt = t - self._t
         known = 3 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
         self._rates = [rate, *self._rates[:known]]
         if len(self._rates) > 1:
             weights = ADAMS_MOULTON[len(self._rates)]
-            self._supplied += dt * sum(w * f for w, f in zip(weights, self._rates, strict=True))
+            self._supplied = self._supplied + dt * np.asarray(weights) @ np.array(self._rates)
         self._t, self._dt = t, dt
 
     def held(self) -> Held:
         """Return the sums so far, and what the balance is judged by."""
-        return {name: getattr(self, f"_{name}") for name in SUMS} | {"rates": list(self._rates)}
+        rates = {"rates": [rate.tolist() for rate in self._rates], "supplied": self._supplied.tolist()}
+        return {name: getattr(self, f"_{name}") for name in SUMS} | rates
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         for name in SUMS:
             setattr(self, f"_{name}", held[name])
-        self._rates = list(held["rates"])
+        self._rates, self._supplied = [np.array(rate) for rate in held["rates"]], np.array(held["supplied"])
 
     def carry(self, held: Held) -> None:
         """Take the sums; what was dissipated stays so, whatever dissipates now."""

@@ -30,7 +30,7 @@ from wavetank.plan.kinds import entries_of
 from wavetank.plan.looks import Looks
 from wavetank.plan.requirements import Requirements, requirements
 from wavetank.plan.stroke_held import stroke_missed
-from wavetank.runs.build import LEANING, build_clock
+from wavetank.runs.build import ANSWERED, LEANING, build_clock
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.values.noun import Problem, SceneError
 from wavetank.water.edge_penalty import NEEDED
@@ -227,6 +227,7 @@ class _Search:
 
     def _longest_step(self, mesh: Mesh, name: str) -> float:
         limit, required = MARGIN * INTEGRATORS[name].stability_limit, self._required
+        limit = min(limit, MARGIN * ANSWERED) if self._scene.absorbing else limit
         if required.physics == "linear":
             return limit / mesh.largest_frequency
         shifted = mesh.largest_frequency + required.velocity * _k_grid(mesh)

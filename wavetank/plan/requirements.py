@@ -282,10 +282,13 @@ def _wall_reason(scene: Scene) -> str:
 
 
 def _paddle_reason(scene: Scene) -> str:
-    paddle = f"a {scene.wall.type}"
+    paddle, absorb = f"a {scene.wall.type}", getattr(scene.wall, "absorb", None)
+    end = "." if absorb is None else f"; {absorb.told(scene.tank, scene.wall.maker, paddle=scene.paddle_period)}."
     if scene.motion().interval is not None:
-        return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise."
-    return f"{paddle}, the waves come from its motion."
+        return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise{end}"
+    if not scene.motion().moves:
+        return f"{paddle} that is not driven{end}"
+    return f"{paddle}, the waves come from its motion{end}"
 
 
 def _end_reason(scene: Scene, waves: Components) -> str:

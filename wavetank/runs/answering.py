@@ -16,11 +16,16 @@ from wavetank.water.answering import AnsweringPaddle, Excess, Push
 def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
     """Return what answers the water, of each paddle of a scene that absorbs; collective."""
     found = list[AnsweringPaddle]()
-    for number, seen in enumerate(scene.paddles):
-        absorb = getattr(seen.wall, "absorb", None)
-        if absorb is not None:
-            found.append(ANSWERS[type(absorb)](seen, absorb, number, waves))
+    for number in scene.absorbing:
+        seen = scene.paddles[number]
+        absorb: Any = getattr(seen.wall, "absorb", None)
+        found.append(ANSWERS[type(absorb)](seen, absorb, number, waves))
     return found
+
+
+def added_motions(scene: Scene, waves: AnyWaves) -> dict[int, Any]:
+    """Return how those paddles move that absorb, by their numbers: ``Steered`` motions."""
+    return {number: waves.wall.paddles[number].motion for number in scene.absorbing}
 
 
 def _active(scene: Scene, absorb: ActiveAbsorption, number: int, waves: AnyWaves) -> AnsweringPaddle:

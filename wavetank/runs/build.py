@@ -33,7 +33,7 @@ from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.stability import StabilityWatch
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
 from wavetank.observers.windows import WindowObserver, WindowRecord
-from wavetank.runs.answering import build_answers
+from wavetank.runs.answering import added_motions, build_answers
 from wavetank.runs.clock import Clock
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.own import own_scheme
@@ -252,7 +252,13 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
     """Return a scene's gauges, energy budget (of what its sinks take, too), highest crest and snapshots; collective."""
     output = scene.output
     observers: list[Observer] = [
-        EnergyBudget(waves, record=records.energy, every=output.energy_every, sinks=sinks),
+        EnergyBudget(
+            waves,
+            record=records.energy,
+            every=output.energy_every,
+            sinks=sinks,
+            absorbing=added_motions(scene, waves),
+        ),
         HighestCrest(waves),
     ]
     if waves.plane.mesh.topology.dim == 1:
