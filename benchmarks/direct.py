@@ -16,7 +16,7 @@ from wavetank.water.waves import NonlinearWaves
 class DirectMinimum:
     """Takes the place of a ``Minimiser`` in a tank on one rank."""
 
-    lasts = 0  # there is no preconditioner to be made anew
+    patience = 0  # there is no preconditioner to be made anew
 
     def __init__(self, waves: NonlinearWaves):
         self._operator, self._n = waves.operator, waves.vertical.n

@@ -135,7 +135,7 @@ class Minimum:
         phi A phi of that.
     """
 
-    lasts = 6
+    patience = 1
 
     def __init__(
         self,

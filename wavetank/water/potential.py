@@ -41,14 +41,13 @@ class Minimiser(Protocol):
         The last column of A phi, of the potential found last, shape (owned,).
     kinetic
         phi A phi of that, twice its energy.
-    lasts
-        After how many solves its preconditioner is made anew, for less than the iterations cost that it saves; 0: not
-        before it gets worse.
+    patience
+        Iterations above those of a fresh preconditioner before it is made anew: what that costs.
     """
 
     flow: Vector
     kinetic: float
-    lasts: int
+    patience: int
 
     def factor(self) -> None:
         """Make a preconditioner of the operator as it is; collective."""
@@ -77,8 +76,6 @@ class InteriorPotential:
         How many numbers at each degree of freedom a solution depends on.
     """
 
-    patience = 2  # iterations above those of a fresh preconditioner before it is renewed
-
     def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane):
         self.counters = SolveCounters()
         self.minimiser, self._phi, self._plane = minimiser, phi, plane
@@ -102,7 +99,7 @@ class InteriorPotential:
         self.counters.iterations += iterations
         if self._fresh_iterations is None:
             self._fresh_iterations = iterations
-        elif iterations > self._fresh_iterations + self.patience:
+        elif iterations > self._fresh_iterations + self.minimiser.patience:
             self._fresh_iterations = None
         self._phi.fetch()
         if inputs is not None:
@@ -113,8 +110,7 @@ class InteriorPotential:
     @property
     def renews(self) -> bool:
         """Whether the next solve makes the preconditioner anew, of the operator as it will be then."""
-        lasts = self.minimiser.lasts
-        return self._fresh_iterations is None or (lasts > 0 and self.counters.solves % lasts == 0)
+        return self._fresh_iterations is None
 
     def held(self) -> Held:
         """Return what start values are found among, how good the preconditioner was, and what solves have cost."""
@@ -148,7 +144,7 @@ class Krylov:
     """
 
     most = 200  # iterations
-    lasts = 0
+    patience = 2
 
     def __init__(
         self,
