@@ -50,7 +50,8 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
         figure = Figure(figsize=(width, height), layout="constrained")
         yield figure
         lay_out(figure)
-        figure.savefig(path, pil_kwargs={"compress_level": QUICKLY} if path.suffix == ".png" else None)
+        quickly: dict[str, Any] = {"pil_kwargs": {"compress_level": QUICKLY}} if path.suffix == ".png" else {}
+        figure.savefig(path, **quickly)
 
 
 def lay_out(figure: Figure) -> None:
