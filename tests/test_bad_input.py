@@ -318,9 +318,9 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "components = 40\nhighest_frequency = 0.9\nspectrum = {type = 'jonswap', peak_period = 2.0}\n" + UNCUT,
     "snake": RECTANGLE + SEGMENTS.replace("piston'", "flap'\nhinge = 0.2\nstroke_height = 1.1")
     + "type = 'oblique-wave'\nwave_amplitude = 0.01\nperiod = 1.6\nangle = 20.0\n" + UNCUT,
-    "sent": RECTANGLE + SEGMENTS + "type = 'components'\nfile = 'waves.txt'\ny = 5.0\n" + UNCUT,
-    "sent surface": RECTANGLE + SEGMENTS.replace("0.5", "0.3") + "type = 'surface'\nfile = 'eta.txt'\nx = 4.0\n"
-    + "delay = 16.0\nangle = 20.0\n" + UNCUT,
+    "sent": RECTANGLE + SEGMENTS.replace("0.5", "2.0") + "type = 'components'\nfile = 'waves.txt'\ny = 5.0\n" + UNCUT,
+    "sent surface": RECTANGLE + SEGMENTS.replace("0.5", "1.0") + "type = 'surface'\nfile = 'eta.txt'\nx = 4.0\n"
+    + "delay = 16.0\nangle = 20.0\nlowest_frequency = 0.7\nhighest_frequency = 0.9\n" + UNCUT,
     "cylinder": BASIN + "type = 'cylinder'\nlength = 20.0\nwidth = 10.0\ncentre = [8.0, 5.0]\nradius = 1.0\n"
     + UNCUT,
     "bend": BASIN + "type = 'bend'\nwidth = 2.0\nfirst = 5.0\nsecond = 5.0\nangle = 90.0\nradius = 3.0\n"

@@ -89,10 +89,10 @@ def test_a_surface_that_is_wished_for_comes_at_an_angle(tmp_path):
     found = scene({**motion, "angle": 35.0, "ramp": 0}, duration=60.0, segment=0.5).motion().motion
     np.testing.assert_allclose(found.target.elevation(2.0, t + 10.0, y=0.7), eta, atol=2e-5)
     assert np.degrees(np.arctan2(found.target.k_y, found.target.k_x)) == pytest.approx(35.0)
-    straight = scene(motion, duration=60.0).motion().position(31.0, Y)
+    straight = scene(motion, duration=60.0, segment=0.5).motion().position(31.0, Y)
     assert np.ptp(straight) < 1e-9 < 1e-4 < np.abs(straight).max()
     with pytest.raises(InputError, match=r"delay = -20\.0: must be at least"):
-        scene({**motion, "delay": -20}, duration=60.0).motion()
+        scene({**motion, "delay": -20}, duration=60.0, segment=0.5).motion()
 
 
 def test_segments_too_wide_for_what_a_flap_makes_are_a_sentence():
