@@ -21,6 +21,7 @@ BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
 MOTION = {"type": "sinusoid", "paddle_amplitude": 0.1, "period": 1.6, "ramp": 2.0}
 PISTON = {"type": "piston", "motion": MOTION}
 FLAP = {"type": "flap", "motion": MOTION}
+WALLS = pytest.param(PISTON, marks=pytest.mark.slow, id="piston"), pytest.param(FLAP, id="flap")
 
 
 def scene(wall=None, far_wall=None, *, length=4.0, cells=4, n=5, duration=0.4, dt=0.02, tolerance=1e-11, **more):
@@ -52,7 +53,7 @@ def moved(position, **more):
 
 
 # ---------------------------------------------------------------- the mirror
-@pytest.mark.parametrize("wall", [PISTON, FLAP], ids=["piston", "flap"])
+@pytest.mark.parametrize("wall", WALLS)
 def test_a_tank_driven_from_the_right_is_the_mirror_of_one_driven_from_the_left(wall):
     """To round-off; driven from both ends alike it is its own mirror, and no water is lost."""
     left, _, budget = ended(wall)
@@ -65,7 +66,7 @@ def test_a_tank_driven_from_the_right_is_the_mirror_of_one_driven_from_the_left(
     assert np.ptp(budget[:, MASS]) < 1e-14 * budget[0, MASS]
 
 
-@pytest.mark.parametrize("wall", [PISTON, FLAP], ids=["piston", "flap"])
+@pytest.mark.parametrize("wall", WALLS)
 def test_linear_waves_of_both_walls_are_the_sum_of_each(wall):
     """And those of the far wall the mirror of the near one's."""
     linear = {"water": {"type": "linear"}}

@@ -49,7 +49,7 @@ def run(tmp_path):
     return record(tmp_path / "run", title="A wave")
 
 
-@pytest.mark.parametrize("far", [False, True], ids=["near", "far"])
+@pytest.mark.parametrize("far", [pytest.param(False, id="near"), pytest.param(True, marks=pytest.mark.slow, id="far")])
 def test_a_flap_leans_and_the_water_beside_it(tmp_path, far):
     """Both are on its line x = (z - z_h) / (d - hinge) X above the hinge, and at x = 0 below it, x from the flap."""
     hinge, moved = 0.3, 0.2
