@@ -19,7 +19,7 @@ from wavetank.case.absorption import ActiveAbsorption, SpringDamper
 from wavetank.case.tanks import SliceTank
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.motions import Sinusoid
+from wavetank.motions import Sinusoid, steered
 from wavetank.motions.answer import Answer, Equation
 from wavetank.motions.at_face import elevation_at_face
 from wavetank.motions.steered import Steered
@@ -109,11 +109,16 @@ def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step(
         assert motion.added(np.array([0.2, 0.2 + 1e-12]), order) == pytest.approx(value, abs=1e-9)
     assert np.diff(motion.added(np.array([0.2, 0.2 + 1e-12]), 2)) == pytest.approx(0.0, abs=1e-6)
     assert motion.position(0.3) == Sinusoid(0.1, 2.0).position(0.3) + motion.added(0.3, 0)
+    motion.keep(0.15, "somebody")
+    kept = motion.position(0.15)
     again = Steered(Sinusoid(0.1, 2.0))
     again.take(motion.held())
     assert np.array_equal(again.position(t), motion.position(t))
     motion.go_on(0.2, 0.1, 0.0, 0.0)  # another way, from an earlier time
     assert motion.position(0.5) == motion.motion.position(0.5) + motion.added(0.3, 0)
+    for n in range(3, 30):
+        motion.go_on(0.1 * n, 0.1, 1.0, 0.0)
+    assert motion.position(0.15) == kept and motion.added(0.16, 0) == 1.0
 
 
 def test_an_answer_is_that_of_its_equation():
@@ -316,8 +321,9 @@ def test_and_in_the_tank():
     assert found < 0.01
 
 
-def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water():
+def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeypatch):
     """Nonlinear; with waves that push at once to second order, as the balance. Slopes of H make its explicit rate."""
+    monkeypatch.setattr(steered, "REMEMBERED", 1000)
     far_away = {"type": "formula", "eta": "0.08*exp(-((x - 3.0)/0.8)**2)"}
     spring = {"type": "spring-damper", "mass": 100.0}
     piston, missing, off = {"type": "piston", "motion": REST, "absorb": spring}, [], []

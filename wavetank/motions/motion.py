@@ -39,6 +39,10 @@ class Motion(ABC):
         """The mean time between two rows of the record [s], if the motion was measured."""
         return None
 
+    def keep(self, t: float, who: str) -> None:
+        """Know that somebody may ask for the time t [s] again, whatever comes later; until he keeps another."""
+        return
+
     @abstractmethod
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of X in time of order 0 to 2, in m/s^order, at times t [s] and places y [m]."""

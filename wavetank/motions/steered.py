@@ -8,6 +8,7 @@ import numpy as np
 from wavetank.motions.motion import Array, Motion
 
 REST = (0.0, 0.0, 0.0)
+REMEMBERED = 8  # knots
 
 
 class Steered(Motion):
@@ -15,7 +16,7 @@ class Steered(Motion):
 
     All are continuous. The acceleration at a knot is that of the cubic through the last four velocities, as many as
     there are: of another, which these would not follow, the work between knots could not be told from the power at
-    them. Before the first knot and after the last what is added stays as it is there.
+    them. Knots of long ago are forgotten; before the first there is and after the last what is added stays as it is.
 
     Parameters
     ----------
@@ -27,6 +28,7 @@ class Steered(Motion):
         self.motion = motion
         self._times: list[float] = []
         self._knots: list[tuple[float, float, float]] = []
+        self._kept: dict[str, list[float]] = {}  # a time, and position, velocity and acceleration then
 
     @property
     def start(self) -> float:
@@ -43,7 +45,7 @@ class Steered(Motion):
         self.motion.check(times)
 
     def forget(self) -> None:
-        """Add nothing any more."""
+        """Add nothing any more, but at times that are kept."""
         self._times, self._knots = [], []
 
     def go_on(self, t: float, dt: float, position: float, velocity: float) -> None:
@@ -62,9 +64,17 @@ class Steered(Motion):
         if len(self._knots) == 1:  # waves may be there when it begins
             self._knots[0] = (0.0, 0.0, acceleration)
         self._knots.append((position, velocity, acceleration))
+        del self._times[:-REMEMBERED], self._knots[:-REMEMBERED]
+
+    def keep(self, t: float, who: str) -> None:
+        """See ``Motion``."""
+        self._kept[who] = [t, *(float(self.added(t, order)) for order in range(3))]
 
     def added(self, t: Any, order: int) -> Any:
         """Return the derivative of that order of what is added, in m/s^order, at times t [s] of any shape."""
+        for when, *then in self._kept.values():
+            if np.ndim(t) == 0 and t == when:
+                return then[order]
         if len(self._times) < 2:
             return 0.0 * t
         within = np.clip(t, self._times[0], self._times[-1])
@@ -86,9 +96,10 @@ class Steered(Motion):
         return self.motion.derivative(t, order, y) + self.added(t, order)
 
     def held(self) -> dict[str, Any]:
-        """Return what has been added so far, as JSON has it."""
-        return {"times": list(self._times), "knots": [list(map(float, one)) for one in self._knots]}
+        """Return what has been added of late, as JSON has it."""
+        return {"times": [*self._times], "knots": [[*one] for one in self._knots], "kept": {**self._kept}}
 
     def take(self, held: Mapping[str, Any]) -> None:
         """Take back what has been held."""
         self._times, self._knots = list(held["times"]), [tuple(one) for one in held["knots"]]
+        self._kept = {**held["kept"]}

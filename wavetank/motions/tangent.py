@@ -24,6 +24,10 @@ class Tangent(Motion):
     def __init__(self, motion: Motion):
         self.motion, self.at = motion, 0.0
 
+    def keep(self, t: float, who: str) -> None:
+        """See ``Motion``."""
+        self.motion.keep(t, who)
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of that order at ``at``, gone on for t - ``at``; the highest stays."""
         value = self.motion.derivative(self.at, order, y)

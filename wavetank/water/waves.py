@@ -165,6 +165,8 @@ class NonlinearWaves:
         wall = self._begin(q, p, t)
         if self.potential.renews:
             self._made = self._stands, self.h.owned.copy()
+            for paddle in self.wall.paddles:
+                paddle.motion.keep(self._stands, type(self).__name__)
         try:
             flow = self.potential.solve(wall, self._inputs())
         except ConvergenceError as error:
