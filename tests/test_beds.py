@@ -15,6 +15,7 @@ from wavetank.case.beds import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
+from wavetank.motions import Ramped, Sinusoid
 from wavetank.values.python_file import load
 
 RANDOM = np.random.default_rng(5)
@@ -471,3 +472,21 @@ def test_an_initial_surface_by_formula(key):
     initial[key] = "2*z"
     with pytest.raises(ValidationError, match=rf"initial.formula.{key}\n.*column 3: 'z' is an unknown name"):
         Scene.model_validate(content)
+
+
+@pytest.mark.parametrize(("begins", "asked_again"), [(3.0, False), (1.0, True)])
+def test_a_bed_that_is_flat_where_a_paddle_carries_the_water_is_asked_once(make_tank, begins, asked_again):
+    """Its depth is that of the places where the water stands, whether the slope begins behind the reach or within."""
+    asked = []
+
+    def depth(x, y):
+        asked.append(x)
+        return 1.0 - 0.2 * np.clip(x - begins, 0.0, 1.0)
+
+    tank = make_tank(length=6.0, cells=9, n=4, depth=depth, motion=Ramped(Sinusoid(0.04, 2.0), 4.0), reach=2.0)
+    before = len(asked)
+    for t in (3.3, 3.5):
+        tank.set_time(t)
+        places = tank.wall.to_physical(tank.plane.places)
+        assert np.array_equal(tank.bed.still, depth(*places.T))
+    assert (len(asked) > before + 2) == asked_again

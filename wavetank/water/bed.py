@@ -21,6 +21,7 @@ from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
 
 Depth = Callable[[Vector, Vector], Vector]  # d [m] at places x, y [m], all of shape (N,)
+ASIDE, SOUNDINGS = 0.1, 2001  # of the length of what is carried; over it and that, for a bed that is flat there
 INSTANT = 1e-4  # s; for the rate of the depth by central differences, exact to 1e-8 for walls of metres a second
 
 
@@ -64,10 +65,16 @@ class Carrying(Protocol):
     ----------
     carries
         Which of the owned degrees of freedom it can carry.
+    displaced
+        How far from their places at rest they are now at most [m].
     """
 
     @property
     def carries(self) -> NDArray[np.intp]:
+        """See above."""
+
+    @property
+    def displaced(self) -> float:
         """See above."""
 
     def to_physical(self, places: Vector) -> Vector:
@@ -128,6 +135,27 @@ class VaryingBed:
             for part in (self.d, fem.Constant(plane.mesh, 1.0))
         )
         self.depth = float(volume / area)
+        self._flat: float | None = None  # how far beside what is carried the depth is one [m]; < 0: it varies
+
+    def _is_flat(self, wall: Carrying) -> bool:
+        """Return whether what a wall has carried has never left a flat part of the bed, whose depth it has still."""
+        if self._flat is None:
+            self._flat = self._sounded(self._plane.places[wall.carries])
+        if wall.displaced > self._flat:
+            self._flat = -1.0
+        return self._flat >= 0.0
+
+    def _sounded(self, places: Vector) -> float:
+        """Return how far to either side of places on a slice, all on this rank, the depth is the same [m], else -1."""
+        if self._plane.comm.size > 1 or self._plane.mesh.topology.dim > 1 or not len(places):
+            return -1.0
+        low, high = places.min(axis=0), places.max(axis=0)
+        margin = ASIDE * float((high - low).max())
+        try:
+            found = self._at(np.linspace(low - margin, high + margin, SOUNDINGS))
+        except InputError:
+            return -1.0
+        return margin if found.min() == found.max() else -1.0
 
     def _at(self, places: Vector) -> Vector:
         depth = agreed(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
@@ -135,7 +163,8 @@ class VaryingBed:
 
     def follow(self, wall: Carrying) -> None:
         """Find the depth where a wall has carried the degrees of freedom; collective."""
-        self._set(wall.to_physical(self._plane.places[wall.carries]), wall.carries)
+        if not self._is_flat(wall):
+            self._set(wall.to_physical(self._plane.places[wall.carries]), wall.carries)
 
     def _set(self, places: Vector, which: NDArray[np.intp]) -> None:
         """Find the depth at the places of some degrees of freedom; collective."""
@@ -165,6 +194,8 @@ class VaryingBed:
 
     def follow_on(self, wall: Carrying) -> None:
         """Find the rate of the depth where it carries them on; collective."""
+        if self._is_flat(wall):
+            return
         there = self._plane.places[wall.carries]
         places, step = wall.to_physical(there), INSTANT * wall.mesh_velocities(there)
         after, before = self._at(np.concatenate([places + step, places - step])).reshape(2, -1)

@@ -66,6 +66,11 @@ class BothEnds:
         near, far = (paddle.velocities for paddle in self.paddles)
         return np.where(self._at_near, near, far)
 
+    @property
+    def displaced(self) -> float:
+        """See ``Wall``."""
+        return max(paddle.displaced for paddle in self.paddles)
+
     def set_time(self, t: float) -> bool:
         """Move to where both stand at t [s]; return whether the mapping has changed; collective."""
         changed = [paddle.set_time(t) for paddle in self.paddles]

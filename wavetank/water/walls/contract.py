@@ -127,6 +127,10 @@ class Wall(Placed, Protocol):
         """Which of the owned degrees of freedom it can carry."""
 
     @property
+    def displaced(self) -> float:
+        """How far from their places at rest these are now at most [m]."""
+
+    @property
     def velocities(self) -> Vector:
         """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
 

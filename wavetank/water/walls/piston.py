@@ -114,6 +114,11 @@ class Piston:
         """See ``Wall``."""
         return self.travel.velocities
 
+    @property
+    def displaced(self) -> float:
+        """See ``Wall``."""
+        return self.travel.displaced
+
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether the mapping has changed."""
         return self.travel.set_time(t)

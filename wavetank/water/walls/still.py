@@ -27,7 +27,7 @@ class StillWall:
     paddles: tuple[Any, ...] = ()
     mapping = Identity()
     carried: ufl.Measure | None = None
-    carries = np.arange(0)
+    carries, displaced = np.arange(0), 0.0
 
     def moved_by(self, tangents: Sequence[Tangent]) -> "StillWall":
         """See ``Wall``: it does not move."""

@@ -44,6 +44,11 @@ class Travel:
         self._whole: dict[int, Vector] = {}  # the derivatives of X_p now that are the same at all y
         self.velocities: Vector = np.zeros(1)
 
+    @property
+    def displaced(self) -> float:
+        """How far from rest the paddle stands at most [m]."""
+        return float(np.abs(self._at).max(initial=0.0))
+
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether its position has changed; collective.
 
