@@ -40,10 +40,8 @@ def nearest(gram: Vector, along: Vector, *, shortest: float) -> Vector:
     Given are the vectors' products with each other, (k, k), and with the target, (k,). Directions whose square is below
     ``shortest`` of that of the longest take no part.
     """
-    from scipy.linalg.lapack import dsyev  # loads long; whoever only reads records has no use for it
-
     if not along.size:
         return along
-    squares, directions, _ = dsyev(gram)
+    squares, directions = np.linalg.eigh(gram)
     kept = squares > shortest * squares[-1]
     return np.asarray(directions[:, kept] @ (along @ directions[:, kept] / squares[kept]))

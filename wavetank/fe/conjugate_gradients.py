@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
-from scipy.linalg import eigvalsh_tridiagonal
-from scipy.linalg.blas import daxpy, saxpy
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError
@@ -146,6 +144,8 @@ def dot(a: Array, b: Array) -> float:
 
 def add(factor: float, x: Array, y: Array) -> None:
     """Set y to y + factor x, both contiguous and of one precision."""
+    from scipy.linalg.blas import daxpy, saxpy  # load long; a slice on one rank has no use for them
+
     if x.size:
         axpy = saxpy if y.dtype == np.float32 else daxpy
         axpy(x.reshape(-1), y.reshape(-1), a=factor)
@@ -157,5 +157,6 @@ def condition_number(steps: Steps | Vector) -> float:
         return 1.0
     lengths, kept = np.array(steps).T
     diagonal = 1 / lengths + np.append(0.0, kept[:-1] / lengths[:-1])
-    eigenvalues = eigvalsh_tridiagonal(diagonal, np.sqrt(kept[:-1]) / lengths[:-1])
+    beside = np.sqrt(kept[:-1]) / lengths[:-1]
+    eigenvalues = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(beside, -1))  # of the lower half
     return float(eigenvalues[-1] / eigenvalues[0])

@@ -11,7 +11,6 @@ problems S1 + Lambda_i S4 (docs/method.md, section 4).
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.linalg import eigh
 
 from wavetank.arrays import Vector
 
@@ -53,7 +52,7 @@ class VerticalBasis:
         coefficients = np.linalg.inv(legendre.legvander(2.0 * self.nodes - 1.0, n))
         values, slopes = self._legendre(self.zeta)
         values, slopes = values @ coefficients, slopes @ coefficients
-        self.eigenvalues, modes = eigh(
+        self.eigenvalues, modes = _orthonormal(
             self._inner(slopes, slopes)[:n, :n],
             self._inner(values, values)[:n, :n],
         )
@@ -87,5 +86,11 @@ class VerticalBasis:
         """Return eigenvalues (n+1,) and B-orthonormal modes (n+1, n+1) of (E + sigma e_n e_n', B)."""
         stiffness = self._inner(self.slopes, self.slopes)
         stiffness[-1, -1] += sigma
-        eigenvalues, modes = eigh(stiffness, self._inner(self.values, self.values))
-        return np.asarray(eigenvalues), np.asarray(modes)
+        return _orthonormal(stiffness, self._inner(self.values, self.values))
+
+
+def _orthonormal(A: Vector, B: Vector) -> tuple[Vector, Vector]:
+    """Return the eigenvalues of A u = lambda B u, ascending, and B-orthonormal modes; SciPy's loads long."""
+    L = np.linalg.cholesky(B)
+    eigenvalues, modes = np.linalg.eigh(np.linalg.solve(L, np.linalg.solve(L, A).T))
+    return eigenvalues, np.linalg.solve(L.T, modes)

@@ -6,7 +6,7 @@ All are Hamiltonian systems of ``contract.py`` with vectors of shape (1,); [G16]
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import ellipj, ellipk, ellipkinc
+import scipy
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.affine_stages import AffineStage, DirectStage
@@ -123,14 +123,14 @@ class NonSeparable(OnOneRank):
         and p = k cn(s), because q' = p (q² + 1) and (q² + 1)(p² + 1) = 1 + k².
         """
         rate, m, amplitude = self._elliptic(q, p)
-        phase = ellipkinc(np.arctan2(q * rate / np.sqrt(1 + q**2), p), m)
-        sn, cn, dn, _ = ellipj(rate * t + phase, m)
+        phase = scipy.special.ellipkinc(np.arctan2(q * rate / np.sqrt(1 + q**2), p), m)
+        sn, cn, dn, _ = scipy.special.ellipj(rate * t + phase, m)
         return float(amplitude * np.sqrt(1 - m) * sn / dn), float(amplitude * cn)
 
     def period(self, q: float, p: float) -> float:
         """Return the period of the orbit through (q, p)."""
         rate, m, _ = self._elliptic(q, p)
-        return float(4 * ellipk(m) / rate)
+        return float(4 * scipy.special.ellipk(m) / rate)
 
     def _elliptic(self, q: float, p: float) -> tuple[float, float, float]:
         square = (q**2 + 1) * (p**2 + 1) - 1

@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sparse
+import scipy
 import ufl
 from dolfinx import fem
 
@@ -296,7 +296,7 @@ class DirectPotential:
         self._solver.take(still)
         self._field = plane.function("surface potential")
         size = (plane.owned, self._field.rows.shape[0])
-        self._S_u = sparse.csr_matrix((still[0], matrices.columns, matrices.row_pointers), shape=size)
+        self._S_u = scipy.sparse.csr_matrix((still[0], matrices.columns, matrices.row_pointers), shape=size)
 
     def _stiffness(self, values: Vector) -> Vector:
         self._field.set(values)

@@ -7,7 +7,7 @@ the mean of theirs, whichever ranks own them.
 from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sparse
+import scipy
 import ufl
 from dolfinx import fem, la
 from numpy.typing import NDArray
@@ -74,7 +74,7 @@ class Velocity:
         self._cells = cells
         own = self._waves.plane.V.dofmap.list[cells].ravel()
         shape = (len(self._field.rows), own.size)
-        self._to_nodes = sparse.csr_matrix((np.ones(own.size), (own, np.arange(own.size))), shape=shape)
+        self._to_nodes = scipy.sparse.csr_matrix((np.ones(own.size), (own, np.arange(own.size))), shape=shape)
         self._sum(np.ones((own.size, 3)))
         self._share = 1.0 / np.maximum(self._field.owned, 1.0)
 

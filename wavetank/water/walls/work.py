@@ -10,7 +10,6 @@ import numpy as np
 import ufl
 from dolfinx import fem
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, vstack
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import ScalarForm, VectorForm
@@ -82,16 +81,18 @@ class KeptWork:
         self, form: ufl.Form, phi: LayeredField, h: fem.Function, *, travel: Travel, columns: NDArray[np.integer[Any]]
     ):
         self._columns, self._h, column = columns, h.x.array, h.x.array.copy()
-        by_potential, M = VectorForm(ufl.derivative(form, phi.function)), []
-        for one in columns:
+        by_potential, found = VectorForm(ufl.derivative(form, phi.function)), []
+        for n, one in enumerate(columns):
             self._h[:] = 0.0
             self._h[one] = 1.0
-            M.append(csr_array(by_potential.assemble()[None]))
+            row = by_potential.assemble()
+            there = np.flatnonzero(row)
+            found.append((np.full_like(there, n), there, row[there]))
         self._h[:] = column
-        transposed = csr_array(vstack(M))
-        near = csr_array(transposed.T)
-        self._rows = np.flatnonzero(np.diff(near.indptr))  # near the paddle; there is nothing in the others
-        self._M, self._M_transposed = _Entries(csr_array(near[self._rows]), columns), _Entries(transposed)
+        of_column, at, entries = map(np.concatenate, zip(*found, strict=True))
+        self._rows, row_of = np.unique(at, return_inverse=True)  # near the paddle; there is nothing in the others
+        self._M = _Entries(row_of, columns[of_column], entries, rows=len(self._rows))
+        self._M_transposed = _Entries(of_column, at, entries, rows=len(columns))
         self._phi, self._travel = phi.rows.reshape(-1), travel
         self._of_phi = np.zeros_like(phi.rows)
         self._of_h: Vector = np.zeros(len(self._of_phi))
@@ -120,16 +121,19 @@ class _Entries:
 
     Parameters
     ----------
-    places
-        Where the numbers are that its columns are multiplied by; their own, if not given.
+    row_of, places, values
+        Of each entry: its row, where the number is that it is multiplied by, and what it is.
+    rows
+        Their number.
     """
 
-    def __init__(self, matrix: csr_array, places: NDArray[np.integer[Any]] | None = None):
-        counts = np.diff(matrix.indptr)
+    def __init__(
+        self, row_of: NDArray[np.integer[Any]], places: NDArray[np.integer[Any]], values: Vector, *, rows: int
+    ):
+        counts, order = np.bincount(row_of, minlength=rows), np.argsort(row_of, kind="stable")
         there = np.arange(counts.max(initial=0)) < counts[:, None]
         self._entries, self._places = np.zeros(there.shape), np.zeros(there.shape, dtype=np.intp)
-        self._entries[there] = matrix.data
-        self._places[there] = matrix.indices if places is None else places[matrix.indices]
+        self._entries[there], self._places[there] = values[order], places[order]
 
     def times(self, x: Vector) -> Vector:
         """Return the product with numbers x."""
