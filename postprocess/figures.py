@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import scipy
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -220,10 +219,14 @@ def _between_rows(t: NDArray[np.float64], rows: NDArray[np.float64], at: NDArray
     h, slopes = np.diff(t), np.gradient(rows, t, axis=0, edge_order=2 if len(t) > 2 else 1)
     rises = 3.0 * np.diff(rows, axis=0) / h[:, None] ** 2
     slopes[1:-1] = rises[:-1] + rises[1:]
-    system = np.ones((3, len(t)))
-    system[0, :2], system[2, -2:] = 0.0, 0.0
-    system[0, 2:], system[2, :-2], system[1, 1:-1] = 1.0 / h[1:], 1.0 / h[:-1], 2.0 / h[:-1] + 2.0 / h[1:]
-    slopes = scipy.linalg.solve_banded((1, 1), system, slopes)
+    below, middle = 1.0 / h, np.append(1.0, 2.0 / h[:-1] + 2.0 / h[1:])  # of a matrix of three diagonals
+    above = np.append(0.0, below[1:])  # the ends' slopes are known
+    for n in range(1, len(h)):
+        part = below[n - 1] / middle[n - 1]
+        middle[n] -= part * above[n - 1]
+        slopes[n] -= part * slopes[n - 1]
+    for n in range(len(h) - 1, 0, -1):
+        slopes[n] = (slopes[n] - above[n] * slopes[n + 1]) / middle[n]
     first = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(h) - 1)
     step = h[first, None]
     s = (at - t[first])[:, None] / step
