@@ -103,7 +103,7 @@ class Cells:
         """Return what no polynomial of degree p in each cell holds of exp(i k x), relative, in the mean square.
 
         exp(i kappa xi) = sum_l (2 l + 1) i^l j_l(kappa) P_l(xi) with kappa = k dx / 2, so it is
-        sum_(l > p) (2 l + 1) j_l(kappa)² (Abramowitz and Stegun 1964, 10.1.47), 2 |j_l| = |int exp(i kappa xi) P_l dxi|.
+        sum_(l > p) (2 l + 1) j_l(kappa)² (Abramowitz and Stegun 1964, 10.1.47), 2 |j_l| = |int exp(i kappa x) P_l dx|.
         """
         kappa = np.asarray(k, dtype=float) * self.size / 2
         degrees = np.arange(self.order + 1, self.order + 13)
