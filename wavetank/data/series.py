@@ -46,7 +46,8 @@ def gauge_records(data: Dataset) -> list[GaugeRecords]:
     files of the first that are not there, and for files that cannot be read.
     """
     if not data.records:
-        raise InputError(f"{data.name}: has no records of gauges.")
+        there = ", ".join(file.name for file in data.files) or "nothing"
+        raise InputError(f"{data.name}: has no records of gauges over time, which are compared; its files are {there}.")
     first, *others = data.records
     return [_records(data, one) for one in (first, *(one for one in others if _present(data, one)))]
 
