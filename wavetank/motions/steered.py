@@ -1,6 +1,8 @@
 """A motion with something added that is found on the way: known up to the end of the step that is being taken."""
 
+from bisect import bisect_left
 from collections.abc import Mapping
+from math import perm
 from typing import Any
 
 import numpy as np
@@ -72,23 +74,23 @@ class Steered(Motion):
 
     def added(self, t: Any, order: int) -> Any:
         """Return the derivative of that order of what is added, in m/s^order, at times t [s] of any shape."""
+        if np.ndim(t):
+            return np.reshape([self.added(float(one), order) for one in np.ravel(t)], np.shape(t))
         for when, *then in self._kept.values():
-            if np.ndim(t) == 0 and t == when:
+            if t == when:
                 return then[order]
         if len(self._times) < 2:
-            return 0.0 * t
-        within = np.clip(t, self._times[0], self._times[-1])
-        last = np.clip(np.searchsorted(self._times, within, side="left"), 1, len(self._times) - 1)
-        times, knots = np.asarray(self._times), np.asarray(self._knots)
-        begin, dt = times[last - 1], times[last] - times[last - 1]
-        x0, v0, a0 = np.moveaxis(knots[last - 1], -1, 0)
-        x1, v1, a1 = np.moveaxis(knots[last], -1, 0)
+            return 0.0
+        within = min(max(float(t), self._times[0]), self._times[-1])
+        last = max(bisect_left(self._times, within), 1)
+        begin, dt = self._times[last - 1], self._times[last] - self._times[last - 1]
+        (x0, v0, a0), (x1, v1, a1) = self._knots[last - 1 : last + 1]
         x = x1 - x0 - dt * (v0 + 0.5 * dt * a0)
         v, a = dt * (v1 - v0 - dt * a0), dt**2 * (a1 - a0)
         powers = (x0, dt * v0, 0.5 * dt**2 * a0, 10 * x - 4 * v + a / 2, -15 * x + 7 * v - a, 6 * x - 3 * v + a / 2)
         part, value = (within - begin) / dt, 0.0
         for n in range(5, order - 1, -1):
-            value = value * part + np.prod(np.arange(n - order + 1, n + 1)) * powers[n]
+            value = value * part + perm(n, order) * powers[n]
         return value / dt**order
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:

@@ -103,6 +103,7 @@ class EnergyBudget:
         self._rates: list[Vector] = []  # the paddles' power, and that of what absorbs
         self._before: list[Vector] = []  # those where the step ended, if something has acted since
         self._supplied: Vector = np.zeros(2)
+        self._slopes: list[tuple[float, float]] = []  # of H by each paddle's place and speed, at the point last seen
         self._t = self._dt = 0.0
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
@@ -116,17 +117,15 @@ class EnergyBudget:
 
     def _powers(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dt at fixed (q, p), and what of it is by what absorbs, shape (2,); collective."""
-        rate, slopes = self._waves.explicit_rate(q, p, t), self._waves.slopes(q, p, t) if self._absorbing else []
-        parts = (one.added(t, 1) * slopes[n][0] + one.added(t, 2) * slopes[n][1] for n, one in self._absorbing.items())
-        return np.array([rate, sum(parts)])
+        self._slopes = self._waves.slopes(q, p, t) if self._absorbing else []
+        slopes = ((one, *self._slopes[n]) for n, one in self._absorbing.items())
+        part = sum(one.added(t, 1) * by_place + one.added(t, 2) * by_speed for one, by_place, by_speed in slopes)
+        return np.array([self._waves.explicit_rate(q, p, t), part])
 
-    def _absorbed(self, moment: Moment) -> list[float]:
-        """Return what has been absorbed, if anything absorbs; collective."""
-        if not self._absorbing:
-            return []
-        slopes = self._waves.slopes(*moment.points[-1], moment.t)
-        of_wall = sum(one.added(moment.t, 1) * slopes[n][1] for n, one in self._absorbing.items())
-        return [float(of_wall - self._supplied[1])]
+    def _absorbed(self, t: float) -> list[float]:
+        """Return what has been absorbed, if anything absorbs."""
+        of_walls = sum(one.added(t, 1) * self._slopes[n][1] for n, one in self._absorbing.items())
+        return [float(of_walls - self._supplied[1])] if self._absorbing else []
 
     def observe(self, moment: Moment) -> None:
         """Add to the paddle's work, see how far off the balance is, and append a row where one is due; collective."""
@@ -149,7 +148,7 @@ class EnergyBudget:
         mass = self._waves.total_mass(moment.q)
         self._lost = max(self._lost, abs(mass - self._mass))
         energies = (now.kinetic, now.potential, now.total, work, dissipated, balance)
-        self._record.append([moment.t, *energies, mass, *self._absorbed(moment)])
+        self._record.append([moment.t, *energies, mass, *self._absorbed(moment.t)])
 
     def _by_sinks(self) -> float:
         return sum(sink.energy_taken for sink in self._sinks)

@@ -231,12 +231,13 @@ class PistonTerms:
     def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
         """Return dH/dX_p and dH/dX_p' at fixed (Q, psi), positive into the water; collective."""
         self._mu.set(mu())
-        self._rated, found = np.nan, list[float]()
-        for rates in ((1.0, 0.0), (0.0, 1.0)):
-            with self._wall.travel.going(*rates):
-                self._bed.follow_on(self._wall)
-                found.append(self._power.assemble())
-        return [(found[0], found[1])]
+        self._rated, travel = np.nan, self._wall.travel  # what the rate depends on is to be found again
+        with travel.going(1.0):
+            self._bed.follow_on(self._wall)
+            travel.accelerate(0.0)
+            by_position = self._power.assemble()
+            travel.accelerate(1.0)
+            return [(by_position, self._power.assemble() - by_position)]
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""

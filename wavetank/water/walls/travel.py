@@ -68,15 +68,20 @@ class Travel:
         self._set(2, self._here(2))
 
     @contextmanager
-    def going(self, speed: float, acceleration: float) -> Iterator[None]:
-        """Go, for a while, at another speed [m/s] and acceleration [m/s²], positive into the water; collective."""
-        for order, rate in ((1, speed), (2, acceleration)):
-            self._whole[order] = np.array(rate)
-            self._set(order, np.array([rate]))
+    def going(self, speed: float) -> Iterator[None]:
+        """Go, for a while, at another speed [m/s], positive into the water; collective."""
+        before = self._whole.pop(1, None)
+        self._whole[1] = np.array(speed)
+        self._set(1, np.array([speed]))
         yield
-        del self._whole[1], self._whole[2]
+        del self._whole[1]
+        if before is not None:
+            self._whole[1] = before
         self._set(1, self.velocities)
-        self.set_acceleration()
+
+    def accelerate(self, acceleration: float) -> None:
+        """Go with an acceleration [m/s²], positive into the water, until it is brought to a time again; collective."""
+        self._set(2, np.array([acceleration]))
 
     def _set(self, order: int, values: Vector) -> None:
         self._fields[order].set(self._s * values)
