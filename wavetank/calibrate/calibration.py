@@ -27,7 +27,7 @@ from wavetank.study.sweep import Combination
 from wavetank.values.toml import toml
 
 CHEAP, OWN = "cheap", "the case's"
-CLOSE = 3.0  # of what is allowed: so near, cheap numerics have done what they can
+CLOSE = 4.0  # of what is allowed: so near, cheap numerics, a few percent off themselves, have done what they can
 FAILURES = 3  # attempts that do not finish
 TABLE, PICTURE, CASE, WAVES, RUNS = "calibration.csv", "calibration.png", "case.toml", "components.csv", "runs"
 ATTEMPTS = "attempt-[0-9]*.*"
