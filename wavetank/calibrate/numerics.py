@@ -7,7 +7,7 @@ from wavetank.plan.plan import make_plan, own_plan
 from wavetank.plan.planned import default_plan
 
 ROUGH = 0.1  # relative error of the elevation that is asked of it; a third of it is to be expected
-WORTH = 0.7  # of the CPU time of the case's own numerics
+WORTH = 0.45  # of the CPU time of the case's own numerics
 
 
 def cheaper(scene: Scene) -> Scene | None:
