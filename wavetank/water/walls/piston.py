@@ -12,7 +12,6 @@ the first with X_p and d going on as they move now, the second because h moves a
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fe.forms import ScalarForm, taylor_coefficients
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -33,6 +31,7 @@ from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
 from wavetank.water.walls.contract import Columns, Heights
 from wavetank.water.walls.mapping import Shift
+from wavetank.water.walls.power import AssembledPower, Power, PowerAlong
 from wavetank.water.walls.shape import UPRIGHT, Shape
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.travel import Travel
@@ -197,24 +196,18 @@ class PistonTerms:
             "wall_flux": energy.wall_flux(phi.function, vertical, shape.share, degree=shape.degree),
         }
         work = wall.flux(travel.speed, **parts)
-        self.hamiltonian = {wall.part: work}
+        self.hamiltonian, self._mu = {wall.part: work}, plane.function("mu")
         self._work: Work
+        self._power: Power
+        water: dict[str, Any] = {"mu": self._mu, "bed": bed, "plane": plane, "vertical": vertical}
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1 and not wall.leans:
-            columns = np.unique(plane.V.dofmap.list[wall.cells])
-            self._work = KeptWork(wall.flux(travel.share, **parts), phi, energy.h, travel=travel, columns=columns)
+            share, columns = wall.flux(travel.share, **parts), np.unique(plane.V.dofmap.list[wall.cells])
+            self._work = kept = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
+            self._power = PowerAlong(kept, energy, phi, cells=wall.cells, travel=travel, **water)
         else:
             self._work = AssembledWork(work, phi, energy.h, plane=plane)
+            self._power = AssembledPower(wall, energy, phi, R=R, flux=wall.flux(travel.acceleration, **parts), **water)
         self._rated = np.nan  # the time of what power depends on [s]
-        power_of_flux = wall.flux(travel.acceleration, **parts)
-
-        def density(dt: Any) -> Any:
-            later = replace(energy, mapping=wall.after(dt), d=bed.d + dt * bed.rate)
-            return later.kinetic(phi.function, vertical) + later.potential()
-
-        self._mu = plane.function("mu")
-        _, rate = taylor_coefficients(density, 1, plane.mesh)
-        moved = rate - wall.speeding.stretching(lambda shape: R) * self._mu.function
-        self._power = ScalarForm(moved * wall.carried + power_of_flux, plane.comm)
 
     def vector(self) -> Vector:
         """Return dW/dphi, shape (owned, n+1); collective. The array is reused by the next call."""
@@ -235,9 +228,9 @@ class PistonTerms:
         with travel.going(1.0):
             self._bed.follow_on(self._wall)
             travel.accelerate(0.0)
-            by_position = self._power.assemble()
+            by_position = self._power.value()
             travel.accelerate(1.0)
-            return [(by_position, self._power.assemble() - by_position)]
+            return [(by_position, self._power.value() - by_position)]
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
@@ -246,4 +239,4 @@ class PistonTerms:
             self._rated = self._wall.travel.t
             self._wall.travel.set_acceleration()
             self._bed.follow_on(self._wall)
-        return self._power.assemble()
+        return self._power.value()

@@ -30,8 +30,9 @@ class Travel:
         What goes with a displacement of 1 m: s.
     t
         When it stands as it does [s].
-    velocities
-        X_p' at the y of the owned degrees of freedom [m/s], shape (owned,); of a paddle that moves as a whole (1,).
+    offsets, velocities, accelerations
+        X_p, X_p' and X_p'' at the y of the owned degrees of freedom [m, m/s, m/s²], shape (owned,); of a paddle that
+        moves as a whole (1,). The last are of when they were asked for.
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
@@ -40,14 +41,15 @@ class Travel:
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''", "s")]
         self.position, self.speed, self.acceleration, self.share = (field.function for field in self._fields)
         self._fields[3].set(self._s)
-        self._at: Vector = np.zeros(1)
+        self.offsets: Vector = np.zeros(1)
         self._whole: dict[int, Vector] = {}  # the derivatives of X_p now that are the same at all y
         self.velocities: Vector = np.zeros(1)
+        self.accelerations: Vector = np.zeros(1)
 
     @property
     def displaced(self) -> float:
         """How far from rest the paddle stands at most [m]."""
-        return float(np.abs(self._at).max(initial=0.0))
+        return float(np.abs(self.offsets).max(initial=0.0))
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether its position has changed; collective.
@@ -56,32 +58,35 @@ class Travel:
         """
         if t == self.t:
             return False
-        self.t, before = t, self._at
+        self.t, before = t, self.offsets
         self._whole.clear()
-        self._at, self.velocities = self._here(0), self._here(1)
-        self._set(0, self._at)
+        self.offsets, self.velocities = self._here(0), self._here(1)
+        self._set(0, self.offsets)
         self._set(1, self.velocities)
-        return summed(self._comm, float(not np.array_equal(before, self._at))) > 0
+        return summed(self._comm, float(not np.array_equal(before, self.offsets))) > 0
 
     def set_acceleration(self) -> None:
         """Bring the acceleration to the time of the position; collective."""
-        self._set(2, self._here(2))
+        self.accelerations = self._here(2)
+        self._set(2, self.accelerations)
 
     @contextmanager
     def going(self, speed: float) -> Iterator[None]:
         """Go, for a while, at another speed [m/s], positive into the water; collective."""
-        before = self._whole.pop(1, None)
-        self._whole[1] = np.array(speed)
-        self._set(1, np.array([speed]))
+        before, velocities = self._whole.pop(1, None), self.velocities
+        self._whole[1], self.velocities = np.array(speed), np.array([speed])
+        self._set(1, self.velocities)
         yield
         del self._whole[1]
         if before is not None:
             self._whole[1] = before
+        self.velocities = velocities
         self._set(1, self.velocities)
 
     def accelerate(self, acceleration: float) -> None:
         """Go with an acceleration [m/s²], positive into the water, until it is brought to a time again; collective."""
-        self._set(2, np.array([acceleration]))
+        self.accelerations = np.array([acceleration])
+        self._set(2, self.accelerations)
 
     def _set(self, order: int, values: Vector) -> None:
         self._fields[order].set(self._s * values)

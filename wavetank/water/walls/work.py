@@ -111,9 +111,13 @@ class KeptWork:
         self._of_h[self._columns] = self._speed * self._M_transposed.times(self._phi)
         return self._of_h
 
+    def by_speed(self) -> float:
+        """Return dW/dX_p'."""
+        return float(self._phi[self._rows] @ self._M.times(self._h))
+
     def value(self) -> float:
         """Return W."""
-        return float(self._speed * self._phi[self._rows] @ self._M.times(self._h))
+        return self._speed * self.by_speed()
 
 
 class _Entries:
