@@ -270,7 +270,7 @@ def test_a_scene_is_frozen():
         ("beach.length=3", 'beach = {"length": 3}: is an unknown key; allowed are: far_wall, gauge_lines, gauges'),
         ("wall.type=crane", 'wall.type = "crane": is an unknown type; allowed are: fixed, piston, flap, profile'),
         ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
-        ("wall.piston=3", "wall.piston = 3: is an unknown key; allowed are: limits, motion, reach, type"),
+        ("wall.piston=3", "wall.piston = 3: is an unknown key; allowed are: absorb, limits, motion, reach, type"),
         ("wall.type=fixed", "wall.motion = {"),
         ("run.dt=0.01", "run.dt = 0.01: is an unknown key; dt belongs to [numerics]."),
         (

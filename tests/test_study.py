@@ -134,7 +134,7 @@ def test_scenes_that_differ_in_more_than_numerics_have_references_of_their_own()
     [
         (CASE, [], "initial.wave_amplitude = 0.1 received; it must be at most"),
         (CASE, ["initial={type='still-water'}"], "initial.type = 'still-water' received; exact are"),
-        (CHECKOUT / "cases" / "wavemaker.toml", [], "wall.type = 'piston' received; the wall must be fixed"),
+        (CHECKOUT / "cases" / "wavemaker.toml", [], "wall.type = 'piston' received; the walls must be fixed"),
     ],
 )
 def test_no_exact_solution_is_said_so(case, changes, sentence):
