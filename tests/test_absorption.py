@@ -6,6 +6,7 @@ the run that was not interrupted.
 
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,10 +19,11 @@ from wavetank.case import Scene
 from wavetank.case.absorption import ActiveAbsorption, SpringDamper
 from wavetank.case.tanks import SliceTank
 from wavetank.cli import main
-from wavetank.errors import InputError
+from wavetank.errors import InputError, RunError
 from wavetank.motions import Sinusoid, steered
 from wavetank.motions.answer import Answer, Equation
 from wavetank.motions.at_face import elevation_at_face
+from wavetank.motions.mapping import largest_stroke, share
 from wavetank.motions.steered import Steered
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
@@ -34,6 +36,7 @@ from wavetank.runs.build import ANSWERED, build_run
 from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
 from wavetank.theory.wavemaker import PISTON, Flap
+from wavetank.water.answering import AnsweringPaddle
 
 GRAVITY = 9.81
 BALANCE, WORK, TOTAL = (COLUMNS.index(f"{name} [m^4/s^2]") for name in ("balance", "paddle_work", "total"))
@@ -347,3 +350,59 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeyp
         assert waves.explicit_rate(*run.state.known[-1], run.t) == pytest.approx(rate, rel=1e-12)
     assert max(missing[1], off[1]) < 1e-3
     assert missing[0] / missing[1] > 2.8 and off[0] / off[1] > 2.8
+
+
+# ---------------------------------------------------------------- what a paddle cannot do
+def test_absorbing_ends_where_the_mapping_folds_and_not_out_of_the_water():
+    """J = 1 + s' f X with the least s' there is, and the largest f."""
+    motion, shares, r = Steered(Sinusoid(1.0, 4.0)), np.array([0.0, 0.3, 1.4]), np.linspace(0.0, 1.0, 1001)
+    paddle = SimpleNamespace(motion=motion, largest_stroke=largest_stroke(1.0))
+    equation = Equation.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0]))
+    answering = AnsweringPaddle(paddle, equation, lambda q, p, t: np.zeros(1), shares=shares, key="far_wall")
+    folds = []
+    for t in np.arange(0.05, 4.0, 0.1):
+        J = 1.0 + np.outer(np.gradient(share(r), r), shares) * motion.position(t)
+        try:
+            answering.go_on(np.zeros(1), np.zeros(1), t - 0.1, 0.1)
+        except RunError as error:
+            assert "absorbing takes the paddle of far_wall" in str(error) and "3/4 of what far_wall.reach" in str(error)
+            folds.append(t)
+            assert J.min() <= 0.0
+        else:
+            assert J.min() > 0.0
+    assert 0 < len(folds) < 20
+
+
+CASE = """
+[tank]
+length = 3.0
+depth = 1.0
+[wall]
+type = "piston"
+motion = {type = "at-rest"}
+absorb = {type = "active"}
+limits = {stroke = 0.001, speed = 5.0}
+[initial]
+type = "formula"
+eta = "-0.2*cos(1.0471975512*x)"
+[run]
+duration = 0.8
+[numerics]
+cells = 6
+order = 3
+vertical_order = 5
+dt = 0.04
+"""
+
+
+def test_what_absorbing_takes_beyond_limits_and_a_short_reach_is_said(capsys, tmp_path):
+    """By the recorded motion; a reach is that of a cell at least."""
+    case, out = tmp_path / "case.toml", tmp_path / "run"
+    case.write_text(CASE)
+    command = ["run", str(case), "--no-plots", "--set", "wall.reach=0.03"]
+    assert main([*command, "--out", str(out)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    stroke = np.ptp(np.loadtxt(out / PADDLE, delimiter=",", skiprows=1)[:, 1])
+    assert f"absorbing took the paddle of wall to a stroke of {stroke:.4g} m; wall.limits.stroke allows 0.001 m" in said
+    assert "limits.speed" not in said
+    assert "warning: wall.reach = 0.03 m is less than a cell, on this mesh it is 0.5 m" in said

@@ -54,9 +54,13 @@ class MovingWall(Noun):
         """Its shape, by which it makes waves."""
         return PISTON
 
+    def shares(self, tank: AnyTank) -> Array:
+        """Return how far it goes at heights from the bed up, over how far it goes where that is told, shape (N,)."""
+        return np.asarray(self.maker.share(tank.depth * np.linspace(-1.0, TOP, 1001), tank.depth))
+
     def farther(self, tank: AnyTank) -> float:
         """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
-        return 1.0
+        return float(np.abs(self.shares(tank)).max())
 
     def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
         """Return how much faster the mesh's shortest waves get, at most, where it leans: 1 of a vertical wall.
@@ -117,11 +121,6 @@ class ShapedWall(MovingWall):
     """A wall that moves at some heights farther than at others."""
 
     shaped_by: ClassVar[str]  # the key that says its shape
-
-    def farther(self, tank: AnyTank) -> float:
-        """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
-        z = tank.depth * np.linspace(-1.0, TOP, 1001)
-        return float(np.abs(self.maker.share(z, tank.depth)).max())
 
     def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
         """Return the largest 1 / (cos(theta) J^(1/2)), theta the angle from upright of what goes with the paddle.

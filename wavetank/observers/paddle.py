@@ -8,8 +8,11 @@ import numpy as np
 from wavetank.observers.contract import Moment
 from wavetank.observers.loads import Pushing
 from wavetank.observers.record import Record
-from wavetank.observers.schedule import Schedule
+from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.records.paddle_table import RATES as RATES
+from wavetank.stateful import Held
+
+LIMITED = ("stroke", "speed", "acceleration")
 
 
 class PaddleMotion:
@@ -39,3 +42,47 @@ class PaddleMotion:
         """Append one row; collective."""
         pushed = self._push.at(moment) if self._push else ()
         self._record.append([moment.t, *np.hstack([self._rates[name](moment.t) for name in RATES]), *pushed])
+
+
+class PaddleLimits:
+    """Whether a paddle that absorbs keeps to what its drive can do: that is known afterwards only.
+
+    Parameters
+    ----------
+    rates
+        As of ``PaddleMotion``, numbers.
+    limits
+        The largest of what is ``LIMITED``, in m, m/s and m/s², as much as is.
+    key
+        What the paddle is called in a case.
+    """
+
+    def __init__(self, rates: Mapping[str, Callable[[Any], Any]], limits: Mapping[str, float], *, key: str):
+        self.schedule, self._rates, self._limits, self._key = EverySteps(), rates, limits, key
+        self._least, self._most = [np.inf] * len(RATES), [-np.inf] * len(RATES)
+
+    def observe(self, moment: Moment) -> None:
+        """See how far and how fast it goes."""
+        now = [float(self._rates[name](moment.t)) for name in RATES]
+        self._least, self._most = [*map(min, self._least, now)], [*map(max, self._most, now)]
+
+    def verdict(self) -> list[str]:
+        """Return a sentence for each limit that it has been beyond."""
+        (least, most), *ends = zip(self._least, self._most, strict=True)
+        sizes = (most - least, *(max(map(abs, of_rate)) for of_rate in ends))
+        return [
+            f"absorbing took the paddle of {self._key} to a {name} of {size:.4g} {unit}; {self._key}.limits.{name} "
+            f"allows {self._limits[name]:.4g} {unit}: no such drive does that"
+            for name, size, unit in zip(LIMITED, sizes, RATES.values(), strict=True)
+            if size > self._limits.get(name, np.inf)
+        ]
+
+    def held(self) -> Held:
+        """Return the ends of its ways."""
+        return {"least": self._least, "most": self._most}
+
+    def take(self, held: Held) -> None:
+        """Take them back."""
+        self._least, self._most = held["least"], held["most"]
+
+    carry = take

@@ -31,15 +31,18 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
 
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted.
     """
-    before = [*(_predicted(scene) if own is None else ()), *_of_walls(scene)]
+    before = [*(_predicted(scene) if own is None else ()), *_of_walls(scene, waves)]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_leaning(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *_bed(scene, waves), *_start(scene, waves), *of_step]
 
 
-def _of_walls(scene: Scene) -> Iterator[str]:
-    for seen in scene.paddles:
+def _of_walls(scene: Scene, waves: AnyWaves) -> Iterator[str]:
+    for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True):
         yield from seen.wall.doubts(scene.tank)
+        stands, asked = getattr(paddle, "reach", 0.0), getattr(seen.wall, "reach", None)  # linear paddles have none
+        if asked is not None and stands > (1 + ROUNDING) * asked:
+            yield f"{seen.key}.reach = {asked:.4g} m is less than a cell, on this mesh it is {stands:.4g} m"
 
 
 def _predicted(scene: Scene) -> Iterator[str]:

@@ -10,7 +10,9 @@ from wavetank.motions.answer import Equation
 from wavetank.motions.at_face import elevation_at_face
 from wavetank.runs.waters import AnyWaves
 from wavetank.values.noun import Noun
-from wavetank.water.answering import AnsweringPaddle, Excess, Push
+from wavetank.water.answering import AnsweringPaddle, Excess, Look, Push
+
+Answered = tuple[Equation, Look]
 
 
 def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
@@ -18,8 +20,11 @@ def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
     found = list[AnsweringPaddle]()
     for number in scene.absorbing:
         seen = scene.paddles[number]
-        absorb: Any = getattr(seen.wall, "absorb", None)
-        found.append(ANSWERS[type(absorb)](seen, absorb, number, waves))
+        wall: Any = seen.wall
+        paddle: Any = waves.wall.paddles[number]
+        equation, look = ANSWERS[type(wall.absorb)](seen, wall.absorb, number, waves)
+        shares = wall.shares(seen.tank)
+        found.append(AnsweringPaddle(paddle, equation, look, shares=shares, key=seen.key))
     return found
 
 
@@ -28,7 +33,7 @@ def added_motions(scene: Scene, waves: AnyWaves) -> dict[int, Any]:
     return {number: waves.wall.paddles[number].motion for number in scene.absorbing}
 
 
-def _active(scene: Scene, absorb: ActiveAbsorption, number: int, waves: AnyWaves) -> AnsweringPaddle:
+def _active(scene: Scene, absorb: ActiveAbsorption, number: int, waves: AnyWaves) -> Answered:
     tank, comm = scene.tank, waves.plane.comm
     paddle: Any = waves.wall.paddles[number]
     found = from_first(comm, lambda: absorb.build(tank, scene.wall.maker, paddle=scene.paddle_period))
@@ -40,19 +45,19 @@ def _active(scene: Scene, absorb: ActiveAbsorption, number: int, waves: AnyWaves
         ),
     )
     excess = Excess(waves, paddle, made)
-    return AnsweringPaddle(paddle, Equation.of_transfer(-above, below).met_by(excess.rise), excess)
+    return Equation.of_transfer(-above, below).met_by(excess.rise), excess
 
 
-def _on_spring(scene: Scene, absorb: SpringDamper, number: int, waves: AnyWaves) -> AnsweringPaddle:
+def _on_spring(scene: Scene, absorb: SpringDamper, number: int, waves: AnyWaves) -> Answered:
     tank, maker = scene.tank, scene.wall.maker
     paddle: Any = waves.wall.paddles[number]
     mass, stiffness, damping = absorb.resolved(tank, maker)
     added = absorb.added(tank, maker)
     equation = Equation.of_spring(mass + added, stiffness, damping)
-    return AnsweringPaddle(paddle, equation, Push(waves, number, paddle, mass=added))
+    return equation, Push(waves, number, paddle, mass=added)
 
 
-ANSWERS: dict[type[Noun], Callable[[Scene, Any, int, AnyWaves], AnsweringPaddle]] = {
+ANSWERS: dict[type[Noun], Callable[[Scene, Any, int, AnyWaves], Answered]] = {
     ActiveAbsorption: _active,
     SpringDamper: _on_spring,
 }

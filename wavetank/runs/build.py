@@ -26,7 +26,7 @@ from wavetank.observers.energy import EnergyBudget, Sink
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.loads import Loads, Pushing
-from wavetank.observers.paddle import RATES, PaddleMotion
+from wavetank.observers.paddle import RATES, PaddleLimits, PaddleMotion
 from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
@@ -269,6 +269,12 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
         observers.append(_gauges(scene, waves, records.gauges))
     look = InTheWater.of(scene, waves, records)
     schedule = EverySteps(output.gauges_every)
+    for number, motion in added_motions(scene, waves).items():
+        seen = scene.paddles[number]
+        limits: Any = getattr(seen.wall, "limits", None)
+        if limits is not None:
+            rates = {name: seen.of_paddle(motion, name) for name in RATES}
+            observers.append(PaddleLimits(rates, limits.model_dump(exclude_none=True), key=seen.key))
     paddles = zip(scene.paddles, waves.wall.paddles, records.paddles, strict=False)  # a trial has none of the latter
     for seen, paddle, record in paddles:
         rates = {name: seen.of_paddle(paddle.motion, name) for name in RATES}

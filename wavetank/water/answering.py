@@ -44,7 +44,7 @@ class Answered(Protocol):
     side
         Where it stands.
     largest_stroke
-        How far it can go from rest [m], where that is told.
+        How far it can go into the water [m], at the height where it goes farthest.
     """
 
     motion: Any
@@ -67,18 +67,28 @@ class AnsweringPaddle:
         By which it answers.
     look
         Measures.
+    shares
+        How far it goes at its heights, over how far it goes where that is told, shape (N,).
+    key
+        What it is called in a case.
     """
 
-    def __init__(self, paddle: Answered, equation: Equation, look: Look):
+    def __init__(self, paddle: Answered, equation: Equation, look: Look, *, shares: Vector, key: str):
         self._paddle, self._motion, self._answer, self._look = paddle, paddle.motion, Answer(equation), look
+        self._shares, self._key = (float(shares.min()), float(shares.max())), key
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
-        """Look at the water at t, and go on to t + dt; collective."""
+        """Look at the water at t, and go on to t + dt; collective.
+
+        Raises ``RunError`` where the paddle goes so far into the water that the mapping folds.
+        """
         self._motion.go_on(t, dt, *self._answer.next(t, dt, self._look(q, p, t)))
         where, most = self._motion.position(t + dt), self._paddle.largest_stroke
-        if abs(where) >= most:
-            what = f"the paddle would be {where:.4g} m from rest to absorb what comes; its reach allows {most:.4g} m"
-            raise RunError(f"t = {t:.6g} s: {what}")
+        farthest = max(share * where for share in self._shares)
+        if farthest >= most:
+            what = f"absorbing takes the paddle of {self._key} {farthest:.4g} m into the water"
+            fold = f"its mapping folds at {most:.4g} m, 3/4 of what {self._key}.reach is on this mesh"
+            raise RunError(f"t = {t:.6g} s: {what}; {fold}")
 
     def held(self) -> Held:
         """Return how the paddle has moved, and what it answers by."""
