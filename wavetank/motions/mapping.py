@@ -40,18 +40,24 @@ def unmapped(r: Array, moved: Array) -> Array:
     """Return R with R + s(R) moved = r, lengths in reaches, all of shape (N,), for moved < 3/4.
 
     Newton's method, started where it converges from one side: at an end where the map is flattest inside, at r = 1/3,
-    or at that place where it is steepest there. Where little is moved it converges from anywhere. What the last
-    change leaves is of the size of its square.
+    or at that place where it is steepest there. Where little is moved it converges from anywhere, and starts where what
+    is moved is taken back once. What the last change leaves is of the size of its square.
     """
-    third = 1 / 3
     inside = _between(r, moved)  # places beyond both ends are found without
-    end = inside > third + _inside(np.asarray(third)) * moved
-    R = np.where(np.abs(moved) < LITTLE, inside, np.where(moved > 0.0, end, third))
+    R = inside - _inside(inside) * moved if np.abs(moved).max(initial=0.0) < LITTLE else _one_sided(inside, moved)
     for _ in range(100):
         left = 1.0 - R
-        change = (R + left * left * (1.0 + R) * moved - inside) / (1.0 - left * (1.0 + 3.0 * R) * moved)
+        stretched = left * moved
+        change = (R + left * stretched * (1.0 + R) - inside) / (1.0 - stretched * (1.0 + 3.0 * R))
         R = _between(R - change, 0.0)
         if np.abs(change).max(initial=0.0) < SETTLED:
             break
     before = (r - moved) / (1.0 - moved)
     return np.where(r >= 1.0, r, np.where(before < 0.0, before, R))
+
+
+def _one_sided(inside: Array, moved: Array) -> Array:
+    """Return whence Newton's method converges from one side, shape (N,)."""
+    third = 1 / 3
+    end = inside > third + _inside(np.asarray(third)) * moved
+    return np.where(moved > 0.0, end, third)

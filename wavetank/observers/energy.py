@@ -132,7 +132,7 @@ class EnergyBudget:
         points = moment.points[-1:] if self._before else moment.points
         rates = self._before + [self._powers(*point, moment.t) for point in points]
         self._before = []
-        self._integrate(moment.t, np.mean(rates, axis=0))
+        self._integrate(moment.t, np.asarray(sum(rates) / len(rates)))
         now = self._energies(moment)
         if moment.step == 0:
             self._total, self._wall, self._mass = now.total, now.wall, self._waves.total_mass(moment.q)
@@ -194,8 +194,8 @@ class EnergyBudget:
         known = 3 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
         self._rates = [rate, *self._rates[:known]]
         if len(self._rates) > 1:
-            weights = ADAMS_MOULTON[len(self._rates)]
-            self._supplied = self._supplied + dt * np.asarray(weights) @ np.array(self._rates)
+            weighted = zip(ADAMS_MOULTON[len(self._rates)], self._rates, strict=True)
+            self._supplied = self._supplied + dt * sum(weight * one for weight, one in weighted)
         self._t, self._dt = t, dt
 
     def held(self) -> Held:

@@ -171,9 +171,9 @@ class Piston:
         near = np.flatnonzero(distances < self.reach)
         if not near.size:
             return moved
-        shares = self.shape.at(np.broadcast_to(z, distances.shape)[near])
+        shares = self.shape.at(np.asarray(z)[near] if np.ndim(z) else np.asarray(z))
         positions = shares * self.travel.positions(self.side.along(places[near]))
-        moved[near] += np.outer(shift(distances[near], positions), self.side.normal)
+        moved[near] += shift(distances[near], positions)[:, None] * self.side.normal
         return moved
 
     def mesh_velocities(self, places: Vector) -> Vector:

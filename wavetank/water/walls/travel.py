@@ -93,11 +93,11 @@ class Travel:
 
     def positions(self, y: Vector) -> Vector:
         """Return X_p at places y along the paddle [m], shape (N,)."""
-        return np.broadcast_to(self._rate(0, y), y.shape)
+        return np.full(y.shape, self._rate(0, y))
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
-        return np.broadcast_to(self._rate(1, y), y.shape)
+        return np.full(y.shape, self._rate(1, y))
 
     def _here(self, order: int) -> Vector:
         """Return a derivative of X_p at the owned degrees of freedom, shape (owned,), or (1,)."""
