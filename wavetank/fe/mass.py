@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import ufl
 from dolfinx import fem
+from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from wavetank.arrays import Vector, summed
@@ -18,7 +19,7 @@ from wavetank.fe.cells import DECLARATION, Cells, defined, source
 from wavetank.fe.chain import CHAIN, chain
 from wavetank.fe.conjugate_gradients import conjugate_gradients
 from wavetank.fe.density import Density
-from wavetank.fe.forms import compile_form, owned_rows
+from wavetank.fe.forms import compile_form, owned_rows, part_of
 from wavetank.fe.kernels import Kernel
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
@@ -47,12 +48,25 @@ class HorizontalMatrix:
     ----------
     form
         The bilinear form in UFL, given trial and test function.
+    changing
+        On one rank, the cells in which, or at whose facets, what it depends on can change; None: all.
     """
 
-    def __init__(self, plane: Plane, form: Bilinear):
-        self._plane = plane
-        self._form = compile_form(form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V)))
-        self._matrix = fem.create_matrix(self._form)
+    def __init__(self, plane: Plane, form: Bilinear, *, changing: NDArray[np.int32] | None = None):
+        self._plane, whole = plane, form(ufl.TrialFunction(plane.V), ufl.TestFunction(plane.V))
+        if changing is None:
+            self._form = compile_form(whole)
+            self._matrix = fem.create_matrix(self._form)
+            self._kept = np.zeros_like(self._matrix.data)
+        else:
+            none = np.arange(0, dtype=np.int32)
+            everywhere, rest = (
+                compile_form(part_of(whole, plane.mesh, cells, besides=True)) for cells in (none, changing)
+            )
+            self._form = compile_form(part_of(whole, plane.mesh, changing))
+            self._matrix = fem.create_matrix(everywhere)
+            fem.assemble_matrix(self._matrix, rest)
+            self._kept = self._matrix.data.copy()
         _, columns, pointers = owned_rows(self._matrix)  # forms on facets reach farther than the space's ghosts
         columns = self._matrix.index_map(1).local_to_global(columns)
         self._rows = SparseRows(columns, pointers, size=plane.size, comm=plane.comm)
@@ -61,7 +75,7 @@ class HorizontalMatrix:
 
     def update(self) -> None:
         """Assemble it for the present values of what the form depends on."""
-        self._matrix.data[:] = 0.0
+        self._matrix.data[:] = self._kept
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
         self._rows.set(owned_rows(self._matrix)[0])
@@ -81,8 +95,8 @@ class HorizontalMatrix:
 class FactoredMatrix(HorizontalMatrix):
     """One that is inverted by its factors, along a slice or ring on one rank."""
 
-    def __init__(self, plane: Plane, form: Bilinear):
-        super().__init__(plane, form)
+    def __init__(self, plane: Plane, form: Bilinear, *, changing: NDArray[np.int32] | None = None):
+        super().__init__(plane, form, changing=changing)
         self._ksp = PETSc.KSP().create(plane.comm)
         self._ksp.setOperators(self._rows.matrix)
         self._ksp.setType("preonly")

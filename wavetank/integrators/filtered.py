@@ -7,7 +7,6 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.change import change
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Evaluated, Integrator, S, State
 from wavetank.integrators.wrapper import Wrapper
@@ -94,12 +93,13 @@ class _Look(NamedTuple):
 def _look(system: HamiltonianSystem, passed: Sequence[State], at: Evaluated, n: int, t: float) -> _Look:
     """Return how the n-th of some states and the ways between them look from a point known of it; collective.
 
-    The energy is right to the square of what lies between its (q, p) and that point.
+    The energy is right to the square of what lies between its (q, p) and that point, whose derivatives are asked for
+    once.
     """
+    by_q, by_p = system.H_q(*at, t), system.H_p(*at, t)
 
-    def from_there(state: State) -> float:
-        return change(system, at, (state.q, state.p), t)
+    def way(start: State | Evaluated, end: State) -> float:
+        return system.inner(by_q, end.q - start.q) + system.inner(by_p, end.p - start.p)
 
-    seen = [from_there(state) for state in passed]
-    energy = system.energy(*at, t)
-    return _Look(energy + seen[n], [after - before for before, after in itertools.pairwise(seen)])
+    energy = system.energy(*at, t) + way(at, passed[n])
+    return _Look(energy, [way(*ends) for ends in itertools.pairwise(passed)])

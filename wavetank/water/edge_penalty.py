@@ -66,30 +66,37 @@ class EdgePenalty(Smoothing):
             one, other = (ufl.jump(waves.wall.mapping.gradient(f, waves.densities.eta), n) for f in (u, v))
             return kappa * one * other * facets
 
-        super().__init__(waves, penalty)
-        self._flow, self._fast = flow, np.sqrt(threshold * waves.gravity / k)  # from which velocity on it is needed
-        self._seldom = Seldom()
+        super().__init__(waves, penalty, by_wall=True)
+        self._flow, self._fast = flow, float(np.sqrt(threshold * waves.gravity / k))  # from which velocity on it is needed
+        self._seldom, self._needed = Seldom(), False
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
-        """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective."""
-        if self._waves.plane.order == 1 or self._seldom.rests():
+        """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective.
+
+        As long as it cannot have fallen, or risen, to that it is not looked at again.
+        """
+        if self._waves.plane.order == 1:
             return False
-        self._flow.update(q, p, t)
-        fastest = self._flow.largest_velocity
-        self._seldom.saw(fastest / self._fast if self._fast else np.inf)
-        needed = bool(fastest > self._fast)
-        if needed and self._waves.wall.moves:
+        if not self._seldom.rests():
+            self._flow.update(q, p, t)
+            fastest = self._flow.largest_velocity
+            self._needed = bool(fastest > self._fast)
+            slower, faster = sorted((fastest, self._fast))
+            self._seldom.saw(slower / faster if faster else 1.0)
+        if self._needed and self._waves.wall.moves:
+            self._waves.set_time(t)
             self.update()
-        return needed
+        return self._needed
 
     def held(self) -> Held:
-        """Return what has been taken, and when it is looked again."""
-        return super().held() | {"seldom": self._seldom.held()}
+        """Return what has been taken, what was found and when it is looked again."""
+        return super().held() | {"seldom": self._seldom.held(), "needed": self._needed}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         super().take(held)
         self._seldom.take(held["seldom"])
+        self._needed = held["needed"]
 
     def generator(self) -> Vector:
         """Return M^-1 kappa S as a dense matrix, on one rank: for small tanks only."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import ufl
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass, Remainder
@@ -24,6 +25,8 @@ class Smoothing:
         The water.
     form
         The bilinear form of N in UFL, given trial and test function.
+    by_wall
+        Whether nothing but the wall changes it.
 
     Attributes
     ----------
@@ -31,8 +34,8 @@ class Smoothing:
         So far [m^4/s²].
     """
 
-    def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form]):
-        self._waves, self._of = waves, form
+    def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form], *, by_wall: bool = False):
+        self._waves, self._of, self._by_wall = waves, form, by_wall
         self.energy_taken = 0.0
         self._last = dict[str, Vector]()  # what has been taken of a state's points, until all are smoothed
 
@@ -41,10 +44,16 @@ class Smoothing:
         """N and M_J + N, made where they are first needed; collective."""
         plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-            whole = FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v))
+            changing = self._carried() if self._by_wall and self._waves.wall.moves else None
+            whole = FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v), changing=changing)
             return Remainder(whole, mass), whole
         form = HorizontalMatrix(plane, self._of)
         return form, RaisedMass(mass, form, plane)
+
+    def _carried(self) -> NDArray[np.int32]:
+        """Return the cells that the wall carries, on one rank."""
+        dofs = self._waves.plane.V.dofmap.list
+        return np.flatnonzero(np.isin(dofs, self._waves.wall.carries).any(axis=1)).astype(np.int32)
 
     @property
     def _form(self) -> HorizontalMatrix | Remainder:
