@@ -67,7 +67,8 @@ class HorizontalMatrix:
             self._matrix = fem.create_matrix(everywhere)
             fem.assemble_matrix(self._matrix, rest)
             self._kept = self._matrix.data.copy()
-        _, columns, pointers = owned_rows(self._matrix)  # forms on facets reach farther than the space's ghosts
+        self._data = self._matrix.data
+        self._values, columns, pointers = owned_rows(self._matrix)  # forms on facets reach beyond ghosts
         columns = self._matrix.index_map(1).local_to_global(columns)
         self._rows = SparseRows(columns, pointers, size=plane.size, comm=plane.comm)
         self._in, self._out = self._rows.matrix.createVecs()
@@ -75,10 +76,10 @@ class HorizontalMatrix:
 
     def update(self) -> None:
         """Assemble it for the present values of what the form depends on."""
-        self._matrix.data[:] = self._kept
+        self._data[:] = self._kept
         fem.assemble_matrix(self._matrix, self._form)
         self._matrix.scatter_reverse()
-        self._rows.set(owned_rows(self._matrix)[0])
+        self._rows.set(self._values)
 
     def apply(self, values: Vector) -> Vector:
         """Return the product with owned values x, shape (owned,)."""
@@ -110,18 +111,27 @@ class FactoredMatrix(HorizontalMatrix):
         return np.array(self._out.array_r)
 
 
-class Remainder:
-    """N of M_J + N, which is there; all of it is collective."""
+class FactoredSmoothing:
+    """N of v' = (M_J + N)^-1 M_J v where M_J + N is factored; all of it is collective."""
 
-    def __init__(self, whole: HorizontalMatrix, mass: "MassMatrix"):
-        self._whole, self._mass = whole, mass
+    def __init__(self, whole: FactoredMatrix, mass: "MassMatrix"):
+        self.whole, self._mass = whole, mass
 
     def update(self) -> None:
-        """Do nothing: both are as they are."""
+        """Assemble M_J + N for the present values of what its form depends on."""
+        self.whole.update()
 
     def apply(self, values: Vector) -> Vector:
-        """Return the product with owned values x, shape (owned,)."""
-        return self._whole.apply(values) - self._mass.apply(values)
+        """Return N v, shape (owned,)."""
+        return self.whole.apply(values) - self._mass.apply(values)
+
+    def taken(self, values: Vector, start: Vector) -> Vector:
+        """Return v - v', shape (owned,); it needs no start value."""
+        return values - self.whole.solve(self._mass.apply(values), start)
+
+    def moved(self, values: Vector, taken: Vector) -> Vector:
+        """Return N v' = M_J (v - v') of what is taken of v, shape (owned,); its sum is 0 to round-off."""
+        return self._mass.apply(taken)
 
 
 class RaisedMass:
@@ -159,6 +169,30 @@ class RaisedMass:
             most=self.most,
         )
         return found[:, 0]
+
+
+class RaisedSmoothing:
+    """N of v' = (M_J + N)^-1 M_J v where M_J + N is not made; all of it is collective."""
+
+    def __init__(self, mass: "MassMatrix", other: HorizontalMatrix, plane: Plane):
+        self._other, self._raised = other, RaisedMass(mass, other, plane)
+
+    def update(self) -> None:
+        """Assemble N for the present values of what its form depends on, and take over M_J as it is."""
+        self._other.update()
+        self._raised.update()
+
+    def apply(self, values: Vector) -> Vector:
+        """Return N v, shape (owned,)."""
+        return self._other.apply(values)
+
+    def taken(self, values: Vector, start: Vector) -> Vector:
+        """Return v - v' = (M_J + N)^-1 N v, shape (owned,), from a start value."""
+        return self._raised.solve(self._other.apply(values), start)
+
+    def moved(self, values: Vector, taken: Vector) -> Vector:
+        """Return N v' of what is taken of v, shape (owned,); its sum is 0 however well that is known."""
+        return self._other.apply(values - taken)
 
 
 def mass_matrix(plane: Plane, J: Any) -> "MassMatrix":

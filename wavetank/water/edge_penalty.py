@@ -67,7 +67,8 @@ class EdgePenalty(Smoothing):
             return kappa * one * other * facets
 
         super().__init__(waves, penalty, by_wall=True)
-        self._flow, self._fast = flow, float(np.sqrt(threshold * waves.gravity / k))  # from which velocity on it is needed
+        self._flow = flow
+        self._fast = float(np.sqrt(threshold * waves.gravity / k))  # from which velocity on it is needed
         self._seldom, self._needed = Seldom(), False
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
@@ -101,7 +102,7 @@ class EdgePenalty(Smoothing):
     def generator(self) -> Vector:
         """Return M^-1 kappa S as a dense matrix, on one rank: for small tanks only."""
         units = np.eye(self._waves.plane.owned)
-        return np.array([self._waves.mass.solve(self._form.apply(unit)) for unit in units]).T
+        return np.array([self._waves.mass.solve(self._smoother.apply(unit)) for unit in units]).T
 
 
 def shortest_wave_number(waves: NonlinearWaves, cell_size: float) -> float:

@@ -9,7 +9,7 @@ import ufl
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass, Remainder
+from wavetank.fe.mass import FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
 from wavetank.stateful import Held
 from wavetank.water.waves import NonlinearWaves
 
@@ -40,35 +40,23 @@ class Smoothing:
         self._last = dict[str, Vector]()  # what has been taken of a state's points, until all are smoothed
 
     @cached_property
-    def _matrices(self) -> tuple[HorizontalMatrix | Remainder, FactoredMatrix | RaisedMass]:
-        """N and M_J + N, made where they are first needed; collective."""
+    def _smoother(self) -> FactoredSmoothing | RaisedSmoothing:
+        """N, and what is done with it, made where it is first needed; collective."""
         plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
             changing = self._carried() if self._by_wall and self._waves.wall.moves else None
             whole = FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v), changing=changing)
-            return Remainder(whole, mass), whole
-        form = HorizontalMatrix(plane, self._of)
-        return form, RaisedMass(mass, form, plane)
+            return FactoredSmoothing(whole, mass)
+        return RaisedSmoothing(mass, HorizontalMatrix(plane, self._of), plane)
 
     def _carried(self) -> NDArray[np.int32]:
         """Return the cells that the wall carries, on one rank."""
         dofs = self._waves.plane.V.dofmap.list
         return np.flatnonzero(np.isin(dofs, self._waves.wall.carries).any(axis=1)).astype(np.int32)
 
-    @property
-    def _form(self) -> HorizontalMatrix | Remainder:
-        """N; collective."""
-        return self._matrices[0]
-
-    @property
-    def _implicit(self) -> FactoredMatrix | RaisedMass:
-        """M_J + N; collective."""
-        return self._matrices[1]
-
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
-        for one in self._matrices:
-            one.update()
+        self._smoother.update()
 
     def _taken(self, of: str, v: Vector) -> Vector:
         """Return what smoothing takes of v, (M_J + N)^-1 N v; collective.
@@ -76,13 +64,13 @@ class Smoothing:
         The points of a state are close to each other: from what it takes of one it finds what it takes of the next.
         """
         start = self._last.get(of, np.zeros_like(v))
-        self._last[of] = taken = self._implicit.solve(self._form.apply(v), start)
+        self._last[of] = taken = self._smoother.taken(v, start)
         return taken
 
     def coordinate(self, q: Vector) -> Vector:
         """Return Q - N eta': its sum, the mass, is that of Q; collective."""
         eta = self._waves.columns.solve(q) - self._waves.bed.still
-        return np.asarray(q - self._form.apply(eta - self._taken("eta", eta)))
+        return q - self._smoother.moved(eta, self._taken("eta", eta))
 
     def momentum(self, p: Vector) -> Vector:
         """Return psi'; collective."""
