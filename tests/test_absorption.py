@@ -248,6 +248,15 @@ def test_a_run_goes_on_bit_for_bit(broken_off, tmp_path):
     same(tmp_path / "whole", tmp_path / "part")
 
 
+def test_and_beside_a_flap_that_has_moved(tmp_path):
+    """Columns there are found by iteration, from those that were looked at before."""
+    flap = ABSORBING["wall"] | {"type": "flap", "absorb": ACTIVE | {"shortest": 1.5, "longest": 1.7}}
+    record(ABSORBING | {"wall": flap}, tmp_path / "whole", {"duration": 1.0})
+    record_until(ABSORBING | {"wall": flap}, tmp_path / "part", {"duration": 1.0}, 15, 16)
+    record(ABSORBING | {"wall": flap}, tmp_path / "part", {"duration": 1.0}, resume=True)
+    same(tmp_path / "whole", tmp_path / "part")
+
+
 @pytest.mark.slow
 def test_with_another_step_it_goes_on_from_where_its_paddle_stands(broken_off, tmp_path):
     """As the run of one step throughout does, but for the step's error."""

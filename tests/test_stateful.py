@@ -118,6 +118,8 @@ def alike(one: object, other: object) -> bool:
     """Return whether both are the same numbers, or none."""
     if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
         return np.array_equal(one, other, equal_nan=True)
+    if isinstance(one, list) and isinstance(other, list):
+        return len(one) == len(other) and all(map(alike, one, other))
     return json.dumps(one) == json.dumps(other)
 
 

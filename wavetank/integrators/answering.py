@@ -11,12 +11,12 @@ from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.wrapper import Wrapper
-from wavetank.stateful import Held, Stateful, give_back, held_by
+from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by
 
 ONCE_A_STEP = 2.0
 
 
-class AnsweringPaddle(Stateful, Protocol):
+class AnsweringPaddle(Stateful, Carrying, Protocol):
     """A paddle that answers."""
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
@@ -65,4 +65,4 @@ class Answering(Wrapper[S]):
     def carry(self, held: Held) -> None:
         """Take all but the inner scheme's: what the paddles have seen and where they stand outlives any numerics."""
         super().carry(held)
-        give_back(self._named, {name: one for name, one in held.items() if name in self._named})
+        carry_over(self._named, held)

@@ -103,5 +103,9 @@ class Steered(Motion):
 
     def take(self, held: Mapping[str, Any]) -> None:
         """Take back what has been held."""
-        self._times, self._knots = list(held["times"]), [tuple(one) for one in held["knots"]]
+        self.carry(held)
         self._kept = {**held["kept"]}
+
+    def carry(self, held: Mapping[str, Any]) -> None:
+        """Take what has been added of late; the times that are kept are those of whoever asks now."""
+        self._times, self._knots = list(held["times"]), [tuple(one) for one in held["knots"]]

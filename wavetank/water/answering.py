@@ -99,6 +99,11 @@ class AnsweringPaddle:
         self._motion.take(held["motion"])
         self._answer.take(held["answer"])
 
+    def carry(self, held: Held) -> None:
+        """Take what outlives other numerics: all but the times that the water before asked to be kept."""
+        self._motion.carry(held["motion"])
+        self._answer.take(held["answer"])
+
 
 class Pushed(Protocol):
     """Waves that push paddles."""

@@ -321,7 +321,10 @@ class NonlinearWaves:
 
     # ------------------------------------------------------------------------------------------ what is remembered
     def held(self) -> Held:
-        """Return the point last evaluated, its potential, where the wall stands, and what solves remember."""
+        """Return the point last evaluated, its potential, where the wall stands, and what solves remember.
+
+        The elevation last asked for, too: beside a wall that leans it depends, by round-off, on what was there before.
+        """
         return {
             "q": self._q,
             "p": self._p,
@@ -331,6 +334,7 @@ class NonlinearWaves:
             "interior": self.phi.owned[:, :-1].T.copy(),
             "H_p": self._H_p,
             "kinetic": self._kinetic,
+            "elevation": self._elevation._asdict(),
             "preconditioner": {"stands": self._made[0], "column": self._made[1]},
             "potential": self.potential.held(),
         }
@@ -353,6 +357,7 @@ class NonlinearWaves:
             self.phi.fetch()
             self._know(held["q"], held["p"], held["t"], held["H_p"])
             self._kinetic = held["kinetic"]
+        self._elevation = _Elevation(**held["elevation"])
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
     def _set_up_stages(self, tolerances: Tolerances) -> None:
