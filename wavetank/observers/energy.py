@@ -41,7 +41,7 @@ def columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
 COLUMNS = columns(1)
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
-TRUE = 0.01  # of the energy: a balance that is farther off is told
+TRUE = 0.01  # of the energy, what has gone included: a balance that is farther off is told
 SAME = 1e-6  # of a step: so near are steps of one length
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 
@@ -142,7 +142,9 @@ class EnergyBudget:
         balance = now.total - self._total - work + dissipated
         self._taken = max(self._taken, dissipated)
         self._given = max(self._given, self._taken - dissipated)
-        self._energy, self._off = max(self._energy, now.total + dissipated), max(self._off, abs(balance))
+        absorbed = self._absorbed(moment.t)
+        gone = dissipated + max(sum(absorbed), 0.0)
+        self._energy, self._off = max(self._energy, now.total + gone), max(self._off, abs(balance))
         if not self._recorded.due(moment.step):
             return
         mass = self._waves.total_mass(moment.q)
@@ -171,11 +173,14 @@ class EnergyBudget:
 
     @property
     def energy_error(self) -> float:
-        """The largest that the balance was off, over the largest energy; of still water 0."""
+        """The largest that the balance was off, over the largest energy, with what has gone by then; of still water 0.
+
+        What has gone is what was dissipated or absorbed: waves may come and go for long where few are at a time.
+        """
         return self._off / self._energy if self._energy > self._nothing else 0.0
 
     def verdict(self) -> list[str]:
-        """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, dissipated or not.
+        """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, whether gone or not.
 
         And one if what should take energy has given back more than ``GIVEN`` of it.
         """
