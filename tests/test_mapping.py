@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 
 from wavetank.fe.forms import ScalarForm
+from wavetank.fe.mass import HorizontalMatrix
 from wavetank.fe.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
@@ -205,6 +206,18 @@ def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):
     assert moved.needed(*tank.state(0 * psi, psi, 1.0), 1.0)
     after, there = moved.momentum(psi), penalty().momentum(psi)
     assert np.abs(after - there).max() < 1e-13 < 1e-3 * np.abs(after - before).max()
+
+
+def test_a_penalty_of_which_the_wall_changes_a_part_is_that_of_all_cells(make_tank):
+    """Oracle: that matrix, where the paddle has gone to. While it is needed by far it is not looked again."""
+    tank = make_tank(length=4.0, cells=8, n=2, motion=Sinusoid(0.5, 4.0), reach=2.0)
+    flow, psi = SurfaceFlow(tank), np.cos(tank.plane.x) ** 3
+    penalty = EdgePenalty(tank, flow, cell_size=0.5, dt=0.01, threshold=0.0)
+    for t in (0.9, 1.0):
+        assert penalty.needed(*tank.state(0 * psi, psi, t), t)
+    whole = HorizontalMatrix(tank.plane, penalty._of).apply(psi)
+    assert np.abs(penalty._smoother.apply(psi) - whole).max() < 1e-13 < 1e-8 * np.abs(whole).max()
+    assert flow._t == 0.9
 
 
 def test_a_filter_takes_the_wall_where_it_stands_at_the_end_of_the_step(make_tank):
