@@ -345,9 +345,13 @@ def _draw_budget(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
     t, total = columns["t"], columns["total"]
     axes.plot(t, total, color=TOTAL, lw=4, label="total")
     supplied, dissipated = total[0] + columns["paddle_work"], columns.get("dissipated", np.zeros(t.size))
-    axes.plot(t, supplied, "--", color=WORK, label="start + paddle's work" if columns["paddle_work"].any() else "start")
+    axes.plot(
+        t, supplied, "--", color=WORK, label="start + all paddles' work" if columns["paddle_work"].any() else "start"
+    )
     if dissipated[-1] > SEEN * np.abs(total).max():
         axes.plot(t, supplied - dissipated, ":", color=WORK, label="the same - dissipated")
+    if "absorbed" in columns:
+        axes.plot(t, columns["absorbed"], "-.", color=WORK, label="absorbed by paddles")
     axes.plot(t, columns["kinetic"], color=KINETIC, label="kinetic")
     axes.plot(t, columns["potential"], color=POTENTIAL, label="potential")
     axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))

@@ -415,3 +415,8 @@ def test_what_absorbing_takes_beyond_limits_and_a_short_reach_is_said(capsys, tm
     assert f"absorbing took the paddle of wall to a stroke of {stroke:.4g} m; wall.limits.stroke allows 0.001 m" in said
     assert "limits.speed" not in said
     assert "warning: wall.reach = 0.03 m is less than a cell, on this mesh it is 0.5 m" in said
+    case.write_text(CASE.replace('{type = "at-rest"}', '{type = "sinusoid", paddle_amplitude = 4e-4, period = 2.0}'))
+    assert main(["motion", str(case), "--out", str(tmp_path / "board.csv")]) == 0
+    assert "without what absorbing adds" in " ".join(capsys.readouterr().out.split())
+    assert main(["run", str(case), "--no-plots", "--set", "water.type=linear", "--out", str(tmp_path / "linear")]) == 0
+    assert "of the mass (linear theory: what paddles displace), " in " ".join(capsys.readouterr().out.split())

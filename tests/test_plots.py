@@ -288,8 +288,11 @@ def test_a_row_of_gauges_has_one_name_on_a_map():
 
 def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
     text = words(lambda path: energy_figure(run.budget(), path), tmp_path)
-    for word in ("kinetic", "potential", "total", "start + paddle", "[m⁴/s²]", "time [s]", "what does not balance"):
+    for word in ("kinetic", "potential", "total", "start + all paddles", "[m⁴/s²]", "time [s]", "not balance"):
         assert word in text
+    taken = {**run.budget(), "absorbed [m^4/s^2]": run.budget()["total [m^4/s^2]"]}
+    assert "absorbed" not in text
+    assert "absorbed by paddles" in words(lambda path: energy_figure(taken, path), tmp_path)
     fixed = {name: 0 * column if name.startswith("paddle_work") else column for name, column in run.budget().items()}
     text = words(lambda path: energy_figure(fixed, path), tmp_path)
     assert "start" in text and "paddle" not in text

@@ -219,6 +219,7 @@ def test_a_run_goes_on_on_another_mesh_or_with_another_scheme(sloshing, tmp_path
     run = resumed(part, *(word for change in changes for word in ("--set", change)))
     said, usual = capsys.readouterr().out, RunDirectory(sloshing[0])
     assert all(f"{change.replace('=', ' = ')}" in said for change in changes if "e-" not in change)
+    assert "= None" not in said
     assert run.status == "finished" and run.manifest["numerics"]["degrees_of_freedom"] == points
     gauges, its = run._gauges(), usual._gauges()
     assert np.abs(gauges.eta[:, -1] - its.eta[:, -1]).max() < 2e-3 * np.abs(its.eta).max()

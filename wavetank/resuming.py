@@ -383,7 +383,11 @@ class GoingOn:
         former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))
         former["numerics"]["dt"] = self.about["clock"]["dt"]
         now["numerics"]["dt"] = run.clock.dt
-        changes = [f"{'.'.join(path)} = {value}" for path, _, value in differences(former, now) if path[-1] in CHANGED]
+        changes = [
+            f"{'.'.join(path)} = {value}"
+            for path, _, value in differences(former, now)
+            if path[-1] in CHANGED and value is not None
+        ]
         return f"going on from t = {run.t:.6g} s with {', '.join(changes)}; the mass changes by {mass:.1g} of it"
 
 

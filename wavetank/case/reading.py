@@ -252,7 +252,8 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             what = f"is called {now} now" if now else f"is an unknown type{choice(tag, place.tags)}"
             yield Problem((*place.key, "type"), tag, what)
         case "model_type" | "model_attributes_type":
-            yield Problem(place.key, received, f"must be a table{choice('', place.fields)}")
+            of_type = f': {{ type = "{received}" }}' if received in place.tags else choice("", place.fields)
+            yield Problem(place.key, received, f"must be a table{of_type}")
         case "value_error":
             yield Problem(place.key, received, str(context["error"]))
         case _:

@@ -19,7 +19,7 @@ from wavetank.case.probes import Probe
 from wavetank.case.sponges import Sponge, paddle_period
 from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.targets import Target
-from wavetank.case.walls import FarWall, FixedWall, PaddleWall, Wall
+from wavetank.case.walls import FarWall, FixedWall, Wall
 from wavetank.case.windows import Window
 from wavetank.motions.extent import Extent, extent, times, values
 from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
@@ -272,9 +272,6 @@ class Scene(Noun):
             return
         if self.sponge is not None and self.sponge.type in ("end", "group"):
             yield Problem(kind, far.type, "must be fixed or left out: there is a sponge before it (sponge.type)")
-            return
-        if not isinstance(far, PaddleWall):
-            yield Problem(kind, far.type, "must move as a whole: only [wall] is made of segments")
             return
         yield from (problem.at("wall", "far_wall") for problem in far.problems(self.mirrored))
         length, near, other = self.tank.length, self.reach, self.mirrored.reach

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import BeforeValidator, Field
+from pydantic_core import PydanticCustomError
 
 from wavetank import motions
 from wavetank.case.absorption import Absorption, SpringDamper
@@ -74,7 +75,7 @@ class PaddleWall(MovingWall):
         elif self.absorb is not None:
             yield from self.absorb.problems(scene)
             if isinstance(self.absorb, SpringDamper) and self.motion.type != "at-rest":
-                allowed = "must be at-rest: a paddle on a spring is not driven (wall.absorb.type)"
+                allowed = "must be at-rest: a paddle that absorbs on a spring is not driven"
                 yield Problem(("wall", "motion", "type"), self.motion.type, allowed)
         yield from () if self.reads_file else self.motion_problems(scene)
 
@@ -157,10 +158,23 @@ class ProfileWall(ShapedWall, PaddleWall):
         yield from super().problems(scene)
 
 
+SEGMENTED = tuple(wall.model_fields["type"].default for wall in (SegmentedPistonWall, SegmentedFlapWall))
 AnyWall = FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall | SegmentedFlapWall
 Wall = Annotated[AnyWall, Field(discriminator="type", description="the wall at x = 0")]
+
+
+def _whole(given: Any) -> Any:
+    """Return what is given of a far wall; raises for one in segments, before its motion is looked at."""
+    kind = given.get("type") if isinstance(given, dict) else getattr(given, "type", None)
+    if kind in SEGMENTED:
+        problem = Problem(("far_wall", "type"), kind, "must move as a whole: only [wall] is made of segments")
+        raise PydanticCustomError("scene", "{text}", {"text": str(problem), "problems": [problem]})
+    return given
+
+
 FarWall = Annotated[
     AnyWall,
+    BeforeValidator(_whole),
     Field(
         discriminator="type",
         description="the wall at x = length, of a slice or a rectangle; its motion is positive into the "

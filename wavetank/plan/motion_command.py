@@ -61,7 +61,9 @@ def motion(
         file = path.with_stem(f"{path.stem}-far") if n else path
         t, told = _times(seen, rate), _told(seen.extent(seen.motion()))
         on_first(MPI.COMM_WORLD, partial(_write, file, seen, t, form, told))
-        console().print(f"{told}\nwrote {file}: {t.size} rows, {rate:g} a second", highlight=False)
+        absorbs = getattr(seen.wall, "absorb", None) is not None
+        without = " (without what absorbing adds, which only a run knows)" if absorbs else ""
+        console().print(f"{told}{without}\nwrote {file}: {t.size} rows, {rate:g} a second", highlight=False)
 
 
 def _told(needed: "Extent") -> str:

@@ -12,6 +12,7 @@ from wavetank.observers.stability import StabilityWatch
 from wavetank.records.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
 from wavetank.runs.run import Run
 from wavetank.water.breaking import ONSET
+from wavetank.water.linear_waves import LinearWaves
 
 
 class Outcome(NamedTuple):
@@ -25,12 +26,15 @@ class Outcome(NamedTuple):
         By how much the water's mass changed, and the energy balance was off, of what there was [-].
     untrue
         From when on short waves grew that are none of the water's [s]; None: never.
+    follows
+        Whether the mass is that beyond the rest position of paddles, whom it follows: of linear waves.
     """
 
     crest: Crest
     mass: float
     energy: float
     untrue: float | None = None
+    follows: bool = False
 
     @classmethod
     def of(cls, run: Run) -> "Outcome":
@@ -38,7 +42,9 @@ class Outcome(NamedTuple):
         budget = next(one for one in run.observers if isinstance(one, EnergyBudget))
         crest = next(one for one in run.observers if isinstance(one, HighestCrest))
         untrue = next((one.since for one in run.observers if isinstance(one, StabilityWatch)), None)
-        return cls(crest.highest(), budget.mass_error, budget.energy_error, untrue)
+        waves = run.system
+        follows = isinstance(waves, LinearWaves) and bool(waves.wall.paddles)
+        return cls(crest.highest(), budget.mass_error, budget.energy_error, untrue, follows)
 
     @property
     def figures(self) -> dict[str, Any]:
@@ -71,6 +77,7 @@ def closing(
     crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
     place = f"x = {crest.x:.4g} m" if flat else f"x = {crest.x:.4g} m, y = {crest.y:.4g} m"
     simulated = spent["t"]
+    follows = " (linear theory: what paddles displace)" if outcome.follows else ""
     costs = [
         f"{timings['stepping_cpu_s']:.3g} CPU s on {spent['ranks']} {'rank' if spent['ranks'] == 1 else 'ranks'}",
         f"{steps} steps",
@@ -81,7 +88,7 @@ def closing(
     broken = _of_breakdown(spent, path, untrue=outcome.untrue, drawn=drawn)
     return [
         f"highest crest: {crest.height:.4g} m, at {place}, t = {crest.t:.4g} s",
-        f"errors: {outcome.mass:.1g} of the mass, {outcome.energy:.1g} of the energy; {_told(warnings)}",
+        f"errors: {outcome.mass:.1g} of the mass{follows}, {outcome.energy:.1g} of the energy; {_told(warnings)}",
         f"cost: {', '.join(costs)}",
         f"records: {path}",
         *(broken or [f"next: {'; '.join(_next(spent, directory))}"]),

@@ -73,6 +73,8 @@ def told_energy(scene: Scene) -> list[str]:
     """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
     parts, walls = WATERS[scene.physics].waves.parts, kinds_of(scene)
     named = [wall.part._replace(name=name) for wall, name in zip(walls, ("wall", FAR), strict=False)]
+    if len(named) > 1 and named[0].formula == named[1].formula:
+        named[1] = named[1]._replace(formula="the same at the far paddle, by its own X_p")
     bed = FlatBed if scene.tank.bed is None else VaryingBed
     return [*map(str, (*parts, *named)), *dict.fromkeys(wall.told for wall in walls), bed.told]
 
