@@ -146,6 +146,15 @@ def test_a_paddles_own_elevation_at_its_face_is_that_of_theory():
         assert made(t) == pytest.approx((Z * 0.01 * omega * np.exp(1j * omega * t)).real, abs=2e-4 * 0.01)
 
 
+def test_which_is_the_same_however_long_the_run():
+    """Bit for bit, up to the end of the shorter one."""
+    briefly, long = (
+        elevation_at_face(Sinusoid(0.01, 2.1), PISTON, depth=1.0, gravity=GRAVITY, duration=duration)
+        for duration in (4.0, 37.3)
+    )
+    assert [briefly(t) for t in np.linspace(0.0, 4.0, 101)] == [long(t) for t in np.linspace(0.0, 4.0, 101)]
+
+
 # ---------------------------------------------------------------- the tank
 def reflection(wall, *, kd, height, periods, steps, **more):
     """Return what a paddle at rest at the far end sends back, and what theory says, both over what comes."""
