@@ -36,6 +36,7 @@ from wavetank.water.breaking import ONSET
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.footprint import Ring
 from wavetank.water.linearised import LinearisedFlow
+from wavetank.water.seldom import GROWTH, MOST, Seldom
 from wavetank.water.short_waves import ShortWaves
 from wavetank.water.surface_flow import SurfaceFlow, surface_of
 from wavetank.water.walls import StillWall
@@ -390,3 +391,14 @@ def test_a_steep_wave_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
     assert np.abs(together - alone).max() < 1e-9
     one, many = (run.budget()["dissipated [m^4/s^2]"][-1] for run in runs)
     assert one != 0.0 and many == pytest.approx(one, rel=1e-3)  # so soon it may have any sign
+
+
+@pytest.mark.parametrize("part", [0.0, 1e-9, 0.3, GROWTH**-3.5, GROWTH**-2.5, GROWTH**-0.5, 1.0, 7.0])
+def test_what_grows_is_looked_at_before_it_can_have_passed_where_it_matters(part):
+    """It grows by a fifth a step at most: no step that rests can have it beyond that; nor do more than four rest."""
+    seldom = Seldom()
+    assert not seldom.rests()
+    seldom.saw(part)
+    rested = sum(seldom.rests() for _ in range(100))
+    assert rested <= MOST == 4 and part * GROWTH**rested <= max(part, 1.0)
+    assert rested == MOST or part * GROWTH ** (rested + 1) > 1.0
