@@ -6,17 +6,18 @@ How many records there are stands in four bytes of the NetCDF header, which are 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.records.growing import GrowingFile
-from wavetank.records.netcdf import MAGIC, Variable, netcdf, variables_of
+from wavetank.records.netcdf import Variable, netcdf
 from wavetank.stateful import Held
 
 NUMBER = np.dtype(">f8")  # the format's
-COUNT = slice(4, 8)  # of the header: how many records there are
+MAGIC, COUNT = b"CDF\x02", slice(4, 8)  # of the header: what the file is, and how many records there are
 STANDS = "_records", "_begin"  # what tells where a record is
 
 
@@ -91,6 +92,8 @@ def _counted(content: bytes, number: int) -> bytes:
 
 def _complete(content: bytes) -> bool:
     """Return whether a file holds all that its header tells."""
-    with suppress(Exception):  # a header that is cut says anything
-        return all(values.size for values in variables_of(content).values())
+    from scipy.io import netcdf_file
+
+    with suppress(Exception), netcdf_file(BytesIO(content), mmap=False) as file:  # a header that is cut says anything
+        return all(np.size(variable.data) for variable in file.variables.values())
     return False

@@ -6,6 +6,7 @@ surface.xdmf    opens it in ParaView and pyvista as a line that moves: it tells 
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from wavetank.records.growing import INDEX, GrowingFile
 from wavetank.records.growing_netcdf import NUMBER, GrowingNetCDF
-from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable, variables_of
+from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable
 from wavetank.stateful import Held
 
 HEAD = (
@@ -131,8 +132,10 @@ def _first(row: NDArray[np.float64]) -> dict[str, Variable]:
 
 def snapshots(content: bytes) -> Surface:
     """Return the snapshots in a file; none, of shape (0, 0), in an empty one."""
+    from scipy.io import netcdf_file
+
     if not content:
         return Surface(np.zeros(0), *(np.zeros((0, 0)) for _ in range(3)))
-    found = variables_of(content)
-    names = ("time", "x", "elevation", "surface_potential")
-    return Surface(*(found[name].astype(np.float64) for name in names))
+    with netcdf_file(BytesIO(content), mmap=False) as file:
+        names = ("time", "x", "elevation", "surface_potential")
+        return Surface(*(np.array(file.variables[name].data, dtype=np.float64) for name in names))
