@@ -213,11 +213,6 @@ def test_another_run_begins_where_both_walls_stand(run, case):
         (["far_wall.limits.speed=0.001"], "far_wall.limits.speed = 0.001: is too little: this motion needs"),
         (["far_wall.motion.height=0.1"], "far_wall.motion.height = 0.1: is an unknown key"),
         (["far_wall.type='flap'", "far_wall.hinge=2.0"], "far_wall.hinge = 2.0: must be below still water"),
-        (
-            ["far_wall={type='segmented-piston',motion={type='oblique-wave',wave_amplitude=0.01,period=2,angle=5}}"],
-            'far_wall.type = "segmented-piston": must move as a whole',
-        ),
-        (["far_wall.type='segmented-flap'"], 'far_wall.type = "segmented-flap": must move as a whole: only [wall]'),
         (["far_wall.absorb={type='spring-damper'}"], "at-rest: a paddle that absorbs on a spring is not driven."),
         (["far_wall.absorb='active'"], 'far_wall.absorb = "active": must be a table: { type = "active" }'),
         (["sponge={type='end',length=2.0}"], 'far_wall.type = "piston": must be fixed or left out: there is a sponge'),

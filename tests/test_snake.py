@@ -2,18 +2,21 @@
 
 import numpy as np
 import pytest
-from conftest import fitted_slope
+from conftest import fitted_slope, recorded
 from mpi4py import MPI
 from pydantic import ValidationError
 from test_flaps import BALANCE, GRAVITY
 
 from wavetank.case import RegularMotion, Scene, SliceTank
+from wavetank.case.reading import read_case
+from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
 from wavetank.motions import ObliqueWave, PiecewiseLinear
 from wavetank.motions.motion import SegmentedMotion
-from wavetank.observers.energy import EnergyBudget
+from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
+from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
 from wavetank.runs.footprints import build_footprint
 from wavetank.theory import airy
@@ -23,6 +26,7 @@ from wavetank.water.waves import NonlinearWaves, Tolerances
 
 DEPTH, LENGTH, WIDTH = 1.0, 3.0, 2.0
 OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 30.0}
+MASS = COLUMNS.index("mass [m^2]")
 Y = np.linspace(0.0, WIDTH, 9)
 
 
@@ -194,3 +198,140 @@ def test_the_energy_of_a_snake_of_flaps_is_its_work():
         errors.append(np.abs(record.array()[:, BALANCE]).max())
     assert fitted_slope(1.0 / steps, errors) == pytest.approx(4.0, abs=0.5)
     assert errors[-1] < 1e-3 * record.array()[-1, 3]
+
+
+# ---------------------------------------------------------------- at the far end
+FAR = """
+gauges = [{ x = 0.7, y = 0.4 }, { x = 2.3, y = 0.4 }]
+[tank]
+type = "basin"
+depth = 1.0
+layout = { type = "rectangle", length = 3.0, width = 2.0 }
+[far_wall]
+type = "segmented-piston"
+motion = { type = "oblique-wave", wave_amplitude = 0.05, period = 1.3, angle = 30.0, ramp = 0.5 }
+segment = 0.5
+[run]
+duration = 0.2
+[numerics]
+cell_size = 1.0
+order = 3
+vertical_order = 4
+dt = 0.04
+tolerance = 1e-12
+edge_penalty = 0.0
+"""
+HINGED = "far_wall.type='segmented-flap'", "far_wall.hinge=0.3"
+
+
+@pytest.fixture(scope="module")
+def far(tmp_path_factory):
+    path = tmp_path_factory.mktemp("far") / "far.toml"
+    path.write_text(FAR)
+    return path
+
+
+def both(scene):
+    """Return a scene whose wall moves as its far wall."""
+    return scene.model_copy(update={"wall": scene.far_wall})
+
+
+def driven(scene, *, dt=0.04):
+    """Return (eta, psi) at the end, places, and the energy budget, a row a step, of a scene; collective."""
+    numerics = scene.numerics.model_copy(update={"dt": dt})
+    run, waves = build_run(scene.model_copy(update={"numerics": numerics}), MPI.COMM_WORLD)
+    record = Memory()
+    run.observers = [EnergyBudget(waves, record=record, every=1)]
+    run.execute()
+    surface = waves.elevation(run.state.q, run.state.p, run.t), run.state.p
+    surface, places = (
+        np.concatenate(waves.plane.comm.allgather(part)) for part in (np.transpose(surface), waves.plane.places)
+    )
+    return surface, places, record.array()
+
+
+def in_order(surface, places, *, mirrored=False):
+    """Return a surface by x, or by the distance from the far wall, and y."""
+    x, y = np.round(places, 6).T
+    return surface[np.lexsort((y, LENGTH - x if mirrored else x))]
+
+
+def mirror(far, *changes):
+    """Return how far a basin driven from the far end is from the mirror of one driven from x = 0, or from both."""
+    scene = read_case(far, [*changes])
+    near = scene.model_copy(update={"wall": scene.far_wall, "far_wall": type(scene.wall)()})
+    (surface, places, budget), (other, there, its), (all_of, where, mass) = map(driven, (near, scene, both(scene)))
+    assert np.abs(surface).max() > 1e-3
+    assert np.ptp(mass[:, MASS]) < 1e-14 * mass[0, MASS]
+    yield in_order(surface, places) - in_order(other, there, mirrored=True)
+    yield budget - its
+    yield in_order(all_of, where) - in_order(all_of, where, mirrored=True)
+
+
+def test_segments_at_the_far_end_make_the_mirror_of_what_they_make_at_the_near_one(far):
+    """An angle is from the wall's normal into the water, positive towards y, at either end; no water is lost."""
+    assert max(np.abs(missed).max() for missed in mirror(far)) < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        (["tank={length=3.0,depth=1.0}", "gauges=[]"], 'far_wall.type = "segmented-piston": needs a basin (tank.type)'),
+        (["water.type='linear'"], 'far_wall.type = "segmented-piston": needs nonlinear water'),
+        (["far_wall.segment=2.0"], "far_wall.segment = 2.0: must be at most 1."),
+        (["far_wall.motion.angle=90"], "far_wall.motion.angle = 90"),
+        (["far_wall.reach=4"], "far_wall.reach = 4.0: must be at most the tank's length, 3 m"),
+        (["far_wall.absorb={type='active'}"], "far_wall.absorb = "),
+    ],
+)
+def test_what_no_far_segments_can_be_is_a_sentence(far, changes, said):
+    with pytest.raises(InputError) as error:
+        read_case(far, changes)
+    assert said in str(error.value)
+
+
+@pytest.mark.slow
+def test_flaps_in_segments_at_the_far_end_are_mirrored_too(far):
+    assert max(np.abs(missed).max() for missed in mirror(far, *HINGED, "run.duration=0.4")) < 1e-12
+
+
+@pytest.mark.slow
+def test_the_energy_of_snakes_at_both_ends_is_the_work_of_both(far):
+    """To the scheme's order in time; mass is exact."""
+    scene, steps = both(read_case(far, [*HINGED, "run.duration=0.6", "numerics.cell_size=0.5"])), np.array([0.06, 0.03])
+    budgets = [driven(scene, dt=dt)[2] for dt in steps]
+    errors = [np.abs(budget[:, BALANCE]).max() for budget in budgets]
+    assert fitted_slope(steps, errors) == pytest.approx(4.0, abs=0.5)
+    assert max(np.ptp(budget[:, MASS]) for budget in budgets) < 1e-13 * budgets[0][0, MASS]
+
+
+def two_snakes(path):
+    """Return the surface in order, and the budget, of flaps in segments at both ends; collective."""
+    surface, places, budget = driven(both(read_case(path, [*HINGED])))
+    return in_order(surface, places), budget
+
+
+@pytest.mark.slow
+def test_snakes_at_both_ends_on_any_number_of_ranks(far, on_ranks):
+    surface, budget = two_snakes(far)
+    for ranks in (2, 3):
+        for other, its in on_ranks(two_snakes, far, ranks=ranks):
+            assert other == pytest.approx(surface, abs=1e-9) and its == pytest.approx(budget, abs=1e-9)
+
+
+@pytest.mark.slow
+def test_far_segments_are_recorded_and_go_on(far, tmp_path):
+    """As they are told to move, at their joints; resumed byte for byte; the next run begins where they all stand."""
+    recorded(far, ("run.duration=0.4",), tmp_path / "whole")
+    recorded(far, (), tmp_path / "parts")
+    begin = f"initial={{type='run',directory='{tmp_path / 'parts'}'}}"
+    with pytest.raises(InputError, match=r"the far wall stood at -0\.0\d+ m when t = 0\.2 s, and begins at 0 m"):
+        build_run(read_case(far, [begin, "far_wall.segment=0.4"]), MPI.COMM_SELF)
+    assert main(["resume", str(tmp_path / "parts"), "--extend", "0.2"]) == 0
+    for name in ("gauges", "energy", "far-paddle"):
+        whole, parts = ((tmp_path / run / f"{name}.csv").read_bytes() for run in ("whole", "parts"))
+        assert whole == parts
+    record, motion = RunDirectory(tmp_path / "whole").far_paddle, read_case(far, ["run.duration=0.4"]).mirrored.motion()
+    np.testing.assert_allclose(record.y.values, [0.0, 0.5, 1.0, 1.5, 2.0])
+    there = motion.position(record.time.values, record.y.values)
+    np.testing.assert_allclose(record.position.values, there, atol=1e-12)

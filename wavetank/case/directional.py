@@ -1,4 +1,7 @@
-"""A segmented paddle: waves that leave it at an angle, or meet from many directions. Angles are in degrees from x."""
+"""A segmented paddle: waves that leave it at an angle, or meet from many directions.
+
+Angles are in degrees from the wall's normal into the water, positive towards y, at either end of a basin.
+"""
 
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal
@@ -44,7 +47,7 @@ class ObliqueWaveMotion(Noun):
     formerly: ClassVar[dict[str, str]] = {"amplitude": "wave_amplitude"}
     wave_amplitude: Height = Field(description="amplitude a of the wave [m]")
     period: Duration = Field(description="period T [s]")
-    angle: float = Field(gt=-90, lt=90, description="direction theta of the wave [deg], positive towards y")
+    angle: float = Field(gt=-90, lt=90, description="direction theta from the wall's normal [deg], positive towards y")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
 
     def wave(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.ObliqueWave:
@@ -261,7 +264,12 @@ class DirectionalSurfaceMotion(SurfaceFile, _SentWaves):
     """Waves of one direction by the elevation that is wished for at a place, from a file."""
 
     type: Literal["surface"] = "surface"
-    angle: float = Field(default=0.0, gt=-90, lt=90, description="direction of the waves [deg], positive towards y")
+    angle: float = Field(
+        default=0.0,
+        gt=-90,
+        lt=90,
+        description="direction of the waves from the wall's normal [deg], positive towards y",
+    )
 
     def plane_waves(self, tank: AnyTank) -> PlaneWaves:
         """Return the waves, by linear theory."""

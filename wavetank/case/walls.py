@@ -2,11 +2,10 @@
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field
-from pydantic_core import PydanticCustomError
+from pydantic import Field
 
 from wavetank import motions
 from wavetank.case.absorption import Absorption, SpringDamper
@@ -158,26 +157,14 @@ class ProfileWall(ShapedWall, PaddleWall):
         yield from super().problems(scene)
 
 
-SEGMENTED = tuple(wall.model_fields["type"].default for wall in (SegmentedPistonWall, SegmentedFlapWall))
 AnyWall = FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall | SegmentedFlapWall
 Wall = Annotated[AnyWall, Field(discriminator="type", description="the wall at x = 0")]
-
-
-def _whole(given: Any) -> Any:
-    """Return what is given of a far wall; raises for one in segments, before its motion is looked at."""
-    kind = given.get("type") if isinstance(given, dict) else getattr(given, "type", None)
-    if kind in SEGMENTED:
-        problem = Problem(("far_wall", "type"), kind, "must move as a whole: only [wall] is made of segments")
-        raise PydanticCustomError("scene", "{text}", {"text": str(problem), "problems": [problem]})
-    return given
-
-
 FarWall = Annotated[
     AnyWall,
-    BeforeValidator(_whole),
     Field(
         discriminator="type",
-        description="the wall at x = length, of a slice or a rectangle; its motion is positive into the "
-        "water, and all x of its waves count from it, into the water",
+        description="the wall at x = length, of a slice or a rectangle; its motion is positive into the water, all "
+        "x of its waves count from it, into the water, and angles are from its normal into the water, positive "
+        "towards y",
     ),
 ]

@@ -38,7 +38,7 @@ class ComponentFile(WaveFile):
         min_length=3,
         max_length=20,
         description="what its columns are: frequency in Hz or omega in rad/s, amplitude in m, phase in rad or lag, its "
-        "opposite; of paddles in segments direction in degrees from x; other",
+        "opposite; of paddles in segments direction in degrees from the wall's normal, positive towards y; other",
     )
     x: Coordinate = Field(default=0.0, description="where the phases hold [m]")
     time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="when they hold [s]")

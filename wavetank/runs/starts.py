@@ -119,7 +119,9 @@ def _check(scene: Scene, before: Scene, t: float) -> None:
         if mine.get(key) != its.get(key):
             raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
     for name, was, now in (("wall", before, scene), ("far wall", before.mirrored, scene.mirrored)):
-        stood, stands = _position(was, t), _position(now, 0.0)
+        places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
+        along = np.unique(np.concatenate(places)) if places else None
+        stood, stands = _position(was, t, along), _position(now, 0.0, along)
         apart = stands - stood
         if np.abs(apart).max() > APART * scene.tank.depth:
             most = int(np.abs(apart).argmax())
@@ -141,8 +143,8 @@ def _leaves(tables: dict[str, Any], name: str = "") -> Iterator[tuple[str, Any]]
             yield f"{name}{key}", value
 
 
-def _position(scene: Scene, t: float) -> Vector:
-    """Return where the wall stands, as the water has it [m], at some places or at one."""
+def _position(scene: Scene, t: float, y: Vector | None) -> Vector:
+    """Return where the wall stands, as the water has it [m], at places along it or, as a whole, at one."""
     if scene.physics == "linear" or not scene.wall.moves:
         return np.zeros(1)
-    return np.atleast_1d(scene.of_paddle(scene.motion(), "position")(np.array([t]))).ravel()
+    return np.atleast_1d(scene.motion().position(t, y)).ravel()

@@ -35,5 +35,5 @@ class Side(NamedTuple):
         return np.asarray((places - self.point) @ self.normal)
 
     def along(self, places: Vector) -> Vector:
-        """Return the coordinates y of places (x, y) along the paddle [m], shape (N,)."""
-        return np.asarray((places - self.point) @ np.array([-self.normal[1], self.normal[0]]))
+        """Return the coordinates y of places (x, y) along the paddle [m], shape (N,), counted as the tank's y."""
+        return np.asarray((places - self.point) @ (self.sign * np.array([-self.normal[1], self.normal[0]])))
