@@ -20,7 +20,7 @@ the paddle takes of the tank beyond. Apart from that flux mass is conserved to r
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import scipy
@@ -94,8 +94,7 @@ class LinearWaves:
         still = WaterEnergy(h=d, d=d, gravity=g, mapping=wall.mapping)
         self.mass = mass_matrix(plane, wall.mapping.J(0.0))
         self.layer: Layer
-        self.potential, self.layer = self._interior(still, tolerance)
-        self.still = self.layer.assemble()
+        self.potential, self.layer, self.still = self._interior(still, tolerance)
         direct = isinstance(self.potential, DirectPotential)
         self.stages = LinearStages.of(self, tolerance=COUPLED_TOLERANCE if direct else tolerance, direct=direct)
         self._motions = [paddle.motion for paddle in wall.paddles]
@@ -104,13 +103,17 @@ class LinearWaves:
         self._p: Vector = self._q
         self._G_psi: Vector = self._q
 
-    def _interior(self, still: WaterEnergy, tolerance: float) -> tuple["StillPotential", Layer]:
+    def _interior(self, still: WaterEnergy, tolerance: float) -> tuple["StillPotential", Layer, Any]:
+        """Return the interior potential, the layer over the depth, and its averages for the mean depth."""
         plane, vertical = self.plane, self.vertical
         if plane.mesh.topology.dim == 1 and isinstance(self.bed, FlatBed):
             matrices = LayerMatrices(still.layer, plane)
-            return DirectPotential(matrices, vertical), matrices
-        _, layer, minimum = interior_of(still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance)
-        return IterativePotential(minimum, plane=plane, components=vertical.n + 1), layer
+            return DirectPotential(matrices, vertical), matrices, matrices.assemble()
+        operator, layer, minimum = interior_of(still.layer, plane, vertical, column=self.h, tolerance=0.1 * tolerance)
+        with self.bed.levelled():
+            averages = layer.assemble()
+        operator.update()
+        return IterativePotential(minimum, plane=plane, components=vertical.n + 1), layer, averages
 
     def flux(self, paddle: LinearOpening, still: WaterEnergy) -> Vector:
         """Return dF/dphi of a paddle for the energy of still water, shape (owned, n+1)."""
