@@ -17,6 +17,7 @@ from test_stateful import SLICE
 
 from wavetank.case import Scene
 from wavetank.case.absorption import ActiveAbsorption, SpringDamper
+from wavetank.case.reading import read_case
 from wavetank.case.tanks import SliceTank
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
@@ -31,7 +32,7 @@ from wavetank.observers.schedule import EverySteps
 from wavetank.plan.planned import planned
 from wavetank.plan.requirements import requirements
 from wavetank.postprocess.analysis.reflection import reflected
-from wavetank.records.directory import PADDLE
+from wavetank.records.directory import PADDLE, RunDirectory
 from wavetank.runs.build import ANSWERED, build_run
 from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
@@ -413,19 +414,39 @@ dt = 0.04
 """
 
 
-def test_what_absorbing_takes_beyond_limits_and_a_short_reach_is_said(capsys, tmp_path):
-    """By the recorded motion; a reach is that of a cell at least."""
-    case, out = tmp_path / "case.toml", tmp_path / "run"
+@pytest.fixture(scope="module")
+def sloshed(tmp_path_factory):
+    """Return the case of a run in which absorbing has moved the paddle, and its directory."""
+    case = tmp_path_factory.mktemp("absorbed") / "case.toml"
     case.write_text(CASE)
-    command = ["run", str(case), "--no-plots", "--set", "wall.reach=0.03"]
-    assert main([*command, "--out", str(out)]) == 0
-    said = " ".join(capsys.readouterr().out.split())
-    stroke = np.ptp(np.loadtxt(out / PADDLE, delimiter=",", skiprows=1)[:, 1])
+    command = ["run", str(case), "--no-plots", "--set", "wall.reach=0.03", "--out", str(case.with_name("run"))]
+    assert main(command) == 0
+    return case, case.with_name("run")
+
+
+def test_what_absorbing_takes_beyond_limits_and_a_short_reach_is_said(sloshed, capsys, tmp_path):
+    """By the recorded motion; a reach is that of a cell at least."""
+    said = " ".join((sloshed[1] / "run.log").read_text().split())
+    stroke = np.ptp(np.loadtxt(sloshed[1] / PADDLE, delimiter=",", skiprows=1)[:, 1])
     assert f"absorbing took the paddle of wall to a stroke of {stroke:.4g} m; wall.limits.stroke allows 0.001 m" in said
     assert "limits.speed" not in said
     assert "warning: wall.reach = 0.03 m is less than a cell, on this mesh it is 0.5 m" in said
+    case = tmp_path / "case.toml"
     case.write_text(CASE.replace('{type = "at-rest"}', '{type = "sinusoid", paddle_amplitude = 4e-4, period = 2.0}'))
     assert main(["motion", str(case), "--out", str(tmp_path / "board.csv")]) == 0
     assert "without what absorbing adds" in " ".join(capsys.readouterr().out.split())
     assert main(["run", str(case), "--no-plots", "--set", "water.type=linear", "--out", str(tmp_path / "linear")]) == 0
     assert "of the mass (linear theory: what paddles displace), " in " ".join(capsys.readouterr().out.split())
+
+
+def test_a_surface_is_kept_where_absorbing_has_taken_the_paddle(sloshed, tmp_path):
+    """On other cells the run goes on with it; another run, whose paddle begins elsewhere, does not begin with it."""
+    case, out = sloshed
+    part = Path(shutil.copytree(out, tmp_path / "part"))
+    stood = float(RunDirectory(out).paddle.position[-1])
+    assert abs(stood) > 0.005
+    assert main(["resume", str(part), "--no-plots", "--extend", "0.04", "--set", "numerics.cells=8"]) == 0
+    assert RunDirectory(part).manifest["errors"]["mass"] < 0.01 * abs(stood) / 3.0
+    begin = f"initial={{type='run', directory='{out}'}}"
+    with pytest.raises(InputError, match=f"the wall stood at {stood:.4g} m when t = 0.8 s, and begins at 0 m"):
+        build_run(read_case(case, [begin]), MPI.COMM_SELF)

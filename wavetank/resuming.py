@@ -25,7 +25,7 @@ from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
 from wavetank.runs.build import Beginning
 from wavetank.runs.clock import Clock
-from wavetank.runs.kept_surface import KeptSurface
+from wavetank.runs.kept_surface import KeptSurface, held_by_scheme
 from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
 from wavetank.runs.waters import AnyWaves
@@ -327,8 +327,7 @@ class GoingOn:
         """Where a run with other numerics begins; None of one that goes on as it was."""
         if not self.anew:
             return None
-        scheme = self._held["parts"]["scheme"].get("scheme", {})
-        return Beginning(self.about["t"], self.about["step"], scheme, self._surface.on)
+        return Beginning(self.about["t"], self.about["step"], held_by_scheme(self._held), self._surface.on)
 
     @property
     def _held(self) -> Held:
@@ -343,7 +342,8 @@ class GoingOn:
         if self._kept is not None:
             surface = together(self._text, self._kept.arrays)["surface"]
             values, places = (surface["elevation"], surface["potential"]), self._kept.places
-        return KeptSurface(self._chosen, self.about["t"], self.about["mass"], values=values, places=places)
+        scheme = held_by_scheme(self._held)
+        return KeptSurface(self._chosen, self.about["t"], self.about["mass"], values, places, scheme=scheme)
 
     def take(self, run: Run, waves: AnyWaves, *, scene: Scene, fields: Mapping[str, VtuSeries]) -> str:
         """Let a run take what was held, and its records go on; return what there is to say; collective.

@@ -1,6 +1,6 @@
 """From the paddles of a scene that absorb to what answers the water: a row in a table for each noun."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from wavetank.case import Scene
@@ -9,6 +9,7 @@ from wavetank.fe.agreed import agreed, from_first
 from wavetank.motions.answer import Equation
 from wavetank.motions.at_face import elevation_at_face
 from wavetank.runs.waters import AnyWaves
+from wavetank.stateful import Held
 from wavetank.values.noun import Noun
 from wavetank.water.answering import AnsweringPaddle, Excess, Look, Push
 
@@ -31,6 +32,13 @@ def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
 def added_motions(scene: Scene, waves: AnyWaves) -> dict[int, Any]:
     """Return how those paddles move that absorb, by their numbers: ``Steered`` motions."""
     return {number: waves.wall.paddles[number].motion for number in scene.absorbing}
+
+
+def went_on(scene: Scene, motions: Iterable[Any], scheme: Held) -> None:
+    """Let motions of a scene's paddles, those that absorb among them, stand where a run's scheme has held them."""
+    paddles = [*motions]
+    for n, number in enumerate(scene.absorbing):
+        paddles[number].carry(scheme[f"paddle {n}"]["motion"])
 
 
 def _active(scene: Scene, absorb: ActiveAbsorption, number: int, waves: AnyWaves) -> Answered:

@@ -10,9 +10,11 @@ from wavetank.case import Scene
 from wavetank.fe.by_place import at_the_same, found
 from wavetank.fe.plane import Plane
 from wavetank.fe.points import Points
+from wavetank.runs.answering import went_on
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.walls import build_wall
 from wavetank.runs.waters import AnyWaves
+from wavetank.stateful import Held
 
 TRIALS = 6  # each ten times as near: the slopes of surface and paddle are a few tenths at most
 
@@ -32,6 +34,8 @@ class KeptSurface(NamedTuple):
         Elevation [m] and surface potential [m²/s], shape (N,) each; used of the first rank alone.
     places
         Of the degrees of freedom in its mesh [m], shape (N, 3); used of the first rank alone.
+    scheme
+        What its integrator has held: where absorbing has taken its paddles.
     """
 
     scene: Scene
@@ -39,6 +43,7 @@ class KeptSurface(NamedTuple):
     mass: float
     values: tuple[Vector, Vector]
     places: Vector
+    scheme: Held
 
     def on(self, waves: AnyWaves) -> tuple[Vector, Vector]:
         """Return both at the degrees of freedom of waves, whose wall stands as it will, shape (owned,); collective.
@@ -51,6 +56,7 @@ class KeptSurface(NamedTuple):
         comm, footprint = waves.plane.comm, build_footprint(self.scene, waves.plane.comm)
         plane = Plane(footprint.mesh, self.scene.numerics.order, footprint.chart)
         wall: Any = build_wall(self.scene, footprint, plane)
+        went_on(self.scene, (paddle.motion for paddle in wall.paddles), self.scheme)
         if wall.moves:
             wall.set_time(self.t)
         fields = [plane.function("kept") for _ in self.values]
@@ -69,6 +75,12 @@ class KeptSurface(NamedTuple):
         begin = sum(comm.allgather(waves.plane.owned)[: comm.rank])
         mine = slice(begin, begin + waves.plane.owned)
         return z[mine], points.evaluate(fields[1])[mine]
+
+
+def held_by_scheme(run: Held) -> Held:
+    """Return what its integrator has held, of what a run has."""
+    held: Held = run["parts"]["scheme"].get("scheme", {})
+    return held
 
 
 def _on_all(comm: MPI.Comm, rows: Vector) -> Vector:

@@ -14,11 +14,14 @@ from wavetank.case.initial_formula import FormulaSurface
 from wavetank.errors import InputError
 from wavetank.fe.agreed import agreed, from_first
 from wavetank.fe.misfit import rms
+from wavetank.motions import Motion
 from wavetank.records.checkpoint import Checkpoint, is_at, kept, read_kept
 from wavetank.records.directory import RunDirectory
-from wavetank.runs.kept_surface import KeptSurface
+from wavetank.runs.answering import went_on
+from wavetank.runs.kept_surface import KeptSurface, held_by_scheme
+from wavetank.runs.walls import motion_of
 from wavetank.runs.waters import AnyWaves
-from wavetank.stateful import together
+from wavetank.stateful import Held, together
 
 SEEN = 0.01  # of its rms: a mean elevation that is told
 APART = 1e-3  # of the depth: so far may the wall stand from where it stood
@@ -42,23 +45,23 @@ def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurfac
     comm = waves.plane.comm
     found: list[Checkpoint] = []
 
-    def read() -> tuple[dict[str, Any], Scene]:
+    def read() -> tuple[dict[str, Any], Scene, Held]:
         path, about = _chosen(initial)
-        before = _its_scene(initial, about)
-        _check(scene, before, about["t"])
-        checkpoint = read_kept(path)
+        before, checkpoint = _its_scene(initial, about), read_kept(path)
         if not isinstance(checkpoint, Checkpoint):
             raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
+        scheme = held_by_scheme(together(checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))["run"])
+        _check(scene, before, about["t"], scheme)
         found.append(checkpoint)
-        return about, before
+        return about, before, scheme
 
-    about, before = from_first(comm, read)
+    about, before, scheme = from_first(comm, read)
     values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
     places: Vector = np.zeros((0, 3))
     if found:
         surface = together(found[0].held, found[0].arrays)["surface"]
         values, places = (surface["elevation"], surface["potential"]), found[0].places
-    return KeptSurface(before, about["t"], about["mass"], values=values, places=places)
+    return KeptSurface(before, about["t"], about["mass"], values, places, scheme=scheme)
 
 
 def with_its_numerics(scene: Scene, initial: RunState) -> Scene:
@@ -112,16 +115,17 @@ def _its_scene(initial: RunState, about: dict[str, Any]) -> Scene:
         raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
 
 
-def _check(scene: Scene, before: Scene, t: float) -> None:
+def _check(scene: Scene, before: Scene, t: float, scheme: Held) -> None:
     """Raise ``InputError`` unless the tanks are one, and the walls stand in one place."""
     mine, its = (_walls(one) for one in (scene, before))
     for key in sorted(mine.keys() | its.keys()):
         if mine.get(key) != its.get(key):
             raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
+    moved, moves = _motions(before, scheme), _motions(scene)
     for name, was, now in (("wall", before, scene), ("far wall", before.mirrored, scene.mirrored)):
         places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
         along = np.unique(np.concatenate(places)) if places else None
-        stood, stands = _position(was, t, along), _position(now, 0.0, along)
+        stood, stands = _position(moved.get(was.key), t, along), _position(moves.get(now.key), 0.0, along)
         apart = stands - stood
         if np.abs(apart).max() > APART * scene.tank.depth:
             most = int(np.abs(apart).argmax())
@@ -143,8 +147,16 @@ def _leaves(tables: dict[str, Any], name: str = "") -> Iterator[tuple[str, Any]]
             yield f"{name}{key}", value
 
 
-def _position(scene: Scene, t: float, y: Vector | None) -> Vector:
-    """Return where the wall stands, as the water has it [m], at places along it or, as a whole, at one."""
-    if scene.physics == "linear" or not scene.wall.moves:
-        return np.zeros(1)
-    return np.atleast_1d(scene.motion().position(t, y)).ravel()
+def _motions(scene: Scene, scheme: Held | None = None) -> dict[str, Motion]:
+    """Return what moves the walls, as the water has it, by their keys; ``scheme``: where absorbing has taken them."""
+    if scene.physics == "linear":
+        return {}
+    motions = [motion_of(seen) for seen in scene.paddles]
+    if scheme is not None:
+        went_on(scene, motions, scheme)
+    return {seen.key: motion for seen, motion in zip(scene.paddles, motions, strict=True)}
+
+
+def _position(motion: Motion | None, t: float, y: Vector | None) -> Vector:
+    """Return where a motion is [m], at places along it or, as a whole, at one; without one at rest."""
+    return np.zeros(1) if motion is None else np.atleast_1d(motion.position(t, y)).ravel()

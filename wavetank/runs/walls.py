@@ -75,18 +75,18 @@ def _both(scene: Scene, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
     return BothEnds(near, far, plane=plane)
 
 
-def _motion(scene: Scene) -> Motion:
+def motion_of(scene: Scene) -> Motion:
     """Return what moves the wall: of a paddle that absorbs a motion of this run's own."""
     return scene.motion() if getattr(scene.wall, "absorb", None) is None else Steered(scene.motion())
 
 
 def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
-    return LinearPaddle(_motion(scene), plane=plane, side=footprint.side(scene.end))
+    return LinearPaddle(motion_of(scene), plane=plane, side=footprint.side(scene.end))
 
 
 def _linear_shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:
     side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
-    return LinearPaddle(_motion(scene), plane=plane, side=side, shape=shape)
+    return LinearPaddle(motion_of(scene), plane=plane, side=side, shape=shape)
 
 
 def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
@@ -104,7 +104,7 @@ def _shape(scene: Scene, noun: ShapedWall, plane: Plane) -> Polynomial:
 
 def _shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Plane) -> Piston:
     side, shape = footprint.side(scene.end), _shape(scene, noun, plane)
-    wall = Shaped(_motion(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
+    wall = Shaped(motion_of(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side, shape=shape)
     _check_flat(scene, noun, wall, plane)
     return _checked(scene, noun, wall)
 
@@ -129,7 +129,7 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
 
 def _piston(scene: Scene, noun: MovingWall, footprint: Slice | Basin, plane: Plane) -> Piston:
     side = footprint.side(scene.end)
-    wall = Piston(_motion(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
+    wall = Piston(motion_of(scene), plane=plane, reach=_reach(scene, noun, footprint, side), side=side)
     return _checked(scene, noun, wall)
 
 
