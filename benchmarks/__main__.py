@@ -13,7 +13,7 @@ from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import beside, scaling
+from benchmarks import beside, costs, scaling
 from benchmarks.direct import DirectMinimum
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS
@@ -132,6 +132,7 @@ def main() -> None:
         "profile": lambda asked: where_the_time_goes(asked.steps),
         "scaling": lambda asked: scaling.report(largest=asked.largest, cells=asked.cells),
         "beside": lambda asked: asked.other and beside.report(asked.other, CONSOLE),
+        "costs": lambda _: costs.report(CONSOLE),
     }
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", choices=list(benchmarks), action="append", help="may be given several times")

@@ -6,7 +6,7 @@ last period, of waves in a ring at the end.
 """
 
 import time
-from dataclasses import astuple, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -107,7 +107,7 @@ class Trial:
         make, self.accuracy = SCENES[name]
         self.scene = make()
         self.plan = make_plan(self.scene, self.accuracy, costs=costs)
-        self._tried: dict[tuple, tuple[float, float]] = {}
+        self._tried: dict[Settings, tuple[float, float]] = {}
 
     @property
     def reference(self) -> Measured:
@@ -123,13 +123,20 @@ class Trial:
 
     def measure(self, settings: Settings) -> tuple[float, float]:
         """Return error and CPU seconds; infinite where the run breaks down."""
-        if astuple(settings) not in self._tried:
+        if settings not in self._tried:
             try:
                 found = run(with_settings(self.scene, self.plan, settings))
-                self._tried[astuple(settings)] = (self._error(found), found.cpu)
+                self._tried[settings] = (self._error(found), found.cpu)
             except WavetankError:
-                self._tried[astuple(settings)] = (np.inf, np.inf)
-        return self._tried[astuple(settings)]
+                self._tried[settings] = (np.inf, np.inf)
+        return self._tried[settings]
+
+    def measure_in_turn(self, *several: Settings) -> None:
+        """Take the least CPU seconds of two more runs of each: what else a machine does only adds to them."""
+        for one in several * 2:
+            error, cpu = self.measure(one)
+            again = run(with_settings(self.scene, self.plan, one)).cpu
+            self._tried[one] = (error, min(cpu, again))
 
     def _error(self, found: Measured) -> float:
         if self.scene.tank.type == "ring":
@@ -140,8 +147,8 @@ class Trial:
         exact = np.interp(found.t, self._fine.t, self._fine.eta)[late]
         return float(np.sqrt(np.mean((found.eta[late] - exact) ** 2) / np.mean(exact**2)))
 
-    def best(self) -> tuple[Settings, float]:
-        """Return the cheapest settings, with their cost, found by steps downhill from the plan's."""
+    def search(self) -> None:
+        """Try steps downhill from the plan's settings."""
         now, cost = self.plan.settings, self.measure(self.plan.settings)[1]
         for _ in range(3):
             tried = [(self.measure(one), one) for one in self._neighbours(now)]
@@ -149,17 +156,18 @@ class Trial:
             if not good:
                 break
             cost, now = min(good, key=lambda one: one[0])
-        return now, cost
 
-    def least(self, error: float) -> float:
-        """Return what the cheapest of all settings tried costs that has at most this error [CPU s]."""
-        return min(cpu for found, cpu in self._tried.values() if found <= error)
+    def cheapest(self, error: float) -> Settings:
+        """Return the cheapest of all settings tried that have at most this error."""
+        return min(
+            (one for one, (found, _) in self._tried.items() if found <= error), key=lambda one: self._tried[one][1]
+        )
 
     def row(self, name: str) -> str:
         """Return the scene's row of the table."""
         plan, (error, cpu) = self.plan, self.measure(self.plan.settings)
         chosen = plan.settings
-        numerics = f"{chosen.order} | {chosen.cells} | {chosen.vertical_order} | {plan.steps} | {chosen.integrator}"
+        numerics = f"{chosen.order} | {chosen.cells} | {chosen.vertical_order} | {plan.steps}"
         figures = f"{plan.error:.1e} | {error:.1e} | {plan.cost.cpu:.2g} | {cpu:.2g}"
         return f"| {name} | {plan.physics} | {self.accuracy:g} | {numerics} | {figures} |"
 
@@ -251,10 +259,13 @@ def test_error_and_cost_are_as_predicted_and_little_is_cheaper(name):
     """
     needs_data(name)
     trial = Trial(name, this_machine())
-    error, cpu = trial.measure(trial.plan.settings)
-    best, least = trial.best()
-    print(f"{trial.row(name)} {least:.2g} | {cpu / least:.2f} | {best}")
+    error, _ = trial.measure(trial.plan.settings)
+    trial.search()
+    trial.measure_in_turn(trial.plan.settings, trial.cheapest(error), trial.cheapest(trial.accuracy))
+    as_accurate, accurate = trial.cheapest(error), trial.cheapest(trial.accuracy)
+    cpu, least = (trial.measure(one)[1] for one in (trial.plan.settings, accurate))
+    print(f"{trial.row(name)} {least:.2g} | {cpu / least:.2f} | {accurate}")
     assert 1 / 3 < trial.plan.error / error < 3
     assert 1 / 2 < trial.plan.cost.cpu / cpu < 2
-    assert cpu < 1.5 * trial.least(error)
+    assert cpu < 1.5 * trial.measure(as_accurate)[1]
     assert cpu < 2 * least

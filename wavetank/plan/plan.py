@@ -1,9 +1,10 @@
 """The plan of a scene: of all discretisations that are accurate enough, the cheapest, with what is needed and why.
 
-Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, three schemes, and for each of them the
-largest step that accuracy and stability allow. Errors of space and time add up (``error_model.py``), so the step
-follows from what the mesh leaves of the accuracy. It must hold a measured motion, too (``HELD``): steps of a few rows
-of the record are among those searched, as they do best. What a case sets beside an accuracy is kept and not searched.
+Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
+step of the default scheme that accuracy and stability allow: others take as much time or more, and are less accurate
+(docs/plan.md). Errors of space and time add up (``error_model.py``), so the step follows from what the mesh leaves of
+the accuracy. It must hold a measured motion, too (``HELD``): steps of a few rows of the record are among those
+searched, as they do best. What a case sets beside an accuracy is kept and not searched.
 
 The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
 dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the still
@@ -37,7 +38,7 @@ from wavetank.water.edge_penalty import NEEDED
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
-SCHEMES = ("simpson-4", "stormer-verlet", "gauss-legendre-4")
+SCHEME = "simpson-4"
 PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
@@ -171,7 +172,8 @@ class _Search:
         self._scene, self._given = scene, Given.by(scene)
         self._required, self._quickened = requirements(scene, accuracy), scene.quickened
         self._errors = ErrorModel(self._required)
-        self._steps = _Steps(self._errors, self._required, self._given.dt)
+        self._scheme = self._given.integrator or SCHEME
+        self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=self._given.dt)
 
     # ------------------------------------------------------------------------------------------ what is searched
     def _orders(self) -> tuple[int, ...]:
@@ -185,9 +187,6 @@ class _Search:
 
     def _vertical_orders(self) -> tuple[int, ...]:
         return VERTICAL_ORDERS if self._given.vertical_order is None else (self._given.vertical_order,)
-
-    def _schemes(self) -> tuple[str, ...]:
-        return SCHEMES if self._given.integrator is None else (self._given.integrator,)
 
     @property
     def what(self) -> str:
@@ -204,35 +203,35 @@ class _Search:
                 yield mesh
 
     def candidates(self) -> Iterator[Settings]:
-        """Yield every mesh that is accurate enough, with each scheme's largest step."""
+        """Yield every mesh that is accurate enough, with its largest step."""
         for mesh in self._meshes():
             space = self._errors.space(mesh)
             if self._errors.total(space) > AIM * self._required.accuracy:
                 continue
-            for name in self._schemes():
-                if (dt := self._steps.largest(name, self._longest_step(mesh, name), space)) is not None:
-                    cells, n = round(self._required.length / mesh.cells.size), mesh.vertical_order
-                    yield Settings(order=mesh.cells.order, cells=cells, vertical_order=n, dt=dt, integrator=name)
+            if (dt := self._steps.largest(self._longest_step(mesh), space)) is not None:
+                p, cells, n = mesh.cells.order, round(self._required.length / mesh.cells.size), mesh.vertical_order
+                yield Settings(order=p, cells=cells, vertical_order=n, dt=dt, integrator=self._scheme)
 
     def longest(self) -> float | None:
         """Return the longest step that would do where the one that is given does not; None if none is given or does."""
         if self._given.dt is None:
             return None
-        self._steps = _Steps(self._errors, self._required, None)
+        self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=None)
         return max((settings.dt for settings in self.candidates()), default=None)
 
     def best(self) -> float:
         """Return the best accuracy that all meshes reach."""
         return min((self._errors.total(self._errors.space(mesh)) for mesh in self._meshes()), default=np.inf) / AIM
 
-    def _longest_step(self, mesh: Mesh, name: str) -> float:
-        limit, required = MARGIN * INTEGRATORS[name].stability_limit, self._required
+    def _longest_step(self, mesh: Mesh) -> float:
+        stable = INTEGRATORS[self._scheme].stability_limit
+        limit, required = MARGIN * stable, self._required
         limit = min(limit, MARGIN * ANSWERED) if self._scene.absorbing else limit
         if required.physics == "linear":
             return limit / mesh.largest_frequency
         shifted = mesh.largest_frequency + required.velocity * _k_grid(mesh)
-        leaning = LEANING * INTEGRATORS[name].stability_limit / self._quickened
-        return min(limit / shifted, min(SOLVABLE[name], leaning) / mesh.largest_frequency)
+        solvable = min(SOLVABLE[self._scheme], LEANING * stable / self._quickened)
+        return min(limit / shifted, solvable / mesh.largest_frequency)
 
     def _current(self, mesh: Mesh) -> float:
         """Return u² k_grid / g; 0 for linear waves, which have no current."""
@@ -309,15 +308,15 @@ class _Steps:
     What each contributes to the error, and what it misses of a measured motion, is found once.
     """
 
-    def __init__(self, errors: ErrorModel, required: Requirements, given: float | None):
-        self._errors, self._required = errors, required
+    def __init__(self, errors: ErrorModel, required: Requirements, *, scheme: str, given: float | None):
+        self._errors, self._required, self._scheme = errors, required, scheme
         coarsest = np.pi / float(required.waves.omega.min())
         counts = required.duration / coarsest * STEP_RATIO ** np.arange(120)
         divided = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
         self._given, self._measured = given is not None, required.measured
         self._dt = np.sort([*divided, *self._of_rows()])[::-1] if given is None else np.array([given])
-        self._parts: dict[tuple[str, int], ErrorPart] = {}
-        self._missed: dict[tuple[str, float, int], float] = {}
+        self._parts: dict[int, ErrorPart] = {}
+        self._missed: dict[tuple[float, int], float] = {}
 
     def _of_rows(self) -> list[float]:
         """Return steps of some rows of each record that end within all."""
@@ -330,39 +329,37 @@ class _Steps:
         ]
         return [clock.dt for clock in steps if clock.end <= end * (1 + ROUNDING)]
 
-    def _holds(self, name: str, dt: float) -> bool:
+    def _holds(self, dt: float) -> bool:
         """Return whether a step holds measured motions; what is given is kept, and the run says what it misses.
 
         Where one of ``BETWEEN`` rows does not, the noise counts: steps that do not resolve the rows hold it by chance.
         """
         limit = HELD * self._required.accuracy
         return self._given or all(
-            (dt <= ROWS[0] * row * (1 + ROUNDING) or self._misses(name, BETWEEN * row, motion) <= limit)
-            and self._misses(name, dt, motion) <= limit
+            (dt <= ROWS[0] * row * (1 + ROUNDING) or self._misses(BETWEEN * row, motion) <= limit)
+            and self._misses(dt, motion) <= limit
             for motion in self._measured
             if (row := motion.interval) is not None
         )
 
-    def _misses(self, name: str, dt: float, motion: Motion) -> float:
-        key = name, dt, id(motion)
+    def _misses(self, dt: float, motion: Motion) -> float:
+        key = dt, id(motion)
         if key not in self._missed:
-            nodes, steps = INTEGRATORS[name].nodes, max(1, int(self._required.duration / dt))
+            nodes, steps = INTEGRATORS[self._scheme].nodes, max(1, int(self._required.duration / dt))
             self._missed[key] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
         return self._missed[key]
 
-    def _part(self, name: str, i: int) -> ErrorPart:
-        if (name, i) not in self._parts:
-            self._parts[name, i] = self._errors.time(name, float(self._dt[i]))
-        return self._parts[name, i]
+    def _part(self, i: int) -> ErrorPart:
+        if i not in self._parts:
+            self._parts[i] = self._errors.time(self._scheme, float(self._dt[i]))
+        return self._parts[i]
 
-    def largest(self, name: str, limit: float, space: ErrorPart) -> float | None:
+    def largest(self, limit: float, space: ErrorPart) -> float | None:
         """Return the largest step below ``limit`` [s] that is accurate and holds the motion; None if there is none."""
         low = int(np.searchsorted(-self._dt, -limit))
         high = self._dt.size
         while low < high:
             middle = (low + high) // 2
-            accurate = self._errors.total(space, self._part(name, middle)) <= AIM * self._required.accuracy
+            accurate = self._errors.total(space, self._part(middle)) <= AIM * self._required.accuracy
             low, high = (low, middle) if accurate else (middle + 1, high)
-        return next(
-            (float(self._dt[i]) for i in range(low, self._dt.size) if self._holds(name, float(self._dt[i]))), None
-        )
+        return next((dt for dt in map(float, self._dt[low:]) if self._holds(dt)), None)

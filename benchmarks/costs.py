@@ -1,0 +1,21 @@
+"""The constants of what runs cost, measured now, as ``wavetank/plan/cost_model.py`` has them built in.
+
+Steps become cheaper with the code: constants are fitted anew on a machine that is quiet, and take the old ones' place.
+"""
+
+import numpy as np
+from rich.console import Console
+
+from wavetank.plan.cost_model import BUILT_IN, calibrate, timed
+
+
+def report(console: Console) -> None:
+    """Print each kind's constants, and the seconds of the timed steps by them over those by the ones built in."""
+    for key, fitted in calibrate().constants.items():
+        steps = timed(key.split()[1])
+        rounded = [float(f"{constant:.2g}") for constant in fitted]
+        ratios = (steps @ rounded) / (steps @ np.array(BUILT_IN.constants[key]))
+        told = ", ".join(f"{constant:.2g}" for constant in rounded)
+        console.print(
+            f'"{key}": ({told}),  # {ratios.min():.2f} to {ratios.max():.2f} times', soft_wrap=True, highlight=False
+        )
