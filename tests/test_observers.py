@@ -148,13 +148,17 @@ def test_waves_that_go_through_a_tank_are_energy_that_a_balance_is_judged_by(uns
     assert len(budget.verdict()) == told
 
 
-@pytest.mark.parametrize("sink", [Absorbing(np.zeros(1), dt=0.5), SimpleNamespace(energy_taken=0.0)])
-def test_a_sponge_is_blamed_for_energy_only_where_there_is_one(sink):
-    budget = EnergyBudget(Steady(), record=Memory(), sinks=[sink])
-    for step, sink.energy_taken in enumerate((0.0, -0.1)):
+@pytest.mark.parametrize(("which", "called"), [(0, "the sponge"), (1, "what damps them")])
+def test_what_gives_energy_is_told_by_its_name_whatever_the_other_takes(which, called):
+    """0.3 J of 5 J at the most, given by 1 s."""
+    sinks = [Absorbing(np.zeros(1), dt=0.5), SimpleNamespace(energy_taken=0.0)]
+    budget = EnergyBudget(Steady(), record=Memory(), sinks=sinks)
+    for step, given in enumerate((-0.2, -0.1, 0.1, -0.1)):
+        sinks[which].energy_taken, sinks[1 - which].energy_taken = -given, 4.0 * (step > 0)
         budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
-    told = next(sentence for sentence in budget.verdict() if "should damp the waves has given them" in sentence)
-    assert ("sponge" in told) == isinstance(sink, Absorbing)
+    told = [sentence for sentence in budget.verdict() if "given" in sentence]
+    assert len(told) == 1 and told[0].startswith(f"{called} has given the waves")
+    assert "by t = 1 s" in told[0]
 
 
 def test_the_paddle_s_work_is_integrated_to_fourth_order_but_for_the_first_step():

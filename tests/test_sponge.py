@@ -201,7 +201,7 @@ def test_a_sponge_that_gives_energy_is_told(make_tank, strength, sound):
     for step in range(5):
         budget.observe(Moment(step, step * 0.02, state.q, state.p))
         state = scheme.step(waves, state, step * 0.02, 0.02)
-    assert any("should damp the waves has given them" in sentence for sentence in budget.verdict()) != sound
+    assert any("the sponge has given the waves" in sentence for sentence in budget.verdict()) != sound
 
 
 @pytest.mark.parametrize(("scheme", "order"), [(ThirdOrder(), 3), (Simpson4(), 4)])

@@ -29,11 +29,12 @@ class Absorbing:
     ----------
     energy_taken
         Of H since the start, the system's unit of energy.
-    gives
-        In words, what makes it give energy instead.
+    called, gives
+        In words, what it is, and what makes it give energy instead.
     """
 
-    gives = "a sponge that is too strong, begins too abruptly or meets a current or far longer waves does so"
+    called = "the sponge"
+    gives = "one that is too strong, begins too abruptly or meets a current or far longer waves does so"
 
     def __init__(self, gamma: Vector, *, dt: float):
         self.gamma, self.energy_taken = gamma, 0.0

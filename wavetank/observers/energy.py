@@ -45,12 +45,10 @@ TRUE = 0.01  # of the energy, what has gone included: a balance that is farther 
 SAME = 1e-6  # of a step: so near are steps of one length
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 
-SMOOTHED = "smoothing of waves too short or too steep for the step and the cells does so"
-
 # what a budget remembers:
 SUMS = (
     *("t", "dt", "total", "wall", "mass"),
-    *("energy", "off", "lost", "nothing", "taken", "given", "dissipated", "earlier"),
+    *("energy", "off", "lost", "nothing", "dissipated", "earlier"),
 )
 
 ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
@@ -62,7 +60,10 @@ ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
 
 @runtime_checkable
 class Sink(Protocol):
-    """What takes energy out of the water and counts it; ``gives``, where it has that, says when it does not."""
+    """What takes energy out of the water and counts it.
+
+    Where it is ``called`` something, that and ``gives`` say what it is that gives energy instead, and when it does.
+    """
 
     energy_taken: float
 
@@ -99,7 +100,8 @@ class EnergyBudget:
         absorbing: Mapping[int, Absorbing] | None = None,
     ):
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
-        self._waves, self._record, self._sinks, self._absorbing = waves, record, sinks, absorbing or {}
+        self._waves, self._record, self._absorbing = waves, record, absorbing or {}
+        self._sinks = {type(sink).__name__: sink for sink in sinks}
         self._rates: list[Vector] = []  # the paddles' power, and that of what absorbs
         self._before: list[Vector] = []  # those where the step ended, if something has acted since
         self._supplied: Vector = np.zeros(2)
@@ -109,7 +111,8 @@ class EnergyBudget:
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
         self._dissipated = self._earlier = 0.0  # in all, and by what took it before the numerics changed
-        self._taken = self._given = 0.0  # the most ever dissipated, and the most that came back of it
+        self._most = dict[str, float]()  # that each sink had taken
+        self._given = dict[str, tuple[float, float]]()  # the most that came back of that, and until when [s]
 
     def ended(self, at: tuple[Vector, Vector], t: float) -> None:
         """Keep the paddle's power where a step has ended, before something acts on the state; collective."""
@@ -140,8 +143,10 @@ class EnergyBudget:
         work = float(self._supplied[0]) - (now.wall - self._wall)
         self._dissipated = dissipated = self._earlier + self._by_sinks()
         balance = now.total - self._total - work + dissipated
-        self._taken = max(self._taken, dissipated)
-        self._given = max(self._given, self._taken - dissipated)
+        for name, sink in self._sinks.items():
+            self._most[name] = max(self._most.get(name, sink.energy_taken), sink.energy_taken)
+            if (given := self._most[name] - sink.energy_taken) > self._given.get(name, (0.0, 0.0))[0]:
+                self._given[name] = given, moment.t
         absorbed = self._absorbed(moment.t)
         gone = dissipated + max(sum(absorbed), 0.0)
         self._energy, self._off = max(self._energy, now.total + gone), max(self._off, abs(balance))
@@ -153,7 +158,7 @@ class EnergyBudget:
         self._record.append([moment.t, *energies, mass, *self._absorbed(moment.t)])
 
     def _by_sinks(self) -> float:
-        return sum(sink.energy_taken for sink in self._sinks)
+        return sum(sink.energy_taken for sink in self._sinks.values())
 
     def _energies(self, moment: Moment) -> Energies:
         """Return the energies at (q, p) from those at the last known point and their derivatives there."""
@@ -182,16 +187,17 @@ class EnergyBudget:
     def verdict(self) -> list[str]:
         """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, whether gone or not.
 
-        And one if what should take energy has given back more than ``GIVEN`` of it.
+        And one for each that should take energy and has given back more than ``GIVEN`` of it.
         """
         sentences = list[str]()
         if self._off > max(TRUE * self._energy, self._nothing):
             what = "a shorter step or a tighter tolerance is needed"
             sentences.append(f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}")
-        if self._given > max(GIVEN * self._energy, self._nothing):
-            what = " or ".join(dict.fromkeys(getattr(sink, "gives", SMOOTHED) for sink in self._sinks))
-            part = f"{self._given / self._energy:.2g} of the energy"
-            sentences.append(f"what should damp the waves has given them {part}: {what}")
+        for name, (given, t) in self._given.items():
+            if given > max(GIVEN * self._energy, self._nothing) and (sink := self._sinks.get(name)):
+                part = f"has given the waves {given / self._energy:.2g} of the energy by t = {t:.4g} s"
+                called, gives = getattr(sink, "called", "what damps them"), getattr(sink, "gives", "it should take")
+                sentences.append(f"{called} {part}: {gives}")
         return sentences
 
     def _integrate(self, t: float, rate: Vector) -> None:
@@ -206,15 +212,17 @@ class EnergyBudget:
     def held(self) -> Held:
         """Return the sums so far, and what the balance is judged by."""
         rates = {"rates": [rate.tolist() for rate in self._rates], "supplied": self._supplied.tolist()}
-        return {name: getattr(self, f"_{name}") for name in SUMS} | rates
+        of_sinks = {"most": {**self._most}, "given": {**self._given}}
+        return {name: getattr(self, f"_{name}") for name in SUMS} | rates | of_sinks
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         for name in SUMS:
             setattr(self, f"_{name}", held[name])
         self._rates, self._supplied = [np.array(rate) for rate in held["rates"]], np.array(held["supplied"])
+        self._most, self._given = {**held["most"]}, {name: (given, t) for name, (given, t) in held["given"].items()}
 
     def carry(self, held: Held) -> None:
         """Take the sums; what was dissipated stays so, whatever dissipates now."""
         self.take(held)
-        self._earlier = self._dissipated - self._by_sinks()
+        self._earlier, self._most = self._dissipated - self._by_sinks(), {}

@@ -136,6 +136,8 @@ class BreakingDissipation(Smoothing):
         When and where each crest began to break, (t [s], x [m]).
     """
 
+    called = "the eddy viscosity of breaking waves"
+
     def __init__(self, waves: NonlinearWaves, watch: BreakingWatch, *, dt: float):
         plane = waves.plane
         self.watch, self._dt = watch, abs(dt)

@@ -47,6 +47,8 @@ class EdgePenalty(Smoothing):
         Of u² k_g / g; 0 for always.
     """
 
+    called = "the edge penalty"
+
     def __init__(
         self,
         waves: NonlinearWaves,

@@ -32,7 +32,12 @@ class Smoothing:
     ----------
     energy_taken
         So far [m^4/s²].
+    called, gives
+        In words, what it is, and what makes it give energy instead.
     """
+
+    called = "smoothing"
+    gives = "waves too short or too steep for the step and the cells make it do so"
 
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form], *, by_wall: bool = False):
         self._waves, self._of, self._by_wall = waves, form, by_wall
