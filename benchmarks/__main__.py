@@ -120,7 +120,7 @@ GROUPS = {
     "the stages' preconditioner": ("method layers.respond", "method points.", "still_water.py", "carried_waves.py"),
     "the mass matrix": ("method mass.", "mass.py"),
     "forms of the wall": ("fem/assemble.py", "forms.py"),
-    "start values": ("method recall.", "recall.py", "start_values.py"),
+    "start values": ("method recall.", "method combination.", "recall.py", "combination.py", "start_values.py"),
 }
 
 

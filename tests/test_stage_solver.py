@@ -5,9 +5,10 @@ import pytest
 from mpi4py import MPI
 
 from wavetank.errors import ConvergenceError, RunError
+from wavetank.fe.combination import Combination
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
-from wavetank.hamiltonian.start_values import Combination, Extrapolation
+from wavetank.hamiltonian.start_values import Extrapolation
 
 
 def stage(t=0.0, dt=0.1):

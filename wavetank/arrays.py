@@ -32,16 +32,3 @@ def largest(comm: "MPI.Comm", part: float) -> float:
 
     found: float = comm.allreduce(part, op=MPI.MAX)
     return found
-
-
-def nearest(gram: Vector, along: Vector, *, shortest: float) -> Vector:
-    """Return the weights of vectors whose combination comes closest to a target, shape (k,).
-
-    Given are the vectors' products with each other, (k, k), and with the target, (k,). Directions whose square is below
-    ``shortest`` of that of the longest take no part.
-    """
-    if not along.size:
-        return along
-    squares, directions = np.linalg.eigh(gram)
-    kept = squares > shortest * squares[-1]
-    return np.asarray(directions[:, kept] @ (along @ directions[:, kept] / squares[kept]))

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.cells import defined, source
 from wavetank.fe.chain import CHAIN, chain, followed
 from wavetank.fe.conjugate_gradients import condition_number
+from wavetank.fe.kernels import defined, source
 from wavetank.fe.layers import LayerEnergy, LayerOperator
 from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -98,7 +98,8 @@ class AveragedModes:
     def __init__(self, operator: LayerOperator, plane: Plane, eigenvalues: Vector, *, room: int):
         self._operator, real = operator, operator.kernel.real
         self._eigenvalues = np.pad(eigenvalues, (0, room - eigenvalues.size), mode="edge").astype(real)
-        self._work = np.empty((plane.size, room), dtype=real)
+        self._work, self._shares = np.empty((plane.size, room), dtype=real), np.zeros(room, dtype=real)
+        self._at_work, self._at_shares = map(operator.kernel.pointer, (self._work, self._shares))
         self.chain = chain(operator.kernel, plane, systems=room)
 
     def take(self, averages: NDArray[Any]) -> None:
@@ -109,9 +110,8 @@ class AveragedModes:
     def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
         """See ``Modes``; exactly."""
         kernel, found, at = self._operator.kernel, np.empty_like(right), self._operator.kernel.pointer
-        padded = np.zeros_like(self._eigenvalues)
-        padded[: shares.size] = shares
-        kernel.call.respond(self.chain, at(padded), at(np.ascontiguousarray(right)), at(found), at(self._work))
+        self._shares[: shares.size] = shares
+        kernel.call.respond(self.chain, self._at_shares, at(np.ascontiguousarray(right)), at(found), self._at_work)
         return found
 
 

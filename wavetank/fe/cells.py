@@ -3,9 +3,6 @@
 On quadrilaterals, where nodes and points are pairs of those of an edge, kernels go edge by edge (``cells.c``).
 """
 
-from collections.abc import Mapping
-from importlib.resources import files
-
 import basix
 import numpy as np
 from mpi4py import MPI
@@ -23,16 +20,6 @@ typedef struct {
     const REAL *values, *slopes, *squares, *weights, *inverse, *measure;
 } Cells;
 """
-
-
-def source(name: str) -> str:
-    """Return C code that stands beside this file."""
-    return files("wavetank.fe").joinpath(name).read_text(encoding="utf-8")
-
-
-def defined(sizes: Mapping[str, object]) -> str:
-    """Return the lines of C that give sizes their values."""
-    return "".join(f"#define {key} {value}\n" for key, value in sizes.items())
 
 
 class Cells:

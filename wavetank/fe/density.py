@@ -41,7 +41,8 @@ class Density:
         self._fields: list[fem.Function] = [*([first] if first is not None else []), *others]
         self._constants = [one for one in extract_constants(e) if one not in inputs]
         index_map = plane.V.dofmap.index_map
-        self._values, self._size = [one.x.array for one in self._fields], index_map.size_local + index_map.num_ghosts
+        self._values = [one.x.array for one in self._fields]
+        self._rows = np.empty((index_map.size_local + index_map.num_ghosts, len(self._fields)))
         self._numbers = [one.value for one in self._constants]  # where they are kept
         self.fields = len(self._fields)
         self._names = dict(inputs)
@@ -54,11 +55,13 @@ class Density:
         return f"{compute_signature([(self._e, points)], '')} {order}"
 
     def rows(self) -> Vector:
-        """Return the fields as they are at all degrees of freedom that this rank sees, shape (size, fields)."""
-        rows = np.empty((self._size, self.fields))
+        """Return the fields as they are at all degrees of freedom that this rank sees, shape (size, fields).
+
+        The array is reused by the next call.
+        """
         for n, values in enumerate(self._values):
-            rows[:, n] = values
-        return rows
+            self._rows[:, n] = values
+        return self._rows
 
     def constants(self) -> Vector:
         """Return the constants as they are; at least one number."""

@@ -1,8 +1,9 @@
 """C code compiled where it is first needed, as forms are, and kept in the user's cache; numpy arrays handed to it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
+from importlib.resources import files
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,16 @@ from wavetank.fe.compiled import COMPILER_FLAGS, compiled, loaded
 
 FLAGS = [*COMPILER_FLAGS, "-fno-finite-math-only", "-fopenmp-simd", "-Wno-psabi", "-Wno-unused-variable"]
 KINDS = {np.dtype(np.int32): "int *", np.dtype(np.float64): "double *", np.dtype(np.float32): "float *"}
+
+
+def source(name: str) -> str:
+    """Return C code that stands beside this file."""
+    return files("wavetank.fe").joinpath(name).read_text(encoding="utf-8")
+
+
+def defined(sizes: Mapping[str, object]) -> str:
+    """Return the lines of C that give sizes their values."""
+    return "".join(f"#define {key} {value}\n" for key, value in sizes.items())
 
 
 class Kernel:

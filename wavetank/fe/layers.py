@@ -17,9 +17,9 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fe.cells import DECLARATION, Cells, defined, source
+from wavetank.fe.cells import DECLARATION, Cells
 from wavetank.fe.density import Density, Statements
-from wavetank.fe.kernels import FLAGS, Kernel
+from wavetank.fe.kernels import FLAGS, Kernel, defined, source
 from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
 

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from petsc4py import PETSc
 
 from wavetank.arrays import Vector, summed
-from wavetank.fe.cells import DECLARATION, Cells, defined, source
+from wavetank.fe.cells import DECLARATION, Cells
 from wavetank.fe.chain import CHAIN, chain
 from wavetank.fe.conjugate_gradients import conjugate_gradients
 from wavetank.fe.density import Density
 from wavetank.fe.forms import compile_form, owned_rows, part_of
-from wavetank.fe.kernels import Kernel
+from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
 
@@ -231,6 +231,7 @@ class MassMatrix:
         )
         self._cells = self._kernel.struct("Cells", cells.parts)
         self._weights = np.empty((cells.parts["batches"], len(cells.points), LANES))
+        self._at_weights = self._kernel.pointer(self._weights)
         of_cell = cells.values.T @ (cells.weights[:, None] * cells.values)
         self._of_cells = np.diag(of_cell)[:, None] * np.linalg.inv(of_cell) * np.diag(of_cell)
         self._size = float(np.sum(cells.parts["weights"]))
@@ -239,7 +240,7 @@ class MassMatrix:
     def update(self) -> None:
         """Take over what J depends on as it is."""
         at, density = self._kernel.pointer, self._density
-        self._kernel.call.weigh(self._cells, at(density.constants()), at(density.rows()), at(self._weights))
+        self._kernel.call.weigh(self._cells, at(density.constants()), at(density.rows()), self._at_weights)
         self._ready = False
 
     def _prepare(self) -> None:
@@ -254,12 +255,12 @@ class MassMatrix:
 
     def _of_diagonal(self) -> Vector:
         diagonal = np.zeros((self._halo.size, 1))
-        self._kernel.call.diagonal(self._cells, self._kernel.pointer(self._weights), self._kernel.pointer(diagonal))
+        self._kernel.call.diagonal(self._cells, self._at_weights, self._kernel.pointer(diagonal))
         return self._halo.collect(diagonal)
 
     def _product(self, x: Vector) -> Vector:
         at, y = self._kernel.pointer, np.zeros((self._halo.size, 1))
-        self._kernel.call.multiply(self._cells, at(self._weights), at(self._halo.fetch(x)), at(y))
+        self._kernel.call.multiply(self._cells, self._at_weights, at(self._halo.fetch(x)), at(y))
         return self._halo.collect(y)
 
     def _precondition(self, r: Vector) -> Vector:
@@ -313,7 +314,7 @@ class BandedMass(MassMatrix):
         return chain(self._kernel, self._plane, systems=1)
 
     def _prepare(self) -> None:
-        self._kernel.call.factor_mass(self._cells, self._kernel.pointer(self._weights), self._factors)
+        self._kernel.call.factor_mass(self._cells, self._at_weights, self._factors)
 
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
         """Return the solution for owned values r, shape (owned,), to round-off."""

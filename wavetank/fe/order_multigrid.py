@@ -12,11 +12,11 @@ from dolfinx.fem.petsc import interpolation_matrix
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
-from wavetank.fe.cells import DECLARATION, Cells, defined, source
+from wavetank.fe.cells import DECLARATION, Cells
 from wavetank.fe.conjugate_gradients import dot
 from wavetank.fe.decoupled import LEVELS, Averages, LayerMatrices, Responding
 from wavetank.fe.halo import Halo
-from wavetank.fe.kernels import FLAGS, Kernel
+from wavetank.fe.kernels import FLAGS, Kernel, defined, source
 from wavetank.fe.layers import LAYERS, Array, LayerDensity, LayerEnergy
 from wavetank.fe.plane import Plane
 

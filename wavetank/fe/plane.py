@@ -121,7 +121,7 @@ class Plane:
 
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""
-        return summed(self.comm, float(values.sum()))
+        return summed(self.comm, float(np.add.reduce(values, axis=None)))
 
 
 class Field:

@@ -12,8 +12,7 @@ from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
-from wavetank.fe.cells import source
-from wavetank.fe.kernels import Kernel
+from wavetank.fe.kernels import Kernel, source
 from wavetank.stateful import Held
 
 SHORTEST = 1e-13  # squared, of directions against the longest: shorter ones carry answers' errors rather than trends
@@ -42,9 +41,8 @@ class Recall:
 
     def __init__(self, inputs: int, answers: int, *, owned: int, comm: MPI.Comm, most: int = 8):
         self._comm, self._shapes = comm, ((inputs, owned), (owned, answers))
-        self._kernel = Kernel(
-            "recall", DECLARATIONS, key=source("recall.c"), source=lambda: source("recall.c"), comm=comm
-        )
+        code = source("nearest.c") + source("recall.c")
+        self._kernel = Kernel("recall", DECLARATIONS, key=code, source=lambda: code, comm=comm)
         self._input, self._answer = np.zeros(inputs * owned), np.zeros((owned, answers))
         self._ways = np.zeros((most - 1, inputs * owned), dtype=np.float32)  # to start from; answers are exact
         self._steps = np.zeros((most - 1, owned, answers), dtype=np.float32)

@@ -1,57 +1,47 @@
-"""Fields of the surface and their slopes at quadrature points, and integrals with them (``points.c``)."""
+"""How the surface's water moves at quadrature points, and integrals of what it carries along (``points.c``)."""
 
 import numpy as np
 
-from wavetank.arrays import Vector
-from wavetank.fe.cells import DECLARATION, Cells, defined, source
-from wavetank.fe.kernels import Kernel
+from wavetank.arrays import Vector, largest
+from wavetank.fe.cells import DECLARATION, Cells
+from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import Plane
 
 LANES = 8  # cells at a time
 DECLARATIONS = """
-void look(const Cells *, int slopes, const double *x, double *found);
+double move(const Cells *, double most, const double *surface, double *velocity, double *y);
 void carry(const Cells *, const double *velocity, int slopes, const double *x, double *y);
-void integrate(const Cells *, const double *integrand, double *y);
 """
 
 
 class SurfacePoints:
-    """The quadrature points of this rank's cells; collective throughout.
-
-    What is at points has the shape (batches of cells, points, components, cells of a batch): of values one component,
-    of slopes and velocities those along the axes of the space that the mesh lies in.
-    """
+    """The quadrature points of this rank's cells, and how the water moves there; collective throughout."""
 
     def __init__(self, plane: Plane):
         cells = Cells(plane, 2 * plane.order + 1, lanes=LANES)
-        self._halo, self._axes = cells.halo(1), plane.mesh.geometry.dim
-        code = defined({"REAL": "double", "MOST": 1, **cells.sizes}) + source("cells.c") + source("points.c")
+        self._halo, self._of_surface, self._comm = cells.halo(1), cells.halo(3), plane.comm
+        code = defined({"REAL": "double", "MOST": 3, **cells.sizes}) + source("cells.c") + source("points.c")
         declarations = DECLARATION + DECLARATIONS
         self._kernel = Kernel("points", declarations, key=code, source=lambda: code, comm=plane.comm)
         self._cells = self._kernel.struct("Cells", cells.parts)
-        self._batches = cells.parts["batches"], len(cells.points)
+        self._velocity = np.zeros((cells.parts["batches"], len(cells.points), plane.mesh.geometry.dim, LANES))
+        self._at_velocity = self._kernel.pointer(self._velocity)
+        self.fastest = 0.0
 
-    def _look(self, field: Vector, *, slopes: bool) -> Vector:
-        found, at = np.empty((*self._batches, self._axes if slopes else 1, LANES)), self._kernel.pointer
-        self._kernel.call.look(self._cells, slopes, at(self._halo.fetch(field[:, None])), at(found))
-        return found
+    def move(self, eta: Vector, psi: Vector, rise: Vector, *, most: float) -> Vector:
+        """Take the velocity from elevation [m], potential [m²/s] and d eta/dt [m/s], (owned,) each.
 
-    def values(self, field: Vector) -> Vector:
-        """Return a field of owned values, (owned,), at the points."""
-        return self._look(field, slopes=False)
-
-    def slopes(self, field: Vector) -> Vector:
-        """Return its slopes there."""
-        return self._look(field, slopes=True)
-
-    def integral(self, integrand: Vector) -> Vector:
-        """Return the integral of an integrand at the points times each test function, shape (owned,)."""
-        y, at = np.zeros((self._halo.size, 1)), self._kernel.pointer
-        self._kernel.call.integrate(self._cells, at(integrand), at(y))
+        Along an axis it is at most ``most`` [m/s]; ``fastest`` is the largest then. Returns the integral of the
+        vertical one times each test function, shape (owned,).
+        """
+        surface, y, at = np.stack([eta, psi, rise], axis=1), np.zeros((self._halo.size, 1)), self._kernel.pointer
+        rows = at(self._of_surface.fetch(surface))
+        fastest: float = self._kernel.call.move(self._cells, most, rows, self._at_velocity, at(y))
+        self.fastest = largest(self._comm, fastest)
         return self._halo.collect(y)[:, 0]
 
-    def carried(self, velocity: Vector, field: Vector, *, along: bool) -> Vector:
-        """Return int V . grad f v dX of velocities V at points, or, not ``along``, int f V . grad v dX, (owned,)."""
+    def carried(self, field: Vector, *, along: bool) -> Vector:
+        """Return int V . grad f v dX of the velocities V, or, not ``along``, int f V . grad v dX, shape (owned,)."""
         x, y, at = self._halo.fetch(field[:, None]), np.zeros((self._halo.size, 1)), self._kernel.pointer
-        self._kernel.call.carry(self._cells, at(velocity), along, at(x), at(y))
+        self._kernel.call.carry(self._cells, self._at_velocity, along, at(x), at(y))
         return self._halo.collect(y)[:, 0]

@@ -12,18 +12,19 @@ predicts to be small enough is the solution, and no evaluation goes to confirm t
 f need not have been evaluated; a scheme has its slope there from the stage itself, f = (z - c) / a.
 """
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import cached_property
 
 import numpy as np
 from mpi4py import MPI
 from petsc4py import PETSc
 
-from wavetank.arrays import Vector, nearest, summed
+from wavetank.arrays import Vector, summed
 from wavetank.errors import ConvergenceError, WavetankError
+from wavetank.fe.combination import Combination
 from wavetank.hamiltonian.contract import Near, Stage
-from wavetank.hamiltonian.start_values import Combination, Extrapolation
+from wavetank.hamiltonian.start_values import Extrapolation
 from wavetank.stateful import Held, give_back, held_by
 
 Preconditioner = Callable[[Stage, Vector], Vector]
@@ -103,6 +104,7 @@ class AndersonStageSolver:
         self._sizes: dict[str, float] = {}
         self._left: dict[str, tuple[float, int]] = {}  # of an error by an iteration, and how many solves ago
         self._coupled: dict[int, AndersonStageSolver] = {}
+        self._none: Vector = np.zeros(scale.size)  # what residuals are to be
         self._root_of_length = float(np.sqrt(comm.allreduce(scale.size)))
 
     def coupled(self, copies: int) -> "AndersonStageSolver":
@@ -173,7 +175,8 @@ class AndersonStageSolver:
 
     def _iterated(self, z: Vector) -> Vector | None:
         """Return the solution by Anderson's mixing from z on, or None where it does not converge; collective."""
-        name, norm, mixing = self._stage.name, np.nan, Mixing(self._comm, self._scale)
+        name, norm, mixing = self._stage.name, np.nan, self._mixing
+        mixing.forget()
         left, age = self._left.get(name, (np.inf, 0))
         left = left if age < CONFIRMED else np.inf
         for iteration in range(self.max_iterations):
@@ -188,12 +191,18 @@ class AndersonStageSolver:
                 self._left[name], age = (left, 0), 0
             if not np.isfinite(norm):
                 return None
-            z = mixing.next(z, residual)
+            mixing.add(z - residual, residual)
+            z, _ = mixing.guess(self._none)
             if norm <= target or SAFETY * left * norm <= target:
                 if name in self._left:
                     self._left[name] = self._left[name][0], age
                 return z
         return None
+
+    @cached_property
+    def _mixing(self) -> Combination:
+        """Anderson's: the iterates of z - r(z), combined as their residuals r come closest to zero."""
+        return Combination(self._comm, self._scale, self._shape, most=1 + MIXED, shortest=SHORTEST)
 
     def _earlier(self, stage: str) -> Extrapolation:
         if stage not in self._extrapolations:
@@ -276,34 +285,6 @@ class AndersonStageSolver:
         self._coupled.clear()
         for copies, one in held["coupled"].items():
             self.coupled(int(copies)).take(one)
-
-
-class Mixing:
-    """Anderson's: the iterates of z - r(z), combined as their residuals r come closest to zero.
-
-    Parameters
-    ----------
-    scale
-        Of the unknowns, shape (n,): residuals are judged in it.
-    """
-
-    def __init__(self, comm: MPI.Comm, scale: Vector):
-        self._comm, self._scale = comm, scale
-        self._last: tuple[Vector, Vector] | None = None
-        self._steps: deque[tuple[Vector, Vector]] = deque(maxlen=MIXED)  # of z - r and of r / scale
-
-    def next(self, z: Vector, residual: Vector) -> Vector:
-        """Return the iterate after z, shape (n,); collective."""
-        image, before = z - residual, self._last
-        self._last = image, residual
-        if before is None:
-            return image
-        self._steps.append((image - before[0], (residual - before[1]) / self._scale))
-        images, residuals = (np.array(part) for part in zip(*self._steps, strict=True))
-        stacked = np.vstack([residuals, residual / self._scale])
-        gram = summed(self._comm, stacked @ stacked.T)
-        weights = nearest(gram[:-1, :-1], gram[:-1, -1], shortest=SHORTEST)
-        return np.asarray(image - weights @ images)
 
 
 @dataclass(frozen=True)

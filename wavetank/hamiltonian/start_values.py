@@ -1,95 +1,15 @@
-"""Start values for the iterations: what has just been solved says where the next solution lies.
+"""Start values by extrapolation: one stage's values are continued polynomially in time.
 
-``Combination`` is for stages z = c + a f(z) of which c is known, among points at which f has been evaluated.
-
-``Extrapolation`` continues one stage's values polynomially in time; the degree is the one that would have predicted the
-newest value best, so that it follows the smoothness of the motion by itself.
+The degree is the one that would have predicted the newest value best, so that it follows the smoothness of the motion
+by itself.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
-from mpi4py import MPI
 
-from wavetank.arrays import Vector, nearest, summed
+from wavetank.arrays import Vector
 from wavetank.stateful import Held
-
-SHORTEST = 1e-13  # squared, of directions against the longest
-
-
-class Guess(NamedTuple):
-    """A start value, and by how much its z - a f(z) misses c as far as f is linear."""
-
-    z: Vector
-    missed: Vector
-
-
-class Combination:
-    """Points z at which g = z - a f(z) is known, combined as their g come closest to a stage's c.
-
-    Where f is linear and the g combine to c, the same combination of the points is the solution, whenever and whyever
-    they were evaluated. In time the weights extrapolate, in half steps where a scheme evaluates its ends and its
-    middle, as is best for all the frequencies that there are. They are kept small against what g is wrong by, lest
-    errors grow: least is the square of what is missed and of weights times that together.
-
-    Parameters
-    ----------
-    scale
-        What one unit of the unknowns is, shape (n,).
-    shape
-        In which vectors, of shape (n,), are held.
-    most
-        How many points are kept.
-    """
-
-    def __init__(self, comm: MPI.Comm, scale: Vector, shape: tuple[int, ...], *, most: int = 12):
-        self._comm, self._scale, self._shape = comm, scale, shape
-        self._points, self._images = np.zeros((2, most, scale.size))  # the newest, and differences to it and before
-        self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
-        self._recorded, self._weight = 0, np.nan
-
-    def begin(self, weight: float) -> None:
-        """Forget what is known for another a than this [s]."""
-        if weight != self._weight:
-            self._recorded, self._weight = 0, weight
-
-    def add(self, z: Vector, image: Vector) -> None:
-        """Take over a point and its z - a f(z); collective."""
-        if self._recorded:
-            self._put((z - self._points[0]), (image - self._images[0]) / self._scale)
-        self._points[0], self._images[0] = z, image
-        self._recorded += 1
-
-    def _put(self, point: Vector, image: Vector) -> None:
-        """Keep differences in place of the oldest ones; collective."""
-        place = (self._recorded - 1) % len(self._gram)
-        self._points[1 + place], self._images[1 + place] = point, image
-        known = min(self._recorded, len(self._gram))
-        self._gram[place, :known] = self._gram[:known, place] = self._along(image, known)
-
-    def _along(self, image: Vector, known: int) -> Vector:
-        return np.asarray(summed(self._comm, self._images[1 : 1 + known] @ image))
-
-    def guess(self, c: Vector, *, wrong: float) -> Guess:
-        """Return the combination for c, of images that are wrong by so much, a root of squares, scaled; collective."""
-        known = min(self._recorded - 1, len(self._gram))
-        away = (c - self._images[0]) / self._scale
-        gram = self._gram[:known, :known] + wrong**2 * np.eye(known)
-        weights = nearest(gram, self._along(away, known), shortest=SHORTEST)
-        missed = self._scale * (away - weights @ self._images[1 : 1 + known])
-        return Guess(self._points[0] + weights @ self._points[1 : 1 + known], missed)
-
-    def held(self) -> Held:
-        """Return the newest point and the differences, where they stand in the arrays, and the products of these."""
-        points, images = (part.reshape(len(part), *self._shape).copy() for part in (self._points, self._images))
-        known = {"recorded": self._recorded, "weight": self._weight, "products": self._gram.tolist()}
-        return {**known, "points": points, "images": images}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self._recorded, self._weight, self._gram = held["recorded"], held["weight"], np.array(held["products"])
-        self._points[:], self._images[:] = (held[part].reshape(self._points.shape) for part in ("points", "images"))
 
 
 class Extrapolation:

@@ -113,10 +113,14 @@ class Run:
         self._begun = True
         carry_over(self._parts, held["parts"])
 
+    @cached_property
+    def _ending(self) -> list[Ending]:
+        """What looks at where steps end."""
+        return [one for one in self.observers if isinstance(one, Ending)]
+
     def _ended(self, at: Evaluated, t: float) -> None:
-        for observer in self.observers:
-            if isinstance(observer, Ending):
-                observer.ended(at, t)
+        for observer in self._ending:
+            observer.ended(at, t)
 
     def _observe(self) -> None:
         state = self.state

@@ -13,7 +13,6 @@ needs more than some digits, so mass matrices are inverted roughly.
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.fe.surface_points import SurfacePoints
@@ -52,7 +51,6 @@ class CarriedWaves:
         self._waves, self._still, self._points = waves, still, SurfacePoints(waves.plane)
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
         self._t = np.nan  # of the stage for which the velocities were found
-        self._V: Vector = np.zeros(0)  # at the points
         self._B: Vector = np.zeros(waves.plane.owned)
         self._known = False  # both
 
@@ -66,8 +64,8 @@ class CarriedWaves:
         mass, a, at, solve = self._waves.mass, stage.weight, self._points, self._solved
         q, psi = residual.reshape(2, -1)
         eta, chi = self._still.surface(stage, q, psi - self._B * solve(q))
-        carried = a * at.carried(self._V, eta, along=False)
-        chi -= a * solve(at.carried(self._V, chi, along=True))
+        carried = a * at.carried(eta, along=False)
+        chi -= a * solve(at.carried(chi, along=True))
         kept = self._still.keeping(q, mass.apply(eta) + carried)
         return np.concatenate([kept, chi + self._B * (eta + solve(carried))])
 
@@ -81,16 +79,8 @@ class CarriedWaves:
         self._known = surface is not None
         if surface is None:
             return
-        at, solve = self._points, self._solved
-        slope, of_psi, rate = at.slopes(surface.eta), at.slopes(surface.psi), at.values(solve(surface.rate))
-        B = (rate + _product(slope, of_psi)) / (1 + _product(slope, slope))
-        self._V = np.clip(of_psi - B * slope, -most, most)
-        fastest = self._waves.plane.comm.allreduce(float(np.abs(self._V).max(initial=0.0)), op=MPI.MAX)
-        self._known = fastest * LARGEST > LEAST * most
+        solve = self._solved
+        vertical = self._points.move(surface.eta, surface.psi, solve(surface.rate), most=most)
+        self._known = self._points.fastest * LARGEST > LEAST * most
         if self._known:
-            self._B = np.clip(solve(at.integral(B)), -most, most)
-
-
-def _product(a: Vector, b: Vector) -> Vector:
-    """Return the scalar products of vectors at points."""
-    return np.asarray((a * b).sum(axis=2, keepdims=True))
+            self._B = np.minimum(np.maximum(solve(vertical), -most), most)

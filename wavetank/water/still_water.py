@@ -56,6 +56,7 @@ class StillWaterWaves:
     def __init__(self, waves: WavesOverStillWater):
         self._waves, self._still = waves, waves.still
         self._uniform = waves.mass.apply(np.ones(waves.plane.owned))  # the masses of a metre everywhere
+        self._of_metre = waves.plane.sum(self._uniform)
         self._solvers: dict[float, tuple[Modes, Vector]] = {}
 
     def _solver(self, weight: float) -> tuple[Modes, Vector]:
@@ -83,8 +84,7 @@ class StillWaterWaves:
 
     def keeping(self, r_q: Vector, q: Vector) -> Vector:
         """Return q with the mass of r_q: over a bed, or beside a wall, none is made; collective."""
-        sums = self._waves.plane.sum
-        return q + self._uniform * (sums(r_q - q) / sums(self._uniform))
+        return q + self._uniform * (self._waves.plane.sum(r_q - q) / self._of_metre)
 
 
 def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:

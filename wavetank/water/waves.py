@@ -132,7 +132,7 @@ class NonlinearWaves:
         self._point = b"", b""  # q and p, as they are compared
         self._stands = 0.0  # when the wall stands as it does
         self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
-        self.level = 0.0
+        self.level, self._speed = 0.0, float(np.sqrt(gravity * self.depth))  # the latter of long waves [m/s]
         self._H_p: Vector = self._q
         self._kinetic = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
@@ -222,13 +222,13 @@ class NonlinearWaves:
         if not self.wall.moves:
             return self._deviation(np.empty((2, self.plane.owned))).ravel()
         inputs = np.empty((3, self.plane.owned))
-        inputs[2] = self.depth / np.sqrt(self.gravity * self.depth) * self.wall.velocities
+        inputs[2] = self.depth / self._speed * self.wall.velocities
         return self._deviation(inputs).ravel()
 
     def _deviation(self, rows: Vector) -> Vector:
         """Set the first two of some rows to how far from rest the point last evaluated is: eta, and psi in metres."""
         rows[0] = self.h.owned - self.bed.still
-        rows[1] = self.phi.owned[:, -1] / np.sqrt(self.gravity * self.depth)
+        rows[1] = self.phi.owned[:, -1] / self._speed
         return rows
 
     def seen(self) -> Surface | None:
@@ -241,7 +241,7 @@ class NonlinearWaves:
         return float(np.sqrt(self.plane.sum(squares) / (2 * self.plane.size)))
 
     def _check_column(self, t: float) -> None:
-        if not self._all(self.h.owned.min(initial=np.inf) > 0.0):
+        if not self._all(np.minimum.reduce(self.h.owned, initial=np.inf) > 0.0):
             self._refuse_column(t)
 
     def _refuse_column(self, t: float) -> None:
@@ -287,7 +287,7 @@ class NonlinearWaves:
 
     def inner(self, a: Vector, b: Vector) -> float:
         """Return the sum of a b over the degrees of freedom of all ranks; collective."""
-        return self.plane.sum(a * b)
+        return summed(self.plane.comm, float(a @ b))
 
     def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
         """Return dH/dX_p [m^3/s²] and dH/dX_p' [m^3/s] of each paddle at fixed (Q, psi); collective."""

@@ -19,9 +19,8 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from wavetank.fe.cell_places import tabulate
-from wavetank.fe.cells import defined
 from wavetank.fe.forms import ScalarForm, taylor_coefficients
-from wavetank.fe.kernels import Kernel
+from wavetank.fe.kernels import Kernel, defined
 from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.water.bed import Bed

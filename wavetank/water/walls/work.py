@@ -4,6 +4,7 @@ As forms they are assembled anew for each potential and column. What a vertical 
 both and goes with its velocity, W = X_p' phi . M h, so M is found once.
 """
 
+from importlib.resources import files
 from typing import Any, Protocol
 
 import numpy as np
@@ -13,8 +14,23 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import ScalarForm, VectorForm
+from wavetank.fe.kernels import Kernel
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.water.walls.travel import Travel
+
+Indices = NDArray[np.integer[Any]]
+ENTRIES = """
+typedef struct {
+    int rows, width;
+    const int *at, *places;
+    const double *entries;
+} Entries;
+"""
+DECLARATIONS = f"""{ENTRIES}
+void times(const Entries *, double factor, const double *x, double *y);
+double between(const Entries *, const double *y, const double *x);
+"""
+SOURCE = ENTRIES + files(__package__).joinpath("work.c").read_text(encoding="utf-8")
 
 
 class Work(Protocol):
@@ -77,10 +93,8 @@ class KeptWork:
         Where it depends on the water column: degrees of freedom of the cells that are carried.
     """
 
-    def __init__(
-        self, form: ufl.Form, phi: LayeredField, h: fem.Function, *, travel: Travel, columns: NDArray[np.integer[Any]]
-    ):
-        self._columns, self._h, column = columns, h.x.array, h.x.array.copy()
+    def __init__(self, form: ufl.Form, phi: LayeredField, h: fem.Function, *, travel: Travel, columns: Indices):
+        self._h, column = h.x.array, h.x.array.copy()
         by_potential, found = VectorForm(ufl.derivative(form, phi.function)), []
         for n, one in enumerate(columns):
             self._h[:] = 0.0
@@ -90,12 +104,26 @@ class KeptWork:
             found.append((np.full_like(there, n), there, row[there]))
         self._h[:] = column
         of_column, at, entries = map(np.concatenate, zip(*found, strict=True))
-        self._rows, row_of = np.unique(at, return_inverse=True)  # near the paddle; there is nothing in the others
-        self._M = _Entries(row_of, columns[of_column], entries, rows=len(self._rows))
-        self._M_transposed = _Entries(of_column, at, entries, rows=len(columns))
-        self._phi, self._travel = phi.rows.reshape(-1), travel
-        self._of_phi = np.zeros_like(phi.rows)
+        rows, row_of = np.unique(at, return_inverse=True)  # near the paddle; there is nothing in the others
+        self._kernel = Kernel("work", DECLARATIONS, key=SOURCE, source=lambda: SOURCE, comm=h.function_space.mesh.comm)
+        self._M = self._few(rows, row_of, columns[of_column], entries)
+        self._M_transposed = self._few(columns, of_column, at, entries)
+        self._travel, self._of_phi = travel, np.zeros_like(phi.rows)
         self._of_h: Vector = np.zeros(len(self._of_phi))
+        fields = self._h, phi.rows, self._of_phi, self._of_h
+        self._at_h, self._at_phi, self._at_of_phi, self._at_of_h = map(self._kernel.pointer, fields)
+
+    def _few(self, at: Indices, row_of: Indices, places: Indices, values: Vector) -> Any:
+        """Return a matrix with as many entries in each row, of values, the row of each, and where it finds its factor.
+
+        ``at`` is where each row's product goes.
+        """
+        counts, order = np.bincount(row_of, minlength=len(at)), np.argsort(row_of, kind="stable")
+        there = np.arange(counts.max(initial=0)) < counts[:, None]
+        entries, found = np.zeros(there.shape), np.zeros(there.shape, dtype=np.int32)
+        entries[there], found[there] = values[order], places[order]
+        parts = {"rows": len(at), "width": there.shape[1], "at": at, "places": found, "entries": entries}
+        return self._kernel.struct("Entries", parts)
 
     @property
     def _speed(self) -> float:
@@ -103,42 +131,18 @@ class KeptWork:
 
     def by_potential(self) -> Vector:
         """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
-        self._of_phi.reshape(-1)[self._rows] = self._speed * self._M.times(self._h)
+        self._kernel.call.times(self._M, self._speed, self._at_h, self._at_of_phi)
         return self._of_phi
 
     def by_column(self) -> Vector:
         """Return dW/dh, shape (dofs,). The array is reused by the next call."""
-        self._of_h[self._columns] = self._speed * self._M_transposed.times(self._phi)
+        self._kernel.call.times(self._M_transposed, self._speed, self._at_phi, self._at_of_h)
         return self._of_h
 
     def by_speed(self) -> float:
         """Return dW/dX_p'."""
-        return float(self._phi[self._rows] @ self._M.times(self._h))
+        return float(self._kernel.call.between(self._M, self._at_phi, self._at_h))
 
     def value(self) -> float:
         """Return W."""
         return self._speed * self.by_speed()
-
-
-class _Entries:
-    """Of a matrix with few in a row: as many of each row, so that a product is one of arrays.
-
-    Parameters
-    ----------
-    row_of, places, values
-        Of each entry: its row, where the number is that it is multiplied by, and what it is.
-    rows
-        Their number.
-    """
-
-    def __init__(
-        self, row_of: NDArray[np.integer[Any]], places: NDArray[np.integer[Any]], values: Vector, *, rows: int
-    ):
-        counts, order = np.bincount(row_of, minlength=rows), np.argsort(row_of, kind="stable")
-        there = np.arange(counts.max(initial=0)) < counts[:, None]
-        self._entries, self._places = np.zeros(there.shape), np.zeros(there.shape, dtype=np.intp)
-        self._entries[there], self._places[there] = values[order], places[order]
-
-    def times(self, x: Vector) -> Vector:
-        """Return the product with numbers x."""
-        return np.asarray(np.einsum("ij,ij->i", self._entries, x[self._places]))

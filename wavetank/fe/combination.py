@@ -1,0 +1,105 @@
+"""Points combined as their images come closest to what is asked for, distributed over ranks (``combination.c``)."""
+
+from typing import NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.arrays import Vector, summed
+from wavetank.fe.kernels import Kernel, source
+from wavetank.stateful import Held
+
+SHORTEST = 1e-13  # squared, of directions against the longest
+DECLARATIONS = """
+void add(long size, int known, int place, const double *scale, const double *z, const double *image, double *points,
+         double *images, double *products);
+void aim(long size, int known, const double *scale, const double *c, const double *images, double *away,
+         double *products);
+void combine(long size, int known, int stride, const double *gram, const double *products, double wrong,
+             double shortest, const double *scale, const double *away, const double *points, const double *images,
+             double *z, double *missed);
+"""
+
+
+class Guess(NamedTuple):
+    """A combination of points, and by how much that of their images misses what was asked for."""
+
+    z: Vector
+    missed: Vector
+
+
+class Combination:
+    """Points z with images g, combined as their g come closest to what is asked for.
+
+    Where g is affine in z and the images combine to it, the same combination of the points has it as image, whenever
+    and whyever they were found. Weights are kept small against what images are wrong by, lest errors grow: least is
+    the square of what is missed and of weights times that together.
+
+    Parameters
+    ----------
+    scale
+        What one unit of the images is, shape (n,).
+    shape
+        In which vectors, of shape (n,), are held.
+    most
+        How many points are kept.
+    shortest
+        Directions whose square is below that of the longest times this take no part.
+    """
+
+    def __init__(
+        self, comm: MPI.Comm, scale: Vector, shape: tuple[int, ...], *, most: int = 12, shortest: float = SHORTEST
+    ):
+        self._comm, self._shape, self._shortest = comm, shape, shortest
+        code = source("nearest.c") + source("combination.c")
+        self._kernel = Kernel("combination", DECLARATIONS, key=code, source=lambda: code, comm=comm)
+        self._points, self._images = np.zeros((2, most, scale.size))  # the newest, and differences to it and before
+        self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
+        self._products, self._away = np.zeros(most - 1), np.zeros(scale.size)
+        self._recorded, self._weight = 0, np.nan
+        kept = self._points, self._images, self._gram, self._products, self._away, np.ascontiguousarray(scale)
+        self._at = [self._kernel.pointer(array) for array in kept]
+
+    def begin(self, weight: float) -> None:
+        """Forget what is known for another factor than this: images depend on it."""
+        if weight != self._weight:
+            self.forget()
+            self._weight = weight
+
+    def forget(self) -> None:
+        """Forget all points."""
+        self._recorded = 0
+
+    def add(self, z: Vector, image: Vector) -> None:
+        """Take over a point and its image; collective."""
+        at, (points, images, _, products, _, scale) = self._kernel.pointer, self._at
+        if not self._recorded:
+            self._points[0], self._images[0] = z, image
+        else:
+            place, known = (self._recorded - 1) % len(self._gram), min(self._recorded, len(self._gram))
+            self._kernel.call.add(z.size, known, place, scale, at(z), at(image), points, images, products)
+            self._gram[place, :known] = self._gram[:known, place] = summed(self._comm, self._products[:known])
+        self._recorded += 1
+
+    def guess(self, c: Vector, *, wrong: float = 0.0) -> Guess:
+        """Return the combination for c, of images that are wrong by so much, a root of squares, scaled; collective."""
+        at, call, (points, images, gram, products, away, scale) = self._kernel.pointer, self._kernel.call, self._at
+        known, stride = min(self._recorded - 1, len(self._gram)), len(self._gram)
+        call.aim(c.size, known, scale, at(c), images, away, products)
+        if self._comm.size > 1:
+            self._products[:known] = summed(self._comm, self._products[:known])
+        z, missed = np.empty_like(c), np.empty_like(c)
+        how = gram, products, wrong**2, self._shortest
+        call.combine(c.size, known, stride, *how, scale, away, points, images, at(z), at(missed))
+        return Guess(z, missed)
+
+    def held(self) -> Held:
+        """Return the newest point and the differences, where they stand in the arrays, and the products of these."""
+        points, images = (part.reshape(len(part), *self._shape).copy() for part in (self._points, self._images))
+        known = {"recorded": self._recorded, "weight": self._weight, "products": self._gram.tolist()}
+        return {**known, "points": points, "images": images}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._recorded, self._weight, self._gram[:] = held["recorded"], held["weight"], held["products"]
+        self._points[:], self._images[:] = (held[part].reshape(self._points.shape) for part in ("points", "images"))
