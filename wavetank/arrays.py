@@ -24,11 +24,12 @@ def summed(comm: "MPI.Comm", part: Summand) -> Summand:
     return float(whole) if isinstance(part, float) else whole
 
 
-def largest(comm: "MPI.Comm", part: float) -> float:
-    """Return the largest of all ranks' numbers; collective."""
+def largest(comm: "MPI.Comm", part: Summand) -> Summand:
+    """Return the largest of all ranks' numbers, or of arrays one by one; collective."""
     if comm.size == 1:
         return part
     from mpi4py import MPI
 
-    found: float = comm.allreduce(part, op=MPI.MAX)
-    return found
+    whole = np.array(part, dtype=np.float64)
+    comm.Allreduce(MPI.IN_PLACE, whole, op=MPI.MAX)
+    return float(whole) if isinstance(part, float) else whole

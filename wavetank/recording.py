@@ -274,12 +274,12 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     surface = Kept(writer.surface().append) if dimensions == 1 else None
     motions = [writer.table(PADDLES[seen.key], _paddle_columns(seen, dimensions)) for seen in scene.paddles]
     points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
-    probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).append) if points else None
+    probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None
     walls = [load.called for load in scene.loads]
-    loads = Kept(writer.table(LOADS, load_columns(walls, dimensions)).append) if walls else None
+    loads = Kept(writer.table(LOADS, load_columns(walls, dimensions)).extend) if walls else None
     windows = [Kept(_window(one, writer, dimensions)) for one in scene.windows]
-    tables = Records(Kept(gauges.append), Kept(energy.append), surface, probes=probes, loads=loads)
-    return tables._replace(paddles=[Kept(one.append) for one in motions], windows=windows)
+    tables = Records(Kept(gauges.extend), Kept(energy.extend), surface, probes=probes, loads=loads)
+    return tables._replace(paddles=[Kept(one.extend) for one in motions], windows=windows)
 
 
 def _paddle_columns(seen: Scene, dimensions: int) -> list[str]:
@@ -382,6 +382,10 @@ def _execute(
             for breaking in (one for one in _breaking(run) if one.began):
                 why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
             raise type(error)(f"{error}: {why}.") from None
+        raise
+    except Exception:
+        if waves.plane.comm.size == 1:  # others may not be here
+            run.settle()
         raise
     note()
 

@@ -103,10 +103,12 @@ class KeptRun:
 
     def from_time_to_time(self, every: float | None) -> Checkpoints:
         """Return the observer that writes checkpoints; the last that can fail."""
-        return Checkpoints(self._waves.plane.comm, self.write, note=self._note, every=every)
+        comm, settle = self._waves.plane.comm, self._run.settle
+        return Checkpoints(comm, self.write, note=self._note, settle=settle, every=every)
 
     def _note(self) -> None:
         """Remember the present step, which all have observed; collective."""
+        self._run.settle()  # so that records are what they will be
         run, fields = self._run, {name: series.held() for name, series in self._fields.items()}
         records = {} if self._writer is None else self._writer.held()
         self._reached = Reached(run.step, run.t, run.state.q, run.state.p, run.held_without_solves(), records, fields)

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 import basix
 import numpy as np
+from basix.polynomials import tabulate_polynomial_set
 from dolfinx.mesh import CellType, Mesh
 from numpy.typing import NDArray
 
@@ -29,9 +30,15 @@ class Nearest(NamedTuple):
 
 
 def tabulate(element: basix.finite_element.FiniteElement, derivatives: int, local: Vector) -> Vector:
-    """Return a scalar element's basis functions and their derivatives, shape (of derivatives, points, functions)."""
+    """Return a scalar element's basis functions and their derivatives, shape (of derivatives, points, functions).
+
+    At each point bit for bit what they are there alone: what basix multiplies is rounded as the matrix's size has it.
+    """
     points = local if len(local) else element.points[:1]  # basix takes none for a mistake
-    return np.asarray(element.tabulate(derivatives, points)[:, : len(local), :, 0])
+    degree, kind = element.embedded_superdegree, element.polyset_type
+    polynomials = np.asarray(tabulate_polynomial_set(element.cell_type, kind, degree, derivatives, points))
+    each = np.moveaxis(polynomials, 1, 2)[:, : len(local), :, None]  # summed in this order, however many there are
+    return np.asarray(np.multiply(each, element.coefficient_matrix.T, order="C").sum(axis=2))
 
 
 class CellPlaces:
@@ -70,14 +77,15 @@ class CellPlaces:
         if nodes.shape[1] == 2:  # a straight piece of a line
             return _on_line(targets, nodes[:, 0], nodes[:, 1] - nodes[:, 0])
         local = np.tile(basix.geometry(self._element.cell_type).mean(axis=0), (len(points), 1))
+        step = np.full(len(points), np.inf)
         for _ in range(ITERATIONS):
             values = tabulate(self._element, 1, local)
             off = targets - np.einsum("nd,ndg->ng", values[0], nodes)
             jacobians = np.einsum("knd,ndg->ngk", values[1:], nodes)
             towards = np.einsum("nkg,ng->nk", np.linalg.pinv(jacobians), off)
-            moved = self._inside(local + towards)
-            step, local = np.abs(moved - local).max(initial=0.0), moved
-            if step < SETTLED:
+            moved = np.where(step[:, None] < SETTLED, local, self._inside(local + towards))
+            step, local = np.minimum(step, np.abs(moved - local).max(axis=1)), moved
+            if step.max(initial=0.0) < SETTLED:
                 break
         found = np.einsum("nd,ndg->ng", tabulate(self._element, 0, local)[0], nodes)
         return Nearest(local, np.linalg.norm(targets - found, axis=1))

@@ -1,4 +1,7 @@
-"""Values of fields at points: cells and basis functions are found once and kept until the points move."""
+"""Values of fields at points: cells and basis functions are found once and kept until the points move.
+
+What is found at a point does not depend, by a bit, on where it was before, nor on how many others there are.
+"""
 
 import numpy as np
 from dolfinx import geometry
@@ -32,27 +35,18 @@ class Points:
         dim = plane.mesh.topology.dim
         owned = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
         self._tree = geometry.bb_tree(plane.mesh, dim, entities=owned, padding=PADDING + bulge)
-        self._points = np.full_like(points, np.nan)
-        self._found: Found | None = None
         self._list, self._element = plane.V.dofmap.list, plane.V.element.basix_element
-        self.move(points)
+        self._take(points)
 
     def move(self, points: Vector) -> None:
-        """Take new positions, shape (N, 3); raises ``InputError`` for one outside the mesh; collective."""
-        if np.array_equal(points, self._points):
-            return
-        self._points = points.copy()
-        mine, cells, local = self._found = self._stayed(points) or self._owned(points)
-        self._dofs, self._weights = self._list[cells], tabulate(self._element, 0, local)[0]
+        """Take new positions, shape (N, 3), of any N; raises ``InputError`` for one outside the mesh; collective."""
+        if not np.array_equal(points, self._points):
+            self._take(points)
 
-    def _stayed(self, points: Vector) -> Found | None:
-        """Return the same, if all points are still in the cells they were in; collective."""
-        if self._found is None:
-            return None
-        mine, cells, _ = self._found
-        local, distances = self._places.find(points[mine], cells)
-        out = float(distances.max(initial=0.0) > PADDING)
-        return None if summed(self._plane.comm, out) else (mine, cells, local)
+    def _take(self, points: Vector) -> None:
+        self._found = _, cells, local = self._owned(points)
+        self._points = points.copy()
+        self._dofs, self._weights = self._list[cells], tabulate(self._element, 0, local)[0]
 
     def _owned(self, points: Vector) -> Found:
         """Return which points are evaluated here, in which cells and where in these; collective.
@@ -92,18 +86,28 @@ class Points:
     @property
     def cells(self) -> Cells:
         """The cells of this rank in which points are evaluated, one for each of these."""
-        return (self._found or self._owned(self._points))[1]
+        return self._found[1]
 
     def evaluate(self, field: Field) -> Vector:
         """Return the field's values, shape (N,), on every rank; collective."""
-        return self.of(field.rows[:, 0])
+        return self.each(field.rows[None, :, 0])
+
+    def each(self, values: Vector) -> Vector:
+        """Return values at the points, shape (N,), of K fields at all degrees of freedom, (K, rows), on every rank.
+
+        The first N/K of the points look at the first field, and so on; collective.
+        """
+        found, (mine, *_) = np.zeros(len(self._points)), self._found
+        field = mine // max(1, len(self._points) // len(values))
+        found[mine] = (self._weights * values[field[:, None], self._dofs]).sum(axis=1)
+        return summed(self._plane.comm, found)
 
     def of(self, rows: Vector) -> Vector:
         """Return values at the points, shape (N, ...), of those at all degrees of freedom, (rows, ...); collective.
 
         They are the same on every rank.
         """
-        values, (mine, *_) = np.zeros((len(self._points), *rows.shape[1:])), self._found or self._owned(self._points)
+        values, (mine, *_) = np.zeros((len(self._points), *rows.shape[1:])), self._found
         weights = self._weights.reshape(*self._weights.shape, *[1] * (rows.ndim - 1))
         values[mine] = (weights * rows[self._dofs]).sum(axis=1)
         return summed(self._plane.comm, values)

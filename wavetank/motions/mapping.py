@@ -41,16 +41,19 @@ def unmapped(r: Array, moved: Array) -> Array:
 
     Newton's method, started where it converges from one side: at an end where the map is flattest inside, at r = 1/3,
     or at that place where it is steepest there. Where little is moved it converges from anywhere, and starts where what
-    is moved is taken back once. What the last change leaves is of the size of its square.
+    is moved is taken back once. What the last change leaves is of the size of its square. Each goes its own way, which
+    is that of a single one.
     """
     inside = _between(r, moved)  # places beyond both ends are found without
-    R = inside - _inside(inside) * moved if np.abs(moved).max(initial=0.0) < LITTLE else _one_sided(inside, moved)
+    R = np.where(np.abs(moved) < LITTLE, inside - _inside(inside) * moved, _one_sided(inside, moved))
+    going = np.ones_like(R, dtype=np.bool_)
     for _ in range(100):
         left = 1.0 - R
         stretched = left * moved
         change = (R + left * stretched * (1.0 + R) - inside) / (1.0 - stretched * (1.0 + 3.0 * R))
-        R = _between(R - change, 0.0)
-        if np.abs(change).max(initial=0.0) < SETTLED:
+        R = np.where(going, _between(R - change, 0.0), R)
+        going &= np.abs(change) >= SETTLED
+        if not going.any():
             break
     before = (r - moved) / (1.0 - moved)
     return np.where(r >= 1.0, r, np.where(before < 0.0, before, R))

@@ -10,6 +10,7 @@ from wavetank.observers.schedule import EverySteps
 
 USUALLY, SOON = 60.0, 1.0  # s of computing between two of them, and between the first ones
 COST, NOTING = 0.01, 0.005  # of the time of computing, at most: to write them, and to know where one could be written
+LATE = 1.0  # s of computing, at most, after which others see what has been recorded
 
 
 class Checkpoints:
@@ -21,32 +22,44 @@ class Checkpoints:
         Writes one; collective.
     note
         Remembers a moment that all have observed, of which one is written where the run fails; collective.
+    settle
+        Writes all records up to here, as the others do, too; collective.
     every
         Time of computing between them [s]; if None, a minute, less at the beginning (twice as long each time), more
         where they would cost more than ``COST``.
     """
 
     def __init__(
-        self, comm: MPI.Comm, write: Callable[[], None], *, note: Callable[[], None], every: float | None = None
+        self,
+        comm: MPI.Comm,
+        write: Callable[[], None],
+        *,
+        note: Callable[[], None],
+        settle: Callable[[], None],
+        every: float | None = None,
     ):
         self.schedule = EverySteps()
-        self._comm, self._write, self._note, self._every = comm, write, note, every
-        self._began = self._last = self._noted = time.monotonic()
+        self._comm, self._write, self._note, self._settle, self._every = comm, write, note, settle, every
+        self._began = self._last = self._noted = self._settled = time.monotonic()
         self._cost = self._noting = 0.0
 
     def observe(self, moment: Moment) -> None:
-        """Write one where it is due on the first rank, or note the moment; collective."""
+        """Write one where it is due on the first rank, or note the moment, or show what there is by now; collective."""
         began = time.monotonic()
-        asked = began - self._last > self._age, began - self._noted > self._noting / NOTING
-        due, noting = asked if self._comm.size == 1 else self._comm.bcast(asked)
+        late = began - self._settled > LATE
+        asked = began - self._last > self._age, began - self._noted > self._noting / NOTING, late
+        due, noting, late = asked if self._comm.size == 1 else self._comm.bcast(asked)
         if moment.step == 0 or due:
             self._write()
-            self._last = self._noted = time.monotonic()
+            self._last = self._noted = self._settled = time.monotonic()
             self._cost = self._last - began
         elif noting:
             self._note()
-            self._noted = time.monotonic()
+            self._noted = self._settled = time.monotonic()
             self._noting = self._noted - began
+        elif late:
+            self._settle()
+            self._settled = time.monotonic()
 
     @property
     def _age(self) -> float:

@@ -1,5 +1,6 @@
 """The contract of an observer, and what observers ask of waves."""
 
+from abc import ABC, abstractmethod
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from wavetank.arrays import Vector
@@ -45,6 +46,27 @@ class Observer(Protocol):
         """Record the moment; collective."""
 
 
+class Patient(ABC):
+    """An observer whose record nobody needs at once: it keeps what it needs of some moments, and then works them off.
+
+    A step of a slice takes a millisecond, and what looks at it through caches that are not its own takes most of its
+    time to begin. What comes of a moment must not depend, by a bit, on how many are worked off together.
+    """
+
+    @abstractmethod
+    def keep(self, moment: Moment) -> None:
+        """Keep what there is to know of a moment that does not last; collective."""
+
+    @abstractmethod
+    def work_off(self) -> None:
+        """Record the moments that are kept, in their order, and keep none of them any more; collective."""
+
+    def observe(self, moment: Moment) -> None:
+        """Record the moment; collective."""
+        self.keep(moment)
+        self.work_off()
+
+
 @runtime_checkable
 class Ending(Protocol):
     """An observer that also looks at where a step has ended, if something acts on the state before it is observed."""
@@ -68,8 +90,11 @@ class ObservedWall(Protocol):
     def leans(self) -> bool:
         """Whether that is not the same at all heights."""
 
-    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m]."""
+    def stand(self, places: Vector) -> Vector:
+        """Return how far from rest its paddles stand beside physical places [m], shape (paddles, N)."""
+
+    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m]; see ``Placed``."""
 
     def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
         """Return the physical places of reference ones, (x, y) [m], shape (N, 2), at heights z [m]."""

@@ -28,8 +28,8 @@ class HighestCrest:
     def observe(self, moment: Moment) -> None:
         """See whether the surface is higher than ever; collective."""
         eta = self._waves.elevation(moment.q, moment.p, moment.t)
-        if eta.size and eta.max() > self._own.height:
-            highest = int(eta.argmax())
+        highest = int(eta.argmax()) if eta.size else 0
+        if eta.size and eta[highest] > self._own.height:
             ((x, y),) = self._waves.wall.to_physical(self._waves.plane.places[[highest]], eta[[highest]])
             self._own = Crest(float(eta[highest]), float(x), float(y), moment.t)
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.change import change
-from wavetank.observers.contract import Moment, ObservedWaves
+from wavetank.observers.contract import Moment, ObservedWaves, Patient
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
@@ -75,7 +75,7 @@ class Absorbing(Protocol):
         """Return the derivative of that order, in m/s^order, at t [s]."""
 
 
-class EnergyBudget:
+class EnergyBudget(Patient):
     """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``columns``.
 
     Parameters
@@ -102,6 +102,7 @@ class EnergyBudget:
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
         self._waves, self._record, self._absorbing = waves, record, absorbing or {}
         self._sinks = {type(sink).__name__: sink for sink in sinks}
+        self._rows: list[list[float]] = []  # that are still to be written
         self._rates: list[Vector] = []  # the paddles' power, and that of what absorbs
         self._before: list[Vector] = []  # those where the step ended, if something has acted since
         self._supplied: Vector = np.zeros(2)
@@ -130,8 +131,8 @@ class EnergyBudget:
         of_walls = sum(one.added(t, 1) * self._slopes[n][1] for n, one in self._absorbing.items())
         return [float(of_walls - self._supplied[1])] if self._absorbing else []
 
-    def observe(self, moment: Moment) -> None:
-        """Add to the paddle's work, see how far off the balance is, and append a row where one is due; collective."""
+    def keep(self, moment: Moment) -> None:
+        """Add to the paddle's work, see how far off the balance is, and keep a row where one is due; collective."""
         points = moment.points[-1:] if self._before else moment.points
         rates = self._before + [self._powers(*point, moment.t) for point in points]
         self._before = []
@@ -155,7 +156,13 @@ class EnergyBudget:
         mass = self._waves.total_mass(moment.q)
         self._lost = max(self._lost, abs(mass - self._mass))
         energies = (now.kinetic, now.potential, now.total, work, dissipated, balance)
-        self._record.append([moment.t, *energies, mass, *self._absorbed(moment.t)])
+        self._rows.append([moment.t, *energies, mass, *self._absorbed(moment.t)])
+
+    def work_off(self) -> None:
+        """Append the rows."""
+        rows, self._rows = self._rows, []
+        if rows:
+            self._record.extend(rows)
 
     def _by_sinks(self) -> float:
         return sum(sink.energy_taken for sink in self._sinks.values())

@@ -1,16 +1,26 @@
 """Wave gauges: the elevation at fixed places of the laboratory."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import InputError, RunError
-from wavetank.observers.contract import Moment, ObservedWaves
+from wavetank.errors import ConvergenceError, InputError, RunError
+from wavetank.observers.contract import Moment, ObservedWaves, Patient
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.water.surface_points import SurfacePoints
 
 
-class Gauges:
+class _Kept(NamedTuple):
+    """The time [s], the elevation [m] at this rank's degrees of freedom, and how the wall stood."""
+
+    t: float
+    eta: Vector
+    stand: Vector
+
+
+class Gauges(Patient):
     """Elevation [m] at places of the tank.
 
     Parameters
@@ -23,14 +33,37 @@ class Gauges:
 
     def __init__(self, waves: ObservedWaves, places: Vector, *, record: Record, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
-        self._elevation = waves.plane.function("elevation")
+        self._elevation, self._kept = waves.plane.function("elevation"), list[_Kept]()
         self._points = SurfacePoints(waves.plane, waves.wall, np.asarray(places, dtype=np.float64))
 
-    def observe(self, moment: Moment) -> None:
-        """Append one row; raises ``RunError`` if the paddle has passed a gauge; collective."""
-        self._elevation.set(self._waves.elevation(moment.q, moment.p, moment.t))
+    def keep(self, moment: Moment) -> None:
+        """Keep the elevation; collective."""
+        eta = self._waves.elevation(moment.q, moment.p, moment.t)
+        self._kept.append(_Kept(moment.t, eta, self._points.stand()))
+
+    def work_off(self) -> None:
+        """Append a row for each moment; raises ``RunError`` if the paddle has passed a gauge; collective."""
+        kept, self._kept = self._kept, []
+        if kept:
+            self._append(kept)
+
+    def _append(self, kept: list[_Kept]) -> None:
         try:
-            elevations = self._points.elevations(self._elevation)
-        except InputError as error:
-            raise RunError(f"t = {moment.t:.6g} s: the paddle has reached a gauge: {error}") from None
-        self._record.append([moment.t, *elevations])
+            elevations = self._points.each(self._rows(kept), [one.stand for one in kept])
+        except (InputError, ConvergenceError) as error:
+            for one in kept if len(kept) > 1 else ():  # up to the one where that is
+                self._append([one])
+            if isinstance(error, InputError):
+                raise RunError(f"t = {kept[0].t:.6g} s: the paddle has reached a gauge: {error}") from None
+            raise
+        self._record.extend(np.column_stack([[one.t for one in kept], elevations]))
+
+    def _rows(self, kept: list[_Kept]) -> Vector:
+        """Return the elevations at all degrees of freedom, those of other ranks among them, (K, rows); collective."""
+        if self._waves.plane.comm.size == 1:
+            return np.array([one.eta for one in kept])
+        rows = list[Vector]()
+        for one in kept:
+            self._elevation.set(one.eta)
+            rows.append(self._elevation.rows[:, 0].copy())
+        return np.array(rows)

@@ -32,7 +32,7 @@ class Loads:
         """Append one row; collective."""
         self._pressure.find(moment.q, moment.p, moment.t)
         loads = [self._pressure.load(wall, point) for wall, point in enumerate(self._about)]
-        self._record.append([moment.t, *np.concatenate([np.concatenate(load)[self._shown] for load in loads])])
+        self._record.extend([[moment.t, *np.concatenate([np.concatenate(load)[self._shown] for load in loads])]])
 
 
 class Pushing:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, Patient
 from wavetank.observers.loads import Pushing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps, Schedule
@@ -15,7 +15,7 @@ from wavetank.stateful import Held
 LIMITED = ("stroke", "speed", "acceleration")
 
 
-class PaddleMotion:
+class PaddleMotion(Patient):
     """Position [m], velocity [m/s] and acceleration [m/s²] of a paddle.
 
     Parameters
@@ -37,11 +37,18 @@ class PaddleMotion:
         push: Pushing | None = None,
     ):
         self._rates, self._record, self.schedule, self._push = rates, record, schedule, push
+        self._rows: list[list[float]] = []  # that are still to be written
 
-    def observe(self, moment: Moment) -> None:
-        """Append one row; collective."""
+    def keep(self, moment: Moment) -> None:
+        """Keep a row; collective."""
         pushed = self._push.at(moment) if self._push else ()
-        self._record.append([moment.t, *np.hstack([self._rates[name](moment.t) for name in RATES]), *pushed])
+        self._rows.append([moment.t, *np.hstack([self._rates[name](moment.t) for name in RATES]), *pushed])
+
+    def work_off(self) -> None:
+        """Append the rows."""
+        rows, self._rows = self._rows, []
+        if rows:
+            self._record.extend(rows)
 
 
 class PaddleLimits:

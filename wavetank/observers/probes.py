@@ -36,7 +36,7 @@ class Probes:
         vectors = (vector[:, self._axes] for vector in (found.velocity, found.local, found.acceleration))
         each = np.column_stack([*vectors, found.pressure])
         rows = ([None] * len(row) if dry else row for row, dry in zip(each, found.dry, strict=True))
-        self._record.append([moment.t, *(value for row in rows for value in row)])
+        self._record.extend([[moment.t, *(value for row in rows for value in row)]])
 
 
 def axes_of(water: MovingWater) -> list[int]:

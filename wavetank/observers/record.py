@@ -10,16 +10,17 @@ from mpi4py import MPI
 from wavetank.arrays import Vector, summed
 from wavetank.errors import RecordError, RunError
 from wavetank.fe.agreed import agreed
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, Patient
 from wavetank.observers.schedule import EverySteps
+from wavetank.records.growing import Rows
 from wavetank.records.vtu_series import VtkCells
 
 
 class Record(Protocol):
     """A table that grows by rows of numbers; only rank 0's rows are kept."""
 
-    def append(self, row: Sequence[float | None]) -> None:
-        """Append one row, empty at None."""
+    def extend(self, rows: Rows) -> None:
+        """Append rows, time [s] first, empty at None."""
 
 
 class FieldRecord(Protocol):
@@ -32,10 +33,11 @@ class FieldRecord(Protocol):
 class Discard:
     """The record of every rank but the first, which has the same row: it fails where the first one's fails."""
 
-    def append(self, row: Sequence[float | None]) -> None:
-        """Drop the row; raises ``RunError`` for a number that is not finite."""
-        if not all(value is None or isfinite(value) for value in row):
-            raise RunError(f"t = {row[0]:.6g} s: a recorded value is not a finite number; the run has broken down.")
+    def extend(self, rows: Rows) -> None:
+        """Drop the rows; raises ``RunError`` for a number that is not finite."""
+        for row in rows:
+            if not all(value is None or isfinite(value) for value in row):
+                raise RunError(f"t = {row[0]:.6g} s: a recorded value is not a finite number; the run has broken down.")
 
 
 class DiscardArrays:
@@ -53,9 +55,9 @@ class Memory:
     def __init__(self) -> None:
         self.rows: list[list[float]] = []
 
-    def append(self, row: Sequence[float | None]) -> None:
-        """Append one row, nan at None."""
-        self.rows.append([nan if value is None else float(value) for value in row])
+    def extend(self, rows: Rows) -> None:
+        """Append rows, nan at None."""
+        self.rows += [[nan if value is None else float(value) for value in row] for row in rows]
 
     def array(self) -> Vector:
         """Return all rows, shape (rows, columns)."""
@@ -70,16 +72,18 @@ class Kept:
         self.failure: RecordError | None = None
 
     def append(self, *row: Any) -> None:
-        """Append a row or a snapshot, unless one could not be written before."""
+        """Append a snapshot, or rows, unless something could not be written before."""
         if self.failure is None:
             try:
                 self._append(*row)
             except RecordError as error:
                 self.failure = error
 
+    extend = append
 
-class RecordCheck:
-    """Ends the run on all ranks where a record could not be written; the last observer.
+
+class RecordCheck(Patient):
+    """Ends the run on all ranks where a record could not be written; the last that writes any.
 
     Parameters
     ----------
@@ -91,7 +95,10 @@ class RecordCheck:
         self.schedule = EverySteps()
         self._comm, self._records = comm, records
 
-    def observe(self, moment: Moment) -> None:
+    def keep(self, moment: Moment) -> None:
+        """Do nothing: what is still to be written may fail."""
+
+    def work_off(self) -> None:
         """Raise ``RecordError`` if a rank has met one; collective."""
         if summed(self._comm, float(any(record.failure for record in self._records))):
             agreed(self._comm, self._raise)

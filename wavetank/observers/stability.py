@@ -16,16 +16,14 @@ That dt omega_max under the crests is beyond the scheme's limit is no sign of it
 behind that it has made grow, and the edge penalty takes them. It only tells what would help.
 """
 
-from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from math import comb
+from typing import NamedTuple
 
 import numpy as np
 
 from wavetank.arrays import Vector, largest
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
 from wavetank.water.short_waves import ShortWaves
@@ -34,7 +32,7 @@ from wavetank.water.waves import NonlinearWaves
 
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
-OFTEN = 4  # steps between looks at what would help
+OFTEN = 16  # steps between looks at what would help, and moments that are judged together: a warning comes soon
 CALM = 1e-6  # of the depth: lower waves are not looked at
 # what a watch remembers beside the last steps:
 SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency", "_next"
@@ -63,30 +61,47 @@ class Alternating:
         """The number of values needed."""
         return self.order + 3
 
-    def lower(self, values: Sequence[Vector]) -> Vector:
-        """Return the difference of the last values, about the same step as the higher; shape of one value."""
-        return self._difference(list(values)[-self.length + 1 : -1], self.order)
+    def lower(self, values: Vector) -> Vector:
+        """Return the difference about each but the first and last of enough values, from (K + length - 1, ...)."""
+        return np.asarray(np.diff(values[1:-1], n=self.order, axis=0) / 2**self.order)
 
-    def higher(self, values: Sequence[Vector]) -> Vector:
-        """Return the difference two orders higher of the last values, shape of one."""
-        return self._difference(list(values)[-self.length :], self.order + 2)
-
-    @staticmethod
-    def _difference(values: Sequence[Vector], order: int) -> Vector:
-        return np.asarray(_weights(order) @ np.array(values))
-
-
-@cache
-def _weights(order: int) -> Vector:
-    """Return the weights of a difference of so many values and one."""
-    return np.array([(-1) ** k * comb(order, k) / 2**order for k in range(order + 1)])
+    def higher(self, values: Vector) -> Vector:
+        """Return that two orders higher, about the same, shape (K, ...)."""
+        return np.asarray(np.diff(values, n=self.order + 2, axis=0) / 2 ** (self.order + 2))
 
 
 IN_ELEVATION = Alternating(order=6, noise=5e-3, driven=4.0)
 IN_JUMP = Alternating(order=3, noise=1e-2, driven=16.0)
 
 
-class StabilityWatch:
+class _Seen(NamedTuple):
+    """What is kept of a moment.
+
+    Attributes
+    ----------
+    highest
+        The highest elevation of this rank [m].
+    alternating
+        The elevation or its jump [m], shape (owned,).
+    way
+        That of the paddle in a step [m], shape (owned,) or (1,).
+    frequency
+        The largest on the surface as it moves [rad/s], where that was looked at.
+    """
+
+    t: float
+    highest: float
+    alternating: Vector
+    way: Vector
+    frequency: float
+
+
+def _heights(values: Vector) -> Vector:
+    """Return the largest of each row, as a height; zeros where there are no columns."""
+    return np.asarray(np.abs(values).max(axis=1, initial=0.0))
+
+
+class StabilityWatch(Patient):
     """Warns, once, when short waves grow that alternate from step to step.
 
     Parameters
@@ -122,35 +137,59 @@ class StabilityWatch:
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
-        self._last, self._wall = (deque[Vector](maxlen=IN_ELEVATION.length) for _ in range(2))
-        self._driven = 0.0  # the highest waves that alternate and are a paddle's [m]
+        self._kept, self._look = list[_Seen](), IN_JUMP
+        self._last, self._wall = list[Vector](), list[Vector]()  # before what is kept, as many as are needed
+        self._driven: float = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._next = 0  # when it is looked what would help
-        self._highest, self._steps, self._frequency = CALM * waves.depth, 0, waves.largest_frequency
+        self._highest: float = CALM * waves.depth
+        self._steps, self._frequency = 0, waves.largest_frequency
         self.noise = 0.0
         self.since: float | None = None
 
-    def observe(self, moment: Moment) -> None:
-        """Look at the surface, or at its jump where the moment has one; collective."""
-        eta, jump = self._waves.elevation(moment.q, moment.p, moment.t), moment.jump
-        look = IN_ELEVATION if moment.jump is None else IN_JUMP
-        self._last.append(eta if jump is None else self._waves.mass.solve(jump))
-        self._wall.append(self._dt * self._waves.wall.velocities)
-        self._highest = max(self._highest, self._largest(eta))
-        if len(self._last) < look.length:
-            return
-        self._driven = max(self._driven, look.driven * self._largest(look.lower(self._wall)))
-        lower = self._largest(look.lower(self._last))
-        noise = max(0.0, lower - self._driven) / self._highest
-        if noise and not self._largest(look.higher(self._last)) > SHORT * lower:
-            noise = 0.0
-        if noise < look.noise / 10 and moment.step >= self._next:  # what moves is still the water
+    def keep(self, moment: Moment) -> None:
+        """Keep the surface, or its jump where the moment has one, and now and then how it moves; collective."""
+        waves, (q, p, t) = self._waves, (moment.q, moment.p, moment.t)
+        eta, frequency = waves.elevation(q, p, t), 0.0
+        self._look = IN_ELEVATION if moment.jump is None else IN_JUMP
+        alternating = eta if moment.jump is None else waves.mass.solve(moment.jump)
+        if moment.step >= self._next:
             self._next = moment.step + OFTEN
-            self._flow.update(moment.q, moment.p, moment.t)
-            self._frequency = self._short.largest_frequency(self._flow, least=self._frequency)
-        self._steps = self._steps + 1 if noise > look.noise else 0
-        if self._steps == IN_A_ROW and self.noise <= look.noise:
-            self.since = moment.t
-            self._warn(self._sentence(moment.t, noise, self._place(look)))
+            self._flow.update(q, p, t)
+            frequency = self._short.largest_frequency(self._flow, least=self._frequency)
+        highest = max(eta.max(initial=0.0), -eta.min(initial=0.0))
+        self._kept.append(_Seen(t, highest, alternating, self._dt * waves.wall.velocities, frequency))
+        if len(self._kept) == OFTEN:
+            self.work_off()
+
+    def work_off(self) -> None:
+        """See whether what alternates has grown; collective."""
+        kept, self._kept, look, known = self._kept, [], self._look, len(self._last)
+        self._last += [one.alternating for one in kept]
+        self._wall += [one.way for one in kept]
+        unjudged = max(0, look.length - 1 - known)  # with too few before
+        begin = max(0, known + unjudged - look.length + 1)
+        values, ways = np.array(self._last[begin:]), np.array(self._wall[begin:])
+        highest = self._largest(np.array([one.highest for one in kept]))
+        lower, driven = (self._largest(_heights(look.lower(each))) for each in (values, ways))
+        looks_grown = (lower > look.noise / 10 * self._highest).any()
+        higher = self._largest(_heights(look.higher(values))) if looks_grown else lower
+        for n, one in enumerate(kept):
+            self._highest, noise, m = max(self._highest, highest[n]), 0.0, n - unjudged
+            if m >= 0:
+                self._driven = max(self._driven, look.driven * driven[m])
+            if m >= 0 and higher[m] > SHORT * lower[m]:
+                noise = max(0.0, lower[m] - self._driven) / self._highest
+            self._judge(one, noise, values[m : m + look.length])
+        del self._last[: -IN_ELEVATION.length], self._wall[: -IN_ELEVATION.length]
+
+    def _judge(self, seen: _Seen, noise: float, values: Vector) -> None:
+        """Take note of the noise at a moment, in the last values, and warn; collective."""
+        if noise < self._look.noise / 10:  # what moves is still the water
+            self._frequency = max(self._frequency, seen.frequency)
+        self._steps = self._steps + 1 if noise > self._look.noise else 0
+        if self._steps == IN_A_ROW and self.noise <= self._look.noise:
+            self.since = seen.t
+            self._warn(self._sentence(seen.t, noise, self._place(np.abs(self._look.lower(values)[0]))))
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
 
@@ -162,17 +201,16 @@ class StabilityWatch:
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._last = deque(held["last"], maxlen=IN_ELEVATION.length)
-        self._wall = deque(map(np.asarray, held["wall"]), maxlen=IN_ELEVATION.length)
+        self._last, self._wall = [*held["last"]], [*map(np.asarray, held["wall"])]
         for name in SEEN:
             setattr(self, name, held[name])
 
-    def _largest(self, values: Vector) -> float:
-        return largest(self._waves.plane.comm, float(np.abs(values).max(initial=0.0)))
+    def _largest(self, values: Vector) -> Vector:
+        """Return the largest of all ranks' values, one by one; collective."""
+        return largest(self._waves.plane.comm, values)
 
-    def _place(self, look: Alternating) -> str:
-        """Return in words where what alternates is largest; collective."""
-        heights = np.abs(look.lower(self._last))
+    def _place(self, heights: Vector) -> str:
+        """Return in words where heights are largest; collective."""
         places = self._waves.wall.to_physical(self._waves.plane.places)
         own = max(
             ((float(height), *map(float, at)) for height, at in zip(heights, places, strict=True)), default=(0.0,)

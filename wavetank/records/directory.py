@@ -20,9 +20,9 @@
     run.log         what the run has said: its summary, progress, warnings, and why it ended
     .lock           while it goes on (``lock.py``)
 
-The first rank writes (``writer.py``), but for the fields. Each row and each snapshot is handed to the operating system
-at once, so a killed run keeps all of them; a reader leaves out the one that was cut. No number that is not finite is
-ever written.
+The first rank writes (``writer.py``), but for the fields. Snapshots are handed to the operating system at once, rows of
+tables together, within a second: a killed run keeps all but these, which it computes anew when it goes on; of one that
+ends in any other way none is missing. A reader leaves out what was cut. No number that is not finite is ever written.
 """
 
 import csv

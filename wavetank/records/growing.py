@@ -1,4 +1,4 @@
-"""Files that grow while a run goes on: each row is handed to the operating system at once, so a kill loses none."""
+"""Files that grow while a run goes on: what is appended goes to the operating system at once, so a kill loses none."""
 
 import csv
 import errno
@@ -7,7 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from itertools import islice
-from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ def table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
     return b"".join([_csv_line(columns), *(_csv_line(repr(float(value)) for value in row) for row in rows)])
 
 
+Rows = NDArray[np.float64] | Sequence[Sequence[float | None]]
 INDEX = ".xdmf"  # of a file that has one
 
 
@@ -159,14 +159,25 @@ class TableWriter(GrowingFile):
         self._rows, self._kept = held["rows"], _end(self._path, held["rows"]) or 0
 
     def append(self, row: Sequence[float | None]) -> None:
-        """Append one row, time [s] first, a value for each column or None, which leaves it empty.
+        """Append one row; see ``extend``."""
+        self.extend([row])
 
-        Raises ``RunError`` for a number that is not finite, before anything of the row is written, and for a file that
-        cannot be written; ``ValueError`` for a row of another length.
+    def extend(self, rows: Rows) -> None:
+        """Append rows, time [s] first, a value for each column or None, which leaves it empty.
+
+        Raises ``RunError`` for a number that is not finite, before anything of its row is written, but those before;
+        and for a file that cannot be written; ``ValueError`` for a row of another length.
         """
-        if len(row) != len(self._columns):
-            raise ValueError(f"{self._path.name}: {len(row)} values received; it has {len(self._columns)} columns.")
-        if not isfinite(sum(value for value in row if value is not None)):
+        for row in rows:
+            if len(row) != len(self._columns):
+                raise ValueError(f"{self._path.name}: {len(row)} values received; it has {len(self._columns)} columns.")
+        values = np.array(rows, dtype=np.float64)  # nan at None
+        if np.isfinite(values).all():
+            return self._add([",".join(map(repr, row.tolist())) for row in values])
+        for row in rows:
             self._check(np.array([value for value in row if value is not None], dtype=np.float64))
-        self.write(",".join(["" if value is None else repr(float(value)) for value in row]).encode() + b"\n")
-        self._rows += 1
+            self._add([",".join(["" if value is None else repr(float(value)) for value in row])])
+
+    def _add(self, lines: Sequence[str]) -> None:
+        self.write("".join(f"{line}\n" for line in lines).encode())
+        self._rows += len(lines)

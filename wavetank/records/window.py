@@ -114,7 +114,11 @@ class WindowTable(TableWriter):
         super().__init__(path, ["t [s]", *at, "z [m]", "elevation [m]", *shown])
 
     def append_columns(self, t: float, z: Array, eta: Array, moved: Array) -> None:
-        """Append rows: see ``observers.windows.WindowRecord``; raises as ``append``."""
-        for column, (place, top) in enumerate(zip(self._places, eta, strict=True)):
-            for level, height in enumerate(z[column]):
-                self.append([t, *place, height, top, *moved[self._tabled, column, level]])
+        """Append rows: see ``observers.windows.WindowRecord``; raises as ``extend``."""
+        self.extend(
+            [
+                [t, *place, height, top, *moved[self._tabled, column, level]]
+                for column, (place, top) in enumerate(zip(self._places, eta, strict=True))
+                for level, height in enumerate(z[column])
+            ]
+        )

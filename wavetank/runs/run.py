@@ -5,14 +5,19 @@ from dataclasses import fields, is_dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from wavetank.arrays import Vector
+from wavetank.errors import RunError
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
-from wavetank.observers.contract import Ending, Moment, Observer
+from wavetank.observers.contract import Ending, Moment, Observer, Patient
 from wavetank.observers.energy import Sink
 from wavetank.runs.clock import Clock
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
+
+MOMENTS, NUMBERS = 64, 2e5  # that patient observers keep at most, and of all of their unknowns
 
 
 class Run:
@@ -49,6 +54,7 @@ class Run:
         self.step = clock.first
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
+        self._kept = 0  # moments that patient observers have not worked off
 
     @property
     def t(self) -> float:
@@ -62,6 +68,14 @@ class Run:
 
     def execute(self) -> None:
         """Step to the end; collective. Raises ``RunError`` where it breaks down, with everything before recorded."""
+        try:
+            self._go_on()
+        except RunError:
+            self.settle()  # an error met there is of an earlier moment
+            raise
+
+    def _go_on(self) -> None:
+        most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
         if not self._begun:
             self._begun = True
             self._observe()
@@ -69,6 +83,22 @@ class Run:
             self.state = self._stepper.step(self.system, self.state, self.t, self.clock.dt)
             self.step += 1
             self._observe()
+            if self._kept >= most:
+                self.settle()
+        self.settle()
+
+    def settle(self) -> None:
+        """Let patient observers work off what they keep; raises what the first of them raises; collective."""
+        failures, self._kept = list[RunError](), 0
+        for observer in self.observers:
+            if isinstance(observer, Patient):
+                try:
+                    observer.work_off()
+                except RunError as error:
+                    failures.append(error)
+        if failures:
+            self.observed = False  # not by all
+            raise failures[0]
 
     @cached_property
     def _carrying(self) -> dict[str, Stateful]:
@@ -85,12 +115,15 @@ class Run:
     def held(self) -> Held:
         """Return where the run stands, and all that its system, scheme, filters and observers remember; collective.
 
-        Raises ``TypeError`` for a scheme's state that is neither a named tuple nor a dataclass.
+        All moments are worked off before. Raises ``TypeError`` for a scheme's state that is neither a named tuple nor a
+        dataclass, and as ``settle``.
         """
+        self.settle()
         return self._stands() | {"parts": held_by(self._parts)}
 
     def held_without_solves(self) -> Held:
         """Return the same but for what only start values come of: what also outlives other numerics; collective."""
+        self.settle()
         return self._stands() | {"parts": held_by(self._carrying)}
 
     def _stands(self) -> Held:
@@ -128,8 +161,8 @@ class Run:
         self.observed = False
         for observer in self.observers:
             if observer.schedule.due(self.step, self.t, self.clock.time(self.step - 1)):
-                observer.observe(moment)
-        self.observed = True
+                observer.keep(moment) if isinstance(observer, Patient) else observer.observe(moment)
+        self.observed, self._kept = True, self._kept + 1
 
 
 def _values(state: Any) -> Held:

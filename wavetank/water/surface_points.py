@@ -4,7 +4,10 @@ Beside a wall that leans, what stands over a place depends on the height of the 
 that is found by repetition, each time with the height last found.
 """
 
+from collections.abc import Sequence
 from typing import Protocol
+
+import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
@@ -23,8 +26,11 @@ class Standing(Protocol):
     def leans(self) -> bool:
         """Whether places are not the same at all heights."""
 
-    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m]."""
+    def stand(self, places: Vector) -> Vector:
+        """Return how far from rest its paddles stand beside physical places [m], shape (paddles, N)."""
+
+    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], where it stood."""
 
 
 class SurfacePoints:
@@ -45,25 +51,35 @@ class SurfacePoints:
 
     def __init__(self, plane: Plane, wall: Standing, places: Vector):
         self._plane, self._wall, self._places = plane, wall, places
-        self.points = Points(plane, self._coordinates(0.0))
+        self.points = Points(plane, plane.chart.place(wall.to_reference(places)))
 
-    def _coordinates(self, z: Heights) -> Vector:
-        return self._plane.chart.place(self._wall.to_reference(self._places, z))
+    def stand(self) -> Vector:
+        """Return how the wall stands now, as ``each`` asks for it, shape (paddles, N)."""
+        return self._wall.stand(self._places)
 
     def elevations(self, field: Field) -> Vector:
         """Return the elevation over the places [m], shape (N,), of the field of it, for the wall as it stands."""
-        last = self._coordinates(0.0)
-        self.points.move(last)
-        eta = self.points.evaluate(field)
-        if not self._wall.leans:
-            return eta
+        (eta,) = self.each(field.rows[None, :, 0], [self.stand()])
+        return np.asarray(eta)
+
+    def each(self, eta: Vector, stands: Sequence[Vector]) -> Vector:
+        """Return the elevation over the places [m], shape (K, N), at K times, each as at that time alone.
+
+        Of ``eta`` [m] at all degrees of freedom of this rank, shape (K, rows), and how the wall stood at each.
+        """
+        places, stand = np.tile(self._places, (len(eta), 1)), np.concatenate(stands, axis=1)
+
+        def coordinates(z: Heights) -> Vector:
+            return self._plane.chart.place(self._wall.to_reference(places, z, stand))
+
+        last, going = coordinates(0.0), np.full(len(places), self._wall.leans)
         for _ in range(MOST):
-            coordinates = self._coordinates(eta)
-            moved = float(abs(coordinates - last).max(initial=0.0))
-            if moved == 0.0:
-                return eta
-            self.points.move(coordinates)
-            last, eta = coordinates, self.points.evaluate(field)
-            if moved <= NEAR * self._plane.cell_size:
-                return eta
+            self.points.move(last)
+            found = self.points.each(eta)
+            going &= np.isfinite(found)
+            if not going.any():
+                return found.reshape(len(eta), -1)
+            now = np.where(going[:, None], coordinates(found), last)
+            going &= np.abs(now - last).max(axis=1, initial=0.0) > NEAR * self._plane.cell_size
+            last = now
         raise ConvergenceError("where the surface stands over a place beside the paddle could not be found")

@@ -81,10 +81,15 @@ class BothEnds:
         """Return how far the degrees of freedom are from the near paddle at rest [m], shape (owned,)."""
         return self.paddles[0].distances(plane)
 
-    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
+    def stand(self, places: Vector) -> Vector:
+        """See ``Placed``."""
+        return np.concatenate([paddle.stand(places) for paddle in self.paddles])
+
+    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones; see ``Placed``."""
-        near, far = self.paddles
-        return far.to_reference(near.to_reference(places, z), z)
+        for paddle, one in zip(self.paddles, (None, None) if stand is None else (stand[:1], stand[1:]), strict=True):
+            places = paddle.to_reference(places, z, one)
+        return places
 
     def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
         """Return the physical places of reference ones; see ``Placed``."""

@@ -105,8 +105,14 @@ class Placed(Protocol):
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the wall at rest [m], shape (owned,)."""
 
-    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
-        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands."""
+    def stand(self, places: Vector) -> Vector:
+        """Return how far from rest its paddles stand beside physical places [m], shape (paddles, N)."""
+
+    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands.
+
+        Or as it stood when it was asked how it did beside them; each may be of another time.
+        """
 
     def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
         """Return the physical places of reference ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands."""

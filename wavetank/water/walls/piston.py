@@ -148,14 +148,18 @@ class Piston:
         carried = ufl.inner(self.axis, ufl.grad(psi))
         return -speed * R * carried * self.carried + self._into * speed * wall_flux * self._on_paddle
 
-    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
+    def stand(self, places: Vector) -> Vector:
+        """See ``Placed``: X_p."""
+        return self.travel.positions(self.side.along(places))[None]
+
+    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return X with X + a f s(X) X_p = x, places of shape (N, 2) [m]."""
 
         def back(distances: Vector, positions: Vector) -> Vector:
             moved = unmapped(np.asarray(distances / self.reach), np.asarray(positions / self.reach))
             return np.asarray(self.reach * moved - distances)
 
-        return self._carried_on(places, z, back)
+        return self._carried_on(places, z, back, stand=stand)
 
     def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
         """Return X + a f s(X) X_p, places of shape (N, 2) [m]."""
@@ -165,14 +169,16 @@ class Piston:
 
         return self._carried_on(places, z, shift)
 
-    def _carried_on(self, places: Vector, z: Heights, shift: Callable[[Vector, Vector], Vector]) -> Vector:
+    def _carried_on(
+        self, places: Vector, z: Heights, shift: Callable[[Vector, Vector], Vector], *, stand: Vector | None = None
+    ) -> Vector:
         """Return places moved along the normal by a shift [m] of their distances and f X_p; none beyond reach."""
         moved, distances = places.copy(), self.side.distances(places)
         near = np.flatnonzero(distances < self.reach)
         if not near.size:
             return moved
         shares = self.shape.at(np.asarray(z)[near] if np.ndim(z) else np.asarray(z))
-        positions = shares * self.travel.positions(self.side.along(places[near]))
+        positions = shares * (self.stand(places[near]) if stand is None else stand[:, near])[0]
         moved[near] += shift(distances[near], positions)[:, None] * self.side.normal
         return moved
 

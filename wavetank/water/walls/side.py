@@ -32,8 +32,13 @@ class Side(NamedTuple):
 
     def distances(self, places: Vector) -> Vector:
         """Return the distances of places (x, y) from the rest position [m], shape (N,)."""
-        return np.asarray((places - self.point) @ self.normal)
+        return self._part(places, *self.normal)
 
     def along(self, places: Vector) -> Vector:
         """Return the coordinates y of places (x, y) along the paddle [m], shape (N,), counted as the tank's y."""
-        return np.asarray((places - self.point) @ (self.sign * np.array([-self.normal[1], self.normal[0]])))
+        return self._part(places, *(self.sign * np.array([-self.normal[1], self.normal[0]])))
+
+    def _part(self, places: Vector, x: float, y: float) -> Vector:
+        """Return the parts of places, seen from the point, along a direction: of each as of it alone."""
+        away = places - self.point
+        return np.asarray(x * away[:, 0] + y * away[:, 1])

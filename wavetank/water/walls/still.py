@@ -41,7 +41,11 @@ class StillWall:
         """Return x [m], shape (owned,)."""
         return plane.x
 
-    def to_reference(self, places: Vector, z: Heights = 0.0) -> Vector:
+    def stand(self, places: Vector) -> Vector:
+        """Return nothing of no paddle, shape (0, N)."""
+        return np.zeros((0, len(places)))
+
+    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the places."""
         return places
 

@@ -1,0 +1,141 @@
+"""Observers that work off many moments together: what comes of each is what comes of it alone, and none is lost."""
+
+import io
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from rich.console import Console
+from test_checkpoint import same, scene
+from test_faults import forked
+from test_stateful import BASIN, FLAP, SLICE, Observed, differing
+
+from wavetank.case import Scene
+from wavetank.errors import RunError, StoppedError
+from wavetank.motions import Ramped, Sinusoid
+from wavetank.observers import checkpoints
+from wavetank.observers.contract import Moment
+from wavetank.observers.gauges import Gauges
+from wavetank.observers.record import Memory
+from wavetank.observers.schedule import EverySteps
+from wavetank.observers.stability import StabilityWatch
+from wavetank.recording import record_run
+from wavetank.records.directory import ENERGY, GAUGES, PADDLE, RunDirectory
+from wavetank.runs import run as running
+from wavetank.water.surface_flow import surface_of
+
+BESIDE = {"gauges": [0.4, 1.0, 1.5, 2.5]}  # places that the paddle carries, of which two are where cells meet
+
+
+def at_once(parts: dict, moments: int) -> tuple[Observed, list[list[float]], dict]:
+    """Return a run whose observers work off so many moments at once, its rows and what it holds at its end."""
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(running, "MOMENTS", moments)
+        one = Observed(Scene.model_validate(parts), MPI.COMM_WORLD)
+        one.run.execute()
+        return one.gauges.rows, one.energy.rows, one.run.held()
+
+
+@pytest.mark.parametrize("parts", [SLICE | BESIDE, FLAP | BESIDE, BASIN], ids=["piston", "flap", "basin"])
+def test_what_comes_of_moments_together_is_what_comes_of_each(parts):
+    """Bit for bit: as many as there are, four at a time, and one by one."""
+    gauges, energy, held = at_once(parts, 64)
+    for moments in (1, 4):
+        alone, its_energy, its_held = at_once(parts, moments)
+        assert alone == gauges and its_energy == energy and len(gauges) > 10
+        assert not differing(held, its_held)
+
+
+def test_a_paddle_that_reaches_a_gauge_is_told_of_its_time_and_rows_before_are_kept(make_tank):
+    tank, rows = make_tank(length=6.0, cells=12, n=2, motion=Ramped(Sinusoid(0.4, 4.0), 1.0), reach=3.0), Memory()
+    gauges = Gauges(tank, [(0.2, 0.0), (5.0, 0.0)], record=rows, schedule=EverySteps())
+    times = [0.1 * step for step in range(20)]
+    for step, t in enumerate(times):
+        gauges.keep(Moment(step, t, *tank.state(0.01 * np.cos(tank.plane.x), 0 * tank.plane.x, t)))
+    reached = next(t for t in times if tank.wall.motion.position(t) > 0.2)
+    with pytest.raises(RunError, match=rf"t = {reached:.6g} s: the paddle has reached a gauge: the point x = -0"):
+        gauges.work_off()
+    assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
+
+
+@pytest.mark.parametrize("together", [1, 5, 16])
+def test_a_watch_warns_of_the_same_time_however_many_moments_it_judges_together(make_tank, together):
+    """Of a surface that alternates from the 13th step on: the 15th is the first, the 24th the tenth that shows it."""
+    tank, said = make_tank(length=2.0, cells=4, n=2), list[str]()
+    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=said.append)
+    for step in range(48):
+        height = 0.01 * (1 + (step > 12) * 0.1 * (-1) ** step)
+        watch.keep(Moment(step, 0.02 * step, *tank.state(height * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)))
+        if (step + 1) % together == 0:
+            watch.work_off()
+    assert len(said) == 1 and said[0].startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
+
+
+# ---------------------------------------------------------------- runs that end
+class Ending:
+    """Ends a run at a step, once all who come before have seen it."""
+
+    def __init__(self, end, step: int = 7):
+        self.schedule, self._end, self._step = EverySteps(), end, step
+
+    def observe(self, moment):
+        if moment.step == self._step:
+            self._end()
+
+
+def record(out: Path, *, resume: bool = False, end=None) -> None:
+    observers = [] if end is None else [lambda waves: Ending(end)]
+    said = Console(file=io.StringIO())
+    record_run(scene(SLICE), out, comm=MPI.COMM_SELF, console=said, resume=resume, observers=observers)
+
+
+def rows(out: Path) -> list[int]:
+    return [len((out / table).read_bytes().splitlines()) - 1 for table in (GAUGES, ENERGY, PADDLE)]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory) -> Path:
+    """Return the directory of a run that nothing has ended."""
+    out = tmp_path_factory.mktemp("patience") / "whole"
+    record(out)
+    return out
+
+
+@pytest.fixture
+def patient(monkeypatch):
+    """Let records wait for as long as they may: but for the first step nothing is noted."""
+    monkeypatch.setattr(checkpoints, "NOTING", 1e-9)
+
+
+def fail() -> None:
+    raise ValueError("a mistake")
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize(
+    ("end", "error"), [(lambda: os.kill(os.getpid(), signal.SIGTERM), StoppedError), (fail, ValueError)]
+)
+def test_a_run_that_ends_between_has_all_its_rows_and_goes_on_byte_for_byte(end, error, whole, tmp_path):
+    out = tmp_path / "run"
+    with pytest.raises(error):
+        record(out, end=end)
+    assert rows(out) == [8, 8, 8]
+    record(out, resume=True)
+    same(whole, out)
+    for table in (GAUGES, ENERGY, PADDLE):
+        assert (out / table).read_bytes() == (whole / table).read_bytes()
+
+
+@pytest.mark.usefixtures("patient")
+@pytest.mark.parametrize(("late", "least"), [(checkpoints.LATE, 1), (0.0, 7)])
+def test_a_run_that_is_killed_has_all_but_the_rows_of_the_last_second(late, least, whole, tmp_path, monkeypatch):
+    """Of seven steps of milliseconds: the start's, or, where they come at once, all; in either case it goes on."""
+    monkeypatch.setattr(checkpoints, "LATE", late)
+    out = tmp_path / "run"
+    assert forked(lambda: record(out, end=lambda: os.kill(os.getpid(), signal.SIGKILL))) == -signal.SIGKILL
+    assert RunDirectory(out).status == "killed" and min(rows(out)) >= least
+    record(out, resume=True)
+    same(whole, out)
