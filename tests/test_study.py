@@ -144,11 +144,13 @@ def test_no_exact_solution_is_said_so(case, changes, sentence):
 
 
 def test_a_reference_that_is_none_is_refused(tmp_path):
-    def study(reference: str) -> Study:
-        return Study(CASE, ["dt=0.02"], reference=reference, out=tmp_path, console=Console(file=io.StringIO()))
+    def study(reference: str, **more) -> Study:
+        return Study(CASE, ["dt=0.02"], reference=reference, out=tmp_path, console=Console(file=io.StringIO()), **more)
 
     with pytest.raises(InputError, match="allowed are fine, exact, none and a run directory"):
         study("finest")
+    with pytest.raises(InputError, match=r"below = 2 received, reference 'exact': only a run"):
+        study("exact", below=2.0)
     with pytest.raises(InputError, match="is no run directory"):
         study(str(tmp_path))
     other = read_case(CASE, ["tank.length=3.0", "gauges=[]"])
@@ -239,6 +241,22 @@ def test_a_run_is_compared_with_another_at_other_times_and_places(tmp_path, case
     errors = RunReference(other.path).errors(run)
     assert errors[SURFACE] == pytest.approx(0.01, rel=1e-4)
     assert errors[GAUGES] == pytest.approx(0.01, rel=1e-4)
+
+
+def test_of_gauges_what_is_below_a_frequency_is_compared_alone(tmp_path):
+    """Oracle: a wave of 0.4 Hz that is 1 % higher, under one of 2 Hz that is not there; whole periods."""
+    scene, x, times = read_case(CASE, []), np.linspace(0, 2, 20), np.linspace(0, 5, 100, endpoint=False)
+
+    def eta(x: Any, t: float) -> Any:
+        return np.cos(2 * x - 0.8 * np.pi * t)
+
+    def rippled(x: Any, t: float) -> Any:
+        return 1.01 * eta(x, t) + 0.1 * np.sin(4 * np.pi * t)
+
+    run, other = (write_run(tmp_path / each.__name__, scene, x, each, times=times) for each in (rippled, eta))
+    errors = RunReference(other.path, below=1.0).errors(run)
+    assert errors["gauge error below 1 Hz [-]"] == pytest.approx(0.01, rel=1e-3)
+    assert RunReference(other.path).errors(run)[GAUGES] == pytest.approx(0.1, rel=0.02)
 
 
 def test_without_a_gauge_in_common_surfaces_are_compared(tmp_path):

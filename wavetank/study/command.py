@@ -19,6 +19,9 @@ def study(
             help="what errors are measured against; default: fine, or none where only what is modelled is swept",
         ),
     ] = None,
+    below: Annotated[
+        float | None, typer.Option(min=1e-9, help="count errors of gauges below this frequency [Hz]; default: all")
+    ] = None,
     response: Annotated[
         list[str] | None,
         typer.Option(
@@ -58,6 +61,7 @@ def study(
         overrides=overrides or [],
         marked=mark or [],
         reference=reference,
+        below=below,
         asked=response or [],
         start=start,
         at_once=at_once,

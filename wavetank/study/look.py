@@ -1,11 +1,14 @@
-"""Which setting of a study is drawn how: integrators are colours, another key is the marker, one runs along lines."""
+"""Which setting of a study is drawn how: integrators are colours, another key is the marker, one runs along lines.
+
+Where there is one integrator, the other key is the colour, too.
+"""
 
 from collections.abc import Sequence
 from itertools import cycle
 
 from matplotlib.lines import Line2D
 
-from wavetank.postprocess.style import BLUE, GREEN, INK, ORANGE, PURPLE, VERMILION, entry
+from wavetank.postprocess.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, VERMILION, entry
 from wavetank.study.sweep import Axis
 from wavetank.study.table import Row
 
@@ -21,7 +24,7 @@ class Look:
     Parameters
     ----------
     axes
-        All of them. The integrator is the colour; of the others but ``along`` the first is the marker.
+        All of them. Of those but ``along`` the integrator is the colour, the first of the others the marker.
     along
         What varies along a line; None: nothing but the integrator is swept.
     """
@@ -29,10 +32,11 @@ class Look:
     def __init__(self, axes: Sequence[Axis], along: Axis | None):
         self._along = along
         self._settings = [axis for axis in axes if axis.name != INTEGRATOR]
-        integrators = next((axis.values for axis in axes if axis.name == INTEGRATOR and axis != along), ())
-        self._colours = dict(zip(integrators, cycle(COLOURS), strict=False))
         self._marked = next((axis for axis in self._settings if axis != along), None)
+        integrators = (axis for axis in axes if axis.name == INTEGRATOR and axis != along)
+        self._coloured = next(integrators, self._marked)
         self._markers = dict(zip(self._marked.values if self._marked else (), cycle(MARKERS), strict=False))
+        self._colours = dict(zip(self._coloured.values if self._coloured else (), cycle(COLOURS), strict=False))
 
     def line(self, row: Row) -> tuple[str, ...]:
         """Return what all points of a line have in common."""
@@ -40,15 +44,16 @@ class Look:
         return tuple(value for name, value in row.combination.values.items() if name != along)
 
     def colour(self, row: Row) -> str:
-        """Return the colour of a row's integrator."""
-        return self._colours.get(row.combination.values.get(INTEGRATOR, ""), COLOURS[0])
+        """Return the colour of a row's integrator, or of its other setting."""
+        values = row.combination.values
+        return self._colours.get(values.get(self._coloured.name, ""), COLOURS[0]) if self._coloured else COLOURS[0]
 
     def marker(self, row: Row) -> str:
         """Return the marker of a row's other setting."""
         return self._markers.get(row.combination.values.get(self._marked.name, ""), "o") if self._marked else "o"
 
     def text(self, row: Row) -> str:
-        """Return a row's settings, all but what its colour says, numbers to three digits."""
+        """Return a row's settings, all but its integrator, numbers to three digits."""
         return ", ".join(_short(row.combination.values[axis.name]) for axis in self._settings)
 
     @property
@@ -58,9 +63,10 @@ class Look:
 
     def legend(self, rows: Sequence[Row]) -> list[Line2D]:
         """Return the entries of colours, markers and marked rows."""
-        entries = [entry(name, color=colour, lw=3) for name, colour in self._colours.items()]
+        own = self._coloured == self._marked  # the colour says nothing else
+        entries = [entry(name, color=colour, lw=3) for name, colour in self._colours.items() if not own]
         entries += [
-            entry(f"{self._marked.label} = {value}", marker=marker, ls="")
+            entry(f"{self._marked.label} = {value}", marker=marker, ls="", color=self._colours[value] if own else GREY)
             for value, marker in self._markers.items()
             if self._marked
         ]

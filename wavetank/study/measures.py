@@ -1,7 +1,7 @@
 """Error measures of a run, against an exact solution or against another run.
 
     surface error   rms(eta - eta_ref) over x and all snapshots, over the amplitude (exact) or over rms(eta_ref)
-    gauge error     rms(eta - eta_ref) over time and all gauges in common, over rms(eta_ref)
+    gauge error     rms(eta - eta_ref) over time and all gauges in common, over rms(eta_ref), or below a frequency alone
     phase error     angle by which the wave is ahead of the exact one in the last snapshot
     crest error     relative error of the crest's height in the last snapshot
 
@@ -106,10 +106,13 @@ class ExactReference:
 
 
 class RunReference:
-    """Judges by another run of the same tank; raises ``InputError`` if that has no snapshots."""
+    """Judges by another run of the same tank, gauges by their waves below a frequency [Hz], if one is given.
 
-    def __init__(self, path: Path):
-        self._run = RunDirectory(path)
+    Raises ``InputError`` if that has no snapshots.
+    """
+
+    def __init__(self, path: Path, *, below: float | None = None):
+        self._run, self._below = RunDirectory(path), below
         surface = self._run.snapshots()
         if surface.t.size < 2:
             raise InputError(f"{path}: {surface.t.size} snapshots of the surface; a reference needs at least 2.")
@@ -130,7 +133,8 @@ class RunReference:
                 pairs.append((now.eta, _interpolant(x, eta, period=period)(now.x)))
         errors = {SURFACE: _relative(pairs)}
         with suppress(InputError):  # no gauge in common, then
-            errors[GAUGES] = _relative(self._gauges(run))
+            name = GAUGES if self._below is None else f"gauge error below {self._below:g} Hz [-]"
+            errors[name] = _relative(self._gauges(run))
         return errors
 
     def _gauges(self, run: RunDirectory) -> list[tuple[Array, Array]]:
@@ -138,5 +142,14 @@ class RunReference:
         pairs = []
         for one, other in matched(run.gauge_series(), self._run.gauge_series()):
             there = one.t <= other.t[-1]
-            pairs.append((one.eta[there], _interpolant(other.t, other.eta)(one.t[there])))
+            both = np.array([one.eta[there], _interpolant(other.t, other.eta)(one.t[there])])
+            eta, reference = both if self._below is None else _below(self._below, one.t[there], both)
+            pairs.append((eta, reference))
         return pairs
+
+
+def _below(frequency: float, t: Array, records: Array) -> Array:
+    """Return what records, shape (M, N), have below a frequency [Hz]."""
+    spectra = np.fft.rfft(records)
+    spectra[:, np.fft.rfftfreq(t.size, (t[-1] - t[0]) / (t.size - 1)) >= frequency] = 0.0
+    return np.fft.irfft(spectra, t.size)

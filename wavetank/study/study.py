@@ -50,6 +50,8 @@ class Study:
         ``"fine"``: the finest combination refined once more, one for each group of scenes that differ in nothing but
         numerics; ``"exact"``: the scene's exact solution; ``"none"``: nothing, if a key is swept that changes what is
         modelled, which is the default where nothing else is swept; or the path of a run directory.
+    below
+        Below which frequency [Hz] errors of gauges are counted; default: all.
     asked
         Responses to table, ``[NAME=]EXPRESSION`` each; default: of sweeps of what is modelled crest and trough.
     start
@@ -71,6 +73,7 @@ class Study:
         overrides: Sequence[str] = (),
         marked: Sequence[str] = (),
         reference: str | None = None,
+        below: float | None = None,
         asked: Sequence[str] = (),
         start: float | None = None,
         at_once: int | None = None,
@@ -92,7 +95,10 @@ class Study:
         reference = reference or (NONE if all(axis.physical for axis in self._axes) else FINE)
         if reference == NONE and not self._physical:
             raise InputError(f"reference {NONE!r} received; without one there must be a sweep of what is modelled.")
-        self._references = _references(reference, self._groups)
+        if below is not None and reference in (NONE, EXACT):
+            raise InputError(f"below = {below:g} received, reference {reference!r}: only a run has gauges to compare.")
+        self._below = below
+        self._references = _references(reference, self._groups, below)
         self._runner = Runner(case, out, at_once=at_once or cores(), yes=yes)
 
     @property
@@ -153,7 +159,8 @@ class Study:
         ended = self._run(list(needed.values()), "reference")
         finished = {n: one for n, one in needed.items() if ended[one.name].status == "finished"}
         directories = {n: self._runner.directory(one) for n, one in finished.items()}
-        return [RunReference(directories[n]) if n in directories else None for n in range(len(self._groups))]
+        judges = {n: RunReference(there, below=self._below) for n, there in directories.items()}
+        return [judges.get(n) for n in range(len(self._groups))]
 
     def _refinement(self, n: int, group: Sequence[Combination], outcomes: Outcomes) -> Combination | None:
         coarse = finest([one for one in group if one in self._swept] or group)
@@ -200,7 +207,7 @@ class Study:
         self._console.print(f"wrote {drawn}", highlight=False)
 
 
-def _references(reference: str, groups: Sequence[Sequence[Combination]]) -> list[Reference | None]:
+def _references(reference: str, groups: Sequence[Sequence[Combination]], below: float | None) -> list[Reference | None]:
     """Return a reference for each group, or nothing if they are still to be computed."""
     if reference == FINE:
         return []
@@ -210,7 +217,7 @@ def _references(reference: str, groups: Sequence[Sequence[Combination]]) -> list
         return [ExactReference(group[0].scene) for group in groups]
     if not Path(reference).is_dir():
         raise InputError(f"reference {reference!r} received; allowed are {FINE}, {EXACT}, {NONE} and a run directory.")
-    run = RunReference(Path(reference))
+    run = RunReference(Path(reference), below=below)
     for group in groups:
         run.check(group[0].scene)
     return [run for _ in groups]
