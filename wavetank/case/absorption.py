@@ -8,7 +8,7 @@ from pydantic import Field
 
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
-from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_mass
+from wavetank.theory.absorption import PassiveFilter, face, radiation
 from wavetank.theory.airy import angular_frequency
 from wavetank.theory.wavemaker import Wavemaker
 from wavetank.values.noun import Noun, Problem
@@ -98,10 +98,6 @@ class SpringDamper(Noun):
         mass, stiffness, damping = (tank.density * part for part in self.resolved(tank, maker))
         parts = f"{mass:.4g} kg/m on a spring of {stiffness:.4g} N/m² and a damper of {damping:.4g} N s/m²"
         return f"it absorbs, a mass of {parts}"
-
-    def added(self, tank: AnyTank, maker: Wavemaker) -> float:
-        """Return the added mass of a sudden motion [m²], over the density."""
-        return sudden_mass(maker, tank.depth)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a period that is none of the tank's waves, or that nothing follows from."""

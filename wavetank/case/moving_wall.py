@@ -11,6 +11,7 @@ from wavetank.case.tanks import AnyTank
 from wavetank.motions import Array
 from wavetank.motions.extent import Extent
 from wavetank.motions.mapping import STEEPEST, TOP, largest_stroke, share
+from wavetank.theory.absorption import sudden_mass
 from wavetank.theory.wavemaker import PISTON, Flap, Wavemaker
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Acceleration, Coordinate, Length, Speed, metres
@@ -57,6 +58,10 @@ class MovingWall(Noun):
     def shares(self, tank: AnyTank) -> Array:
         """Return how far it goes at heights from the bed up, over how far it goes where that is told, shape (N,)."""
         return np.asarray(self.maker.share(tank.depth * np.linspace(-1.0, TOP, 1001), tank.depth))
+
+    def added_mass(self, tank: AnyTank) -> float:
+        """Return the added mass of a sudden motion [m²], over the density."""
+        return sudden_mass(self.maker, tank.depth)
 
     def farther(self, tank: AnyTank) -> float:
         """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""

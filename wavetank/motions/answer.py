@@ -3,8 +3,9 @@
     x' = A x + B u(t),     X = C x,     V = C x'
 
 u is what is measured at the beginning of each step. Up to there x goes on by the parabola through the last three
-values, to third order; from there to the end of the step, where u is not known yet, the paddle goes on by the straight
-line through the last two, or by the parabola. Both solve the equation exactly, so neither is stiff.
+values, to third order; from there to the end of the step, where u is not known yet, the position goes on by the
+straight line through the last two, or by the parabola, the velocity by the parabola, which makes it as right as the
+position is. All solve the equation exactly, so none is stiff.
 """
 
 from collections.abc import Mapping
@@ -31,8 +32,8 @@ class Equation:
     rest
         x = rest u keeps the paddle where it is when it begins, shape (n, m).
     ahead
-        By how many of the last values the paddle goes on: 2, as a parabola overshoots waves of a few steps a period, or
-        3 where u is part of the velocity itself, and must be known as well as the position is.
+        By how many of the last values the position goes on: 2, as a parabola overshoots waves of a few steps a period,
+        or 3 where u is part of the velocity itself.
     """
 
     A: Array
@@ -83,9 +84,9 @@ class Equation:
         rates[n:-m, n + m :] = np.eye((REMEMBERED - 1) * m)
         return np.asarray(scipy.linalg.expm(dt * rates))
 
-    def moved(self, x: Array, u: Array) -> tuple[float, float]:
-        """Return position and velocity for x and u."""
-        return float(self.C @ x), float(self.C @ (self.A @ x + self.B @ u))
+    def velocity(self, x: Array, u: Array) -> float:
+        """Return V for x and u."""
+        return float(self.C @ (self.A @ x + self.B @ u))
 
 
 class Answer:
@@ -112,7 +113,9 @@ class Answer:
         self._measured = [*self._measured[1 - REMEMBERED :], np.asarray(u, dtype=float)]
         if t > last:  # a step has been taken
             self._x, _ = self._gone_on(self._x, last, t - last, by=REMEMBERED)
-        return self._equation.moved(*self._gone_on(self._x, t, dt, by=self._equation.ahead))
+        velocity = self._equation.velocity(*self._gone_on(self._x, t, dt, by=REMEMBERED))
+        x, _ = self._gone_on(self._x, t, dt, by=self._equation.ahead)
+        return float(self._equation.C @ x), velocity
 
     def _gone_on(self, x: Array, t: float, dt: float, *, by: int) -> tuple[Array, Array]:
         """Return x and u a time dt [s] after t, u going through the last values, as many as are told."""

@@ -43,6 +43,10 @@ class Motion(ABC):
         """Know that somebody may ask for the time t [s] again, whatever comes later; until he keeps another."""
         return
 
+    def added(self, t: Any, order: int) -> Any:
+        """Return the derivative of that order of what is added on the way, in m/s^order, at times t [s]: nothing."""
+        return 0.0 * np.asarray(t)
+
     @abstractmethod
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of X in time of order 0 to 2, in m/s^order, at times t [s] and places y [m]."""

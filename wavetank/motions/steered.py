@@ -11,14 +11,17 @@ from wavetank.motions.motion import Array, Motion
 
 REST = (0.0, 0.0, 0.0)
 REMEMBERED = 8  # knots
+SEVENTH = np.array([[44, -20, 3], [-150, 74, -12], [228, -114, 19], [-168, 84, -14], [48, -24, 4]]) / 2
 
 
 class Steered(Motion):
-    """A motion, and what has been added to it: quintics through position, velocity and acceleration at knots.
+    """A motion, and what has been added to it: through position, velocity and acceleration at knots, of seventh degree.
 
     All are continuous. The acceleration at a knot is that of the cubic through the last four velocities, as many as
-    there are: of another, which these would not follow, the work between knots could not be told from the power at
-    them. Knots of long ago are forgotten; before the first there is and after the last what is added stays as it is.
+    there are. Half way between knots the velocity is such that Simpson's rule finds from there and the knots exactly
+    how far it goes: knots need not fit each other, but what does not is then the same to whoever knows the motion at
+    these three times, as schemes do and who tells its work. Knots of long ago are forgotten; before the first there is
+    and after the last what is added stays as it is.
 
     Parameters
     ----------
@@ -87,9 +90,9 @@ class Steered(Motion):
         (x0, v0, a0), (x1, v1, a1) = self._knots[last - 1 : last + 1]
         x = x1 - x0 - dt * (v0 + 0.5 * dt * a0)
         v, a = dt * (v1 - v0 - dt * a0), dt**2 * (a1 - a0)
-        powers = (x0, dt * v0, 0.5 * dt**2 * a0, 10 * x - 4 * v + a / 2, -15 * x + 7 * v - a, 6 * x - 3 * v + a / 2)
+        powers = (x0, dt * v0, 0.5 * dt**2 * a0, *(SEVENTH @ (x, v, a)))
         part, value = (within - begin) / dt, 0.0
-        for n in range(5, order - 1, -1):
+        for n in range(7, order - 1, -1):
             value = value * part + perm(n, order) * powers[n]
         return value / dt**order
 

@@ -4,16 +4,15 @@ The paddle's power is exact for the discrete Hamiltonian: along the flow dH/dt =
 
     E(t) - E(0) = int_0^t dH/dt|explicit dt' - [W]_0^t  =  paddle work,
 
-integrated over all steps by Adams-Moulton's rule of order 4, however few of them are recorded. What is dissipated
+integrated over all steps (``supply.py``), however few of them are recorded. What is dissipated
 between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then the error of the time
 integrator. A scheme that reports the mean of two traces evaluates these, not the mean: power is the mean of theirs,
 and the energies of the mean are those of the plus trace and their derivatives times what lies between; both are right
 to the square of the jump. Where something acts between steps, the mean is that of before and after.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from math import isclose
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -23,6 +22,7 @@ from wavetank.hamiltonian.change import change
 from wavetank.observers.contract import Moment, ObservedWaves, Patient
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
+from wavetank.observers.supply import Power, Supply
 from wavetank.stateful import Held
 from wavetank.water.energy import Energies
 
@@ -42,20 +42,13 @@ COLUMNS = columns(1)
 
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy, what has gone included: a balance that is farther off is told
-SAME = 1e-6  # of a step: so near are steps of one length
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
 
 # what a budget remembers:
 SUMS = (
-    *("t", "dt", "total", "wall", "mass"),
+    *("total", "wall", "mass"),
     *("energy", "off", "lost", "nothing", "dissipated", "earlier"),
 )
-
-ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
-    2: (1 / 2, 1 / 2),
-    3: (5 / 12, 8 / 12, -1 / 12),
-    4: (9 / 24, 19 / 24, -5 / 24, 1 / 24),
-}
 
 
 @runtime_checkable
@@ -66,13 +59,6 @@ class Sink(Protocol):
     """
 
     energy_taken: float
-
-
-class Absorbing(Protocol):
-    """What absorbs adds to a paddle's motion."""
-
-    def added(self, t: float, order: int) -> float:
-        """Return the derivative of that order, in m/s^order, at t [s]."""
 
 
 class EnergyBudget(Patient):
@@ -86,8 +72,8 @@ class EnergyBudget(Patient):
         Steps between rows; the work is integrated from all of them, and all of them are judged.
     sinks
         What dissipates.
-    absorbing
-        What paddles that absorb add to their motion, by their numbers: what their work is less by that is ``absorbed``.
+    supply
+        What paddles put in; default: by their power.
     """
 
     def __init__(
@@ -97,17 +83,13 @@ class EnergyBudget(Patient):
         record: Record,
         every: int = 1,
         sinks: Sequence[Sink] = (),
-        absorbing: Mapping[int, Absorbing] | None = None,
+        supply: Supply | None = None,
     ):
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
-        self._waves, self._record, self._absorbing = waves, record, absorbing or {}
+        self._waves, self._record, self._supply = waves, record, supply or Power()
         self._sinks = {type(sink).__name__: sink for sink in sinks}
         self._rows: list[list[float]] = []  # that are still to be written
-        self._rates: list[Vector] = []  # the paddles' power, and that of what absorbs
-        self._before: list[Vector] = []  # those where the step ended, if something has acted since
-        self._supplied: Vector = np.zeros(2)
-        self._slopes: list[tuple[float, float]] = []  # of H by each paddle's place and speed, at the point last seen
-        self._t = self._dt = 0.0
+        self._before: list[Vector] = []  # what was seen where the step ended, if something has acted since
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
@@ -116,39 +98,27 @@ class EnergyBudget(Patient):
         self._given = dict[str, tuple[float, float]]()  # the most that came back of that, and until when [s]
 
     def ended(self, at: tuple[Vector, Vector], t: float) -> None:
-        """Keep the paddle's power where a step has ended, before something acts on the state; collective."""
-        self._before = [self._powers(*at, t)]
-
-    def _powers(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dt at fixed (q, p), and what of it is by what absorbs, shape (2,); collective."""
-        self._slopes = self._waves.slopes(q, p, t) if self._absorbing else []
-        slopes = ((one, *self._slopes[n]) for n, one in self._absorbing.items())
-        part = sum(one.added(t, 1) * by_place + one.added(t, 2) * by_speed for one, by_place, by_speed in slopes)
-        return np.array([self._waves.explicit_rate(q, p, t), part])
-
-    def _absorbed(self, t: float) -> list[float]:
-        """Return what has been absorbed, if anything absorbs."""
-        of_walls = sum(one.added(t, 1) * self._slopes[n][1] for n, one in self._absorbing.items())
-        return [float(of_walls - self._supplied[1])] if self._absorbing else []
+        """Look at where a step has ended, before something acts on the state; collective."""
+        self._before = [self._supply.look(self._waves, *at, t)]
 
     def keep(self, moment: Moment) -> None:
         """Add to the paddle's work, see how far off the balance is, and keep a row where one is due; collective."""
         points = moment.points[-1:] if self._before else moment.points
-        rates = self._before + [self._powers(*point, moment.t) for point in points]
+        seen = self._before + [self._supply.look(self._waves, *point, moment.t) for point in points]
         self._before = []
-        self._integrate(moment.t, np.asarray(sum(rates) / len(rates)))
+        self._supply.go_on(moment.t, np.asarray(sum(seen) / len(seen)))
         now = self._energies(moment)
         if moment.step == 0:
             self._total, self._wall, self._mass = now.total, now.wall, self._waves.total_mass(moment.q)
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
-        work = float(self._supplied[0]) - (now.wall - self._wall)
+        work = self._supply.done - (now.wall - self._wall)
         self._dissipated = dissipated = self._earlier + self._by_sinks()
         balance = now.total - self._total - work + dissipated
         for name, sink in self._sinks.items():
             self._most[name] = max(self._most.get(name, sink.energy_taken), sink.energy_taken)
             if (given := self._most[name] - sink.energy_taken) > self._given.get(name, (0.0, 0.0))[0]:
                 self._given[name] = given, moment.t
-        absorbed = self._absorbed(moment.t)
+        absorbed = [] if self._supply.absorbed is None else [self._supply.absorbed]
         gone = dissipated + max(sum(absorbed), 0.0)
         self._energy, self._off = max(self._energy, now.total + gone), max(self._off, abs(balance))
         if not self._recorded.due(moment.step):
@@ -156,7 +126,7 @@ class EnergyBudget(Patient):
         mass = self._waves.total_mass(moment.q)
         self._lost = max(self._lost, abs(mass - self._mass))
         energies = (now.kinetic, now.potential, now.total, work, dissipated, balance)
-        self._rows.append([moment.t, *energies, mass, *self._absorbed(moment.t)])
+        self._rows.append([moment.t, *energies, mass, *absorbed])
 
     def work_off(self) -> None:
         """Append the rows."""
@@ -207,26 +177,16 @@ class EnergyBudget(Patient):
                 sentences.append(f"{called} {part}: {gives}")
         return sentences
 
-    def _integrate(self, t: float, rate: Vector) -> None:
-        dt = t - self._t
-        known = 3 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
-        self._rates = [rate, *self._rates[:known]]
-        if len(self._rates) > 1:
-            weighted = zip(ADAMS_MOULTON[len(self._rates)], self._rates, strict=True)
-            self._supplied = self._supplied + dt * sum(weight * one for weight, one in weighted)
-        self._t, self._dt = t, dt
-
     def held(self) -> Held:
         """Return the sums so far, and what the balance is judged by."""
-        rates = {"rates": [rate.tolist() for rate in self._rates], "supplied": self._supplied.tolist()}
         of_sinks = {"most": {**self._most}, "given": {**self._given}}
-        return {name: getattr(self, f"_{name}") for name in SUMS} | rates | of_sinks
+        return {name: getattr(self, f"_{name}") for name in SUMS} | of_sinks | {"supply": self._supply.held()}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         for name in SUMS:
             setattr(self, f"_{name}", held[name])
-        self._rates, self._supplied = [np.array(rate) for rate in held["rates"]], np.array(held["supplied"])
+        self._supply.take(held["supply"])
         self._most, self._given = {**held["most"]}, {name: (given, t) for name, (given, t) in held["given"].items()}
 
     def carry(self, held: Held) -> None:

@@ -3,11 +3,14 @@
 from collections.abc import Callable, Iterable
 from typing import Any
 
+import numpy as np
+
 from wavetank.case import Scene
 from wavetank.case.absorption import ActiveAbsorption, SpringDamper
 from wavetank.fe.agreed import agreed, from_first
 from wavetank.motions.answer import Equation
 from wavetank.motions.at_face import elevation_at_face
+from wavetank.observers.supply import AnsweredWork
 from wavetank.runs.waters import AnyWaves
 from wavetank.stateful import Held
 from wavetank.values.noun import Noun
@@ -34,6 +37,15 @@ def added_motions(scene: Scene, waves: AnyWaves) -> dict[int, Any]:
     return {number: waves.wall.paddles[number].motion for number in scene.absorbing}
 
 
+def build_supply(scene: Scene, waves: AnyWaves) -> AnsweredWork | None:
+    """Return what counts the work of a scene's paddles, where some of them absorb."""
+    if not scene.absorbing:
+        return None
+    walls: list[Any] = [seen.wall for seen in scene.paddles]
+    masses = np.array([wall.added_mass(scene.tank) for wall in walls])
+    return AnsweredWork([paddle.motion for paddle in waves.wall.paddles], masses)
+
+
 def went_on(scene: Scene, motions: Iterable[Any], scheme: Held) -> None:
     """Let motions of a scene's paddles, those that absorb among them, stand where a run's scheme has held them."""
     paddles = [*motions]
@@ -57,10 +69,11 @@ def _active(scene: Scene, absorb: ActiveAbsorption, number: int, waves: AnyWaves
 
 
 def _on_spring(scene: Scene, absorb: SpringDamper, number: int, waves: AnyWaves) -> Answered:
-    tank, maker = scene.tank, scene.wall.maker
+    wall: Any = scene.wall
+    tank, maker = scene.tank, wall.maker
     paddle: Any = waves.wall.paddles[number]
     mass, stiffness, damping = absorb.resolved(tank, maker)
-    added = absorb.added(tank, maker)
+    added = wall.added_mass(tank)
     equation = Equation.of_spring(mass + added, stiffness, damping)
     return equation, Push(waves, number, paddle, mass=added)
 

@@ -33,7 +33,7 @@ from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.stability import StabilityWatch
 from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
 from wavetank.observers.windows import WindowObserver, WindowRecord
-from wavetank.runs.answering import added_motions, build_answers
+from wavetank.runs.answering import added_motions, build_answers, build_supply
 from wavetank.runs.clock import Clock
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.own import own_scheme
@@ -257,7 +257,7 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
             record=records.energy,
             every=output.energy_every,
             sinks=sinks,
-            absorbing=added_motions(scene, waves),
+            supply=build_supply(scene, waves),
         ),
         HighestCrest(waves),
     ]

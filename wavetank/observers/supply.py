@@ -1,0 +1,179 @@
+"""What paddles put into the water, integrated over all steps by what is known at their ends.
+
+Of paddles that move smoothly that is their power, by Adams-Moulton's rule of order 4. One that answers the water is
+told anew how it goes on at each step, and goes unevenly within it. What it does by u, its velocity or what absorbing
+adds to that, is by parts
+
+    int dH/dX u + dH/dX' u' dt = [(K - c u / 2) u] + int (dH/dX - K') u dt,     K = dH/dX' + c u,
+
+c the added mass of a sudden motion: dH/dX' falls by c u, and K knows nothing of it. So dH/dX and K are smooth, and go
+through steps as the cubics through their last four values; u is taken as it is, by Simpson's rule, which is exact of
+what a ``Steered`` motion adds.
+"""
+
+from collections.abc import Sequence
+from functools import lru_cache
+from math import isclose
+from typing import Any, Protocol
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.stateful import Held, Stateful
+
+SAME = 1e-6  # of a step: so near are steps of one length
+KNOWN = 4  # values that a cubic goes through
+
+ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
+    2: (1 / 2, 1 / 2),
+    3: (5 / 12, 8 / 12, -1 / 12),
+    4: (9 / 24, 19 / 24, -5 / 24, 1 / 24),
+}
+
+NODES = np.array([0.0, 0.5, 1.0])  # of Simpson's rule, of a step
+SIMPSON = np.array([1.0, 4.0, 1.0]).reshape(-1, 1, 1) / 6
+EQUAL = 6  # digits: the same
+
+
+class Pushed(Protocol):
+    """Water that paddles push; both methods are collective."""
+
+    def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
+        """Return dH/dt at fixed (Q, psi), in energy a second."""
+
+    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
+        """Return dH/dX and dH/dX' of each paddle at fixed (Q, psi)."""
+
+
+class Moving(Protocol):
+    """A paddle's motion."""
+
+    def velocity(self, t: float) -> Any:
+        """Return X' [m/s] at t [s]."""
+
+    def added(self, t: float, order: int) -> Any:
+        """Return the derivative of that order of what is added to it on the way, in m/s^order, at t [s]."""
+
+
+class Supply(Stateful, Protocol):
+    """What is put in: int dH/dt|explicit dt so far."""
+
+    @property
+    def done(self) -> float:
+        """What was put in."""
+
+    @property
+    def absorbed(self) -> float | None:
+        """What was not because of what absorbing adds to the motions, less its part of W; None: nothing absorbs."""
+
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
+        """Return what is to be known of a point; collective."""
+
+    def go_on(self, t: float, seen: Vector) -> None:
+        """Take the step up to t [s], at whose end that has been seen, or the mean of several; the first time begin."""
+
+
+class Power:
+    """Of paddles that move smoothly, by their power."""
+
+    absorbed = None
+
+    def __init__(self) -> None:
+        self.done = self._t = self._dt = 0.0
+        self._rates: list[float] = []
+
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
+        """Return the power, shape (1,); collective."""
+        return np.array([water.explicit_rate(q, p, t)])
+
+    def go_on(self, t: float, seen: Vector) -> None:
+        """See ``Supply``."""
+        dt = t - self._t
+        known = KNOWN - 1 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
+        self._rates = [float(seen[0]), *self._rates[:known]]
+        if len(self._rates) > 1:
+            weighted = zip(ADAMS_MOULTON[len(self._rates)], self._rates, strict=True)
+            self.done += dt * sum(weight * one for weight, one in weighted)
+        self._t, self._dt = t, dt
+
+    def held(self) -> Held:
+        """Return what was put in, and the power at the last moments."""
+        return {"done": self.done, "t": self._t, "dt": self._dt, "rates": list(self._rates)}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self.done, self._t, self._dt, self._rates = held["done"], held["t"], held["dt"], list(held["rates"])
+
+
+class AnsweredWork:
+    """Of paddles of which some answer the water, by the slopes of H.
+
+    Parameters
+    ----------
+    motions
+        Of all paddles.
+    masses
+        c of each [m²], shape (paddles,).
+    """
+
+    def __init__(self, motions: Sequence[Moving], masses: Vector):
+        self._motions, self._masses = motions, masses
+        self._times: list[float] = []
+        self._known: list[Vector] = []  # dH/dX, dH/dX' and both u then, shape (4, paddles)
+        self._done: Vector = np.zeros(2)  # by both u
+        self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
+
+    @property
+    def done(self) -> float:
+        """See ``Supply``."""
+        return float(self._done[0])
+
+    @property
+    def absorbed(self) -> float:
+        """See ``Supply``."""
+        return float(self._known[-1][3] @ self._by_speed - self._done[1])
+
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dX and dH/dX', shape (2, paddles); collective."""
+        seen = np.array(water.slopes(q, p, t), dtype=np.float64).T
+        self._by_speed = seen[1]
+        return seen
+
+    def go_on(self, t: float, seen: Vector) -> None:
+        """See ``Supply``."""
+        self._times = [*self._times[1 - KNOWN :], t]
+        self._known = [*self._known[1 - KNOWN :], np.vstack([seen, self._speeds(t)])]
+        if len(self._times) < 2:
+            return
+        dt, known = t - self._times[-2], np.array(self._known)
+        values, rates = _through(tuple(round((time - self._times[-2]) / dt, EQUAL) for time in self._times))
+        by_place, u = known[:, 0], known[:, 2:]
+        K = known[:, 1:2] + self._masses * u
+        push = (values @ by_place)[:, None] - (rates / dt @ K.reshape(len(K), -1)).reshape(-1, *u[0].shape)
+        within = np.array([u[-2], self._speeds(t - 0.5 * dt), u[-1]])
+        ends = (K[-2:] - 0.5 * self._masses * u[-2:]) * u[-2:]
+        self._done = self._done + (dt * (push * within * SIMPSON).sum(axis=0) + ends[1] - ends[0]).sum(axis=1)
+
+    def _speeds(self, t: float) -> Vector:
+        """Return velocities, and what absorbing adds to them, at t [m/s], shape (2, paddles)."""
+        rates = [(motion.velocity(t), motion.added(t, 1)) for motion in self._motions]
+        return np.array(rates, dtype=np.float64).T
+
+    def held(self) -> Held:
+        """Return what was put in, and what is known of the last moments."""
+        arrays = {"known": np.array(self._known), "done": self._done, "by_speed": self._by_speed}
+        return {"times": list(self._times)} | {name: one.tolist() for name, one in arrays.items()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._times, self._known = list(held["times"]), [np.array(one) for one in held["known"]]
+        self._done, self._by_speed = np.array(held["done"]), np.array(held["by_speed"])
+
+
+@lru_cache(maxsize=16)
+def _through(times: tuple[float, ...]) -> tuple[Vector, Vector]:
+    """Return by what values at some times give those of the polynomial through them, and its rates, at ``NODES``."""
+    powers, inverse = np.arange(len(times)), np.linalg.inv(np.vander(np.array(times), increasing=True))
+    values = np.vander(NODES, len(times), increasing=True)
+    rates = powers * values[:, np.maximum(powers - 1, 0)]
+    return np.asarray(values @ inverse), np.asarray(rates @ inverse)
