@@ -358,8 +358,10 @@ def _draw_budget(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
 
 
 def _draw_balance(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
-    t, balance = columns["t"], columns["balance"]
-    largest = max(float(np.abs(columns["total"]).max()), np.finfo(float).tiny)
+    """Draw the balance over the most energy there was, what had gone by then included, as a run's verdict has it."""
+    t, balance, nothing = columns["t"], columns["balance"], np.zeros(columns["t"].size)
+    gone = columns.get("dissipated", nothing) + np.maximum(columns.get("absorbed", nothing), 0.0)
+    largest = max(float(np.abs(columns["total"] + gone).max()), np.finfo(float).tiny)
     axes.plot(t, balance / largest, color=COMPUTED)
     axes.ticklabel_format(axis="y", scilimits=(-2, 2), useMathText=True)
-    axes.set(xlabel="time [s]", ylabel="what does not balance,\nper largest total", xlim=(t[0], t[-1]))
+    axes.set(xlabel="time [s]", ylabel="what does not balance,\nper largest energy", xlim=(t[0], t[-1]))
