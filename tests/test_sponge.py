@@ -392,3 +392,34 @@ def test_the_paddles_period_is_that_of_its_motion():
     segments = paddle_period(lambda t: np.outer(motion.velocity(t), along), duration=40.0, tank=tank)
     assert segments == pytest.approx(1.7, rel=0.02)
     assert paddle_period(np.zeros_like, duration=40.0, tank=tank) is None
+
+
+SEA = {"type": "irregular", "significant_height": 0.04, "spectrum": {"type": "jonswap", "peak_period": 1.6}}
+WAVE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 20.0}
+BASIN = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length": 20.0, "width": 2.0}}
+
+
+@pytest.mark.parametrize(
+    ("motion", "tank"),
+    [
+        ({"type": "bichromatic", "heights": [0.02, 0.05], "periods": [1.3, 1.7]}, {"length": 20.0, "depth": 1.0}),
+        (SEA | {"components": 60}, {"length": 20.0, "depth": 1.0}),
+        (WAVE, BASIN),
+        (SEA | {"type": "directional-irregular", "components": 60, "spreading": 20.0}, BASIN),
+        (
+            {"type": "reflected-focus", "linear_crest": 0.05, "focus_x": 6.0, "focus_time": 25.0}
+            | {"components": 40, "spectrum": SEA["spectrum"]},
+            BASIN,
+        ),
+    ],
+    ids=["bichromatic", "irregular", "oblique", "directional", "reflected"],
+)
+def test_which_is_the_same_however_long_the_run(motion, tank):
+    """That of its lines, which is what a long time of it shows, to the line: they are 4 % apart."""
+    kind = {"type": "segmented-piston", "segment": 0.1} if tank is BASIN else {"type": "piston"}
+    parts = {"tank": tank, "wall": kind | {"motion": motion}, "numerics": {"cell_size": 1.0}}
+    short, long = (Scene.model_validate({**parts, "run": {"duration": duration}}) for duration in (7.0, 31.0))
+    assert short.paddle_period == long.paddle_period
+    lines, again = long.motion(), 60 / 0.9375  # s, the seas'
+    shown = paddle_period(long.of_paddle(lines, "velocity"), duration=again, tank=long.tank)
+    assert long.paddle_period == pytest.approx(shown, rel=0.05)

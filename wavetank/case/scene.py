@@ -188,9 +188,15 @@ class Scene(Noun):
 
     @property
     def paddle_period(self) -> float | None:
-        """The period [s] that halves the power of the paddle's velocity; None if it does not move."""
-        velocity = self.of_paddle(self.motion(), "velocity")
-        return paddle_period(velocity, duration=self.run.duration, tank=self.tank)
+        """The period [s] that halves the power of the paddle's velocity; None if it does not move.
+
+        Of a record it is found in all of it, and over the run of what is known as far only: formulae and functions.
+        """
+        motion = self.motion()
+        until = motion.duration if np.isfinite(motion.duration) else self.run.duration
+        return motion.power_period or paddle_period(
+            self.of_paddle(motion, "velocity"), duration=until, tank=self.tank
+        )
 
     def of_paddle(self, motion: motions.Motion, what: str) -> Callable[[motions.Array], motions.Array]:
         """Return a motion's position or velocity as a function of times alone, at all places where it has several."""

@@ -71,6 +71,11 @@ class DirectionalFocus(SegmentedMotion):
         travel = self.group.focus_x / np.multiply.outer(speeds, np.cos(self.fan.angles))
         return ramp + latest(travel, self.crest_amplitudes, lost=lost) + 1.0 / self.group.spectrum.peak_frequency
 
+    @property
+    def power_period(self) -> float:
+        """That of the group [s]."""
+        return self.group.power_period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sum of the components' derivatives; memory is components times directions times places."""
         phases = self.group.phase + self.k_x * self.group.focus_x - np.multiply.outer(y - self.focus_y, self.k_y)

@@ -39,6 +39,11 @@ class DirectionalSea(SegmentedMotion):
     maker: Wavemaker
     _known: dict[bytes, Motion] = field(default_factory=dict, repr=False)
 
+    @property
+    def power_period(self) -> float:
+        """That of any place [s]."""
+        return self.at(np.zeros(1)).power_period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the sum of the components' derivatives; at few places from a table."""
         places = np.asarray(y, dtype=np.float64)

@@ -49,6 +49,14 @@ class Lines(Motion):
         return np.real((phasors * (-1j * self.omega) ** order) @ self.b)[()]
 
     @property
+    def power_period(self) -> float:
+        """The period of the line at which half of the velocity's power is reached, from the longest on [s]."""
+        ascending = np.argsort(self.omega)
+        speeds = (self.omega * np.abs(self.b.T)).reshape(-1, self.omega.size)[:, ascending]
+        power = np.cumsum((speeds**2).sum(axis=0))
+        return float(2 * np.pi / self.omega[ascending][np.searchsorted(power, 0.5 * power[-1])])
+
+    @property
     def step(self) -> float:
         """The interval h [s] of its table: h^4 / 1920 of the largest X^(6) is ``MISSED`` of the largest X''."""
         size = np.abs(self.b).reshape(self.omega.size, -1).max(axis=1)
@@ -72,6 +80,11 @@ class Tabulated(Motion):
 
     lines: Lines
     _blocks: dict[int, Pieces] = field(default_factory=dict, repr=False)
+
+    @property
+    def power_period(self) -> float:
+        """That of the sum [s]."""
+        return self.lines.power_period
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative."""

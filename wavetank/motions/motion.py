@@ -39,6 +39,11 @@ class Motion(ABC):
         """The mean time between two rows of the record [s], if the motion was measured."""
         return None
 
+    @property
+    def power_period(self) -> float | None:
+        """The period that halves the power of its velocity [s], where that is known of it for all times."""
+        return None
+
     def keep(self, t: float, who: str) -> None:
         """Know that somebody may ask for the time t [s] again, whatever comes later; until he keeps another."""
         return

@@ -64,6 +64,11 @@ class ObliqueWave(SegmentedMotion):
         """The snake's amplitude a cos(theta) / c [m]."""
         return float(self.amplitude * np.cos(self.angle) / self.maker.transfer(self.k, self.depth))
 
+    @property
+    def power_period(self) -> float:
+        """T [s]."""
+        return self.period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sine's derivative."""
         phase = np.subtract.outer(np.multiply(self.omega, t) + order * np.pi / 2.0, self.k * np.sin(self.angle) * y)

@@ -48,6 +48,11 @@ class Ramped(Motion):
         """Raise ``InputError`` where a derivative of S is not that of S."""
         self.motion.check(times)
 
+    @property
+    def power_period(self) -> float | None:
+        """That of S [s]."""
+        return self.motion.power_period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of the product by Leibniz' rule; after the ramp that of S."""
         if (t if isinstance(t, float) else np.min(t)) >= self.start + self.ramp:

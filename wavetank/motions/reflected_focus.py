@@ -83,6 +83,11 @@ class ReflectedFocus(SegmentedMotion):
         at_focus = np.abs(self.crests * np.cos(self.across * (self.focus.focus_y - self.low)))
         return ramp + latest(travel, at_focus, lost=lost) + 1.0 / group.spectrum.peak_frequency
 
+    @property
+    def power_period(self) -> float:
+        """That of the group [s]."""
+        return self.focus.group.power_period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the sum of the components' derivatives."""
         group = self.focus.group

@@ -38,6 +38,11 @@ class PiecewiseLinear(SegmentedMotion):
         """Until when S is known [s]."""
         return self.motion.duration
 
+    @property
+    def power_period(self) -> float | None:
+        """That of S [s]."""
+        return self.motion.power_period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Array:
         """Return the derivative of S at the joints, interpolated."""
         at_joints = self.motion.derivative(t, order, self.joints)

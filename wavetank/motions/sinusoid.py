@@ -23,6 +23,11 @@ class Sinusoid(Motion):
     amplitude: float
     period: float
 
+    @property
+    def power_period(self) -> float:
+        """T [s]."""
+        return self.period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return a omega^order sin(omega t + order pi / 2)."""
         omega = 2.0 * np.pi / self.period

@@ -49,6 +49,11 @@ class Turned(Motion):
         if (largest := float(np.abs(angles).max())) >= UPSET:
             raise InputError(f"the flap turns by {largest:.4g} rad; its angle {ANGLES}.")
 
+    @property
+    def power_period(self) -> float | None:
+        """That of the angle [s]."""
+        return self.angle.power_period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative by the chain rule."""
         tan = np.tan(self.angle.derivative(t, 0, y))

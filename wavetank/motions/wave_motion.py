@@ -55,6 +55,11 @@ class WaveMotion(Motion):
         starts = np.flatnonzero(np.diff(omega[order], prepend=-np.inf) > SAME * omega.max())
         return Lines(omega[order][starts], np.add.reduceat(b[order], starts))
 
+    @property
+    def power_period(self) -> float:
+        """That of the sum [s]."""
+        return self.lines.power_period
+
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the sum of the components' derivatives; memory for an array of times is components times its size."""
         return self.lines.derivative(t, order)
