@@ -1,5 +1,6 @@
 """What records say of the waves, each against waves that are known: their amplitudes, periods, phases, reflection."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -20,6 +21,8 @@ from wavetank.postprocess.analysis.exceedance import (
 )
 from wavetank.postprocess.analysis.groups import envelope, groupiness
 from wavetank.postprocess.analysis.harmonics import fundamental, harmonics
+from wavetank.postprocess.analysis.kinds import KINDS, reflection_coefficient
+from wavetank.postprocess.analysis.record import read_record
 from wavetank.postprocess.analysis.records import along, between, chosen, elevation, places, time_step
 from wavetank.postprocess.analysis.reflection import reflected, reflected_spectra, regular_reflection
 from wavetank.postprocess.analysis.similarity import surface_similarity
@@ -319,6 +322,29 @@ def test_gauges_half_a_wave_length_apart_tell_nothing():
     record = recorded(lambda x, t: np.cos(float(k_of(f)) * x - 2 * np.pi * f * t), x)
     with pytest.raises(InputError, match="cannot be told apart"):
         reflected_spectra(record, depth=DEPTH)
+
+
+def test_what_comes_from_the_far_wall_goes_against_x(tmp_path):
+    """A run's waves come from the wall that is told to move; its period is that wall's."""
+    k, omega, x = float(k_of(0.7)), 2 * np.pi * 0.7, np.array([3.0, 3.4, 3.9, 4.5])
+    first = np.cos(k * x + omega * T[:600, None]) + 0.2 * np.cos(k * x - omega * T[:600, None])
+    bound = 0.05 * np.cos(2 * k * x + 2 * omega * T[:600, None])
+    header = ",".join(["t [s]", *(f"{n}@x={at}" for n, at in enumerate(x))])
+    np.savetxt(
+        tmp_path / "gauges.csv", np.column_stack([T[:600], first + bound]), delimiter=",", header=header, comments=""
+    )
+    driven, rest = {"motion": {"type": "regular", "frequency": 0.7}}, {"motion": {"type": "at-rest"}}
+    for walls, coefficient in (({"wall": rest, "far_wall": driven}, 0.2), ({"wall": driven}, 5.0)):
+        scene = {"tank": {"length": 9.0, "depth": DEPTH, "gravity": G}} | walls
+        (tmp_path / "manifest.json").write_text(json.dumps({"scene": scene}))
+        record = read_record(str(tmp_path))
+        assert record.told_period == pytest.approx(1 / 0.7)
+        assert reflection_coefficient(record) == pytest.approx(coefficient, rel=1e-3)
+    record = read_record(str(tmp_path))
+    (tmp_path / "manifest.json").write_text(json.dumps({"scene": scene | {"wall": rest, "far_wall": driven}}))
+    found, usual = KINDS["bound-free"](read_record(str(tmp_path))), KINDS["bound-free"](record)
+    assert found.rows[0][2] == pytest.approx(0.05, rel=1e-3) and usual.rows[0][2] != pytest.approx(0.05, rel=0.1)
+    assert "x is that from the far wall" in found.said and "far wall" not in usual.said
 
 
 def test_what_is_told_apart_says_how_badly_gauges_stand():

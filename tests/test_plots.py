@@ -301,8 +301,8 @@ def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
 def test_the_balance_is_drawn_over_the_energy_that_it_is_judged_by():
     """Of 1 J that is there at the end, 3 J dissipated and 6 J absorbed: 0.1 J are a hundredth."""
     axes = Figure().add_subplot()
-    rows = {"t": (0.0, 1.0), "balance": (0.0, 0.1), "total": (2.0, 1.0), "dissipated": (0.0, 3.0), "absorbed": (0.0, 6.0)}
-    figures._draw_balance(axes, {name: np.array(values) for name, values in rows.items()})
+    last = {"t": 1.0, "balance": 0.1, "total": 1.0, "dissipated": 3.0, "absorbed": 6.0}
+    figures._draw_balance(axes, {name: np.array([0.0, value]) for name, value in last.items()})
     assert axes.lines[0].get_ydata() == pytest.approx([0.0, 0.01])
 
 

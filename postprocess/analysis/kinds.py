@@ -99,7 +99,7 @@ def harmonic(record: Record) -> Result:
 def bound_free(record: Record) -> Result:
     """The second harmonic along the tank: bound to the first, free, and free that goes back."""
     f, depth, g = record.frequency, record.depth, record.gravity
-    component = harmonics(record.eta, f, number=2).component[:, 1]
+    component = harmonics(record.on_its_way, f, number=2).component[:, 1]
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
     found = bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
     k, free = (float(one) for one in wave_number(2 * np.pi * f * np.array([1, 2]), depth, g))
@@ -109,7 +109,7 @@ def bound_free(record: Record) -> Result:
     ]
     said = (
         f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; rest {found.rest:.3g} m (rms); "
-        f"condition {found.condition:.3g}"
+        f"condition {found.condition:.3g}{record.told_way}"
     )
     title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
     return Result(
@@ -148,12 +148,12 @@ def reflection_coefficient(record: Record) -> float:
         if found.condition > WORST:
             raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
         return found.coefficient
-    return float(reflected_spectra(record.eta, depth=record.depth, gravity=record.gravity).attrs["coefficient"])
+    return float(reflected_spectra(record.on_its_way, depth=record.depth, gravity=record.gravity).attrs["coefficient"])
 
 
 def _told_apart(record: Record) -> tuple[DataArray, Reflection]:
     """Return the first harmonic over gauge, and the waves that it is told to be."""
-    component = harmonics(record.eta, record.frequency, number=1).component[:, 0]
+    component = harmonics(record.on_its_way, record.frequency, number=1).component[:, 0]
     within = STEEP if component.size > 2 else 0.0
     return component, regular_reflection(
         component, record.frequency, depth=record.depth, gravity=record.gravity, within=within
@@ -168,26 +168,27 @@ def _regular(record: Record) -> Result:
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
         [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
-        said,
+        said + record.told_way,
         lambda path: figures.regular_reflection_figure(component, found, path, title=record.title),
     )
 
 
 def _irregular(record: Record) -> Result:
-    found = reflected_spectra(record.eta, depth=record.depth, gravity=record.gravity)
+    found = reflected_spectra(record.on_its_way, depth=record.depth, gravity=record.gravity)
     df = float(found.frequency[1] - found.frequency[0])
     incident, back = (4 * float(np.sqrt(found[name].sum() * df)) for name in ("incident", "reflected"))
     return Result(
         ("Hm0 incident [m]", "Hm0 reflected [m]", "reflection [-]", "variance told apart [-]"),
         [(incident, back, found.attrs["coefficient"], found.attrs["told_apart"])],
-        f"{record.eta.sizes['gauge']} gauges",
+        f"{record.eta.sizes['gauge']} gauges{record.told_way}",
         lambda path: figures.reflection_figure(found, path, title=record.title),
     )
 
 
 def speed(record: Record) -> Result:
     """How fast waves go from gauge to gauge: by cross-correlation, and each frequency by its phase."""
-    found, between = phase_speed(record.eta, depth=record.depth, gravity=record.gravity), travel(record.eta)
+    eta = record.on_its_way
+    found, between = phase_speed(eta, depth=record.depth, gravity=record.gravity), travel(eta)
     density = found.density.values
     told = (found.coherence.values > COHERENT) & (density > ENERGETIC * density.max(axis=1, keepdims=True))
     if not told.any():
@@ -201,7 +202,7 @@ def speed(record: Record) -> Result:
     return Result(
         columns,
         [(str(pair), *map(float, row)) for pair, row in zip(between.pair.values, numbers, strict=True)],
-        "delay and speed are those of the largest cross-correlation",
+        f"delay and speed are those of the largest cross-correlation{record.told_way}",
         lambda path: figures.speed_figure(
             found, told, path, title=record.title, depth=record.depth, gravity=record.gravity
         ),

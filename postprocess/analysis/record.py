@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from xarray import DataArray
@@ -35,6 +36,8 @@ class Record:
         Of the still water: a number [m], a function d(x, y), or nothing where it is not known.
     gravity
         g [m/s²].
+    far_end
+        Where the far wall is [m], if it alone makes the waves, which go against x.
     """
 
     eta: DataArray
@@ -42,6 +45,17 @@ class Record:
     told_period: float | None = None
     told_depth: float | Depth | None = None
     gravity: float = GRAVITY
+    far_end: float | None = None
+
+    @property
+    def on_its_way(self) -> DataArray:
+        """The elevation over x from the wall on that makes the waves [m], as they go."""
+        return self.eta if self.far_end is None else self.eta.assign_coords(x=self.far_end - self.eta.x)
+
+    @property
+    def told_way(self) -> str:
+        """What there is to say of it."""
+        return "" if self.far_end is None else "; x is that from the far wall, which makes the waves"
 
     @cached_property
     def frequency(self) -> float:
@@ -94,13 +108,15 @@ def read_record(
     Raises ``InputError`` for what cannot be had.
     """
     told: float | Depth | None = depth
-    gravity, path = GRAVITY, Path(source)
+    gravity, path, far_end = GRAVITY, Path(source), None
     if (path / MANIFEST).is_file():
         run = RunDirectory(path)
-        tank = run.manifest.get("scene", {}).get("tank", {})
+        scene = run.manifest.get("scene", {})
+        tank, driven = scene.get("tank", {}), _driven(scene)
+        far_end = _end(tank) if driven == ["far_wall"] else None
         told, gravity = depth or still_water(run) or tank.get("depth"), tank.get("gravity", GRAVITY)
         eta, title = _of_run(run, along), run.title or path.name
-        period = period or _period(run)
+        period = period or next(filter(None, (_period(scene[wall]["motion"]) for wall in driven)), None)
     elif along:
         raise InputError(f"{source}: --along reads the surface of a run; this is none.")
     else:
@@ -108,12 +124,23 @@ def read_record(
         eta, title = records.elevation(data.gauge_records(known)[0].series), known.name
     if gauges:
         eta = records.chosen(eta, gauges)
-    return Record(records.between(eta, start, end), title, period, told, gravity)
+    return Record(records.between(eta, start, end), title, period, told, gravity, far_end)
 
 
-def _period(run: RunDirectory) -> float | None:
-    """Return the period [s] that a run's paddle has; None where its motion has none."""
-    motion = (run.manifest.get("scene", {}).get("wall") or {}).get("motion") or {}
+def _driven(scene: dict[str, Any]) -> list[str]:
+    """Return the keys of the walls that are told to move."""
+    moving = (wall for wall in ("wall", "far_wall") if (scene.get(wall) or {}).get("motion"))
+    return [wall for wall in moving if scene[wall]["motion"].get("type") != "at-rest"]
+
+
+def _end(tank: dict[str, Any]) -> float | None:
+    """Return where the far wall of a tank is [m], if that is told."""
+    end = tank.get("length", tank.get("layout", {}).get("length"))
+    return None if end is None else float(end)
+
+
+def _period(motion: dict[str, Any]) -> float | None:
+    """Return the period [s] of a paddle's motion; None where it has none."""
     if motion.get("frequency"):
         return 1 / float(motion["frequency"])
     return motion.get("period")

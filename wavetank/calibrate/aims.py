@@ -22,7 +22,7 @@ from wavetank.theory.plane_waves import PlaneWaves, waves_along
 from wavetank.theory.wave import Array
 from wavetank.values.noun import Problem, SceneError, about
 
-PADDLE = "must be a paddle that moves as a whole: its motion is looked for"
+PADDLE = "must be a paddle that moves as a whole: its motion is looked for, not a far wall's"
 SLICE = "must be a slice: waves are told by one place along it"
 MADE = "regular, bichromatic, irregular, focused, components or surface"
 FEWEST = 16  # rows of a record that count

@@ -194,9 +194,7 @@ class Scene(Noun):
         """
         motion = self.motion()
         until = motion.duration if np.isfinite(motion.duration) else self.run.duration
-        return motion.power_period or paddle_period(
-            self.of_paddle(motion, "velocity"), duration=until, tank=self.tank
-        )
+        return motion.power_period or paddle_period(self.of_paddle(motion, "velocity"), duration=until, tank=self.tank)
 
     def of_paddle(self, motion: motions.Motion, what: str) -> Callable[[motions.Array], motions.Array]:
         """Return a motion's position or velocity as a function of times alone, at all places where it has several."""

@@ -17,7 +17,6 @@ from wavetank.water.bed import Depth, FlatBed, VaryingBed
 from wavetank.water.footprint import Ring
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.rates import LinearRates, MovingWater, NonlinearRates
-from wavetank.water.walls.both import FAR
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 AnyWaves = NonlinearWaves | LinearWaves
@@ -72,7 +71,8 @@ def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
 def told_energy(scene: Scene) -> list[str]:
     """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
     parts, walls = WATERS[scene.physics].waves.parts, kinds_of(scene)
-    named = [wall.part._replace(name=name) for wall, name in zip(walls, ("wall", FAR), strict=False)]
+    names = [seen.key.replace("_", " ") for seen in scene.paddles] or ["wall"]
+    named = [wall.part._replace(name=name) for wall, name in zip(walls, names, strict=True)]
     if len(named) > 1 and named[0].formula == named[1].formula:
         named[1] = named[1]._replace(formula="the same at the far paddle, by its own X_p")
     bed = FlatBed if scene.tank.bed is None else VaryingBed
