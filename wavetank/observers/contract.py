@@ -91,13 +91,13 @@ class ObservedWall(Protocol):
         """Whether that is not the same at all heights."""
 
     def stand(self, places: Vector) -> Vector:
-        """Return how far from rest its paddles stand beside physical places [m], shape (paddles, N)."""
+        """Return how far from rest its paddles stand beside places [m], shape (paddles, N)."""
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m]; see ``Placed``."""
 
-    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
-        """Return the physical places of reference ones, (x, y) [m], shape (N, 2), at heights z [m]."""
+    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+        """Return the physical places of reference ones, (x, y) [m], shape (N, 2), at heights z [m]; see ``Placed``."""
 
 
 class ObservedWaves(Protocol):

@@ -1,13 +1,13 @@
 """Snapshots of the surface along the tank, at the degrees of freedom, in the laboratory's x."""
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fe.by_place import SAME
 from wavetank.fe.points import Points
-from wavetank.observers.contract import Moment, ObservedWaves
+from wavetank.observers.contract import Moment, ObservedWaves, Patient
 from wavetank.observers.schedule import Schedule
 from wavetank.stateful import Held
 
@@ -19,7 +19,16 @@ class SurfaceRecord(Protocol):
         """Append one snapshot."""
 
 
-class SurfaceSnapshots:
+class _Kept(NamedTuple):
+    """The time [s], elevation [m] and potential [m²/s] at this rank's degrees of freedom, and how the wall stood."""
+
+    t: float
+    eta: Vector
+    psi: Vector
+    stand: Vector
+
+
+class SurfaceSnapshots(Patient):
     """Elevation [m] and surface potential [m²/s] against x [m], at the places of the mesh on which the run began.
 
     Parameters
@@ -30,6 +39,7 @@ class SurfaceSnapshots:
 
     def __init__(self, waves: ObservedWaves, *, record: SurfaceRecord | None, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
+        self._kept = list[_Kept]()
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")
         self._look_at(comm.bcast(reference[self._order]))
@@ -45,13 +55,19 @@ class SurfaceSnapshots:
         parts = self._waves.plane.comm.gather(owned)
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def observe(self, moment: Moment) -> None:
-        """Append one snapshot; collective."""
-        eta = self._sorted(self._waves.elevation(moment.q, moment.p, moment.t))
-        psi = self._sorted(moment.p)
-        if self._record is not None:
-            x = self._waves.wall.to_physical(self._places, eta)[:, 0]
-            self._record.append(moment.t, x, eta, psi)
+    def keep(self, moment: Moment) -> None:
+        """Keep a snapshot; collective."""
+        eta, stand = self._waves.elevation(moment.q, moment.p, moment.t), self._waves.wall.stand(self._places)
+        self._kept.append(_Kept(moment.t, eta, moment.p.copy(), stand))
+
+    def work_off(self) -> None:
+        """Append the snapshots; collective."""
+        kept, self._kept = self._kept, []
+        for t, eta, psi, stand in kept:
+            eta, psi = self._sorted(eta), self._sorted(psi)
+            if self._record is not None:
+                x = self._waves.wall.to_physical(self._places, eta, stand)[:, 0]
+                self._record.append(t, x, eta, psi)
 
     def _sorted(self, owned: Vector) -> Vector:
         """Return values at the places in the order of x, on the first rank, of values at the degrees of freedom."""

@@ -1,6 +1,7 @@
 """From a scene to a run: its scheme, step, start, filters and observers."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import inf
 from typing import Any, NamedTuple
 
@@ -277,7 +278,9 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
             observers.append(PaddleLimits(rates, limits.model_dump(exclude_none=True), key=seen.key))
     paddles = zip(scene.paddles, waves.wall.paddles, records.paddles, strict=False)  # a trial has none of the latter
     for seen, paddle, record in paddles:
-        rates = {name: seen.of_paddle(paddle.motion, name) for name in RATES}
+        asked = getattr(paddle, "travel", paddle.motion).derivative  # of small strokes nothing travels
+        y = seen.wall.places(seen.tank)
+        rates = {name: partial(asked, order=order, y=y) for order, name in enumerate(RATES)}
         observers.append(PaddleMotion(rates, record=record, schedule=schedule, push=look.pushes.get(seen.end)))
     return observers + look.observers
 

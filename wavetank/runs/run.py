@@ -75,6 +75,7 @@ class Run:
             raise
 
     def _go_on(self) -> None:
+        self._acts = [(one.schedule, one.keep if isinstance(one, Patient) else one.observe) for one in self.observers]
         most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
         if not self._begun:
             self._begun = True
@@ -156,12 +157,12 @@ class Run:
             observer.ended(at, t)
 
     def _observe(self) -> None:
-        state = self.state
-        moment = Moment(self.step, self.t, state.q, state.p, state.known, state.q_jump)
+        state, step, t, before = self.state, self.step, self.t, self.clock.time(self.step - 1)
+        moment = Moment(step, t, state.q, state.p, state.known, state.q_jump)
         self.observed = False
-        for observer in self.observers:
-            if observer.schedule.due(self.step, self.t, self.clock.time(self.step - 1)):
-                observer.keep(moment) if isinstance(observer, Patient) else observer.observe(moment)
+        for schedule, act in self._acts:
+            if schedule.due(step, t, before):
+                act(moment)
         self.observed, self._kept = True, self._kept + 1
 
 

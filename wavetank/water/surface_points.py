@@ -27,7 +27,7 @@ class Standing(Protocol):
         """Whether places are not the same at all heights."""
 
     def stand(self, places: Vector) -> Vector:
-        """Return how far from rest its paddles stand beside physical places [m], shape (paddles, N)."""
+        """Return how far from rest its paddles stand beside places [m], shape (paddles, N)."""
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], where it stood."""

@@ -87,14 +87,15 @@ class BothEnds:
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones; see ``Placed``."""
-        for paddle, one in zip(self.paddles, (None, None) if stand is None else (stand[:1], stand[1:]), strict=True):
-            places = paddle.to_reference(places, z, one)
-        return places
+        near, far = self.paddles
+        stood, there = (None, None) if stand is None else (stand[:1], stand[1:])
+        return far.to_reference(near.to_reference(places, z, stood), z, there)
 
-    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
+    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the physical places of reference ones; see ``Placed``."""
         near, far = self.paddles
-        return far.to_physical(near.to_physical(places, z), z)
+        stood, there = (None, None) if stand is None else (stand[:1], stand[1:])
+        return far.to_physical(near.to_physical(places, z, stood), z, there)
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return how fast reference places are carried [m/s], shape (N, 2)."""

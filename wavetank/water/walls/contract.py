@@ -106,7 +106,7 @@ class Placed(Protocol):
         """Return how far the degrees of freedom are from the wall at rest [m], shape (owned,)."""
 
     def stand(self, places: Vector) -> Vector:
-        """Return how far from rest its paddles stand beside physical places [m], shape (paddles, N)."""
+        """Return how far from rest its paddles stand beside places [m], physical or reference, shape (paddles, N)."""
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands.
@@ -114,8 +114,8 @@ class Placed(Protocol):
         Or as it stood when it was asked how it did beside them; each may be of another time.
         """
 
-    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
-        """Return the physical places of reference ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands."""
+    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+        """Return the physical places of reference ones, in the same way."""
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return how fast the wall carries reference places [m/s], shape (N, 2)."""

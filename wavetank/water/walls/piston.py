@@ -150,6 +150,8 @@ class Piston:
 
     def stand(self, places: Vector) -> Vector:
         """See ``Placed``: X_p."""
+        if (whole := self.travel.whole) is not None:
+            return np.full((1, len(places)), whole)
         return self.travel.positions(self.side.along(places))[None]
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
@@ -161,13 +163,13 @@ class Piston:
 
         return self._carried_on(places, z, back, stand=stand)
 
-    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
+    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return X + a f s(X) X_p, places of shape (N, 2) [m]."""
 
         def shift(distances: Vector, positions: Vector) -> Vector:
             return self._share(distances) * positions
 
-        return self._carried_on(places, z, shift)
+        return self._carried_on(places, z, shift, stand=stand)
 
     def _carried_on(
         self, places: Vector, z: Heights, shift: Callable[[Vector, Vector], Vector], *, stand: Vector | None = None

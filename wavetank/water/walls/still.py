@@ -49,7 +49,7 @@ class StillWall:
         """Return the places."""
         return places
 
-    def to_physical(self, places: Vector, z: Heights = 0.0) -> Vector:
+    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the places."""
         return places
 

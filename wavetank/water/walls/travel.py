@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
 from wavetank.arrays import Vector, summed
 from wavetank.fe.plane import Field, Plane
 from wavetank.motions import Motion
+from wavetank.water.walls.contract import one_time
 from wavetank.water.walls.side import Side
 
 
@@ -91,6 +93,15 @@ class Travel:
     def _set(self, order: int, values: Vector) -> None:
         self._fields[order].set(self._s * values)
 
+    @property
+    def whole(self) -> float | None:
+        """X_p now [m]; None of a paddle that does not move as a whole."""
+        return float(self._whole[0]) if 0 in self._whole else None
+
+    def derivative(self, t: float, order: int, y: Vector | None) -> Any:
+        """Return a derivative of X_p at t [s] and places y along the paddle; what is known of it is not found again."""
+        return self._rate(order, y) if one_time(t, self.t) else self._motion.derivative(t, order, y)
+
     def positions(self, y: Vector) -> Vector:
         """Return X_p at places y along the paddle [m], shape (N,)."""
         return np.full(y.shape, self._rate(0, y))
@@ -104,7 +115,7 @@ class Travel:
         rate = self._rate(order, self._y)
         return rate[self._place] if rate.ndim else rate.reshape(1)
 
-    def _rate(self, order: int, y: Vector) -> Vector:
+    def _rate(self, order: int, y: Vector | None) -> Vector:
         """Return a derivative of X_p at places y, shape (N,); of a paddle that moves as a whole found once a time."""
         value = self._whole.get(order)
         if value is None:
