@@ -12,19 +12,14 @@ to the square of the jump. Where something acts between steps, the mean is that 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Protocol, runtime_checkable
-
-import numpy as np
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.change import change
 from wavetank.observers.contract import Moment, ObservedWaves, Patient
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.supply import Power, Supply
 from wavetank.stateful import Held
-from wavetank.water.energy import Energies
 
 
 def columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
@@ -61,6 +56,23 @@ class Sink(Protocol):
     energy_taken: float
 
 
+class _Seen(NamedTuple):
+    """What is kept of a moment: energies and W, what has been put in and absorbed by then, what each sink had taken.
+
+    The mass, where a row is due.
+    """
+
+    step: int
+    t: float
+    kinetic: float
+    potential: float
+    wall: float
+    supplied: float
+    absorbed: float | None
+    taken: dict[str, float]
+    mass: float | None
+
+
 class EnergyBudget(Patient):
     """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``columns``.
 
@@ -88,7 +100,7 @@ class EnergyBudget(Patient):
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self._sinks = {type(sink).__name__: sink for sink in sinks}
-        self._rows: list[list[float]] = []  # that are still to be written
+        self._kept = list[_Seen]()
         self._before: list[Vector] = []  # what was seen where the step ended, if something has acted since
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
@@ -102,51 +114,57 @@ class EnergyBudget(Patient):
         self._before = [self._supply.look(self._waves, *at, t)]
 
     def keep(self, moment: Moment) -> None:
-        """Add to the paddle's work, see how far off the balance is, and keep a row where one is due; collective."""
-        points = moment.points[-1:] if self._before else moment.points
-        seen = self._before + [self._supply.look(self._waves, *point, moment.t) for point in points]
+        """Add to the paddle's work, and keep what there was of energy; collective."""
+        points, t = moment.points[-1:] if self._before else moment.points, moment.t
+        seen = self._before + [self._supply.look(self._waves, *point, t) for point in points]
         self._before = []
-        self._supply.go_on(moment.t, np.asarray(sum(seen) / len(seen)))
+        self._supply.go_on(t, sum(seen[1:], seen[0]) / len(seen))
+        taken = {name: sink.energy_taken for name, sink in self._sinks.items()}
+        mass = self._waves.total_mass(moment.q) if self._recorded.due(moment.step) else None
         now = self._energies(moment)
-        if moment.step == 0:
-            self._total, self._wall, self._mass = now.total, now.wall, self._waves.total_mass(moment.q)
-            self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
-        work = self._supply.done - (now.wall - self._wall)
-        self._dissipated = dissipated = self._earlier + self._by_sinks()
-        balance = now.total - self._total - work + dissipated
-        for name, sink in self._sinks.items():
-            self._most[name] = max(self._most.get(name, sink.energy_taken), sink.energy_taken)
-            if (given := self._most[name] - sink.energy_taken) > self._given.get(name, (0.0, 0.0))[0]:
-                self._given[name] = given, moment.t
-        absorbed = [] if self._supply.absorbed is None else [self._supply.absorbed]
-        gone = dissipated + max(sum(absorbed), 0.0)
-        self._energy, self._off = max(self._energy, now.total + gone), max(self._off, abs(balance))
-        if not self._recorded.due(moment.step):
-            return
-        mass = self._waves.total_mass(moment.q)
-        self._lost = max(self._lost, abs(mass - self._mass))
-        energies = (now.kinetic, now.potential, now.total, work, dissipated, balance)
-        self._rows.append([moment.t, *energies, mass, *absorbed])
+        self._kept.append(_Seen(moment.step, t, *now, self._supply.done, self._supply.absorbed, taken, mass))
 
     def work_off(self) -> None:
-        """Append the rows."""
-        rows, self._rows = self._rows, []
+        """See how far off the balance has been, and append the rows that are due."""
+        kept, self._kept = self._kept, []
+        rows = [row for seen in kept if (row := self._judged(seen))]
         if rows:
             self._record.extend(rows)
 
-    def _by_sinks(self) -> float:
-        return sum(sink.energy_taken for sink in self._sinks.values())
+    def _judged(self, seen: "_Seen") -> list[float]:
+        """Take note of how far off the balance is; return the row, if one is due."""
+        total = seen.kinetic + seen.potential
+        if seen.step == 0:
+            self._total, self._wall, self._mass = total, seen.wall, seen.mass or 0.0
+            self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
+        work = seen.supplied - (seen.wall - self._wall)
+        self._dissipated = dissipated = self._earlier + sum(seen.taken.values())
+        balance = total - self._total - work + dissipated
+        for name, taken in seen.taken.items():
+            self._most[name] = max(self._most.get(name, taken), taken)
+            if (given := self._most[name] - taken) > self._given.get(name, (0.0, 0.0))[0]:
+                self._given[name] = given, seen.t
+        absorbed = [] if seen.absorbed is None else [seen.absorbed]
+        gone = dissipated + max(sum(absorbed), 0.0)
+        self._energy, self._off = max(self._energy, total + gone), max(self._off, abs(balance))
+        if seen.mass is None:
+            return []
+        self._lost = max(self._lost, abs(seen.mass - self._mass))
+        return [seen.t, seen.kinetic, seen.potential, total, work, dissipated, balance, seen.mass, *absorbed]
 
-    def _energies(self, moment: Moment) -> Energies:
-        """Return the energies at (q, p) from those at the last known point and their derivatives there."""
-        waves, (q, p) = self._waves, moment.points[-1]
-        there = waves.energies(q, p, moment.t)
+    def _energies(self, moment: Moment) -> tuple[float, float, float]:
+        """Return kinetic and potential energy at (q, p), and W, from those at the last known point.
+
+        And from their derivatives there, to the square of what lies between.
+        """
+        waves, (q, p), t = self._waves, moment.points[-1], moment.t
+        there = waves.energies(q, p, t)
         if q is moment.q and p is moment.p:
-            return there
-        total = change(waves, (q, p), (moment.q, moment.p), moment.t)
-        potential = waves.gravity * waves.inner(waves.elevation(q, p, moment.t), moment.q - q)
-        kinetic = total - potential
-        return replace(there, kinetic=there.kinetic + kinetic, potential=there.potential + potential)
+            return there.kinetic, there.potential, there.wall
+        away = moment.q - q
+        total = waves.inner(waves.H_q(q, p, t), away) + waves.inner(waves.H_p(q, p, t), moment.p - p)
+        potential = waves.gravity * waves.inner(waves.elevation(q, p, t), away)
+        return there.kinetic + total - potential, there.potential + potential, there.wall
 
     @property
     def mass_error(self) -> float:
@@ -192,4 +210,4 @@ class EnergyBudget(Patient):
     def carry(self, held: Held) -> None:
         """Take the sums; what was dissipated stays so, whatever dissipates now."""
         self.take(held)
-        self._earlier, self._most = self._dissipated - self._by_sinks(), {}
+        self._earlier, self._most = self._dissipated - sum(sink.energy_taken for sink in self._sinks.values()), {}

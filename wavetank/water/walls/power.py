@@ -155,14 +155,17 @@ class PowerAlong:
             "dP": vertical.slopes.T,
         }
         self._strip = self._kernel.struct("Strip", {**numbers, **along, **upwards})
-        self._depth, self._sinking = np.zeros(plane.owned), np.zeros(plane.owned)
-        self._rate = bed.rate.x.array if isinstance(bed.rate, fem.Function) else self._sinking
-        fields = (travel.share.x.array, phi.rows, energy.h.x.array, mu.owned, self._depth, self._sinking)
+        self._still: Any = None  # the depths that are here
+        self._depth = np.zeros(plane.owned)
+        sinking = bed.rate.x.array if isinstance(bed.rate, fem.Function) else np.zeros(plane.owned)
+        fields = (travel.share.x.array, phi.rows, energy.h.x.array, mu.owned, self._depth, sinking)
         self._fields = [self._kernel.pointer(field) for field in fields]
 
     def value(self) -> float:
         """Return it."""
         travel = self._travel
-        self._depth[:], self._sinking[:] = self._bed.still, self._rate
+        if self._still is not self._bed.still:
+            self._still = self._bed.still
+            self._depth[:] = self._still
         going_on = self._kernel.call.power(self._strip, travel.offsets[0], travel.velocities[0], *self._fields)
         return float(going_on + travel.accelerations[0] * self._work.by_speed())
