@@ -152,7 +152,7 @@ class StabilityWatch(Patient):
         eta, frequency = waves.elevation(q, p, t), 0.0
         self._look = IN_ELEVATION if moment.jump is None else IN_JUMP
         alternating = eta if moment.jump is None else waves.mass.solve(moment.jump)
-        if moment.step >= self._next:
+        if moment.step >= self._next - self._flow.has(q, p, t) * OFTEN // 2:
             self._next = moment.step + OFTEN
             self._flow.update(q, p, t)
             frequency = self._short.largest_frequency(self._flow, least=self._frequency)

@@ -69,7 +69,7 @@ class BreakingWatch:
 
         The first look sees none.
         """
-        if self._seldom.rests():
+        if self._seldom.rests(free=self._flow.has(q, p, t)):
             return []
         self._flow.update(q, p, t)
         last, self._last = self._last, None

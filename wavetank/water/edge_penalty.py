@@ -80,7 +80,7 @@ class EdgePenalty(Smoothing):
         """
         if self._waves.plane.order == 1:
             return False
-        if not self._seldom.rests():
+        if not self._seldom.rests(free=self._flow.has(q, p, t)):
             self._flow.update(q, p, t)
             fastest = self._flow.largest_velocity
             self._needed = bool(fastest > self._fast)

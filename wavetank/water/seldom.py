@@ -14,10 +14,13 @@ class Seldom:
     def __init__(self) -> None:
         self._left = 0
 
-    def rests(self) -> bool:
-        """Return whether this step may go by without a look."""
+    def rests(self, *, free: bool = False) -> bool:
+        """Return whether this step may go by without a look; none does that is ``free``, as others have looked.
+
+        So all soon look at the same steps.
+        """
         self._left -= 1
-        return self._left >= 0
+        return self._left >= 0 and not free
 
     def saw(self, part: float) -> None:
         """Take note of how large it is now, of where it matters."""

@@ -56,7 +56,13 @@ class Water(Protocol):
 
 
 class SurfaceVelocity:
-    """How fast the surface of any tank moves; collective throughout."""
+    """How fast the surface of any tank moves; collective throughout.
+
+    Attributes
+    ----------
+    largest_velocity, largest_slope
+        The largest horizontal velocity of the surface [m/s], and its largest slope [-].
+    """
 
     def __init__(self, waves: Water):
         plane = waves.plane
@@ -70,6 +76,7 @@ class SurfaceVelocity:
         self._p: Vector | None = None
         self._t = np.nan
         self._speeds = self._slopes = np.zeros(self._cells.size)
+        self.largest_velocity = self.largest_slope = 0.0
 
     def _set_up(self) -> None:
         eta, psi = self._eta.function, self._psi.function
@@ -78,15 +85,21 @@ class SurfaceVelocity:
         speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + square)
         self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
 
+    def has(self, q: Vector, p: Vector, t: float) -> bool:
+        """Return whether this state is the one last taken: to look at it costs nothing."""
+        return q is self._q and p is self._p and one_time(t, self._t)
+
     def update(self, q: Vector, p: Vector, t: float) -> None:
         """Take the surface of a state at t [s], known to round-off; nothing to do for the state last taken."""
-        if q is self._q and p is self._p and one_time(t, self._t):
+        if self.has(q, p, t):
             return
         self._q, self._p, self._t = q, p, t
         self._waves.set_time(t)
         self._eta.set(self._waves.elevation(q, p, t))
         self._psi.set(p)
         self._look()
+        mine = [self._speeds.max(initial=0.0), self._slopes.max(initial=0.0)]
+        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, np.array(mine)))
 
     def _look(self) -> None:
         values = self._expression.eval(self._waves.plane.mesh, self._cells)
@@ -107,19 +120,6 @@ class SurfaceVelocity:
     def slopes(self) -> Vector:
         """The largest slope of the surface in each of the cells of this rank [-], shape (cells,)."""
         return self._slopes
-
-    @property
-    def largest_velocity(self) -> float:
-        """The largest horizontal velocity of the surface [m/s]."""
-        return self._largest(self._speeds)
-
-    @property
-    def largest_slope(self) -> float:
-        """The largest slope of the surface [-]."""
-        return self._largest(self._slopes)
-
-    def _largest(self, values: Vector) -> float:
-        return largest(self._comm, float(values.max(initial=0.0)))
 
 
 class SurfaceFlow(SurfaceVelocity):
