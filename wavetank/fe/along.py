@@ -156,6 +156,7 @@ class Minimum:
         kernel = single.kernel
         self._found = kernel.struct("Found", {"kinetic": 0.0, "residual": 0.0})
         self._of = single.cells, single.layers, kernel.pointer(single.state), self._modes.chain
+        self._image = np.zeros((plane.size, vertical.n + 1))
         self._room = kernel.pointer(self._steps), self._found, kernel.pointer(self._work)
         self.flow: Vector = np.zeros(plane.size)
         self.kinetic = 0.0
@@ -171,27 +172,22 @@ class Minimum:
         ``wall`` is what the wall adds, broadcastable to that shape. Raises ``ConvergenceError``.
         """
         self._single.follow(self._operator)
-        iterations, wall = 0, np.ascontiguousarray(wall)
+        iterations, call, kernel = 0, self._single.kernel.call, self._single.kernel
+        by_wall = kernel.pointer(np.ascontiguousarray(wall)), wall.shape[1] if len(wall) > 1 else 0
+        corrected = kernel.known(phi), kernel.known(self._image), self._tolerance
         while True:
-            image = self._operator.apply(phi)
-            taken = self._correct(phi, image, wall, MOST - iterations)
-            iterations += max(0, taken)
+            self._operator.apply_to(phi, self._image)
+            taken = call.correct(*self._of, *by_wall, *corrected, MOST - iterations, *self._room)
+            self._last = max(0, taken)
+            iterations += self._last
             if taken == -1:
                 raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
-            self.flow = np.ascontiguousarray(image[:, -1])
+            self.flow = self._image[:, -1].copy()
             if taken < 0 or not self._operator.least > 0.0 or not isfinite(self._found.kinetic):
                 raise ConvergenceError(NO_MINIMUM)
             if self._found.residual <= 1.0:
                 self.kinetic = self._found.kinetic
                 return iterations
-
-    def _correct(self, phi: Vector, image: Vector, wall: Vector, most: int) -> int:
-        """Add to phi what takes its error down, and to its image's last column; return the iterations."""
-        call, at = self._single.kernel.call, self._single.kernel.pointer
-        rows = wall.shape[1] if len(wall) > 1 else 0
-        taken: int = call.correct(*self._of, at(wall), rows, at(phi), at(image), self._tolerance, most, *self._room)
-        self._last = max(0, taken)
-        return taken
 
     @property
     def condition_number(self) -> float:

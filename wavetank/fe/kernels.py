@@ -75,11 +75,18 @@ class Kernel:
         folder = compiled(comm, f"{name} {declarations} {key} {flags}", build=build)
         module = loaded(comm, lambda: _module(folder / f"{name}{EXTENSION_SUFFIXES[0]}"), folder)
         self.call, self._ffi = module.lib, module.ffi
+        self._known: dict[int, tuple[NDArray[Any], Any]] = {}  # by their ids, which they keep as long as they are here
         self.real = np.dtype(np.float32 if real == "float" else np.float64)
 
     def pointer(self, array: NDArray[Any]) -> Any:
         """Return where an array's numbers are, of doubles, floats or ints."""
         return self._ffi.from_buffer(KINDS[array.dtype], array)
+
+    def known(self, array: NDArray[Any]) -> Any:
+        """Return the same of an array that lives as long as this does: found once."""
+        if id(array) not in self._known:
+            self._known[id(array)] = array, self.pointer(array)
+        return self._known[id(array)][1]
 
     def struct(self, kind: str, parts: dict[str, Any]) -> Any:
         """Return a struct of numbers and of arrays, which live as long as it does."""

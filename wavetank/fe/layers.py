@@ -179,6 +179,11 @@ class LayerOperator:
         """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
         return self._applied(self.kernel.call.product, rows, self._nothing())
 
+    def apply_to(self, rows: Array, image: Array) -> None:
+        """Set A x, shape (dofs, n+1), for x of that shape, all of it on this rank; both live as long as this does."""
+        image[:] = 0.0
+        self.kernel.call.product(*self._of, self._at_state, self.kernel.known(rows), self.kernel.known(image))
+
     def apply_to_interior(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for an x of that shape whose last column is zero; collective.
 

@@ -22,18 +22,25 @@ static void aim(long size, int known, const float *differences, const double *re
     products[known] = square, products[known + 1] = from_zero;
 }
 
-/* y = answer + the weights' sum of differences, both [degree of freedom][number], y with rows of ``stride``. */
-static void combine(long rows, int numbers, int stride, int known, const double *weights, const double *restrict answer,
-                    const float *restrict differences, double *restrict y)
+/* y, of rows of ``stride``, becomes the combination of answers, [degree of freedom][number], that its input is nearest to;
+   0 where zero is nearer than anything remembered. */
+static int start(long rows, int numbers, int stride, int known, int most, const double *gram, const double *products,
+                 double shortest, const double *restrict answer, const float *restrict steps, double *restrict y)
 {
     const long size = rows * numbers;
+    double weights[most], left = products[known];
+    nearest(known, most, gram, products, shortest, weights);
+    for (int k = 0; k < known; ++k)
+        left -= weights[k] * products[k];
+    if (left > products[known + 1])
+        return 0;
     for (long begin = 0; begin < rows; begin += FEW) {
         const long few = begin + FEW < rows ? FEW : rows - begin, first = begin * numbers, count = few * numbers;
         float sums[count];
         for (long i = 0; i < count; ++i)
             sums[i] = 0.0f;
         for (int k = 0; k < known; ++k) {
-            const float weight = weights[k], *one = differences + k * size + first;
+            const float weight = weights[k], *one = steps + k * size + first;
             for (long i = 0; i < count; ++i)
                 sums[i] += weight * one[i];
         }
@@ -41,15 +48,20 @@ static void combine(long rows, int numbers, int stride, int known, const double 
             for (int j = 0; j < numbers; ++j)
                 y[(begin + i) * stride + j] = answer[first + i * numbers + j] + sums[i * numbers + j];
     }
+    return 1;
 }
 
-/* y, of rows of ``stride``, becomes the answer; the way to it is the difference. */
-static void replace(long rows, int numbers, int stride, const double *restrict y, double *restrict answer,
-                    float *restrict difference)
+/* x, which lies ``away`` from the last input, becomes that; y, of rows of ``stride``, the answer; the ways to both are the
+   differences at a place. */
+static void keep(long size, long rows, int numbers, int stride, const double *restrict x, const double *restrict y,
+                 const double *restrict away, double *restrict last, double *restrict answer, float *restrict way,
+                 float *restrict step)
 {
+    for (long i = 0; i < size; ++i)
+        last[i] = x[i], way[i] = away[i];
     for (long i = 0; i < rows; ++i)
         for (int j = 0; j < numbers; ++j) {
-            difference[i * numbers + j] = y[i * stride + j] - answer[i * numbers + j];
+            step[i * numbers + j] = y[i * stride + j] - answer[i * numbers + j];
             answer[i * numbers + j] = y[i * stride + j];
         }
 }

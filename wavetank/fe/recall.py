@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
 from wavetank.fe.kernels import Kernel, source
@@ -19,10 +18,10 @@ SHORTEST = 1e-13  # squared, of directions against the longest: shorter ones car
 DECLARATIONS = """
 void aim(long size, int known, const float *differences, const double *last, const double *x, double *away,
          double *products);
-void nearest(int count, int stride, const double *gram, const double *along, double shortest, double *weights);
-void combine(long rows, int numbers, int stride, int known, const double *weights, const double *answer,
-             const float *differences, double *y);
-void replace(long rows, int numbers, int stride, const double *y, double *answer, float *difference);
+int start(long rows, int numbers, int stride, int known, int most, const double *gram, const double *products,
+          double shortest, const double *answer, const float *steps, double *y);
+void keep(long size, long rows, int numbers, int stride, const double *x, const double *y, const double *away,
+          double *last, double *answer, float *way, float *step);
 """
 
 
@@ -48,12 +47,13 @@ class Recall:
         self._steps = np.zeros((most - 1, owned, answers), dtype=np.float32)
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the ways
         self._recorded = 0
-        self._asked: Vector | None = None  # last, and how it lies:
-        self._away, self._products = np.zeros_like(self._input), np.zeros(most + 1)
-        self._weights = np.zeros(most - 1)
-        of_inputs: list[NDArray[Any]] = [self._ways, self._input, self._away, self._products, self._gram]
-        arrays = [*of_inputs, self._weights, self._answer, self._steps]
-        self._at = [self._kernel.pointer(array) for array in arrays]
+        self._asked: Any = None  # where what is asked for stands
+        self._away, self._products = np.zeros_like(self._input), np.zeros(most + 1)  # how lies what is asked for
+        at = self._kernel.pointer
+        self._at_input, self._at_away, self._at_products = map(at, (self._input, self._away, self._products))
+        self._at_ways, self._at_steps, self._at_gram = map(at, (self._ways, self._steps, self._gram))
+        self._at_answer = at(self._answer)
+        self._at_each = [(at(way), at(step)) for way, step in zip(self._ways, self._steps, strict=True)]
 
     @property
     def _known(self) -> int:
@@ -62,43 +62,33 @@ class Recall:
     def guess(self, x: Vector, y: Vector) -> bool:
         """Set a start value for the answer to x, and tell whether anything near is remembered; collective.
 
-        Rows of ``y``, one for each degree of freedom that is owned, begin with an answer's numbers.
+        Rows of ``y``, one for each degree of freedom that is owned, begin with an answer's numbers; x and y are to live
+        and to stay as they are until the answer is recorded.
         """
+        self._asked = self._kernel.pointer(x)
         if not self._recorded:
             return False
-        self._aim(x)
-        known, (*_, products, gram, weights, answer, steps) = self._known, self._at
-        self._kernel.call.nearest(known, len(self._gram), gram, products, SHORTEST, weights)
-        square, from_zero = self._products[known : known + 2]
-        if square - self._weights[:known] @ self._products[:known] > from_zero:
-            return False  # zero is closer than anything remembered
-        self._kernel.call.combine(*self._rows(y), known, weights, answer, steps, self._kernel.pointer(y))
-        return True
+        call, known = self._kernel.call, self._known
+        call.aim(x.size, known, self._at_ways, self._at_input, self._asked, self._at_away, self._at_products)
+        if self._comm.size > 1:
+            self._products[: known + 2] = summed(self._comm, self._products[: known + 2])
+        how = known, len(self._gram), self._at_gram, self._at_products, SHORTEST
+        return bool(call.start(*self._rows(y), *how, self._at_answer, self._at_steps, self._kernel.known(y)))
 
     def _rows(self, y: Vector) -> tuple[int, int, int]:
         """Return how many rows there are, the numbers of an answer, and those of a row."""
         return *self._answer.shape, y.shape[1]
 
-    def _aim(self, x: Vector) -> None:
-        """Find how x lies, once; collective."""
-        if self._asked is not x:
-            self._asked, known, (ways, last, away, products, *_) = x, self._known, self._at
-            self._kernel.call.aim(x.size, known, ways, last, self._kernel.pointer(x), away, products)
-            self._products[: known + 2] = summed(self._comm, self._products[: known + 2])
-
-    def record(self, x: Vector, y: Vector) -> None:
-        """Remember that y, rows as of ``guess``, answers x, which has been asked for last; collective."""
+    def record(self, y: Vector) -> None:
+        """Remember that y, rows as of ``guess``, is the answer to what a guess has been asked for last."""
         place = 0
         if self._recorded:
-            self._aim(x)
             known, place = self._known, (self._recorded - 1) % len(self._gram)
-            self._ways[place] = self._away
             self._gram[place, :known] = self._gram[:known, place] = self._products[:known]
             self._gram[place, place] = self._products[known]
-        answer, step = self._kernel.pointer(self._answer), self._kernel.pointer(self._steps[place])
-        self._kernel.call.replace(*self._rows(y), self._kernel.pointer(y), answer, step)
-        self._input[:] = x
-        self._recorded, self._asked = self._recorded + 1, None
+        kept = self._at_away, self._at_input, self._at_answer, *self._at_each[place]
+        self._kernel.call.keep(self._input.size, *self._rows(y), self._asked, self._kernel.known(y), *kept)
+        self._recorded += 1
 
     def held(self) -> Held:
         """Return the pair and the differences, where they stand in the arrays, and the products of these."""
@@ -113,7 +103,7 @@ class Recall:
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._recorded, self._gram[:], self._asked = held["recorded"], held["products"], None
+        self._recorded, self._gram[:] = held["recorded"], held["products"]
         self._input[:] = held["input"].ravel()
         self._ways[:] = held["ways"].reshape(self._ways.shape)
         self._answer[:] = held["answer"].T

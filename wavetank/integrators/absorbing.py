@@ -37,8 +37,11 @@ class Absorbing:
     gives = "one that is too strong, begins too abruptly or meets a current or far longer waves does so"
 
     def __init__(self, gamma: Vector, *, dt: float):
-        self.gamma, self.energy_taken = gamma, 0.0
-        self._dt = dt
+        self._dt, self.energy_taken = dt, 0.0
+        self._take(gamma)
+
+    def _take(self, gamma: Vector) -> None:
+        self.gamma, self._kept = gamma, np.exp(-gamma * self._dt)
 
     def begun(self, p: Vector) -> Vector:
         """Return the momenta of a start as its first step begins with them, half of the factor taken."""
@@ -54,7 +57,7 @@ class Absorbing:
 
     def momentum(self, p: Vector) -> Vector:
         """Return the momenta damped."""
-        return np.asarray(np.exp(-self.gamma * self._dt) * p)
+        return np.asarray(self._kept * p)
 
     def account(self, taken: float, *, of: float) -> None:
         """Add what has been taken."""
@@ -66,4 +69,5 @@ class Absorbing:
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self.energy_taken, self.gamma = held["energy_taken"], held["gamma"]
+        self.energy_taken = held["energy_taken"]
+        self._take(held["gamma"])

@@ -28,7 +28,6 @@ from wavetank.integrators.contract import Evaluated, Map
 from wavetank.integrators.flow import flow
 
 KAPPA = 0.1
-DIFFERENCE = (1.0, -3.0, 3.0, -1.0)  # of third order, the newest first; 8 on what alternates
 
 
 class MeanAndJumps(NamedTuple):
@@ -71,9 +70,11 @@ class MeanAndJumps(NamedTuple):
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
-        mean, plus = (np.concatenate([coordinate(q), momentum(p)]) for q, p in ((self.q, self.p), self._trace(0.5)))
-        jump = 2 * (plus - mean)
-        return self.of(mean, jump, *self.pairs[2:4], mean + 0.5 * jump)
+        plus, q, p = self._trace(0.5), coordinate(self.q), momentum(self.p)
+        q_jump, p_jump = 2 * (coordinate(plus.q) - q), 2 * (momentum(plus.p) - p)
+        mapped = self._replace(q=q, p=p, q_jump=q_jump, p_jump=p_jump)
+        q_minus, p_minus = mapped._trace(0.5)
+        return mapped._replace(q_minus=q_minus, p_minus=p_minus)
 
 
 @dataclass(frozen=True)
@@ -123,5 +124,5 @@ class Simpson4:
 
     def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
         """Return the new jump, jumps[0], less kappa of what alternates; ``smooth`` is that of a smooth solution."""
-        alternating = sum(weight * jump for weight, jump in zip(DIFFERENCE, jumps, strict=True)) / 8
-        return np.asarray(jumps[0] - self.kappa * alternating)
+        newest, last, before, first = jumps
+        return np.asarray(newest - self.kappa / 8 * (newest - first - 3 * (last - before)))

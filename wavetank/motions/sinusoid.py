@@ -1,5 +1,6 @@
 """A regular motion: X = a sin(2 pi t / T)."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -30,5 +31,5 @@ class Sinusoid(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return a omega^order sin(omega t + order pi / 2)."""
-        omega = 2.0 * np.pi / self.period
-        return self.amplitude * omega**order * np.sin(np.multiply(omega, t) + order * np.pi / 2.0)
+        omega, sine = 2.0 * np.pi / self.period, math.sin if isinstance(t, float) else np.sin
+        return self.amplitude * omega**order * sine(omega * np.asarray(t) + order * np.pi / 2.0)

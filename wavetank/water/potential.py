@@ -103,7 +103,7 @@ class InteriorPotential:
             self._fresh_iterations = None
         self._phi.fetch()
         if inputs is not None:
-            self._recall.record(inputs, self._phi.owned)
+            self._recall.record(self._phi.owned)
         flow = self.minimiser.flow
         return flow - self._plane.sum(flow) / self._plane.size  # moves no mass, where single precision has a share, too
 

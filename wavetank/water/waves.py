@@ -124,7 +124,9 @@ class NonlinearWaves:
         )
         with self.bed.levelled():
             self.still = self.layer.assemble()
-        self.potential = InteriorPotential(minimum, self.phi, inputs=3 if wall.moves else 2, plane=plane)
+        self._rows = np.zeros((3 if wall.moves else 2, plane.owned))
+        self._row = self._rows.reshape(-1)
+        self.potential = InteriorPotential(minimum, self.phi, inputs=len(self._rows), plane=plane)
         self._compile(energy)
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
@@ -219,16 +221,16 @@ class NonlinearWaves:
             self.bed.follow(self.wall)
 
     def _inputs(self) -> Vector:
-        if not self.wall.moves:
-            return self._deviation(np.empty((2, self.plane.owned))).ravel()
-        inputs = np.empty((3, self.plane.owned))
-        inputs[2] = self.depth / self._speed * self.wall.velocities
-        return self._deviation(inputs).ravel()
+        """Return what the potential depends on but where the wall stands [m]; the next call reuses the array."""
+        if self.wall.moves:
+            self._rows[2] = self.depth / self._speed * self.wall.velocities
+        self._deviation(self._rows)
+        return self._row
 
     def _deviation(self, rows: Vector) -> Vector:
         """Set the first two of some rows to how far from rest the point last evaluated is: eta, and psi in metres."""
-        rows[0] = self.h.owned - self.bed.still
-        rows[1] = self.phi.owned[:, -1] / self._speed
+        np.subtract(self.h.owned, self.bed.still, out=rows[0])
+        np.divide(self.phi.owned[:, -1], self._speed, out=rows[1])
         return rows
 
     def seen(self) -> Surface | None:
