@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from wavetank.motions import Sinusoid
+
 
 def dense_operator(tank):
     """Return the full matrix A(h) of the present water column, ordered (component, degree of freedom)."""
@@ -29,6 +31,23 @@ def test_interior_potential_is_the_direct_solution(steep_tank):
     phi = np.linalg.solve(A[interior, interior], -A[interior, surface] @ p)
     assert np.abs(tank.phi.owned[:, :n].T.ravel() + tank.level - phi).max() < 1e-10 * np.abs(phi).max()
     assert np.abs(A[surface, interior] @ phi + A[surface, surface] @ p - flux).max() < 1e-11 * np.abs(flux).max()
+
+
+@pytest.mark.parametrize("motion", [None, Sinusoid(0.04, 2.0)], ids=["fixed wall", "piston"])
+def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(make_tank, motion):
+    """To the solves' tolerance and in as many iterations, of a wave that goes on, and then of another one."""
+    tank, parts = (make_tank(length=2.0, cells=8, n=5, motion=motion) for _ in range(2))
+    parts._whole = None
+    x = tank.plane.x
+    states = [(0.1 * np.cos(np.pi * x / 2 + 0.1 * step), np.cos(np.pi * x / 2 - 0.1 * step)) for step in range(5)]
+    for step, state in enumerate([*states, (0.05 * x, 0.3 * x)]):
+        one, other = ((*water.state(*state, 0.01 * step), 0.01 * step) for water in (tank, parts))
+        for name in ("H_p", "H_q"):
+            found, wanted = getattr(tank, name)(*one), getattr(parts, name)(*other)
+            assert np.abs(found - wanted).max() < 1e-11 * np.abs(wanted).max()
+        assert tank.energy(*one) == pytest.approx(parts.energy(*other), rel=1e-9)
+        assert tank.level == pytest.approx(parts.level, abs=1e-14)
+    assert tank.potential.counters == parts.potential.counters
 
 
 def test_operator_is_symmetric_and_positive(steep_tank):

@@ -133,6 +133,8 @@ class Minimum:
         The last column of A phi, of the potential found last, shape (dofs,).
     kinetic
         phi A phi of that.
+    last
+        Iterations of the last correction.
     """
 
     patience = 1
@@ -152,7 +154,7 @@ class Minimum:
         self._modes = AveragedModes(single, plane, vertical.eigenvalues, room=_room(vertical.n))
         row = _room(vertical.n)
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
-        self._steps, self._last = np.empty((MOST + 1, 2)), 0
+        self._steps, self.last = np.empty((MOST + 1, 2)), 0
         kernel = single.kernel
         self._found = kernel.struct("Found", {"kinetic": 0.0, "residual": 0.0})
         self._of = single.cells, single.layers, kernel.pointer(single.state), self._modes.chain
@@ -178,8 +180,8 @@ class Minimum:
         while True:
             self._operator.apply_to(phi, self._image)
             taken = call.correct(*self._of, *by_wall, *corrected, MOST - iterations, *self._room)
-            self._last = max(0, taken)
-            iterations += self._last
+            self.last = max(0, taken)
+            iterations += self.last
             if taken == -1:
                 raise ConvergenceError(f"the interior potential did not converge in {MOST} iterations")
             self.flow = self._image[:, -1].copy()
@@ -190,6 +192,26 @@ class Minimum:
                 return iterations
 
     @property
+    def compiled(self) -> dict[str, Any]:
+        """What corrections are called with, for ``whole.c``."""
+        single, address = self._single, self._single.kernel.address
+        called = {"take_single": "take", "correct": "correct"}
+        return {
+            **{name: address(function) for name, function in called.items()},
+            "single_cells": address(single.cells),
+            "single_layers": address(single.layers),
+            "single_rows": single.rows,
+            "single_state": single.state,
+            "order": single.order,
+            "modes": address(self._modes.chain),
+            "tolerance": self._tolerance,
+            "iterations": MOST,
+            "lengths": self._steps,
+            "found": address(self._found),
+            "work": self._work,
+        }
+
+    @property
     def condition_number(self) -> float:
         """The estimate that the last solve gave of the preconditioned operator's, by Lanczos."""
-        return condition_number(self._steps[: self._last])
+        return condition_number(self._steps[: self.last])

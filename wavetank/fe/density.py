@@ -32,6 +32,8 @@ class Density:
     ----------
     fields
         The number of fields, ``f0``, ``f1`` ... in C with slopes ``f0_0``, ...
+    values
+        Of these, all that this rank sees, each shape (size,).
     """
 
     def __init__(self, e: Any, plane: Plane, *, inputs: Mapping[Any, str] | None = None, first: Any = None):
@@ -41,7 +43,7 @@ class Density:
         self._fields: list[fem.Function] = [*([first] if first is not None else []), *others]
         self._constants = [one for one in extract_constants(e) if one not in inputs]
         index_map = plane.V.dofmap.index_map
-        self._values = [one.x.array for one in self._fields]
+        self.values: list[Vector] = [one.x.array for one in self._fields]
         self._rows = np.empty((index_map.size_local + index_map.num_ghosts, len(self._fields)))
         self._numbers = [one.value for one in self._constants]  # where they are kept
         self.fields = len(self._fields)
@@ -59,7 +61,7 @@ class Density:
 
         The array is reused by the next call.
         """
-        for n, values in enumerate(self._values):
+        for n, values in enumerate(self.values):
             self._rows[:, n] = values
         return self._rows
 

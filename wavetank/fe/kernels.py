@@ -88,6 +88,30 @@ class Kernel:
             self._known[id(array)] = array, self.pointer(array)
         return self._known[id(array)][1]
 
+    def address(self, what: Any) -> Any:
+        """Return where a function of a name, or a struct, is, for another kernel."""
+        return int(self._ffi.cast("uintptr_t", self._ffi.addressof(self.call, what) if isinstance(what, str) else what))
+
+    def pointers(self, arrays: Sequence[NDArray[Any]]) -> Any:
+        """Return where arrays of doubles are, as an array, which they live as long as."""
+        each = [self.pointer(array) for array in arrays]
+        found = self._ffi.new("const double *[]", each)
+        return self._ffi.gc(found, lambda _, each=each: each.clear())
+
+    def shared(self, kind: str, parts: dict[str, Any]) -> Any:
+        """Return a struct of numbers, addresses, other kernels' or None, and arrays, which are shared as they are."""
+        kept = dict(parts)
+        struct = self._ffi.new(f"{kind} *")
+        of_kind = dict(self._ffi.typeof(kind).fields)
+        for name, part in parts.items():
+            pointer = of_kind[name].type.kind == "pointer"
+            if isinstance(part, np.ndarray):
+                part = self.pointer(part)
+            elif pointer and not isinstance(part, self._ffi.CData):
+                part = self._ffi.cast(of_kind[name].type, part or 0)
+            setattr(struct, name, part)
+        return self._ffi.gc(struct, lambda _: kept.clear())
+
     def struct(self, kind: str, parts: dict[str, Any]) -> Any:
         """Return a struct of numbers and of arrays, which live as long as it does."""
         kept = {name: self._plain(part) for name, part in parts.items() if isinstance(part, np.ndarray)}

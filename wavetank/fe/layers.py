@@ -125,7 +125,8 @@ class LayerOperator:
         stored: bool = False,
     ):
         self.density = LayerDensity(energy, plane, column)
-        self._owned, self.numbers, self._order = plane.owned, vertical.n + 1, order
+        self._owned, self.numbers = plane.owned, vertical.n + 1
+        self.order = None if order is None else np.ascontiguousarray(order, dtype=np.int32)
         cells, lanes = Cells(plane, plane.degree, lanes=LANES[real]), LANES[real]
         if order is not None:
             cells.parts["dofs"] = np.argsort(order)[cells.parts["dofs"]]
@@ -172,12 +173,19 @@ class LayerOperator:
         self._take(other.rows)
 
     def _take(self, rows: Array) -> None:
-        self.rows[:] = rows if self._order is None else rows[self._order]
+        self.rows[:] = rows if self.order is None else rows[self.order]
         self.least = self.kernel.call.take(*self._of, self._at_rows, self._at_state)
 
     def apply(self, rows: Array) -> Array:
         """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
         return self._applied(self.kernel.call.product, rows, self._nothing())
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What products are called with, for ``whole.c``."""
+        address = self.kernel.address
+        called = {name: address(name) for name in ("take", "product", "derivative")}
+        return {**called, "cells": address(self.cells), "layers": address(self.layers), "rows": self.rows}
 
     def apply_to(self, rows: Array, image: Array) -> None:
         """Set A x, shape (dofs, n+1), for x of that shape, all of it on this rank; both live as long as this does."""

@@ -247,7 +247,7 @@ class MassMatrix:
         """Make ready for solves."""
         self._diagonal, self._means = self._of_diagonal(), self._weights.sum(axis=1) / self._size
 
-    def _make_ready(self) -> None:
+    def make_ready(self) -> None:
         """Prepare what solves need, if it is not there: products do without."""
         if not self._ready:
             self._prepare()
@@ -274,7 +274,7 @@ class MassMatrix:
 
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
         """Return the solution for owned values r, shape (owned,), in whose energy so much squared may be missed."""
-        self._make_ready()
+        self.make_ready()
         found, residual = np.zeros((right.size, 1)), np.array(right[:, None])
         conjugate_gradients(
             self._product,
@@ -313,12 +313,18 @@ class BandedMass(MassMatrix):
     def _factors(self) -> Any:
         return chain(self._kernel, self._plane, systems=1)
 
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What solves are called with, for ``whole.c``."""
+        address = self._kernel.address
+        return {"solve_mass": address("solve_mass"), "mass": address(self._factors), "mass_work": self._work}
+
     def _prepare(self) -> None:
         self._kernel.call.factor_mass(self._cells, self._at_weights, self._factors)
 
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
         """Return the solution for owned values r, shape (owned,), to round-off."""
-        self._make_ready()
+        self.make_ready()
         found, at = np.empty_like(right), self._kernel.pointer
         self._kernel.call.solve_mass(self._factors, at(np.ascontiguousarray(right)), at(found), self._at_work)
         return found

@@ -52,11 +52,15 @@ static int start(long rows, int numbers, int stride, int known, int most, const 
 }
 
 /* x, which lies ``away`` from the last input, becomes that; y, of rows of ``stride``, the answer; the ways to both are the
-   differences at a place. */
-static void keep(long size, long rows, int numbers, int stride, const double *restrict x, const double *restrict y,
-                 const double *restrict away, double *restrict last, double *restrict answer, float *restrict way,
-                 float *restrict step)
+   differences at one of ``most`` places, the products of the former those with ``known`` others and itself. */
+static void keep(long size, long rows, int numbers, int stride, int known, int place, int most, const double *restrict x,
+                 const double *restrict y, const double *restrict away, const double *products, double *restrict last,
+                 double *restrict answer, float *ways, float *steps, double *gram)
 {
+    float *restrict way = ways + place * size, *restrict step = steps + place * rows * numbers;
+    for (int k = 0; k < known; ++k)
+        gram[place * most + k] = gram[k * most + place] = products[k];
+    gram[place * most + place] = products[known];
     for (long i = 0; i < size; ++i)
         last[i] = x[i], way[i] = away[i];
     for (long i = 0; i < rows; ++i)

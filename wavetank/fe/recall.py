@@ -20,8 +20,9 @@ void aim(long size, int known, const float *differences, const double *last, con
          double *products);
 int start(long rows, int numbers, int stride, int known, int most, const double *gram, const double *products,
           double shortest, const double *answer, const float *steps, double *y);
-void keep(long size, long rows, int numbers, int stride, const double *x, const double *y, const double *away,
-          double *last, double *answer, float *way, float *step);
+void keep(long size, long rows, int numbers, int stride, int known, int place, int most, const double *x,
+          const double *y, const double *away, const double *products, double *last, double *answer, float *ways,
+          float *steps, double *gram);
 """
 
 
@@ -50,14 +51,30 @@ class Recall:
         self._asked: Any = None  # where what is asked for stands
         self._away, self._products = np.zeros_like(self._input), np.zeros(most + 1)  # how lies what is asked for
         at = self._kernel.pointer
-        self._at_input, self._at_away, self._at_products = map(at, (self._input, self._away, self._products))
-        self._at_ways, self._at_steps, self._at_gram = map(at, (self._ways, self._steps, self._gram))
+        self._at_input, self._at_away, self._at_products = at(self._input), at(self._away), at(self._products)
+        self._at_ways, self._at_steps, self._at_gram = at(self._ways), at(self._steps), at(self._gram)
         self._at_answer = at(self._answer)
-        self._at_each = [(at(way), at(step)) for way, step in zip(self._ways, self._steps, strict=True)]
 
     @property
     def _known(self) -> int:
         return min(self._recorded - 1, len(self._gram))
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What guesses and records are called with, for ``whole.c``."""
+        called: dict[str, Any] = {name: self._kernel.address(name) for name in ("aim", "start", "keep")}
+        memory = {"last": self._input, "away": self._away, "products": self._products, "answer": self._answer}
+        kept = {"gram": self._gram, "ways": self._ways, "steps": self._steps}
+        return {**called, **memory, **kept, "most": len(self._gram), "shortest": SHORTEST}
+
+    @property
+    def place(self) -> tuple[int, int] | None:
+        """How many differences are known, and where the next one goes; None of what remembers nothing."""
+        return (self._known, (self._recorded - 1) % len(self._gram)) if self._recorded else None
+
+    def kept(self) -> None:
+        """Take note that there is one more."""
+        self._recorded += 1
 
     def guess(self, x: Vector, y: Vector) -> bool:
         """Set a start value for the answer to x, and tell whether anything near is remembered; collective.
@@ -81,14 +98,12 @@ class Recall:
 
     def record(self, y: Vector) -> None:
         """Remember that y, rows as of ``guess``, is the answer to what a guess has been asked for last."""
-        place = 0
-        if self._recorded:
-            known, place = self._known, (self._recorded - 1) % len(self._gram)
-            self._gram[place, :known] = self._gram[:known, place] = self._products[:known]
-            self._gram[place, place] = self._products[known]
-        kept = self._at_away, self._at_input, self._at_answer, *self._at_each[place]
-        self._kernel.call.keep(self._input.size, *self._rows(y), self._asked, self._kernel.known(y), *kept)
-        self._recorded += 1
+        x_and_y, n = (self._asked, self._kernel.known(y)), len(self._gram)
+        known, place = self.place or (0, 0)
+        kept = self._at_input, self._at_answer, self._at_ways, self._at_steps, self._at_gram
+        how = known, place, n, *x_and_y, self._at_away, self._at_products
+        self._kernel.call.keep(self._input.size, *self._rows(y), *how, *kept)
+        self.kept()
 
     def held(self) -> Held:
         """Return the pair and the differences, where they stand in the arrays, and the products of these."""

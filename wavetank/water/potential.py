@@ -74,12 +74,17 @@ class InteriorPotential:
         The layered field that holds the solution, the surface potential in its last column.
     inputs
         How many numbers at each degree of freedom a solution depends on.
+
+    Attributes
+    ----------
+    recall
+        What start values are found among.
     """
 
     def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane):
         self.counters = SolveCounters()
         self.minimiser, self._phi, self._plane = minimiser, phi, plane
-        self._recall = Recall(inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm)
+        self.recall = Recall(inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm)
         self._fresh_iterations: int | None = None
 
     def solve(self, wall: Vector, inputs: Vector | None) -> Vector:
@@ -89,23 +94,26 @@ class InteriorPotential:
         a start value is found among earlier solves; None of a solution like no other. Returns (A phi)_n, shape
         (owned,). Raises ``ConvergenceError``.
         """
-        if inputs is None or not self._recall.guess(inputs, self._phi.owned):
+        if inputs is None or not self.recall.guess(inputs, self._phi.owned):
             self._phi.owned[:, :-1] = 0.0
         if self.renews:
             self.minimiser.factor()
             self.counters.factorisations += 1
-        iterations = self.minimiser.find(self._phi.owned, wall)
+        self.took(self.minimiser.find(self._phi.owned, wall))
+        self._phi.fetch()
+        if inputs is not None:
+            self.recall.record(self._phi.owned)
+        flow = self.minimiser.flow
+        return flow - self._plane.sum(flow) / self._plane.size  # moves no mass, where single precision has a share, too
+
+    def took(self, iterations: int) -> None:
+        """Take note of what a solve has taken, and so whether the preconditioner still serves."""
         self.counters.solves += 1
         self.counters.iterations += iterations
         if self._fresh_iterations is None:
             self._fresh_iterations = iterations
         elif iterations > self._fresh_iterations + self.minimiser.patience:
             self._fresh_iterations = None
-        self._phi.fetch()
-        if inputs is not None:
-            self._recall.record(self._phi.owned)
-        flow = self.minimiser.flow
-        return flow - self._plane.sum(flow) / self._plane.size  # moves no mass, where single precision has a share, too
 
     @property
     def renews(self) -> bool:
@@ -114,11 +122,11 @@ class InteriorPotential:
 
     def held(self) -> Held:
         """Return what start values are found among, how good the preconditioner was, and what solves have cost."""
-        return {"recall": self._recall.held(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
+        return {"recall": self.recall.held(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
 
     def take(self, held: Held) -> None:
         """Take back what has been held; the operator must be as it was when the preconditioner was made; collective."""
-        self._recall.take(held["recall"])
+        self.recall.take(held["recall"])
         vars(self.counters).update(held["counters"])
         self._fresh_iterations = held["fresh"]
         if not self.renews:

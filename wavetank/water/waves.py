@@ -18,16 +18,18 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
+from wavetank.fe.along import Minimum
 from wavetank.fe.forms import ScalarForm
-from wavetank.fe.mass import mass_matrix
+from wavetank.fe.mass import BandedMass, mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
+from wavetank.fe.whole import Whole
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
 from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
-from wavetank.water.potential import InteriorPotential, interior_of
+from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.walls import Wall, one_time
@@ -139,6 +141,7 @@ class NonlinearWaves:
         self._kinetic = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
+        self._whole = self._compiled(minimum)
         self._set_up_stages(tolerances)
 
     # ------------------------------------------------------------------------------------------ forms
@@ -164,6 +167,8 @@ class NonlinearWaves:
         """Find water column and potential of a state, unless it is the one last evaluated; collective."""
         if self._knows(q, p, t):
             return
+        if self._found(q, p, t):
+            return
         wall = self._begin(q, p, t)
         if self.potential.renews:
             self._made = self._stands, self.h.owned.copy()
@@ -175,6 +180,39 @@ class NonlinearWaves:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         self._kinetic = 0.5 * self.potential.minimiser.kinetic
         self._know(q, p, t, flow + wall[:, -1])
+
+    def _found(self, q: Vector, p: Vector, t: float) -> bool:
+        """Find the same, where that is compiled as a whole, and all is as usual; return whether it was."""
+        if self._whole is None or self.potential.renews:
+            return False
+        self.set_time(t)
+        found = self._whole.find(q, p, self.bed.still)
+        if found is None:
+            return False
+        self.potential.took(found.iterations)
+        self.level, self._kinetic = found.level, 0.5 * found.kinetic
+        self._know(q, p, t, found.flow)
+        self._H_q = found.by_column
+        return True
+
+    def _compiled(self, minimum: Minimiser) -> Whole | None:
+        """Return what finds potentials as a whole, along a slice on one rank, or None."""
+        walls = self._wall_terms.along
+        if not isinstance(minimum, Minimum) or not isinstance(self.mass, BandedMass) or walls is None:
+            return None
+        return Whole(
+            self.plane,
+            mass=self.mass,
+            operator=self.operator,
+            minimum=minimum,
+            recall=self.potential.recall,
+            column=self.h,
+            phi=self.phi,
+            wall=next(iter(walls), None),
+            inputs=self._rows,
+            celerity=self._speed,
+            by_speed=self.depth / self._speed,
+        )
 
     def _begin(self, q: Vector, p: Vector, t: float, column: Vector | None = None) -> Vector:
         """Set all but the interior potential of a state; return the wall's vector, shape (owned, n+1); collective.

@@ -18,6 +18,7 @@ from wavetank.arrays import Vector
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
+from wavetank.fe.whole import Along
 from wavetank.motions import Motion
 from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
@@ -50,9 +51,12 @@ class WallTerms(Protocol):
     ----------
     hamiltonian
         W in UFL under its name; empty where there is none.
+    along
+        W as a product with a matrix that is kept, one for each paddle, if that is what all of it is; else None.
     """
 
     hamiltonian: dict[Part, ufl.Form]
+    along: tuple[Along, ...] | None
 
     def vector(self) -> Vector:
         """Return dW/dphi, broadcastable to shape (owned, n+1); collective."""

@@ -24,6 +24,7 @@ from wavetank.arrays import Vector
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
+from wavetank.fe.whole import Along
 from wavetank.motions import Motion
 from wavetank.motions.mapping import largest_stroke, share, unmapped
 from wavetank.motions.tangent import Tangent
@@ -206,11 +207,13 @@ class PistonTerms:
         work = wall.flux(travel.speed, **parts)
         self.hamiltonian, self._mu = {wall.part: work}, plane.function("mu")
         self._work: Work
+        self.along: tuple[Along, ...] | None = None
         self._power: Power
         water: dict[str, Any] = {"mu": self._mu, "bed": bed, "plane": plane, "vertical": vertical}
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1 and not wall.leans:
             share, columns = wall.flux(travel.share, **parts), np.unique(plane.V.dofmap.list[wall.cells])
             self._work = kept = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
+            self.along = (kept,)
             self._power = PowerAlong(kept, energy, phi, cells=wall.cells, travel=travel, **water)
         else:
             self._work = AssembledWork(work, phi, energy.h, plane=plane)

@@ -10,6 +10,7 @@ from wavetank.arrays import Vector
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
+from wavetank.fe.whole import Along
 from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
@@ -71,6 +72,7 @@ class NoTerms:
 
     def __init__(self, vertical: VerticalBasis):
         self.hamiltonian: dict[Part, ufl.Form] = {}
+        self.along: tuple[Along, ...] | None = ()
         self._zero = np.zeros((1, vertical.n + 1))
 
     def vector(self) -> Vector:

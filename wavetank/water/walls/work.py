@@ -126,17 +126,25 @@ class KeptWork:
         return self._kernel.struct("Entries", parts)
 
     @property
-    def _speed(self) -> float:
+    def compiled(self) -> dict[str, Any]:
+        """What products are called with, for ``fe/whole.c``."""
+        address = self._kernel.address
+        matrices = {"entries": address(self._M), "transposed": address(self._M_transposed)}
+        return {"times": address("times"), **matrices, "wall": self._of_phi, "by_wall": self._of_h}
+
+    @property
+    def speed(self) -> float:
+        """X_p' [m/s]."""
         return float(self._travel.velocities[0])
 
     def by_potential(self) -> Vector:
         """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
-        self._kernel.call.times(self._M, self._speed, self._at_h, self._at_of_phi)
+        self._kernel.call.times(self._M, self.speed, self._at_h, self._at_of_phi)
         return self._of_phi
 
     def by_column(self) -> Vector:
         """Return dW/dh, shape (dofs,). The array is reused by the next call."""
-        self._kernel.call.times(self._M_transposed, self._speed, self._at_phi, self._at_of_h)
+        self._kernel.call.times(self._M_transposed, self.speed, self._at_phi, self._at_of_h)
         return self._of_h
 
     def by_speed(self) -> float:
@@ -145,4 +153,4 @@ class KeptWork:
 
     def value(self) -> float:
         """Return W."""
-        return self._speed * self.by_speed()
+        return self.speed * self.by_speed()

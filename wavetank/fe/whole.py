@@ -1,0 +1,156 @@
+"""Potentials along a slice or ring, all of it on this rank, found as a whole (``whole.c``).
+
+A solve is a dozen calls of compiled functions, and what Python takes between these is as much as what they take. Here
+they follow each other in C, on the arrays of the objects that they are of. What is not as usual is left to these: the
+first solve, a new preconditioner, water that is none.
+"""
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.fe.along import Minimum
+from wavetank.fe.kernels import Kernel, defined, source
+from wavetank.fe.layers import LayerOperator
+from wavetank.fe.mass import BandedMass
+from wavetank.fe.plane import Field, LayeredField, Plane
+from wavetank.fe.recall import Recall
+
+WHOLE = """
+typedef struct {
+    double kinetic, residual;
+} Found;
+typedef struct {
+    int dofs, iterations, most, last_iterations;
+    double celerity, by_speed, tolerance, shortest;
+    void *solve_mass, *mass, *take, *cells, *layers, *product, *derivative;
+    void *take_single, *single_cells, *single_layers, *correct, *modes;
+    void *aim, *start, *keep, *times, *entries, *transposed;
+    const int *order;
+    const double **fields;
+    double *column, *phi, *rows, *image, *inputs, *mass_work, *lengths, *wall, *by_wall;
+    double *last, *away, *products, *answer, *gram;
+    float *single_rows, *single_state, *work, *ways, *steps;
+    Found *found;
+} Whole;
+"""
+DECLARATIONS = f"""{WHOLE}
+int find(Whole *, const double *q, const double *p, const double *still, double speed, int known, int place,
+         double *flow, double *by_column, double *level);
+"""
+
+
+class Along(Protocol):
+    """A wall's part of the energy, X_p' phi . M h."""
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What products with M and its transpose are called with, for ``whole.c``."""
+
+    @property
+    def speed(self) -> float:
+        """X_p' [m/s]."""
+
+
+class Solution:
+    """What has been found.
+
+    Attributes
+    ----------
+    iterations
+        That it took.
+    level
+        The mean of the surface potential, which is left out.
+    flow
+        (A phi)_n less its mean, and the wall's, shape (dofs,).
+    by_column
+        M^-1 of the derivative of the energy by the column, the wall's included, shape (dofs,).
+    kinetic
+        phi A phi.
+    """
+
+    __slots__ = "iterations", "level", "flow", "by_column", "kinetic"
+
+    def __init__(self, iterations: int, level: float, flow: Vector, by_column: Vector, kinetic: float):
+        self.iterations, self.level, self.flow = iterations, level, flow
+        self.by_column, self.kinetic = by_column, kinetic
+
+
+class Whole:
+    """Finds potentials of column masses and surface potentials.
+
+    Parameters
+    ----------
+    mass, operator, minimum, recall
+        What is called.
+    column, phi
+        Where column and potential are found.
+    wall
+        Of a wall that moves.
+    inputs
+        Numbers by which start values are found: elevation, potential over ``celerity`` [m/s], and ``by_speed`` [s]
+        times the wall's velocity.
+    """
+
+    def __init__(
+        self,
+        plane: Plane,
+        *,
+        mass: BandedMass,
+        operator: LayerOperator,
+        minimum: Minimum,
+        recall: Recall,
+        column: Field,
+        phi: LayeredField,
+        wall: Along | None,
+        inputs: Vector,
+        celerity: float,
+        by_speed: float,
+    ):
+        self._mass, self._minimum, self._recall, self._wall = mass, minimum, recall, wall
+        sizes = {"NUMBERS": phi.rows.shape[1], "FIELDS": operator.density.fields}
+        code = defined(sizes) + WHOLE + source("whole.c")
+        self._kernel = Kernel("whole", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
+        fields = self._kernel.pointers(operator.density.values)
+        image, flat = np.zeros(phi.rows.shape), np.zeros((1, phi.rows.shape[1]))
+        none = {"times": None, "entries": None, "transposed": None, "wall": flat, "by_wall": flat}
+        parts = {
+            "dofs": plane.size,
+            "celerity": celerity,
+            "by_speed": by_speed,
+            "fields": fields,
+            "column": column.rows,
+            "phi": phi.rows,
+            "image": image,
+            "inputs": inputs,
+            **mass.compiled,
+            **operator.compiled,
+            **minimum.compiled,
+            **recall.compiled,
+            **(wall.compiled if wall else none),
+        }
+        self._struct = self._kernel.shared("Whole", parts)
+        self._level, self._still = np.zeros(1), np.zeros(plane.size)
+        self._at_level = self._kernel.pointer(self._level)
+
+    def find(self, q: Vector, p: Vector, still: Vector | float) -> Solution | None:
+        """Return what belongs to masses q and surface potential p, (dofs,) each, or None of what is not as usual.
+
+        ``still`` is the column of still water [m].
+        """
+        place = self._recall.place
+        if place is None:
+            return None
+        self._mass.make_ready()
+        at, flow, by_column = self._kernel.pointer, np.empty_like(p), np.empty_like(p)
+        if isinstance(still, float):
+            self._still[:] = still
+            still = self._still
+        surface = at(q), at(p), at(still), self._wall.speed if self._wall else 0.0
+        iterations = self._kernel.call.find(self._struct, *surface, *place, at(flow), at(by_column), self._at_level)
+        if iterations < 0:
+            return None
+        self._recall.kept()
+        self._minimum.last = self._struct.last_iterations
+        return Solution(iterations, float(self._level[0]), flow, by_column, self._struct.found.kinetic)
