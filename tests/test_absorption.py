@@ -30,6 +30,7 @@ from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.supply import AnsweredWork
+from wavetank.plan.affordable import needs_of
 from wavetank.plan.planned import planned
 from wavetank.plan.requirements import requirements
 from wavetank.postprocess.analysis.reflection import reflected
@@ -361,6 +362,18 @@ def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     reasons = "\n".join(requirements(scene, 0.02).reasons)
     assert "a flap, the waves come from its motion; it absorbs what comes to it, all but 7.6 % of waves" in reasons
     assert "a piston that is not driven; it absorbs, a mass of 0 kg/m on a spring of 251.4 N/m²" in reasons
+
+
+def test_what_absorbing_costs_is_counted_for_each_paddle_once():
+    """Of a run that is timed it is in the steps; of what is planned and guarded beside them."""
+    parts = {"tank": {"length": 8.0, "depth": 1.0}, "run": {"duration": 2.0}, "numerics": {"cells": 20, "dt": 0.02}}
+    costs = []
+    for absorb in ((None, None), (ACTIVE, None), (ACTIVE, ACTIVE), (ACTIVE, {"type": "spring-damper"})):
+        walls = ({"type": "piston", "motion": REST, "absorb": one} for one in absorb)
+        costs.append(needs_of(Scene.model_validate(parts | dict(zip(("wall", "far_wall"), walls, strict=True)))))
+    plain, one, both, spring = (cost.cpu for cost in costs)
+    assert both - one == pytest.approx(one - plain) and spring > both and one > 1.1 * plain
+    assert all(cost.watching == 0.0 and cost.memory == costs[0].memory for cost in costs)
 
 
 # ---------------------------------------------------------------- a spring and a damper

@@ -87,7 +87,7 @@ def _of_slice(scene: Scene, ranks: int) -> Needs:
     entries, looks = entries_of(chosen.order, scene.cells, chosen.vertical_order), Looks.of(scene, dt)
     watching = looks.in_slice(entries)
     memory = ranks * BASE + PER_ENTRY[undearer(kind)[0]] * entries * looks.waters
-    cpu = steps * known_costs().step(kind, settings, product) + watching
+    cpu = steps * known_costs().step(kind, settings, product) + watching + looks.answering(entries)
     return Needs(places * (chosen.vertical_order + 2.0), steps, cpu, memory, watching)
 
 

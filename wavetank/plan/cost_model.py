@@ -104,10 +104,11 @@ class CostModel:
         steepness: float = FITTED,
         looks: Looks = NOWHERE,
     ) -> Cost:
-        """Return the cost of a run of ``duration`` seconds that looks below its surface."""
+        """Return the cost of a run of ``duration`` seconds that looks at its water."""
         steps = Clock.covering(duration, settings.dt).steps
         entries = entries_of(settings.order, settings.cells, settings.vertical_order)
-        cpu = steps * self.step(kind, settings, dt_omega_max, steepness=steepness) + looks.in_slice(entries)
+        more = looks.in_slice(entries) + looks.answering(entries)
+        cpu = steps * self.step(kind, settings, dt_omega_max, steepness=steepness) + more
         return Cost(float(cpu), BASE + looks.waters * PER_ENTRY[undearer(kind)[0]] * entries)
 
 

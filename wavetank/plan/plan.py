@@ -271,7 +271,9 @@ class _Search:
         required, mesh, looks = self._required, self._mesh(settings), Looks.of(self._scene, settings.dt)
         cost = self.cost(settings, costs)
         entries = entries_of(settings.order, settings.cells, settings.vertical_order)
-        watched = looks.told(looks.in_slice(entries) / cost.cpu)
+        watched, answering = looks.told(looks.in_slice(entries) / cost.cpu), looks.answering(entries) / cost.cpu
+        more = [f"records: {watched}."] if watched else []
+        more += [f"absorption: {answering:.0%} of the time."] if answering else []
         return Plan(
             physics=required.physics,
             settings=settings,
@@ -284,7 +286,7 @@ class _Search:
             cell_size=mesh.cells.size,
             dt_omega_max=settings.dt * mesh.largest_frequency,
             looks=looks,
-            reasons=(*required.reasons, self._penalty_reason(mesh), *([f"records: {watched}."] if watched else [])),
+            reasons=(*required.reasons, self._penalty_reason(mesh), *more),
         )
 
     def _penalty_reason(self, mesh: Mesh) -> str:
