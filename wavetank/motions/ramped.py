@@ -13,7 +13,7 @@ from numpy.polynomial import Polynomial
 
 from wavetank.motions.motion import Array, Motion
 
-_STEP = tuple(Polynomial([0, 0, 0, 0, 35, -84, 70, -20]).deriv(order) for order in range(3))
+_STEP = tuple(Polynomial([0, 0, 0, 0, 35, -84, 70, -20]).deriv(order).coef.tolist()[::-1] for order in range(3))
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,11 @@ class Ramped(Motion):
         return sum(self._term(t, order, n, y) for n in range(order + 1))
 
     def _term(self, t: Any, order: int, n: int, y: Any) -> Any:
-        s = np.clip(np.subtract(t, self.start) / self.ramp, 0.0, 1.0)
-        factor, values = comb(order, n) * (_STEP[n](s) / self.ramp**n), self.motion.derivative(t, order - n, y)
+        part, step = ((np.asarray(t) if np.ndim(t) else float(t)) - self.start) / self.ramp, 0.0
+        s = min(max(part, 0.0), 1.0) if isinstance(part, float) else np.clip(part, 0.0, 1.0)
+        for coefficient in _STEP[n]:
+            step = step * s + coefficient
+        factor, values = comb(order, n) * step / self.ramp**n, self.motion.derivative(t, order - n, y)
         return (factor if np.ndim(values) == np.ndim(t) else np.asarray(factor)[..., None]) * values
 
 

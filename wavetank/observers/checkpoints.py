@@ -9,7 +9,7 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.schedule import EverySteps
 
 USUALLY, SOON = 60.0, 1.0  # s of computing between two of them, and between the first ones
-COST, NOTING = 0.01, 0.005  # of the time of computing, at most: to write them, and to know where one could be written
+COST, NOTING = 0.005, 0.002  # of the time of computing, at most: to write them, and to know where one could be written
 LATE = 1.0  # s of computing, at most, after which others see what has been recorded
 
 

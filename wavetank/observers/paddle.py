@@ -37,18 +37,18 @@ class PaddleMotion(Patient):
         push: Pushing | None = None,
     ):
         self._rates, self._record, self.schedule, self._push = rates, record, schedule, push
-        self._rows: list[list[float]] = []  # that are still to be written
+        self._kept: list[list[Any]] = []  # times, what there is of it, numbers or one for each place, and how it pushes
 
     def keep(self, moment: Moment) -> None:
-        """Keep a row; collective."""
+        """Keep what it does; collective."""
         pushed = self._push.at(moment) if self._push else ()
-        self._rows.append([moment.t, *np.hstack([self._rates[name](moment.t) for name in RATES]), *pushed])
+        self._kept.append([moment.t, *[self._rates[name](moment.t) for name in RATES], *pushed])
 
     def work_off(self) -> None:
         """Append the rows."""
-        rows, self._rows = self._rows, []
-        if rows:
-            self._record.extend(rows)
+        kept, self._kept = self._kept, []
+        if kept:
+            self._record.extend(np.array([np.hstack(row) for row in kept]))
 
 
 class PaddleLimits:
