@@ -17,6 +17,7 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.runs.build import build_run
+from wavetank.water.carried_waves import CarriedWaves
 from wavetank.water.still_water import StillWaterWaves, scales
 
 SCHEMES = sorted(INTEGRATORS)
@@ -69,6 +70,12 @@ def test_a_stage_s_preconditioner_knows_the_current(make_tank):
     for solver in (tank.stages.pair, slow):
         solver.solve(Stage("q, p", 0.0, 4 * a, a), residual, known)
     assert tank.stages.pair.counters.evaluations < 0.7 * slow.counters.evaluations
+    stage, of_parts = Stage("q, p", 0.0, 4 * a, a), CarriedWaves(tank, still)
+    of_parts._compiled[a] = None  # one call after the other
+    inverses = CarriedWaves(tank, still), of_parts, still
+    whole, parts, uncarried = (inverse(stage, residual(known)).reshape(2, -1) / size for inverse in inverses)
+    assert np.abs(whole - parts).max() < 1e-12 * np.abs(parts).max()
+    assert np.abs(uncarried - parts).max() > 1e-3 * np.abs(parts).max()
 
 
 def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):

@@ -107,6 +107,12 @@ class AveragedModes:
         kernel, operator, at = self._operator.kernel, self._operator, self._operator.kernel.pointer
         kernel.call.decouple(operator.cells, operator.layers, at(averages), at(self._eigenvalues), self.chain)
 
+    def compiled(self, shares: Vector) -> dict[str, Any]:
+        """Return what responses of these shares are called with, for another kernel; there are to be no others."""
+        self._shares[: shares.size] = shares
+        address, room = self._operator.kernel.address, {"shares": self._shares, "modes_work": self._work}
+        return {"respond": address("respond"), "modes": address(self.chain), **room}
+
     def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
         """See ``Modes``; exactly."""
         kernel, found, at = self._operator.kernel, np.empty_like(right), self._operator.kernel.pointer

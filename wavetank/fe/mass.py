@@ -315,9 +315,15 @@ class BandedMass(MassMatrix):
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What solves are called with, for ``whole.c``."""
+        """What solves are called with, for other kernels."""
         address = self._kernel.address
         return {"solve_mass": address("solve_mass"), "mass": address(self._factors), "mass_work": self._work}
+
+    @property
+    def compiled_product(self) -> dict[str, Any]:
+        """What products are called with, for other kernels."""
+        address = self._kernel.address
+        return {"multiply": address("multiply"), "mass_cells": address(self._cells), "weights": self._weights}
 
     def _prepare(self) -> None:
         self._kernel.call.factor_mass(self._cells, self._at_weights, self._factors)

@@ -1,5 +1,7 @@
 """How the surface's water moves at quadrature points, and integrals of what it carries along (``points.c``)."""
 
+from typing import Any
+
 import numpy as np
 
 from wavetank.arrays import Vector, largest
@@ -27,6 +29,12 @@ class SurfacePoints:
         self._velocity = np.zeros((cells.parts["batches"], len(cells.points), plane.mesh.geometry.dim, LANES))
         self._at_velocity = self._kernel.pointer(self._velocity)
         self.fastest = 0.0
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What ``carried`` is called with, for another kernel."""
+        address = self._kernel.address
+        return {"carry": address("carry"), "cells": address(self._cells), "velocity": self._velocity}
 
     def move(self, eta: Vector, psi: Vector, rise: Vector, *, most: float) -> Vector:
         """Take the velocity from elevation [m], potential [m²/s] and d eta/dt [m/s], (owned,) each.

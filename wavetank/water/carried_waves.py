@@ -7,20 +7,37 @@ chi = psi - B eta of a state obey, but for a small change of gravity,
 
 (Alinhac's good unknown; Lannes, J. Amer. Math. Soc. 18, 2005). G is near that of still water, and a stage's derivative
 nearly that of linear waves on still water times 1 + a V . grad, which is inverted by 1 - a V . grad. Nothing of that
-needs more than some digits, so mass matrices are inverted roughly.
+needs more than some digits, so mass matrices are inverted roughly. Along a slice on one rank all of it is one compiled
+call (``carried_waves.c``).
 """
 
-from typing import NamedTuple, Protocol
+from importlib.resources import files
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.fe.along import AveragedModes
+from wavetank.fe.kernels import Kernel
+from wavetank.fe.mass import BandedMass
 from wavetank.fe.surface_points import SurfacePoints
 from wavetank.hamiltonian.contract import Stage
 from wavetank.water.still_water import StillWaterWaves, WavesOverStillWater
 
 LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
 ROUGHLY = 1e-3  # of what mass matrices are inverted for
+INVERSE = """
+typedef struct {
+    int dofs;
+    double gravity, of_metre;
+    void *solve_mass, *mass, *multiply, *mass_cells, *respond, *modes, *carry, *cells;
+    double *mass_work, *weights, *shares, *modes_work, *velocity, *vertical, *uniform, *room;
+} Inverse;
+"""
+DECLARATIONS = f"""{INVERSE}
+void precondition(const Inverse *, double a, int carried, const double *residual, double *found);
+"""
+SOURCE = INVERSE + files(__package__).joinpath("carried_waves.c").read_text(encoding="utf-8")
 
 
 class Surface(NamedTuple):
@@ -53,12 +70,19 @@ class CarriedWaves:
         self._t = np.nan  # of the stage for which the velocities were found
         self._B: Vector = np.zeros(waves.plane.owned)
         self._known = False  # both
+        self._compiled: dict[float, tuple[Kernel, Any] | None] = {}  # by weights
 
     def __call__(self, stage: Stage, residual: Vector) -> Vector:
         """Return the preconditioned residual, shape (2 owned,); collective."""
         if stage.t != self._t:
             self._t = stage.t
             self._look(LARGEST * self._shortest / abs(stage.weight))
+        if (compiled := self._of_weight(stage.weight)) is not None:
+            (kernel, inverse), found = compiled, np.empty_like(residual)
+            self._waves.mass.make_ready()
+            given, wanted = kernel.pointer(residual), kernel.pointer(found)
+            kernel.call.precondition(inverse, stage.weight, self._known, given, wanted)
+            return found
         if not self._known:
             return self._still(stage, residual)
         mass, a, at, solve = self._waves.mass, stage.weight, self._points, self._solved
@@ -68,6 +92,22 @@ class CarriedWaves:
         chi -= a * solve(at.carried(chi, along=True))
         kept = self._still.keeping(q, mass.apply(eta) + carried)
         return np.concatenate([kept, chi + self._B * (eta + solve(carried))])
+
+    def _of_weight(self, weight: float) -> tuple[Kernel, Any] | None:
+        """Return what is compiled for stages of a weight [s], along a slice on one rank, made once; else None."""
+        if weight not in self._compiled:
+            self._compiled[weight] = self._along(weight)
+        return self._compiled[weight]
+
+    def _along(self, weight: float) -> tuple[Kernel, Any] | None:
+        waves, (modes, shares) = self._waves, self._still.solver(weight)
+        if not isinstance(waves.mass, BandedMass) or not isinstance(modes, AveragedModes):
+            return None
+        kernel = Kernel("carried", DECLARATIONS, key=SOURCE, source=lambda: SOURCE, comm=waves.plane.comm)
+        numbers = {"dofs": waves.plane.size, "gravity": waves.gravity, "of_metre": self._still.of_metre}
+        arrays = {"vertical": self._B, "uniform": self._still.uniform, "room": np.empty((3, waves.plane.size))}
+        called = waves.mass.compiled | waves.mass.compiled_product | modes.compiled(shares) | self._points.compiled
+        return kernel, kernel.shared("Inverse", numbers | arrays | called)
 
     def _solved(self, right: Vector) -> Vector:
         """Return what the mass matrix makes of that, roughly; collective."""
@@ -83,4 +123,4 @@ class CarriedWaves:
         vertical = self._points.move(surface.eta, surface.psi, solve(surface.rate), most=most)
         self._known = self._points.fastest * LARGEST > LEAST * most
         if self._known:
-            self._B = np.minimum(np.maximum(solve(vertical), -most), most)
+            self._B[:] = np.minimum(np.maximum(solve(vertical), -most), most)

@@ -51,15 +51,21 @@ class StillWaterWaves:
 
     Eliminating Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G; with
     the interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
+
+    Attributes
+    ----------
+    uniform, of_metre
+        The masses of a metre everywhere, shape (owned,), and their sum.
     """
 
     def __init__(self, waves: WavesOverStillWater):
         self._waves, self._still = waves, waves.still
-        self._uniform = waves.mass.apply(np.ones(waves.plane.owned))  # the masses of a metre everywhere
-        self._of_metre = waves.plane.sum(self._uniform)
+        self.uniform = waves.mass.apply(np.ones(waves.plane.owned))
+        self.of_metre = waves.plane.sum(self.uniform)
         self._solvers: dict[float, tuple[Modes, Vector]] = {}
 
-    def _solver(self, weight: float) -> tuple[Modes, Vector]:
+    def solver(self, weight: float) -> tuple[Modes, Vector]:
+        """Return the vertical modes' problems for stages of a weight [s], and the modes' shares at the surface."""
         key = round(abs(weight), 12)
         if key not in self._solvers:
             waves = self._waves
@@ -78,13 +84,13 @@ class StillWaterWaves:
     def surface(self, stage: Stage, r_q: Vector, r_psi: Vector) -> tuple[Vector, Vector]:
         """Return the same as elevation and potential, shape (owned,) each, but for the elevation's mean; collective."""
         a, g = stage.weight, self._waves.gravity
-        solver, surface = self._solver(a)
+        solver, surface = self.solver(a)
         psi = solver.respond(surface, self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a, cycles=CYCLES)
         return np.asarray((r_psi - psi) / (a * g)), psi
 
     def keeping(self, r_q: Vector, q: Vector) -> Vector:
         """Return q with the mass of r_q: over a bed, or beside a wall, none is made; collective."""
-        return q + self._uniform * (self._waves.plane.sum(r_q - q) / self._of_metre)
+        return q + self.uniform * (self._waves.plane.sum(r_q - q) / self.of_metre)
 
 
 def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
