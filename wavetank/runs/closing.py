@@ -75,7 +75,8 @@ def closing(
         Whether there are to be pictures.
     """
     crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
-    place = f"x = {crest.x:.4g} m" if flat else f"x = {crest.x:.4g} m, y = {crest.y:.4g} m"
+    x, y = (f"{round(one, 9) + 0.0:.4g} m" for one in (crest.x, crest.y))  # but for round-off
+    place = f"x = {x}" if flat else f"x = {x}, y = {y}"
     simulated = spent["t"]
     follows = " (linear theory: what paddles displace)" if outcome.follows else ""
     costs = [
