@@ -3,6 +3,7 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
+from importlib.resources import files
 from typing import NamedTuple, Protocol
 
 import basix
@@ -13,9 +14,23 @@ from mpi4py import MPI
 from wavetank.arrays import Vector, largest
 from wavetank.fe.cell_places import tabulate
 from wavetank.fe.forms import compile_expression
+from wavetank.fe.kernels import Kernel, defined
 from wavetank.fe.plane import Plane
 from wavetank.water.crests import Profile
 from wavetank.water.walls import Wall, one_time
+
+SOURCE = files(__package__).joinpath("surface_flow.c").read_text(encoding="utf-8")
+LINES = """
+typedef struct {
+    int cells;
+    const int *dofs;
+    const double *slopes, *stretched;
+} Lines;
+"""
+DECLARATIONS = f"""{LINES}
+void slopes(const Lines *, const double *rows, double *found);
+void greatest(const Lines *, const double *slope, const double *psi_x, double *found);
+"""
 
 
 class Crest(NamedTuple):
@@ -97,14 +112,14 @@ class SurfaceVelocity:
         self._waves.set_time(t)
         self._eta.set(self._waves.elevation(q, p, t))
         self._psi.set(p)
-        self._look()
-        mine = [self._speeds.max(initial=0.0), self._slopes.max(initial=0.0)]
-        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, np.array(mine)))
+        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._look()))
 
-    def _look(self) -> None:
+    def _look(self) -> Vector:
+        """Return the largest velocity and slope of this rank, shape (2,)."""
         values = self._expression.eval(self._waves.plane.mesh, self._cells)
         rows = values.reshape(self._cells.size, len(self._points), 2)
-        self._speeds, self._slopes = rows[:, :, 0].max(axis=1, initial=0.0), rows[:, :, 1].max(axis=1, initial=0.0)
+        self._speeds, self._slopes = rows.max(axis=1, initial=0.0).T
+        return np.array([self._speeds.max(initial=0.0), self._slopes.max(initial=0.0)])
 
     @property
     def elevation(self) -> Vector:
@@ -139,7 +154,7 @@ class SurfaceFlow(SurfaceVelocity):
         ahead = plane.chart.direction(plane.mesh)
         slopes = [ufl.inner(self._waves.wall.mapping.gradient(field, eta), ahead) for field in (eta, psi)]
         place = ufl.SpatialCoordinate(plane.mesh)
-        self._expression = compile_expression(ufl.as_vector([eta, *slopes]), points, self._comm)
+        self._expression = compile_expression(ufl.as_vector(slopes), points, self._comm)
         places = compile_expression(place, points, self._comm).eval(plane.mesh, self._cells)
         places = places.reshape(self._cells.size * len(points), plane.mesh.geometry.dim)
         coordinates = np.zeros((len(places), 3))
@@ -147,7 +162,9 @@ class SurfaceFlow(SurfaceVelocity):
         x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, len(points)))
         self._dofs = plane.V.dofmap.list[: self._cells.size]
         self._values, slopes = tabulate(plane.V.element.basix_element, 1, points).transpose(0, 2, 1)
-        self._slopes_of, self._stretched = slopes, 1.0 / (x[:, -1:] - x[:, :1])  # cells that run backwards are negative
+        self._slope, self._psi_x = np.zeros(x.shape), np.zeros(x.shape)  # at the points, shape (cells, points)
+        self._greatest = np.zeros(2)
+        self._compile(slopes, np.asarray(1.0 / (x[:, -1] - x[:, 0])))  # cells that run backwards are negative
         carried = plane.function("carried")
         carried.owned[self._waves.wall.carries] = 1.0
         carried.fetch()
@@ -156,46 +173,57 @@ class SurfaceFlow(SurfaceVelocity):
         self._forwards = forwards + x.shape[1] * np.arange(x.shape[0])[:, None]  # this rank's points, cells forwards
         self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
         self._alone = self._forwards[self._order].ravel() if self._comm.size == 1 else None
-        is_carried = np.repeat(np.isin(self._cells, self._carried), len(points))
-        self._reference, moved = self._sorted(np.column_stack([x.ravel(), is_carried])).T
+        is_carried = np.repeat(np.isin(self._cells, self._carried), len(points)).astype(np.float64)
+        self._reference, moved = self._sorted(x, is_carried)
         self._moved = np.flatnonzero(moved)  # which of the places
         self._rest = np.column_stack([self._reference, 0 * self._reference])[self._moved]
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
-    def _sorted(self, values: Vector) -> Vector:
-        """Return the values of all ranks in the order of x, from shape (cells * points, k) to (all of these, k)."""
-        if self._alone is not None:
-            return np.asarray(values[self._alone])
-        rows = np.concatenate(self._comm.allgather(values[self._forwards]))[self._order]
-        return np.asarray(rows.reshape(-1, values.shape[1]))
+    def _compile(self, slopes: Vector, stretched: Vector) -> None:
+        """Compile what finds slopes at the points of cells, given those of the basis, shape (nodes, points)."""
+        sizes = dict(zip(("NODES", "POINTS"), slopes.shape, strict=True))
+        code = "#include <math.h>\n" + defined(sizes) + LINES + SOURCE
+        self._kernel = Kernel("surface_flow", DECLARATIONS, key=code, source=lambda: code, comm=self._comm)
+        parts = {"cells": self._cells.size, "dofs": self._dofs, "slopes": slopes, "stretched": stretched}
+        self._lines, at = self._kernel.struct("Lines", parts), self._kernel.pointer
+        self._of_eta, self._of_psi = at(self._eta.rows), at(self._psi.rows)
+        self._at_slope, self._at_psi_x, self._at_greatest = map(at, (self._slope, self._psi_x, self._greatest))
 
-    def _look(self) -> None:
-        self._of_cells, self._profile = self._eta.rows[self._dofs, 0], None
-        slope = self._of_cells @ self._slopes_of * self._stretched  # at the points, shape (cells, points)
-        psi_x = self._psi.rows[self._dofs, 0] @ self._slopes_of * self._stretched
+    def _sorted(self, *fields: Vector) -> list[Vector]:
+        """Return fields at the points of all ranks in the order of x, shape (all,), of those at this rank's."""
+        if self._alone is not None:
+            return [np.take(field, self._alone) for field in fields]
+        mine = np.stack([np.take(field, self._forwards) for field in fields], axis=-1)
+        rows = np.concatenate(self._comm.allgather(mine))[self._order]
+        return [*np.ascontiguousarray(rows.reshape(-1, len(fields)).T)]
+
+    def _look(self) -> Vector:
+        self._profile, call = None, self._kernel.call
+        call.slopes(self._lines, self._of_eta, self._at_slope)
+        call.slopes(self._lines, self._of_psi, self._at_psi_x)
         if self._carried.size:
-            found = self._expression.eval(self._waves.plane.mesh, self._carried)
-            _, slope[self._carried], psi_x[self._carried] = np.moveaxis(found.reshape(-1, len(self._points), 3), 2, 0)
-        self._slope, self._psi_x, self._slopes = slope, psi_x, np.abs(slope)
-        self._speeds = np.abs(psi_x) / (1 + slope**2)
+            found = self._expression.eval(self._waves.plane.mesh, self._carried).reshape(len(self._carried), -1, 2)
+            self._slope[self._carried], self._psi_x[self._carried] = found[..., 0], found[..., 1]
+        call.greatest(self._lines, self._at_slope, self._at_psi_x, self._at_greatest)
+        return self._greatest
 
     @property
     def speeds(self) -> Vector:
         """See ``SurfaceVelocity``."""
-        return np.asarray(self._speeds.max(axis=1, initial=0.0))
+        return np.asarray((np.abs(self._psi_x) / (1 + self._slope**2)).max(axis=1, initial=0.0))
 
     @property
     def slopes(self) -> Vector:
         """See ``SurfaceVelocity``."""
-        return np.asarray(self._slopes.max(axis=1, initial=0.0))
+        return np.asarray(np.abs(self._slope).max(axis=1, initial=0.0))
 
     @property
     def profile(self) -> Profile:
         """The surface last taken, the same on all ranks, found where it is asked for."""
         if self._profile is None:
             self._waves.set_time(self._t)
-            rows = self._of_cells @ self._values, self._slope, self._psi_x
-            height, slope, psi_x = self._sorted(np.stack(rows, axis=-1).reshape(-1, 3)).T
+            heights = self._eta.rows[self._dofs, 0] @ self._values
+            height, slope, psi_x = self._sorted(heights, self._slope, self._psi_x)
             x = self._reference.copy()
             x[self._moved] = self._waves.wall.to_physical(self._rest, height[self._moved])[:, 0]
             self._profile = Profile(x, height, slope, psi_x)
