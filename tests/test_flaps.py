@@ -5,7 +5,7 @@ import pytest
 from conftest import fitted_slope, missed_by_going_back, needs_data
 from mpi4py import MPI
 
-from wavetank.case import Scene
+from wavetank.case import ProfileWall, Scene
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
@@ -123,6 +123,36 @@ def closed(maker, omega, x, *, length, depth, count=300):
     return of_modes.sum(axis=0), of_modes[0]
 
 
+def misses(maker, kd, *, exact, numerics=None):
+    """Return how far steady waves of a paddle are from a series, a depth away and everywhere, and what has died out.
+
+    All over the wave's size; in a closed tank ``long(kd)``, on cells of 0.2 d unless a plan has others.
+    """
+    omega, length = float(airy.angular_frequency(kd, 1.0, GRAVITY)), long(kd)
+    order, cells, n = 3, max(2, round(5 * length)), 8
+    if numerics is not None:
+        order, cells, n = numerics.order, numerics.cells, numerics.vertical_order
+    footprint = Slice(length, cells, comm=MPI.COMM_SELF)
+    plane = Plane(footprint.mesh, order, footprint.chart)
+    shape = Polynomial.near(lambda z: maker.share(z, 1.0), 1.0, plane.mesh, kinks=maker.kinks(1.0))
+    wall = LinearPaddle(Sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
+    waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=n)
+    units = np.eye(plane.owned)
+    inflow = waves.H_p(units[0], 0.0 * units[0], 0.0)  # the paddle goes 1 m/s
+    G = np.array([waves.H_p(unit, unit, 0.0) - inflow for unit in units]).T
+    M = np.array([waves.mass.apply(unit) for unit in units]).T
+    psi = np.linalg.solve(omega**2 / GRAVITY * M - G, -1j * omega * inflow)
+    eta = (1j * omega * psi / GRAVITY).real
+    series, far = closed(exact, omega, plane.x, length=length, depth=1.0)
+    apart, size = np.abs(eta - series), np.abs(far).max()
+    return apart[plane.x > 1.0].max() / size, apart.max() / size, np.abs(series - far).max() / size
+
+
+def long(kd):
+    """Return the length [m] of a closed tank of more than a depth in which waves of k d do not resonate."""
+    return (np.floor(2.0 * kd / np.pi) + 0.5) * np.pi / kd
+
+
 @pytest.mark.parametrize(
     ("hinge", "kd"),
     [(0.0, 2.0), (0.1, 0.5), (-0.5, 5.0), (0.5, 2.0)]
@@ -133,31 +163,35 @@ def test_linear_waves_are_biesels_with_the_field_at_the_paddle(hinge, kd):
 
     At the paddle the series itself converges slowly: there 1.1e-3 of the wave, a depth from it 2e-4.
     """
-    omega = float(airy.angular_frequency(kd, 1.0, GRAVITY))
-    length = (np.floor(2.0 * kd / np.pi) + 0.5) * np.pi / kd
-    order, cells, n = 3, max(2, round(5 * length)), 8
+    planned = None
     if kd > 5.0:
-        motion = {"type": "sinusoid", "paddle_amplitude": 1e-4, "period": 2 * np.pi / omega}
-        parts = {"tank": {"length": length, "depth": 1.0}, "run": {"duration": 40 * np.pi / omega}}
+        period = 2 * np.pi / float(airy.angular_frequency(kd, 1.0, GRAVITY))
+        motion = {"type": "sinusoid", "paddle_amplitude": 1e-4, "period": period}
+        parts = {"tank": {"length": long(kd), "depth": 1.0}, "run": {"duration": 20 * period}}
         case = {**parts, "wall": {"type": "flap", "hinge": hinge, "motion": motion}, "water": {"type": "linear"}}
-        settings = make_plan(Scene.model_validate(case), DEFAULT).settings
-        order, cells, n = settings.order, settings.cells, settings.vertical_order
-    footprint = Slice(length, cells, comm=MPI.COMM_SELF)
-    plane, maker = Plane(footprint.mesh, order, footprint.chart), Flap(hinge)
-    shape = Polynomial.near(lambda z: maker.share(z, 1.0), 1.0, plane.mesh, kinks=maker.kinks(1.0))
-    wall = LinearPaddle(Sinusoid(1.0, 2 * np.pi), plane=plane, side=footprint.side(), shape=shape)
-    waves = LinearWaves(plane, depth=1.0, wall=wall, vertical_order=n)
-    units = np.eye(plane.owned)
-    inflow = waves.H_p(units[0], 0.0 * units[0], 0.0)  # the paddle goes 1 m/s
-    G = np.array([waves.H_p(unit, unit, 0.0) - inflow for unit in units]).T
-    M = np.array([waves.mass.apply(unit) for unit in units]).T
-    psi = np.linalg.solve(omega**2 / GRAVITY * M - G, -1j * omega * inflow)
-    eta = (1j * omega * psi / GRAVITY).real
-    exact, far = closed(maker, omega, plane.x, length=length, depth=1.0)
-    size = np.abs(far).max()
-    assert np.abs(eta - exact)[plane.x > 1.0].max() < 2e-4 * size
-    assert np.abs(eta - exact).max() < 5e-3 * size
-    assert np.abs(exact - far).max() > 0.02 * size  # what dies out is there
+        planned = make_plan(Scene.model_validate(case), DEFAULT).settings
+    away, everywhere, died_out = misses(Flap(hinge), kd, exact=Flap(hinge), numerics=planned)
+    assert away < 2e-4 and everywhere < 5e-3 < 0.02 < died_out
+
+
+class Locked:
+    """A lower flap hinged 0.1 d above the bed and an upper one on it, at 0.6 d, turned as far again; d = 1 m."""
+
+    arms = (0.9, Flap(0.1)), (0.4, Flap(0.6))
+
+    def moment(self, k, depth):
+        """Return the sum of both."""
+        return sum(arm * flap.moment(k, depth) for arm, flap in self.arms)
+
+
+def test_two_flaps_that_turn_in_a_fixed_ratio_are_a_profile():
+    """Its transfer function is the sum of Biésel's of each; so are the waves, with what dies out beside the paddle."""
+    profile = ProfileWall.model_validate({"shape": "max(0, z + 0.9) + max(0, z + 0.4)", "motion": MOTION}).maker
+    k = np.array([0.3, 1.0, 3.0, 10.0])
+    both = sum(arm * flap.transfer(k, 1.0) for arm, flap in Locked.arms)
+    assert profile.transfer(k, 1.0) == pytest.approx(both, rel=1e-5)
+    away, everywhere, died_out = misses(profile, 2.0, exact=Locked())
+    assert away < 2e-4 and everywhere < 5e-3 < 0.02 < died_out
 
 
 # ---------------------------------------------------------------- steps
@@ -209,6 +243,25 @@ def test_no_mass_comes_of_a_flap(steep, t):
     waves, q, p, _ = steep
     flow = waves.H_p(q, p, t)
     assert abs(flow.sum()) < 1e-14 * np.abs(flow).sum()
+
+
+def test_where_the_water_is_not_carried_a_flap_has_no_part_in_the_code():
+    """Beyond its reach products and the derivative by the column are a piston's; what is compiled has a branch there.
+
+    A piston's has none: it would save nothing.
+    """
+    found, code = [], []
+    for kind in ("flap", "piston"):
+        _, waves = build_run(scene({"type": kind, "motion": MOTION, "reach": 2.0}, cells=24), MPI.COMM_SELF)
+        waves.set_time(3.3)
+        waves.h.set(1.0 + 0.1 * np.cos(waves.plane.x))
+        waves.operator.update()
+        rows, density = np.cos(np.outer(waves.plane.x, 1.0 + np.arange(6.0))), waves.operator.density
+        found.append(np.column_stack([waves.operator.apply(rows), waves.operator.derivative(rows)]))
+        code.append(density.put_in(" e\n", {"e": lambda density: {"e": density}}))
+    apart = np.abs(found[0] - found[1]).max(axis=1)
+    assert apart[waves.plane.x > 2.0].max() < 1e-13 < 1e-2 < apart.max()
+    assert "if (nothing(" in code[0] and "nothing(" not in code[1]
 
 
 def test_columns_are_found_from_their_masses(steep):

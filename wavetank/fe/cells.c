@@ -25,6 +25,18 @@ typedef struct {
 #define EACH(i, most) for (int i = 0; i < (most); ++i)
 #define INLINE static inline __attribute__((always_inline))
 
+/* Whether some vectors are zero. */
+INLINE int nothing(const v *a, int count)
+{
+    __typeof__(zero != zero) some = zero != zero;
+    int any = 0;
+    EACH(i, count)
+        some |= a[i] != zero;
+    EACH(l, LANES)
+        any |= some[l] != 0;
+    return !any;
+}
+
 /* Rows of numbers are read and written four at a time, those of four lanes, as the transpose of such a square. */
 typedef REAL four __attribute__((vector_size(sizeof(REAL) * 4), aligned(sizeof(REAL)), may_alias));
 #define PICK __builtin_shufflevector

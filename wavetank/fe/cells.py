@@ -95,7 +95,7 @@ class Cells:
         cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self._numbering, self._reached = plane.V.dofmap.index_map, plane.V.dofmap.list[:cells]
         batches = -(-cells // self._lanes)
-        number = np.arange(batches * self._lanes).reshape(self._lanes, batches).T  # neighbours are in other batches
+        number = np.arange(batches * self._lanes).reshape(batches, self._lanes)  # near each other, and to one paddle
         chosen, there = np.minimum(number, cells - 1), number < cells
         corners = mesh.geometry.x[mesh.geometry.dofmap][:, :, : mesh.geometry.dim]
         slopes = mesh.ufl_domain().ufl_coordinate_element().basix_element.tabulate(1, self.points)[1:, :, :, 0]

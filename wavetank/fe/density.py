@@ -1,6 +1,7 @@
 """Densities at points, in UFL, for compiled kernels: what they depend on, and C code of what is made of them."""
 
 from collections.abc import Callable, Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -72,15 +73,17 @@ class Density:
     def put_in(self, code: str, made: Mapping[str, Makes]) -> str:
         """Return C code where each name, a line of its own, is what is ``made`` of the density at that point.
 
-        The code has vectors ``v f[field][value, slopes ...]`` there, in one array, and REAL ``constants``.
+        The code has vectors ``v f[field][value, slopes ...]`` there, in one array, and REAL ``constants``; it knows
+        ``nothing``, whether some vectors are zero.
         """
-        from wavetank.fe.pointwise import statements, symbols  # SymPy takes half a second to load
+        from wavetank.fe.pointwise import branches, symbols  # SymPy takes half a second to load
 
         density, width = symbols(self._e, self._names), 1 + self._plane.mesh.geometry.dim
-        inputs = [f"const v f{n} = f[{n * width}];" for n in range(self.fields)]
-        inputs += [f"const v f{n}_{i} = f[{n * width + 1 + i}];" for n in range(self.fields) for i in range(width - 1)]
-        inputs += [f"const REAL c{n} = constants[{n}];" for n in range(len(self._constants))]
+        of_fields = [[f"f{n}", *(f"f{n}_{i}" for i in range(width - 1))] for n in range(self.fields)]
+        constants = [f"c{n}" for n in range(len(self._constants))]
+        inputs = [f"const v {one} = f[{n}];" for n, one in enumerate(chain.from_iterable(of_fields))]
+        inputs += [f"const REAL {one} = constants[{n}];" for n, one in enumerate(constants)]
         for name, makes in made.items():
-            lines = [*inputs, statements(makes(density))]
+            lines = [*inputs, branches(density, makes, fields=of_fields, constants=constants)]
             code = code.replace(f" {name}\n", " {\n" + "\n".join(lines) + "\n}\n")
         return code

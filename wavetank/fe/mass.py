@@ -231,16 +231,17 @@ class MassMatrix:
         )
         self._cells = self._kernel.struct("Cells", cells.parts)
         self._weights = np.empty((cells.parts["batches"], len(cells.points), LANES))
-        self._at_weights = self._kernel.pointer(self._weights)
+        at = self._kernel.pointer
+        self._at_weights, self._at_constants = at(self._weights), at(self._density.constants())
         of_cell = cells.values.T @ (cells.weights[:, None] * cells.values)
         self._of_cells = np.diag(of_cell)[:, None] * np.linalg.inv(of_cell) * np.diag(of_cell)
         self._size = float(np.sum(cells.parts["weights"]))
         self.update()
 
     def update(self) -> None:
-        """Take over what J depends on as it is."""
-        at, density = self._kernel.pointer, self._density
-        self._kernel.call.weigh(self._cells, at(density.constants()), at(density.rows()), self._at_weights)
+        """Take over the fields that J depends on as they are; a paddle's shape stays what it was."""
+        at_rows = self._kernel.pointer(self._density.rows())
+        self._kernel.call.weigh(self._cells, self._at_constants, at_rows, self._at_weights)
         self._ready = False
 
     def _prepare(self) -> None:

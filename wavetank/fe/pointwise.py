@@ -5,7 +5,7 @@ or GCC's vectors of them. SymPy takes the derivatives, and finds what expression
 where code is compiled.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import sympy
@@ -84,6 +84,34 @@ def _value(o: Any, component: tuple[int, ...], at: Mapping[Any, int], names: Map
 def named(name: str, *component: int) -> Any:
     """Return the symbol of an input, or of a component."""
     return sympy.Symbol("_".join([name, *map(str, component)]), real=True)
+
+
+def branches(
+    density: Any,
+    makes: Callable[[Any], Mapping[str, Any]],
+    *,
+    fields: Sequence[Sequence[str]],
+    constants: Sequence[str],
+) -> str:
+    """Return C statements that set what is made of a density; where it has no need of constants, without these.
+
+    Constants that fall away with a field, its value and its slopes, are those of a paddle's shape: far from the paddle
+    there is nothing of its displacement in any lane, and the density is that of water that no wall carries.
+    """
+    freeing = [n for n, field in enumerate(fields) if _frees(density, field, constants)]
+    everywhere = statements(makes(density))
+    if not freeing:
+        return everywhere
+    bare = density.xreplace({named(name): sympy.Integer(0) for n in freeing for name in fields[n]})
+    there = " && ".join(f"nothing(f + {n * len(fields[n])}, {len(fields[n])})" for n in freeing)
+    return f"if ({there}) {{\n{statements(makes(bare))}\n}} else {{\n{everywhere}\n}}"
+
+
+def _frees(density: Any, field: Sequence[str], constants: Sequence[str]) -> bool:
+    """Return whether without a field the density is finite and has fewer constants."""
+    rest = density.xreplace({named(name): sympy.Integer(0) for name in field})
+    of = {named(name) for name in constants}
+    return bool(rest.free_symbols & of < density.free_symbols & of and not rest.has(sympy.zoo, sympy.nan))
 
 
 def statements(outputs: Mapping[str, Any]) -> str:
