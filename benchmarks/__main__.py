@@ -114,10 +114,11 @@ def where_the_time_goes(steps: int) -> None:
 
 
 GROUPS = {
+    "potentials along a slice as a whole, with all that is below": ("method whole.", "whole.py"),
     "interior potentials: residuals": ("method layers.product",),
     "corrections to them": ("method layers.correct",),
     "a state's second derivatives, the column's derivative": ("method layers.take", "method layers.derivative"),
-    "the stages' preconditioner": ("method layers.respond", "method points.", "still_water.py", "carried_waves.py"),
+    "stages' preconditioner": ("method carried.", "layers.respond", "method points.", "_water.py", "carried_waves.py"),
     "the mass matrix": ("method mass.", "mass.py"),
     "forms of the wall": ("fem/assemble.py", "forms.py"),
     "start values": ("method recall.", "method combination.", "recall.py", "combination.py", "start_values.py"),

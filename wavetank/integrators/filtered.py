@@ -61,7 +61,8 @@ class Filtered(Wrapper[S]):
                 passed.append(passed[-1].mapped(one.coordinate, one.momentum))
         if acting:
             self._ended(passed[0].known[0], t + dt)
-            begin, end = (_look(system, passed, passed[n].known[n], n, t + dt) for n in (0, -1))
+            ways = [_way(*ends) for ends in itertools.pairwise(passed)]
+            begin, end = (_look(system, passed[n], passed[n].known[n], ways, t + dt) for n in (0, -1))
             taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)]
             taken[int(np.argmax(np.abs(taken)))] += begin.energy - end.energy - sum(taken)
             for one, part in zip(acting, taken, strict=True):
@@ -83,23 +84,27 @@ class Filtered(Wrapper[S]):
         carry_over(named(self.filters), held)
 
 
+Way = tuple[Vector, Vector]
+
+
+def _way(start: State | Evaluated, end: State) -> Way:
+    """Return what coordinates and momenta change by from a point to a state."""
+    return end.q - start.q, end.p - start.p
+
+
 class _Look(NamedTuple):
-    """The energy of one of the states passed, and what it changes by from each to the next, as seen from there."""
+    """The energy of a state, and what it changes by on some ways, as seen from there."""
 
     energy: float
     changes: list[float]
 
 
-def _look(system: HamiltonianSystem, passed: Sequence[State], at: Evaluated, n: int, t: float) -> _Look:
-    """Return how the n-th of some states and the ways between them look from a point known of it; collective.
+def _look(system: HamiltonianSystem, state: State, at: Evaluated, ways: Sequence[Way], t: float) -> _Look:
+    """Return how a state and some ways look from a point known of it; collective.
 
     The energy is right to the square of what lies between its (q, p) and that point, whose derivatives are asked for
     once.
     """
     by_q, by_p = system.H_q(*at, t), system.H_p(*at, t)
-
-    def way(start: State | Evaluated, end: State) -> float:
-        return system.inner(by_q, end.q - start.q) + system.inner(by_p, end.p - start.p)
-
-    energy = system.energy(*at, t) + way(at, passed[n])
-    return _Look(energy, [way(*ends) for ends in itertools.pairwise(passed)])
+    own, *changes = (system.inner(by_q, q) + system.inner(by_p, p) for q, p in (_way(at, state), *ways))
+    return _Look(system.energy(*at, t) + own, changes)
