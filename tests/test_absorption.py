@@ -318,6 +318,12 @@ def test_and_beside_a_flap_that_has_moved(tmp_path):
     same(tmp_path / "whole", tmp_path / "part")
 
 
+def test_with_another_band_it_does_not_go_on(broken_off, capsys):
+    assert main(["resume", str(broken_off), "--set", "wall.absorb.longest=3"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "wall.absorb.longest = 3.0: must be left out, as in the run that is to go on" in said
+
+
 @pytest.mark.slow
 def test_with_another_step_it_goes_on_from_where_its_paddle_stands(broken_off, tmp_path):
     """As the run of one step throughout does, but for the step's error."""

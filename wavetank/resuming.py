@@ -432,7 +432,7 @@ def _as_it_was(former: Any, value: Any) -> tuple[Any, str]:
     """Return what was received, and what is allowed; neither of lists, of which a line could show but the beginning."""
     if isinstance(former, list | dict) or isinstance(value, list | dict):
         return None, "must be what it is in the run that is to go on"
-    return value, f"must be {former!r}, as in the run that is to go on"
+    return value, f"must be {'left out' if former is None else repr(former)}, as in the run that is to go on"
 
 
 def differences(before: Any, now: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any, Any]]:
