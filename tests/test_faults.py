@@ -1,7 +1,6 @@
 """Faults: whatever ends a run, what is there can be read, and it goes on as if nothing had happened (the oracle)."""
 
 import io
-import json
 import os
 import random
 import signal
@@ -31,6 +30,7 @@ from wavetank.records.lock import LOCK
 from wavetank.records.place import Place
 from wavetank.records.whole import unfinished
 from wavetank.status import line, standing
+from wavetank.values.toml import toml
 
 REGULAR = {  # waves of a period of 2.3 s
     "tank": {"type": "ring", "length": 2 * np.pi, "depth": 1.0},
@@ -165,19 +165,12 @@ def test_of_a_number_that_is_none_on_one_rank_all_say_the_true_cause(part, tmp_p
 
 
 # ---------------------------------------------------------------- processes
-def spelt(value: object) -> str:
-    """Return a value of a case as TOML, tables inline."""
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {spelt(one)}" for key, one in value.items()) + " }"
-    return f"[{', '.join(map(spelt, value))}]" if isinstance(value, list) else json.dumps(value)
-
-
 @pytest.fixture
 def basin(tmp_path) -> list[str]:
     """Return the arguments by which a case of a basin is run, a checkpoint after each step."""
     case = tmp_path / "basin.toml"
     run = {"run": BASIN["run"] | {"checkpoint_every": 1e-6}, "output": OUTPUT}
-    case.write_text("".join(f"{key} = {spelt(value)}\n" for key, value in (BASIN | run).items()))
+    case.write_text(toml(BASIN | run))
     return ["run", str(case), "--no-plots", "--out"]
 
 

@@ -260,8 +260,7 @@ class NonlinearWaves:
 
     def _inputs(self) -> Vector:
         """Return what the potential depends on but where the wall stands [m]; the next call reuses the array."""
-        if self.wall.moves:
-            self._rows[2] = self.depth / self._speed * self.wall.velocities
+        self._rows[2:] = self.depth / self._speed * self.wall.velocities
         self._deviation(self._rows)
         return self._row
 
