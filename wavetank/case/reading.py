@@ -47,8 +47,7 @@ def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[s
         scene = Scene.model_validate(content, context={"folder": path.resolve().parent})
         for seen in (scene, *scene.paddles):
             seen.motion()
-        if scene.tank.bed is not None:
-            scene.tank.bed.build(scene.tank.depth)
+        scene.depths()
         return scene
     except ValidationError as error:
         found = error.errors(include_url=False)

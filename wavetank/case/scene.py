@@ -10,6 +10,7 @@ from pydantic import BeforeValidator, Field, Strict, model_validator
 from pydantic_core import PydanticCustomError
 
 from wavetank import motions
+from wavetank.case.beds import Depth
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, StillWater
 from wavetank.case.loads import ENDS, FAR, PADDLE, WallLoad
@@ -27,7 +28,7 @@ from wavetank.values.quantities import Label, metres
 
 CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
 LOOKED_AT = 50  # times, at which derivatives are compared that a user has written
-FOUND = {"_motion", "mirrored"}  # of a scene: functions, and what is made of it
+FOUND = {"_motion", "_depths", "mirrored"}  # of a scene: functions, and what is made of it
 DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
 
 
@@ -150,6 +151,17 @@ class Scene(Noun):
         short = 0.5 * (self.tank.depth / self.tank.gravity) ** 0.5
         return float(np.clip(short, self.run.duration / 1000, self.run.duration / 200))
 
+    def depths(self) -> float | Depth:
+        """Return the still water's depth [m], or d(x, y) over a bed, whose file is read once.
+
+        Raises ``SceneError`` if that cannot be had or read.
+        """
+        return self._depths
+
+    @cached_property
+    def _depths(self) -> float | Depth:
+        return self.tank.depth if self.tank.bed is None else self.tank.bed.build(self.tank.depth)
+
     def motion(self) -> motions.Motion:
         """Return the paddle's motion, checked against the run and the tank; its file is read once.
 
@@ -183,6 +195,8 @@ class Scene(Noun):
         copied = super().model_copy(update=update, deep=deep)
         if {"tank", "wall", "run"} & {*(update or ())}:
             copied.__dict__.pop("_motion", None)
+        if "tank" in {*(update or ())}:
+            copied.__dict__.pop("_depths", None)
         copied.__dict__.pop("mirrored", None)
         return copied
 

@@ -105,9 +105,10 @@ def _of_start(scene: Scene) -> float:
 
 
 def _bed(scene: Scene) -> _Shape:
-    if scene.tank.bed is None:
-        return _Shape(0.0, scene.tank.depth, scene.tank.depth)
-    lines = _lines(scene, scene.tank.bed.build(scene.tank.depth))
+    depth = scene.depths()
+    if not callable(depth):
+        return _Shape(0.0, depth, depth)
+    lines = _lines(scene, depth)
     depths = np.concatenate([d for _, d in lines] or [np.array([scene.tank.depth])])
     shortest = max((_shortest(d, x, missing=_of_variation(d)) for x, d in lines), default=0.0)
     return _Shape(shortest, max(float(np.quantile(depths, 0.05)), 1e-3 * scene.tank.depth), float(depths.max()))

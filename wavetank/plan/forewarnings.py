@@ -63,9 +63,10 @@ def _cure(kd: float) -> str:
 
 
 def _bed(scene: Scene, waves: AnyWaves) -> Iterator[str]:
-    if scene.tank.bed is None:
+    of_bed = scene.depths()
+    if not callable(of_bed):
         return
-    missed, depth = misfit(waves.plane, scene.tank.bed.build(scene.tank.depth))
+    missed, depth = misfit(waves.plane, of_bed)
     off = rms(waves.plane, np.asarray(missed / depth))
     if off > HELD:
         yield f"the mesh misses the bed by {off:.2g} of the depth: {_cells(waves)}"

@@ -111,9 +111,9 @@ def _shaped(scene: Scene, noun: ShapedWall, footprint: Slice | Basin, plane: Pla
 
 def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> None:
     """Raise ``SceneError`` for a bed that varies within the reach of a paddle that leans; collective."""
-    if scene.tank.bed is None:
+    depth, distances = scene.depths(), wall.distances(plane)
+    if not callable(depth):
         return
-    depth, distances = scene.tank.bed.build(scene.tank.depth), wall.distances(plane)
     found = agreed(plane.comm, lambda: np.asarray(depth(*plane.places.T)))
     uneven = np.abs(found - scene.tank.depth) > FLAT * scene.tank.depth
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)

@@ -13,7 +13,7 @@ from wavetank.motions.tangent import Tangent
 from wavetank.runs.footprints import Footprint, build_footprint
 from wavetank.runs.walls import build_wall, kinds_of
 from wavetank.values.noun import Problem, SceneError, about
-from wavetank.water.bed import Depth, FlatBed, VaryingBed
+from wavetank.water.bed import FlatBed, VaryingBed
 from wavetank.water.footprint import Ring
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.rates import LinearRates, MovingWater, NonlinearRates
@@ -36,13 +36,9 @@ def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
         return WATERS[scene.physics].build(scene, footprint, plane)
 
 
-def _depth(scene: Scene) -> float | Depth:
-    return scene.tank.depth if scene.tank.bed is None else scene.tank.bed.build(scene.tank.depth)
-
-
 def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
     """Raise ``SceneError`` if the tank's depth is not the bed's at the paddle, or is nowhere its; collective."""
-    depth = _depth(scene)
+    depth = scene.depths()
     if not callable(depth):
         return
     looked_at = {"a depth of the bed": plane.places}
@@ -83,7 +79,7 @@ def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWav
     numerics = scene.numerics
     return NonlinearWaves(
         plane,
-        depth=_depth(scene),
+        depth=scene.depths(),
         gravity=scene.tank.gravity,
         wall=build_wall(scene, footprint, plane),
         vertical_order=numerics.vertical_order,
@@ -94,7 +90,7 @@ def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWav
 def _linear(scene: Scene, footprint: Footprint, plane: Plane) -> LinearWaves:
     return LinearWaves(
         plane,
-        depth=_depth(scene),
+        depth=scene.depths(),
         gravity=scene.tank.gravity,
         wall=build_wall(scene, footprint, plane),
         vertical_order=scene.numerics.vertical_order,
@@ -111,7 +107,7 @@ def moving_water(scene: Scene, waves: AnyWaves) -> MovingWater:
     return NonlinearRates(
         waves.plane,
         tangents=tangents,
-        depth=_depth(scene),
+        depth=scene.depths(),
         gravity=scene.tank.gravity,
         wall=waves.wall.moved_by(tangents),
         vertical_order=numerics.vertical_order,
