@@ -20,6 +20,8 @@ class Moment(NamedTuple):
         are known to who makes a moment by hand.
     jump
         Of the coordinates; None where the scheme lets them have none.
+    elevations
+        That of waves, once it has been found, by what they are; None of a moment that is made by hand.
     """
 
     step: int
@@ -28,11 +30,19 @@ class Moment(NamedTuple):
     p: Vector
     known: tuple[tuple[Vector, Vector], ...] = ()
     jump: Vector | None = None
+    elevations: dict[int, Vector] | None = None
 
     @property
     def points(self) -> tuple[tuple[Vector, Vector], ...]:
         """The known points, or the one there is."""
         return self.known or ((self.q, self.p),)
+
+    def elevation(self, waves: "ObservedWaves") -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,), found once for all who look; collective."""
+        found = {} if self.elevations is None else self.elevations
+        if id(waves) not in found:
+            found[id(waves)] = waves.elevation(self.q, self.p, self.t)
+        return found[id(waves)]
 
 
 class Observer(Protocol):

@@ -31,7 +31,7 @@ class HighestCrest(Patient):
 
     def keep(self, moment: Moment) -> None:
         """See whether the surface is higher than ever; collective."""
-        eta = self._waves.elevation(moment.q, moment.p, moment.t)
+        eta = moment.elevation(self._waves)
         highest = int(eta.argmax()) if eta.size else 0
         if eta.size and eta[highest] > self._own.height:
             self._own = Crest(float(eta[highest]), t=moment.t)

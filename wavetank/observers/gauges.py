@@ -38,8 +38,7 @@ class Gauges(Patient):
 
     def keep(self, moment: Moment) -> None:
         """Keep the elevation; collective."""
-        eta = self._waves.elevation(moment.q, moment.p, moment.t)
-        self._kept.append(_Kept(moment.t, eta, self._points.stand()))
+        self._kept.append(_Kept(moment.t, moment.elevation(self._waves), self._points.stand()))
 
     def work_off(self) -> None:
         """Append a row for each moment; raises ``RunError`` if the paddle has passed a gauge; collective."""

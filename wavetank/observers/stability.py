@@ -79,8 +79,8 @@ class _Seen(NamedTuple):
 
     Attributes
     ----------
-    highest
-        The highest elevation of this rank [m].
+    eta
+        The elevation [m], shape (owned,).
     alternating
         The elevation or its jump [m], shape (owned,).
     way
@@ -90,7 +90,7 @@ class _Seen(NamedTuple):
     """
 
     t: float
-    highest: float
+    eta: Vector
     alternating: Vector
     way: Vector
     frequency: float
@@ -149,27 +149,28 @@ class StabilityWatch(Patient):
     def keep(self, moment: Moment) -> None:
         """Keep the surface, or its jump where the moment has one, and now and then how it moves; collective."""
         waves, (q, p, t) = self._waves, (moment.q, moment.p, moment.t)
-        eta, frequency = waves.elevation(q, p, t), 0.0
+        eta, frequency = moment.elevation(waves), 0.0
         self._look = IN_ELEVATION if moment.jump is None else IN_JUMP
         alternating = eta if moment.jump is None else waves.mass.solve(moment.jump)
         if moment.step >= self._next - self._flow.has(q, p, t) * OFTEN // 2:
             self._next = moment.step + OFTEN
             self._flow.update(q, p, t)
             frequency = self._short.largest_frequency(self._flow, least=self._frequency)
-        highest = max(eta.max(initial=0.0), -eta.min(initial=0.0))
-        self._kept.append(_Seen(t, highest, alternating, self._dt * waves.wall.velocities, frequency))
+        self._kept.append(_Seen(t, eta, alternating, self._dt * waves.wall.velocities, frequency))
         if len(self._kept) == OFTEN:
             self.work_off()
 
     def work_off(self) -> None:
         """See whether what alternates has grown; collective."""
         kept, self._kept, look, known = self._kept, [], self._look, len(self._last)
+        if not kept:
+            return
         self._last += [one.alternating for one in kept]
         self._wall += [one.way for one in kept]
         unjudged = max(0, look.length - 1 - known)  # with too few before
         begin = max(0, known + unjudged - look.length + 1)
         values, ways = np.array(self._last[begin:]), np.array(self._wall[begin:])
-        highest = self._largest(np.array([one.highest for one in kept]))
+        highest = self._largest(_heights(np.array([one.eta for one in kept])))
         lower, driven = (self._largest(_heights(look.lower(each))) for each in (values, ways))
         looks_grown = (lower > look.noise / 10 * self._highest).any()
         higher = self._largest(_heights(look.higher(values))) if looks_grown else lower

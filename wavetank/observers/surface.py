@@ -57,7 +57,7 @@ class SurfaceSnapshots(Patient):
 
     def keep(self, moment: Moment) -> None:
         """Keep a snapshot; collective."""
-        eta, stand = self._waves.elevation(moment.q, moment.p, moment.t), self._waves.wall.stand(self._places)
+        eta, stand = moment.elevation(self._waves), self._waves.wall.stand(self._places)
         self._kept.append(_Kept(moment.t, eta, moment.p.copy(), stand))
 
     def work_off(self) -> None:

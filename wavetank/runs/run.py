@@ -158,7 +158,7 @@ class Run:
 
     def _observe(self) -> None:
         state, step, t, before = self.state, self.step, self.t, self.clock.time(self.step - 1)
-        moment = Moment(step, t, state.q, state.p, state.known, state.q_jump)
+        moment = Moment(step, t, state.q, state.p, state.known, state.q_jump, {})
         self.observed = False
         for schedule, act in self._acts:
             if schedule.due(step, t, before):
