@@ -47,6 +47,13 @@ def test_a_place_at_the_origin_is_told_as_that(tmp_path):
     assert line == "highest crest: 0.1 m, at x = 0 m, y = 0 m, t = 2 s"
 
 
+@pytest.mark.parametrize(("anew", "said"), [(True, "next: anew from the start"), (False, "next: wavetank resume")])
+def test_a_run_that_cannot_get_farther_is_not_to_be_resumed(tmp_path, anew, said):
+    outcome, spent = Outcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), SPENT | {"t": 4.0, "anew": anew}
+    *_, last = closing(outcome, spent, warnings=[], path=tmp_path, flat=True)
+    assert last.startswith(said)
+
+
 @pytest.mark.parametrize(
     ("warnings", "said"),
     [

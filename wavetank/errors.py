@@ -49,15 +49,23 @@ class RunError(WavetankError):
     ----------
     status
         What the manifest calls a run that has ended so.
+    anew
+        Whether only another case gets farther, from its start.
     """
 
-    status = "broke down"
+    status, anew = "broke down", False
 
 
 class StoppedError(RunError):
     """A run was told to end, between two steps."""
 
     status = "stopped"
+
+
+class PaddleError(RunError):
+    """A paddle that absorbs has gone where it cannot: with any numerics it would."""
+
+    anew = True
 
 
 class RecordError(RunError):

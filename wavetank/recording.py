@@ -168,7 +168,7 @@ def record_run(
                 known["checkpoints"] = [about["t"] for _, about in checkpoints(writer.path)]
                 writer.note({**surface.figures, "last_checkpoint": next(iter(known["checkpoints"]), None)})
 
-        def note() -> None:
+        def note(*, anew: bool = False) -> None:
             for judge in (one for one in run.observers if isinstance(one, Judge)):
                 for sentence in judge.verdict():
                     warnings.add(sentence)
@@ -180,7 +180,7 @@ def record_run(
                 writer.note(figures | outcome.figures)
                 if outcome.figures:
                     warnings.show()
-                    flat, costs = waves.plane.mesh.topology.dim == 1, known | figures
+                    flat, costs = waves.plane.mesh.topology.dim == 1, known | figures | {"anew": anew}
                     shown = {"flat": flat, "drawn": draw is not None}
                     for line in closing(outcome, costs, warnings=warnings.sentences, path=writer.path, **shown):
                         log.say(line)
@@ -360,7 +360,7 @@ def _progress(run: Run, waves: AnyWaves, log: RunLog, writer: RunWriter | None) 
 def _execute(
     run: Run,
     waves: AnyWaves,
-    note: Callable[[], None],
+    note: Callable[..., None],
     *,
     keeping: KeptRun,
     look: Callable[[BrokenSurface], None],
@@ -371,11 +371,11 @@ def _execute(
         keeping.write_last()
     except RunError as error:
         keeping.save()
-        if error.status == RunError.status and isinstance(waves, NonlinearWaves):
+        if error.status == RunError.status and not error.anew and isinstance(waves, NonlinearWaves):
             surface = BrokenSurface.of(run, waves)
             if surface is not None:
                 look(surface)
-        note()
+        note(anew=error.anew)
         if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
             state, limit = run.state, run.integrator.stability_limit
             why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)

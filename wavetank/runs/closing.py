@@ -97,7 +97,9 @@ def closing(
 
 
 def _next(spent: dict[str, Any], directory: str) -> list[str]:
-    """Return the commands that serve next: a run that was stopped may go on."""
+    """Return what serves next: a run that was stopped may go on, unless only another case gets farther."""
+    if spent.get("anew"):
+        return ["anew from the start, as the case has to be another"]
     if spent["t"] < (1 - 1e-9) * spent["scene"]["run"]["duration"]:
         return [f"wavetank resume {directory}"]
     return [f"wavetank view {directory}", f"wavetank compare {directory} --with DATA"]

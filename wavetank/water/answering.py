@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import RunError
+from wavetank.errors import PaddleError
 from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.motions.answer import Answer, Equation
@@ -80,7 +80,7 @@ class AnsweringPaddle:
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
         """Look at the water at t, and go on to t + dt; collective.
 
-        Raises ``RunError`` where the paddle goes so far into the water that the mapping folds.
+        Raises ``PaddleError`` where the paddle goes so far into the water that the mapping folds.
         """
         self._motion.go_on(t, dt, *self._answer.next(t, dt, self._look(q, p, t)))
         where, most = self._motion.position(t + dt), self._paddle.largest_stroke
@@ -88,7 +88,7 @@ class AnsweringPaddle:
         if farthest >= most:
             what = f"absorbing takes the paddle of {self._key} {farthest:.4g} m into the water"
             fold = f"its mapping folds at {most:.4g} m, 3/4 of what {self._key}.reach is on this mesh"
-            raise RunError(f"t = {t:.6g} s: {what}; {fold}")
+            raise PaddleError(f"t = {t:.6g} s: {what}; {fold}: it must be longer")
 
     def held(self) -> Held:
         """Return how the paddle has moved, and what it answers by."""
