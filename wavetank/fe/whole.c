@@ -45,11 +45,12 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
 }
 
 /* Set the potential of masses q and surface potential p, at a paddle's speed; its flow less its mean, and the wall's, and
-   M^-1 of its energy's derivative by the column. Returns the iterations, or -1 of what is not as usual. */
+   behind that M^-1 of its energy's derivative by the column. Returns the iterations, or -1 of what is not as usual. */
 static int find(Whole *w, const double *q, const double *p, const double *still, double speed, int known, int place,
-                double *flow, double *by_column, double *level)
+                double *flow, double *level)
 {
     const long n = w->dofs, inputs = (w->entries ? 3 : 2) * n;
+    double *by_column = flow + n;
     int iterations = 0;
     if (!begin(w, q, p, still, speed, level))
         return -1;

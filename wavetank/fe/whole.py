@@ -37,7 +37,7 @@ typedef struct {
 """
 DECLARATIONS = f"""{WHOLE}
 int find(Whole *, const double *q, const double *p, const double *still, double speed, int known, int place,
-         double *flow, double *by_column, double *level);
+         double *flow, double *level);
 """
 
 
@@ -131,8 +131,9 @@ class Whole:
             **(wall.compiled if wall else none),
         }
         self._struct = self._kernel.shared("Whole", parts)
-        self._level, self._still = np.zeros(1), np.zeros(plane.size)
+        self._level = np.zeros(1)
         self._at_level = self._kernel.pointer(self._level)
+        self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
 
     def find(self, q: Vector, p: Vector, still: Vector | float) -> Solution | None:
         """Return what belongs to masses q and surface potential p, (dofs,) each, or None of what is not as usual.
@@ -143,14 +144,14 @@ class Whole:
         if place is None:
             return None
         self._mass.make_ready()
-        at, flow, by_column = self._kernel.pointer, np.empty_like(p), np.empty_like(p)
-        if isinstance(still, float):
-            self._still[:] = still
-            still = self._still
-        surface = at(q), at(p), at(still), self._wall.speed if self._wall else 0.0
-        iterations = self._kernel.call.find(self._struct, *surface, *place, at(flow), at(by_column), self._at_level)
+        if still is not self._still:
+            self._still, column = still, np.broadcast_to(still, p.shape).astype(np.float64)
+            self._at_still = self._kernel.pointer(column)
+        at, found = self._kernel.pointer, np.empty((2, p.size))
+        surface = at(q), at(p), self._at_still, self._wall.speed if self._wall else 0.0
+        iterations = self._kernel.call.find(self._struct, *surface, *place, at(found), self._at_level)
         if iterations < 0:
             return None
         self._recall.kept()
         self._minimum.last = self._struct.last_iterations
-        return Solution(iterations, float(self._level[0]), flow, by_column, self._struct.found.kinetic)
+        return Solution(iterations, float(self._level[0]), found[0], found[1], self._struct.found.kinetic)

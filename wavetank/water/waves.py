@@ -276,8 +276,8 @@ class NonlinearWaves:
 
     def size(self) -> float:
         """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
-        squares = self._deviation(np.empty((2, self.plane.owned))) ** 2
-        return float(np.sqrt(self.plane.sum(squares) / (2 * self.plane.size)))
+        rows = self._deviation(np.empty((2, self.plane.owned))).ravel()
+        return float(np.sqrt(summed(self.plane.comm, float(rows @ rows)) / (2 * self.plane.size)))
 
     def _check_column(self, t: float) -> None:
         if not self._all(np.minimum.reduce(self.h.owned, initial=np.inf) > 0.0):
