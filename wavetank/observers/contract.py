@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
-from wavetank.water.energy import Energies
+from wavetank.water.energy import Energies, Seen
 from wavetank.water.walls.contract import Heights
 
 
@@ -139,11 +139,8 @@ class ObservedWaves(Protocol):
     def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
         """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi)."""
 
-    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dQ, shape (owned,)."""
-
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dpsi, shape (owned,)."""
+    def seen_at(self, q: Vector, p: Vector, t: float) -> Seen:
+        """Return what is known of a point: energies, derivatives, elevation."""
 
     def inner(self, a: Vector, b: Vector) -> float:
         """Return the sum of a b over the degrees of freedom of all ranks."""

@@ -12,7 +12,7 @@ to the square of the jump. Where something acts between steps, the mean is that 
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from wavetank.arrays import Vector
 from wavetank.observers.contract import Moment, ObservedWaves, Patient
@@ -101,7 +101,7 @@ class EnergyBudget(Patient):
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self._sinks = {type(sink).__name__: sink for sink in sinks}
         self._kept = list[_Seen]()
-        self._before: list[Vector] = []  # what was seen where the step ended, if something has acted since
+        self._before: list[Any] = []  # what was seen where the step ended, if something has acted since
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
@@ -118,7 +118,7 @@ class EnergyBudget(Patient):
         points, t = moment.points[-1:] if self._before else moment.points, moment.t
         seen = self._before + [self._supply.look(self._waves, *point, t) for point in points]
         self._before = []
-        self._supply.go_on(t, sum(seen[1:], seen[0]) / len(seen))
+        self._supply.go_on(t, sum(seen) / len(seen))
         taken = {name: sink.energy_taken for name, sink in self._sinks.items()}
         mass = self._waves.total_mass(moment.q) if self._recorded.due(moment.step) else None
         now = self._energies(moment)
@@ -158,12 +158,13 @@ class EnergyBudget(Patient):
         And from their derivatives there, to the square of what lies between.
         """
         waves, (q, p), t = self._waves, moment.points[-1], moment.t
-        there = waves.energies(q, p, t)
         if q is moment.q and p is moment.p:
+            there = waves.energies(q, p, t)
             return there.kinetic, there.potential, there.wall
+        there, by_q, by_p, eta = waves.seen_at(q, p, t)
         away = moment.q - q
-        total = waves.inner(waves.H_q(q, p, t), away) + waves.inner(waves.H_p(q, p, t), moment.p - p)
-        potential = waves.gravity * waves.inner(waves.elevation(q, p, t), away)
+        total = waves.inner(by_q, away) + waves.inner(by_p, moment.p - p)
+        potential = waves.gravity * waves.inner(eta, away)
         return there.kinetic + total - potential, there.potential + potential, there.wall
 
     @property

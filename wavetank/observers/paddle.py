@@ -1,6 +1,6 @@
 """What the paddle does: position, velocity and acceleration, and on request force and power, with the gauges."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ class PaddleMotion(Patient):
     Parameters
     ----------
     rates
-        These three, by name: functions of t [s] that return a number, or one for each place along the paddle.
+        Returns these three at t [s], numbers, or one for each place along the paddle.
     push
         What it does against the water; None: not looked at.
     record
@@ -30,7 +30,7 @@ class PaddleMotion(Patient):
 
     def __init__(
         self,
-        rates: Mapping[str, Callable[[Any], Any]],
+        rates: Callable[[float], Sequence[Any]],
         *,
         record: Record,
         schedule: Schedule,
@@ -42,7 +42,7 @@ class PaddleMotion(Patient):
     def keep(self, moment: Moment) -> None:
         """Keep what it does; collective."""
         pushed = self._push.at(moment) if self._push else ()
-        self._kept.append([moment.t, *[self._rates[name](moment.t) for name in RATES], *pushed])
+        self._kept.append([moment.t, *self._rates(moment.t), *pushed])
 
     def work_off(self) -> None:
         """Append the rows."""
@@ -57,7 +57,7 @@ class PaddleLimits:
     Parameters
     ----------
     rates
-        As of ``PaddleMotion``, numbers.
+        Functions of t [s] by name, that return numbers.
     limits
         The largest of what is ``LIMITED``, in m, m/s and m/s², as much as is.
     key

@@ -6,12 +6,12 @@ from math import inf
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.records.log import RunLog
 
 
-class ProgressBar:
+class ProgressBar(Patient):
     """Simulated time, wall time left and what a step costs; on rank 0 only.
 
     Parameters
@@ -50,6 +50,7 @@ class ProgressBar:
         )
         self._task = self._bar.add_task("", total=duration)
         self._shown = -inf  # when the bar was
+        self._moment: Moment | None = None  # the last
 
     def __enter__(self) -> "ProgressBar":
         self._bar.start()
@@ -58,9 +59,15 @@ class ProgressBar:
     def __exit__(self, *error: object) -> None:
         self._bar.stop()
 
-    def observe(self, moment: Moment) -> None:
-        """Show the moment."""
-        now = time.monotonic()
+    def keep(self, moment: Moment) -> None:
+        """Take it as the last."""
+        self._moment = moment
+
+    def work_off(self) -> None:
+        """Show the last moment."""
+        if self._moment is None:
+            return
+        now, moment, self._moment = time.monotonic(), self._moment, None
         if not self._bar.disable and (now > self._shown + self.every or moment.t >= self._duration):
             self._shown, done = now, min(moment.t, self._duration)
             self._bar.update(self._task, completed=done, description=self._per_step(moment))
@@ -77,7 +84,7 @@ class ProgressBar:
         return f"{solves:.1f} solves, {iterations:.1f} iterations a step"
 
 
-class Standing:
+class Standing(Patient):
     """Tells how far a run is, for whoever looks from outside; on rank 0 only.
 
     Parameters
@@ -97,9 +104,17 @@ class Standing:
         self.schedule = EverySteps()
         self._note, self._tell, self._begin, self._end = note, tell, begin, end
         self._began, self._told = time.monotonic(), -inf
+        self._moment: Moment | None = None  # the last
 
-    def observe(self, moment: Moment) -> None:
-        """Note the moment."""
+    def keep(self, moment: Moment) -> None:
+        """Take it as the last."""
+        self._moment = moment
+
+    def work_off(self) -> None:
+        """Note the last moment."""
+        if self._moment is None:
+            return
+        moment, self._moment = self._moment, None
         now, when = time.monotonic(), {"t": moment.t, "begin": self._begin, "end": self._end}
         self._note({"progress": {**when, "step": moment.step, "wall_s": now - self._began}})
         if now > self._told + self.every:

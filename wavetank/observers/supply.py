@@ -14,6 +14,7 @@ what a ``Steered`` motion adds.
 from collections.abc import Sequence
 from functools import lru_cache
 from math import isclose
+from operator import mul
 from typing import Any, Protocol
 
 import numpy as np
@@ -66,10 +67,10 @@ class Supply(Stateful, Protocol):
     def absorbed(self) -> float | None:
         """What was not because of what absorbing adds to the motions, less its part of W; None: nothing absorbs."""
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
-        """Return what is to be known of a point; collective."""
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Any:
+        """Return what is to be known of a point, a number or an array; collective."""
 
-    def go_on(self, t: float, seen: Vector) -> None:
+    def go_on(self, t: float, seen: Any) -> None:
         """Take the step up to t [s], at whose end that has been seen, or the mean of several; the first time begin."""
 
 
@@ -82,18 +83,17 @@ class Power:
         self.done = self._t = self._dt = 0.0
         self._rates: list[float] = []
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
-        """Return the power, shape (1,); collective."""
-        return np.array([water.explicit_rate(q, p, t)])
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> float:
+        """Return the power; collective."""
+        return water.explicit_rate(q, p, t)
 
-    def go_on(self, t: float, seen: Vector) -> None:
+    def go_on(self, t: float, seen: float) -> None:
         """See ``Supply``."""
         dt = t - self._t
         known = KNOWN - 1 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
-        self._rates = [float(seen[0]), *self._rates[:known]]
+        self._rates = [seen, *self._rates[:known]]
         if len(self._rates) > 1:
-            weighted = zip(ADAMS_MOULTON[len(self._rates)], self._rates, strict=True)
-            self.done += dt * sum(weight * one for weight, one in weighted)
+            self.done += dt * sum(map(mul, ADAMS_MOULTON[len(self._rates)], self._rates))
         self._t, self._dt = t, dt
 
     def held(self) -> Held:

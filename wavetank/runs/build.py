@@ -278,10 +278,9 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
             observers.append(PaddleLimits(rates, limits.model_dump(exclude_none=True), key=seen.key))
     paddles = zip(scene.paddles, waves.wall.paddles, records.paddles, strict=False)  # a trial has none of the latter
     for seen, paddle, record in paddles:
-        asked = getattr(paddle, "travel", paddle.motion).derivative  # of small strokes nothing travels
-        y = seen.wall.places(seen.tank)
-        rates = {name: partial(asked, order=order, y=y) for order, name in enumerate(RATES)}
-        observers.append(PaddleMotion(rates, record=record, schedule=schedule, push=look.pushes.get(seen.end)))
+        moves = getattr(paddle, "travel", paddle.motion)  # of small strokes nothing travels
+        now = partial(moves.rates, y=seen.wall.places(seen.tank))
+        observers.append(PaddleMotion(now, record=record, schedule=schedule, push=look.pushes.get(seen.end)))
     return observers + look.observers
 
 

@@ -14,6 +14,7 @@ from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
 from wavetank.observers.contract import Ending, Moment, Observer, Patient
 from wavetank.observers.energy import Sink
+from wavetank.observers.schedule import EverySteps
 from wavetank.runs.clock import Clock
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
 
@@ -75,7 +76,8 @@ class Run:
             raise
 
     def _go_on(self) -> None:
-        self._acts = [(one.schedule, one.keep if isinstance(one, Patient) else one.observe) for one in self.observers]
+        acts = [(one.schedule, one.keep if isinstance(one, Patient) else one.observe) for one in self.observers]
+        self._acts = [(None if schedule == EverySteps() else schedule, act) for schedule, act in acts]
         most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
         if not self._begun:
             self._begun = True
@@ -161,7 +163,7 @@ class Run:
         moment = Moment(step, t, state.q, state.p, state.known, state.q_jump, {})
         self.observed = False
         for schedule, act in self._acts:
-            if schedule.due(step, t, before):
+            if schedule is None or schedule.due(step, t, before):
                 act(moment)
         self.observed, self._kept = True, self._kept + 1
 

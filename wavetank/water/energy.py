@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, Protocol
 
 import ufl
 
+from wavetank.arrays import Vector
 from wavetank.fe.vertical import VerticalBasis, gauss_legendre
 
 
@@ -60,6 +61,25 @@ class Energies:
     def total(self) -> float:
         """Kinetic and potential energy together."""
         return self.kinetic + self.potential
+
+
+class Seen(NamedTuple):
+    """What is known of a point that has been evaluated.
+
+    Attributes
+    ----------
+    energies
+        Its own.
+    H_q, H_p
+        Derivatives, shape (owned,).
+    eta
+        The elevation [m], shape (owned,).
+    """
+
+    energies: Energies
+    H_q: Vector
+    H_p: Vector
+    eta: Vector
 
 
 class Mapping(Protocol):

@@ -28,7 +28,7 @@ from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStage
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
-from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
+from wavetank.water.energy import KINETIC, POTENTIAL, Energies, Seen, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
@@ -318,6 +318,12 @@ class NonlinearWaves:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
         self.evaluate(q, p, t)
         return Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
+
+    def seen_at(self, q: Vector, p: Vector, t: float) -> Seen:
+        """Return what is known of a point; collective."""
+        by_q = self.H_q(q, p, t)
+        energies = Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
+        return Seen(energies, by_q, self._H_p, self.h.owned - self.bed.still)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""

@@ -98,9 +98,9 @@ class Travel:
         """X_p now [m]; None of a paddle that does not move as a whole."""
         return float(self._whole[0]) if 0 in self._whole else None
 
-    def derivative(self, t: float, order: int, y: Vector | None) -> Any:
-        """Return a derivative of X_p at t [s] and places y along the paddle; what is known of it is not found again."""
-        return self._rate(order, y) if one_time(t, self.t) else self._motion.derivative(t, order, y)
+    def rates(self, t: float, y: Vector | None) -> list[Any]:
+        """Return X_p, X_p' and X_p'' at t [s] and places y along the paddle; what is known is not found again."""
+        return [self._rate(order, y) for order in range(3)] if one_time(t, self.t) else self._motion.rates(t, y)
 
     def positions(self, y: Vector) -> Vector:
         """Return X_p at places y along the paddle [m], shape (N,)."""
