@@ -25,8 +25,9 @@ def pytest_configure(config: pytest.Config) -> None:
 def make_tank() -> Callable[..., object]:
     """Return a function that makes nonlinear waves in a slice, or in another footprint."""
     from wavetank.fe.plane import Plane
+    from wavetank.theory.wavemaker import Flap
     from wavetank.water.footprint import Slice
-    from wavetank.water.walls import Piston, StillWall
+    from wavetank.water.walls import Piston, Polynomial, Shaped, StillWall
     from wavetank.water.waves import NonlinearWaves, Tolerances
 
     def make(
@@ -38,6 +39,7 @@ def make_tank() -> Callable[..., object]:
         depth=1.0,
         motion=None,
         reach=None,
+        hinge=None,
         tolerance=1e-12,
         footprint=Slice,
         comm=MPI.COMM_WORLD,
@@ -47,7 +49,12 @@ def make_tank() -> Callable[..., object]:
         wall = StillWall()
         if motion is not None:
             reach = min(length, 10 * depth) if reach is None else reach
-            wall = Piston(motion, plane=plane, reach=reach, side=footprint.side())
+            side = footprint.side()
+            wall = Piston(motion, plane=plane, reach=reach, side=side)
+            if hinge is not None:
+                flap = Flap(hinge)
+                shape = Polynomial.near(lambda z: flap.share(z, depth), depth, plane.mesh, kinks=flap.kinks(depth))
+                wall = Shaped(motion, plane=plane, reach=reach, side=side, shape=shape)
         tolerances = Tolerances(stage=tolerance, interior=0.1 * tolerance)
         return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
 

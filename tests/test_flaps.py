@@ -8,6 +8,7 @@ from mpi4py import MPI
 from wavetank.case import ProfileWall, Scene
 from wavetank.cli import main
 from wavetank.errors import InputError
+from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
 from wavetank.motions import Sinusoid, Turned
 from wavetank.observers.energy import COLUMNS, EnergyBudget
@@ -269,6 +270,22 @@ def test_columns_are_found_from_their_masses(steep):
     waves.set_time(t)
     h = 1.0 + 0.2 * np.cos(2 * waves.plane.x)
     assert waves.columns.solve(waves.columns.apply(h)) == pytest.approx(h, abs=1e-13)
+
+
+def test_what_a_flap_adds_to_the_energy_is_written_out_as_its_form_has_it(steep):
+    """It is linear in the potential, and of a flap hinged at the bed quadratic in the column."""
+    waves, q, p, t = steep
+    waves.evaluate(q, p, t)
+    (form,), wall, h = waves._wall_terms.hamiltonian.values(), waves._wall_terms, waves.h.rows
+    assert wall.energy() == pytest.approx(ScalarForm(form, waves.plane.comm).assemble(), rel=1e-12)
+    assert np.sum(wall.vector() * waves.phi.rows) == pytest.approx(wall.energy(), rel=1e-12)
+    change, column = 0.1 * np.cos(waves.plane.x), h.copy()
+    ends = []
+    for sign in (1.0, -1.0):
+        h[:, 0] = column[:, 0] + sign * change
+        ends.append(wall.energy())
+    h[:] = column
+    assert wall.by_column() @ change == pytest.approx(0.5 * (ends[0] - ends[1]), rel=1e-11)
 
 
 def test_derivatives_are_those_of_the_energy(steep):

@@ -33,10 +33,14 @@ def test_interior_potential_is_the_direct_solution(steep_tank):
     assert np.abs(A[surface, interior] @ phi + A[surface, surface] @ p - flux).max() < 1e-11 * np.abs(flux).max()
 
 
-@pytest.mark.parametrize("motion", [None, Sinusoid(0.04, 2.0)], ids=["fixed wall", "piston"])
-def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(make_tank, motion):
+@pytest.mark.parametrize(
+    ("motion", "hinge"),
+    [(None, None), (Sinusoid(0.04, 2.0), None), (Sinusoid(0.1, 2.0), 0.0)],
+    ids=["fixed wall", "piston", "flap"],
+)
+def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(make_tank, motion, hinge):
     """To the solves' tolerance and in as many iterations, of a wave that goes on, and then of another one."""
-    tank, parts = (make_tank(length=2.0, cells=8, n=5, motion=motion) for _ in range(2))
+    tank, parts = (make_tank(length=2.0, cells=8, n=5, motion=motion, hinge=hinge) for _ in range(2))
     parts._whole = None
     x = tank.plane.x
     states = [(0.1 * np.cos(np.pi * x / 2 + 0.1 * step), np.cos(np.pi * x / 2 - 0.1 * step)) for step in range(5)]

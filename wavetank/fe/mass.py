@@ -231,8 +231,8 @@ class MassMatrix:
         )
         self._cells = self._kernel.struct("Cells", cells.parts)
         self._weights = np.empty((cells.parts["batches"], len(cells.points), LANES))
-        at = self._kernel.pointer
-        self._at_weights, self._at_constants = at(self._weights), at(self._density.constants())
+        self._constants, at = self._density.constants(), self._kernel.pointer
+        self._at_weights, self._at_constants = at(self._weights), at(self._constants)
         of_cell = cells.values.T @ (cells.weights[:, None] * cells.values)
         self._of_cells = np.diag(of_cell)[:, None] * np.linalg.inv(of_cell) * np.diag(of_cell)
         self._size = float(np.sum(cells.parts["weights"]))
@@ -243,6 +243,14 @@ class MassMatrix:
         at_rows = self._kernel.pointer(self._density.rows())
         self._kernel.call.weigh(self._cells, self._at_constants, at_rows, self._at_weights)
         self._ready = False
+
+    @property
+    def weighing(self) -> dict[str, Any]:
+        """What updates and products are called with, for ``whole.c``."""
+        address, density = self._kernel.address, self._density
+        called = {name: address(name) for name in ("weigh", "multiply")}
+        arrays = {"constants": self._constants, "rows": density.rows(), "weights": self._weights}
+        return {**called, **arrays, "cells": address(self._cells), "fields": density.values, "width": density.fields}
 
     def _prepare(self) -> None:
         """Make ready for solves."""
@@ -319,6 +327,11 @@ class BandedMass(MassMatrix):
         """What solves are called with, for other kernels."""
         address = self._kernel.address
         return {"solve_mass": address("solve_mass"), "mass": address(self._factors), "mass_work": self._work}
+
+    @property
+    def factoring(self) -> dict[str, Any]:
+        """What makes its factors, for ``whole.c``."""
+        return {"factor_mass": self._kernel.address("factor_mass")}
 
     @property
     def compiled_product(self) -> dict[str, Any]:

@@ -9,7 +9,11 @@ typedef void Solve(const void *chain, const double *b, double *x, double *work);
 typedef double Take(const void *cells, const void *layers, const double *fields, double *state);
 typedef float TakeSingle(const void *cells, const void *layers, const float *fields, float *state);
 typedef void Product(const void *cells, const void *layers, const double *state, const double *x, double *y);
-typedef void Times(const void *entries, double factor, const double *x, double *y);
+typedef void Weigh(const void *cells, const double *constants, const double *fields, double *weights);
+typedef void Multiply(const void *cells, const double *weights, const double *x, double *y);
+typedef void Factor(const void *cells, const double *weights, const void *chain);
+typedef void ByPotential(const void *work, double speed, const double *column, double *y);
+typedef void ByColumn(const void *work, double speed, const double *column, const double *phi, double *y);
 typedef void Aim(long size, int known, const float *ways, const double *last, const double *x, double *away,
                  double *products);
 typedef int Start(long rows, int numbers, int stride, int known, int most, const double *gram, const double *products,
@@ -24,13 +28,56 @@ typedef int Correct(const void *cells, const void *layers, const float *state, c
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 #define CALL(Kind, which) ((Kind *)w->which)
 
+/* Take over what a mass matrix depends on as it is. */
+static void weigh(const Weighed *m, long n)
+{
+    EACH(f, m->width)
+        EACH(i, n)
+            m->rows[i * m->width + f] = m->fields[f][i];
+    ((Weigh *)m->weigh)(m->cells, m->constants, m->rows, m->weights);
+}
+
+/* Columns of masses beside a paddle that leans, as ``ShapedColumns.solve`` finds them; 0 where they do not converge. */
+static int lean(Whole *w, const double *q)
+{
+    const long n = w->dofs;
+    double bound = 0.0, last = 0.0;
+    memcpy(w->before, w->column, sizeof(double) * n);
+    EACH(i, n)
+        bound += w->column[i] * w->column[i];
+    bound *= w->round_off * w->round_off;
+    EACH(k, w->trials) {
+        double square = 0.0;
+        memcpy(w->mean_column, w->column, sizeof(double) * n);
+        weigh(w->mean, n);
+        memset(w->change, 0, sizeof(double) * n);
+        ((Multiply *)w->mean->multiply)(w->mean->cells, w->mean->weights, w->column, w->change);
+        EACH(i, n)
+            w->change[i] = q[i] - w->change[i];
+        CALL(Solve, solve_mass)(w->mass, w->change, w->change, w->mass_work);
+        EACH(i, n)
+            w->column[i] += w->change[i], square += w->change[i] * w->change[i];
+        if (square <= bound || square * square <= bound * last) {
+            weigh(w->weighed, n);
+            CALL(Factor, factor_mass)(w->weighed->cells, w->weighed->weights, w->mass);
+            return 1;
+        }
+        last = square;
+    }
+    memcpy(w->column, w->before, sizeof(double) * n);
+    return 0;
+}
+
 /* The column, the surface potential less its mean, and what start values are found by; 0 of what is no surface of water. */
 static int begin(Whole *w, const double *q, const double *p, const double *still, double speed, double *level)
 {
     const long n = w->dofs;
     double sum = 0.0;
     int positive = 1;
-    CALL(Solve, solve_mass)(w->mass, q, w->column, w->mass_work);
+    if (!w->mean)
+        CALL(Solve, solve_mass)(w->mass, q, w->column, w->mass_work);
+    else if (!lean(w, q))
+        return 0;
     EACH(i, n)
         sum += p[i], positive &= w->column[i] > 0.0;
     *level = sum / n;
@@ -38,7 +85,7 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
         const double psi = p[i] - *level;
         w->phi[i * NUMBERS + NUMBERS - 1] = psi;
         w->inputs[i] = w->column[i] - still[i], w->inputs[n + i] = psi / w->celerity;
-        if (w->entries)
+        if (w->paddle)
             w->inputs[2 * n + i] = w->by_speed * speed;
     }
     return positive && isfinite(sum);
@@ -49,7 +96,7 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
 static int find(Whole *w, const double *q, const double *p, const double *still, double speed, int known, int place,
                 double *flow, double *level)
 {
-    const long n = w->dofs, inputs = (w->entries ? 3 : 2) * n;
+    const long n = w->dofs, inputs = (w->paddle ? 3 : 2) * n;
     double *by_column = flow + n;
     int iterations = 0;
     if (!begin(w, q, p, still, speed, level))
@@ -62,8 +109,8 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
             w->single_rows[i * FIELDS + f] = w->rows[w->order[i] * FIELDS + f];
     const double least = CALL(Take, take)(w->cells, w->layers, w->rows, w->rows);
     CALL(TakeSingle, take_single)(w->single_cells, w->single_layers, w->single_rows, w->single_state);
-    if (w->entries)
-        CALL(Times, times)(w->entries, speed, w->column, w->wall);
+    if (w->paddle)
+        CALL(ByPotential, by_potential)(w->paddle, speed, w->column, w->wall);
     CALL(Aim, aim)(inputs, known, w->ways, w->last, w->inputs, w->away, w->products);
     if (!CALL(Start, start)(n, NUMBERS - 1, NUMBERS, known, w->most, w->gram, w->products, w->shortest, w->answer, w->steps,
                             w->phi))
@@ -73,7 +120,7 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
         memset(w->image, 0, sizeof(double) * n * NUMBERS);
         CALL(Product, product)(w->cells, w->layers, w->rows, w->phi, w->image);
         const int taken = CALL(Correct, correct)(w->single_cells, w->single_layers, w->single_state, w->modes, w->wall,
-                                                 w->entries ? NUMBERS : 0, w->phi, w->image, w->tolerance,
+                                                 w->paddle ? NUMBERS : 0, w->phi, w->image, w->tolerance,
                                                  w->iterations - iterations, w->lengths, w->found, w->work);
         if (taken < 0 || !(least > 0.0) || !isfinite(w->found->kinetic))
             return -1;
@@ -85,11 +132,11 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
     EACH(i, n)
         mean += w->image[i * NUMBERS + NUMBERS - 1] / n;
     EACH(i, n)
-        flow[i] = w->image[i * NUMBERS + NUMBERS - 1] - mean + (w->entries ? w->wall[i * NUMBERS + NUMBERS - 1] : 0.0);
+        flow[i] = w->image[i * NUMBERS + NUMBERS - 1] - mean + (w->paddle ? w->wall[i * NUMBERS + NUMBERS - 1] : 0.0);
     memset(by_column, 0, sizeof(double) * n);
     CALL(Product, derivative)(w->cells, w->layers, w->rows, w->phi, by_column);
-    if (w->entries) {
-        CALL(Times, times)(w->transposed, speed, w->phi, w->by_wall);
+    if (w->paddle) {
+        CALL(ByColumn, by_column)(w->paddle_by_column, speed, w->column, w->phi, w->by_wall);
         EACH(i, n)
             by_column[i] += w->by_wall[i];
     }

@@ -13,7 +13,7 @@ from wavetank.arrays import Vector
 from wavetank.fe.along import Minimum
 from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.layers import LayerOperator
-from wavetank.fe.mass import BandedMass
+from wavetank.fe.mass import BandedMass, MassMatrix
 from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.recall import Recall
 
@@ -22,11 +22,20 @@ typedef struct {
     double kinetic, residual;
 } Found;
 typedef struct {
-    int dofs, iterations, most, last_iterations;
-    double celerity, by_speed, tolerance, shortest;
-    void *solve_mass, *mass, *take, *cells, *layers, *product, *derivative;
+    int width;
+    void *weigh, *multiply, *cells;
+    const double *constants;
+    const double **fields;
+    double *rows, *weights;
+} Weighed;
+typedef struct {
+    int dofs, iterations, most, last_iterations, trials;
+    double celerity, by_speed, tolerance, shortest, round_off;
+    Weighed *mean, *weighed;
+    double *mean_column, *before, *change;
+    void *factor_mass, *solve_mass, *mass, *take, *cells, *layers, *product, *derivative;
     void *take_single, *single_cells, *single_layers, *correct, *modes;
-    void *aim, *start, *keep, *times, *entries, *transposed;
+    void *aim, *start, *keep, *by_potential, *by_column, *paddle, *paddle_by_column;
     const int *order;
     const double **fields;
     double *column, *phi, *rows, *image, *inputs, *mass_work, *lengths, *wall, *by_wall;
@@ -42,15 +51,32 @@ int find(Whole *, const double *q, const double *p, const double *still, double 
 
 
 class Along(Protocol):
-    """A wall's part of the energy, X_p' phi . M h."""
+    """A wall's part of the energy, that at 1 m/s times X_p'."""
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What products with M and its transpose are called with, for ``whole.c``."""
+        """What its derivatives by potential and column are called with, for ``whole.c``."""
 
     @property
     def speed(self) -> float:
         """X_p' [m/s]."""
+
+
+class Leaning(Protocol):
+    """What finds columns from masses beside a paddle that leans.
+
+    Attributes
+    ----------
+    mean, column
+        The mass matrix with the mean of J over the column, and that column, shape (dofs,) [m].
+    trials, round_off
+        How many there are at most, and of the columns what they are found to.
+    """
+
+    mean: MassMatrix
+    column: Vector
+    trials: int
+    round_off: float
 
 
 class Solution:
@@ -86,8 +112,8 @@ class Whole:
         What is called.
     column, phi
         Where column and potential are found.
-    wall
-        Of a wall that moves.
+    wall, leaning
+        Of a wall that moves, and of one that leans.
     inputs
         Numbers by which start values are found: elevation, potential over ``celerity`` [m/s], and ``by_speed`` [s]
         times the wall's velocity.
@@ -104,6 +130,7 @@ class Whole:
         column: Field,
         phi: LayeredField,
         wall: Along | None,
+        leaning: Leaning | None,
         inputs: Vector,
         celerity: float,
         by_speed: float,
@@ -114,7 +141,7 @@ class Whole:
         self._kernel = Kernel("whole", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
         fields = self._kernel.pointers(operator.density.values)
         image, flat = np.zeros(phi.rows.shape), np.zeros((1, phi.rows.shape[1]))
-        none = {"times": None, "entries": None, "transposed": None, "wall": flat, "by_wall": flat}
+        none = {"by_potential": None, "by_column": None, "paddle": None, "paddle_by_column": None}
         parts = {
             "dofs": plane.size,
             "celerity": celerity,
@@ -128,12 +155,23 @@ class Whole:
             **operator.compiled,
             **minimum.compiled,
             **recall.compiled,
-            **(wall.compiled if wall else none),
+            **(wall.compiled if wall else {**none, "wall": flat, "by_wall": flat}),
+            **(self._leaning(leaning) if leaning else {"mean": None}),
         }
         self._struct = self._kernel.shared("Whole", parts)
         self._level = np.zeros(1)
         self._at_level = self._kernel.pointer(self._level)
         self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
+
+    def _leaning(self, leaning: Leaning) -> dict[str, Any]:
+        """Return what finds columns beside a paddle that leans."""
+        mean, weighed = (
+            self._kernel.shared("Weighed", {**one, "fields": self._kernel.pointers(one["fields"])})
+            for one in (leaning.mean.weighing, self._mass.weighing)
+        )
+        room = {"mean_column": leaning.column, **{name: np.empty_like(leaning.column) for name in ("before", "change")}}
+        found_to = {"trials": leaning.trials, "round_off": leaning.round_off}
+        return {"mean": mean, "weighed": weighed, **found_to, **room, **self._mass.factoring}
 
     def find(self, q: Vector, p: Vector, still: Vector | float) -> Solution | None:
         """Return what belongs to masses q and surface potential p, (dofs,) each, or None of what is not as usual.

@@ -33,6 +33,7 @@ from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.walls import Wall, one_time
+from wavetank.water.walls.shaped import ShapedColumns
 
 SHALLOW = 0.1  # of the mean depth: where a surface meets the bed there, the bed is the cause
 
@@ -209,6 +210,7 @@ class NonlinearWaves:
             column=self.h,
             phi=self.phi,
             wall=next(iter(walls), None),
+            leaning=self.columns if isinstance(self.columns, ShapedColumns) else None,
             inputs=self._rows,
             celerity=self._speed,
             by_speed=self.depth / self._speed,

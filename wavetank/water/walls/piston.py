@@ -31,9 +31,10 @@ from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
 from wavetank.water.walls.contract import Columns, Heights
+from wavetank.water.walls.leaning import LeaningWork
 from wavetank.water.walls.mapping import Shift
 from wavetank.water.walls.power import AssembledPower, Power, PowerAlong
-from wavetank.water.walls.shape import UPRIGHT, Shape
+from wavetank.water.walls.shape import UPRIGHT, Polynomial, Shape
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.travel import Travel
 from wavetank.water.walls.work import AssembledWork, KeptWork, Work
@@ -209,15 +210,29 @@ class PistonTerms:
         self._work: Work
         self.along: tuple[Along, ...] | None = None
         self._power: Power
+        alone = plane.mesh.topology.dim == 1 and plane.comm.size == 1
         water: dict[str, Any] = {"mu": self._mu, "bed": bed, "plane": plane, "vertical": vertical}
-        if plane.mesh.topology.dim == 1 and plane.comm.size == 1 and not wall.leans:
+        if alone and not wall.leans:
             share, columns = wall.flux(travel.share, **parts), np.unique(plane.V.dofmap.list[wall.cells])
             self._work = kept = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
             self.along = (kept,)
             self._power = PowerAlong(kept, energy, phi, cells=wall.cells, travel=travel, **water)
         else:
-            self._work = AssembledWork(work, phi, energy.h, plane=plane)
             self._power = AssembledPower(wall, energy, phi, R=R, flux=wall.flux(travel.acceleration, **parts), **water)
+            if alone and isinstance(shape, Polynomial) and shape.degree:
+                node = int(plane.at(wall.side.facets)[0])
+                depth = float(np.broadcast_to(bed.still, plane.owned)[node])
+                where: dict[str, Any] = {
+                    "cells": wall.cells,
+                    "node": node,
+                    "depth": depth,
+                    "plane": plane,
+                    "vertical": vertical,
+                }
+                self._work = leaning = LeaningWork(shape, phi, energy.h.x.array, travel=travel, **where)
+                self.along = (leaning,)
+            else:
+                self._work = AssembledWork(work, phi, energy.h, plane=plane)
         self._rated = np.nan  # the time of what power depends on [s]
 
     def vector(self) -> Vector:

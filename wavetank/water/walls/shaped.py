@@ -51,6 +51,11 @@ class ShapedColumns:
     """Columns beside paddles of any shape; see ``Columns``.
 
     Newton's method takes M_J as it was last told, which is near enough to converge by a factor of a hundred a step.
+
+    Attributes
+    ----------
+    mean, column, trials, round_off
+        As ``fe/whole.py`` has them.
     """
 
     def __init__(self, wall: Stretching, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane):
@@ -59,13 +64,15 @@ class ShapedColumns:
         self._h = plane.function("columns")
         self._h.set(self._start)
         h = self._h.function
-        self._mean = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.column(h, energy.d)) / h)
+        self.column: Vector = h.x.array
+        self.trials, self.round_off = MOST, ROUND_OFF
+        self.mean = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.column(h, energy.d)) / h)
 
     def apply(self, h: Vector) -> Vector:
         """Return the masses of columns [m]; collective."""
         self._h.set(h)
-        self._mean.update()
-        return self._mean.apply(h)
+        self.mean.update()
+        return self.mean.apply(h)
 
     def solve(self, q: Vector) -> Vector:
         """Return the columns [m] of masses; collective. Raises ``ConvergenceError``."""

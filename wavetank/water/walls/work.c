@@ -11,6 +11,18 @@ static void times(const Entries *M, double factor, const double *x, double *y)
     }
 }
 
+/* y = factor dW/dphi of a column, at 1 m/s. */
+static void by_potential(const Entries *M, double factor, const double *column, double *y)
+{
+    times(M, factor, column, y);
+}
+
+/* y = factor dW/dh of a potential, at 1 m/s, whatever the column. */
+static void by_column(const Entries *transposed, double factor, const double *column, const double *phi, double *y)
+{
+    times(transposed, factor, phi, y);
+}
+
 /* Return y M x. */
 static double between(const Entries *M, const double *y, const double *x)
 {

@@ -27,7 +27,8 @@ typedef struct {
 } Entries;
 """
 DECLARATIONS = f"""{ENTRIES}
-void times(const Entries *, double factor, const double *x, double *y);
+void by_potential(const Entries *, double factor, const double *column, double *y);
+void by_column(const Entries *, double factor, const double *column, const double *phi, double *y);
 double between(const Entries *, const double *y, const double *x);
 """
 SOURCE = ENTRIES + files(__package__).joinpath("work.c").read_text(encoding="utf-8")
@@ -127,10 +128,11 @@ class KeptWork:
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What products are called with, for ``fe/whole.c``."""
+        """What derivatives are called with, for ``fe/whole.c``."""
         address = self._kernel.address
-        matrices = {"entries": address(self._M), "transposed": address(self._M_transposed)}
-        return {"times": address("times"), **matrices, "wall": self._of_phi, "by_wall": self._of_h}
+        called = {"by_potential": address("by_potential"), "by_column": address("by_column")}
+        of = {"paddle": address(self._M), "paddle_by_column": address(self._M_transposed)}
+        return {**called, **of, "wall": self._of_phi, "by_wall": self._of_h}
 
     @property
     def speed(self) -> float:
@@ -139,12 +141,12 @@ class KeptWork:
 
     def by_potential(self) -> Vector:
         """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
-        self._kernel.call.times(self._M, self.speed, self._at_h, self._at_of_phi)
+        self._kernel.call.by_potential(self._M, self.speed, self._at_h, self._at_of_phi)
         return self._of_phi
 
     def by_column(self) -> Vector:
         """Return dW/dh, shape (dofs,). The array is reused by the next call."""
-        self._kernel.call.times(self._M_transposed, self.speed, self._at_phi, self._at_of_h)
+        self._kernel.call.by_column(self._M_transposed, self.speed, self._at_h, self._at_phi, self._at_of_h)
         return self._of_h
 
     def by_speed(self) -> float:

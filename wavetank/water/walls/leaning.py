@@ -1,0 +1,118 @@
+"""W of a paddle that leans along a slice that is on one rank, and its derivatives, written out (``leaning.c``).
+
+At 1 m/s, with R = int f dz over the column, and at the paddle's own column the rule of ``WaterEnergy.wall_flux``,
+
+    W = - int s psi_X R(h) dX  +  h int f(zeta h - d) (phi - psi) dzeta,     dR/dh = f at the surface.
+"""
+
+from importlib.resources import files
+from typing import Any
+
+import basix
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.fe.cell_places import tabulate
+from wavetank.fe.kernels import Kernel, defined
+from wavetank.fe.plane import LayeredField, Plane
+from wavetank.fe.vertical import VerticalBasis, gauss_legendre
+from wavetank.water.walls.shape import Polynomial
+from wavetank.water.walls.travel import Travel
+from wavetank.water.walls.work import Indices
+
+LEANING = """
+typedef struct {
+    int cells, node;
+    double depth, unit;
+    const int *dofs;
+    const double *carried, *values, *slopes, *zeta, *rows, *shape, *integral, *slope;
+} Leaning;
+"""
+DECLARATIONS = f"""{LEANING}
+void by_potential(const Leaning *, double factor, const double *column, double *y);
+void by_column(const Leaning *, double factor, const double *column, const double *phi, double *y);
+double whole(const Leaning *, const double *column, const double *phi);
+"""
+SOURCE = LEANING + files(__package__).joinpath("leaning.c").read_text(encoding="utf-8")
+
+
+class LeaningWork:
+    """W of a paddle of a polynomial's shape; see ``Work``.
+
+    Parameters
+    ----------
+    phi, h
+        The potential and the water column, shape (dofs,).
+    cells
+        Those that are carried.
+    node
+        The degree of freedom at the paddle.
+    depth
+        As far as it reaches [m].
+    """
+
+    def __init__(
+        self,
+        shape: Polynomial,
+        phi: LayeredField,
+        h: Vector,
+        *,
+        travel: Travel,
+        cells: Indices,
+        node: int,
+        depth: float,
+        plane: Plane,
+        vertical: VerticalBasis,
+    ):
+        element, geometry = plane.V.element.basix_element, plane.mesh.geometry
+        points, weights = basix.make_quadrature(element.cell_type, plane.degree)
+        values, slopes = tabulate(element, 1, points)
+        dofs, (start, end) = plane.V.dofmap.list[cells], geometry.x[geometry.dofmap[cells], 0].T
+        direction = np.sign(end - start)[:, None]  # of the cell's own coordinate: a slope times the length has it
+        zeta, shares = gauss_legendre(vertical.n + 1 + shape.degree // 2)
+        c = np.array([float(one.value) for one in shape.coefficients])
+        k = np.arange(len(c))
+        sizes = {"NODES": element.dim, "POINTS": len(points), "LEVELS": len(zeta), "NUMBERS": vertical.n + 1}
+        code = defined({**sizes, "DEGREE": shape.degree}) + SOURCE
+        self._kernel = Kernel("leaning", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
+        over_cells = {
+            "dofs": dofs,
+            "carried": -direction * (travel.share.x.array[dofs] @ values.T) * weights,
+            "values": values,
+            "slopes": slopes,
+        }
+        upwards = {"zeta": zeta, "rows": shares[:, None] * vertical.at(zeta)[:, :-1]}
+        of_shape = {"shape": c, "integral": c / (k + 1), "slope": (-k * c)[1:]}
+        numbers = {"cells": len(cells), "node": node, "depth": depth, "unit": float(shape.unit.value)}
+        self._struct = self._kernel.struct("Leaning", {**numbers, **over_cells, **upwards, **of_shape})
+        self._travel, self._of_phi = travel, np.zeros_like(phi.rows)
+        self._of_h: Vector = np.zeros(len(self._of_phi))
+        fields = h, phi.rows, self._of_phi, self._of_h
+        self._at_h, self._at_phi, self._at_of_phi, self._at_of_h = map(self._kernel.pointer, fields)
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What derivatives are called with, for ``fe/whole.c``."""
+        address = self._kernel.address
+        called = {"by_potential": address("by_potential"), "by_column": address("by_column")}
+        of = {"paddle": address(self._struct), "paddle_by_column": address(self._struct)}
+        return {**called, **of, "wall": self._of_phi, "by_wall": self._of_h}
+
+    @property
+    def speed(self) -> float:
+        """X_p' [m/s]."""
+        return float(self._travel.velocities[0])
+
+    def by_potential(self) -> Vector:
+        """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
+        self._kernel.call.by_potential(self._struct, self.speed, self._at_h, self._at_of_phi)
+        return self._of_phi
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, shape (dofs,). The array is reused by the next call."""
+        self._kernel.call.by_column(self._struct, self.speed, self._at_h, self._at_phi, self._at_of_h)
+        return self._of_h
+
+    def value(self) -> float:
+        """Return W."""
+        return self.speed * float(self._kernel.call.whole(self._struct, self._at_h, self._at_phi))
