@@ -114,6 +114,22 @@ def test_derivatives_are_those_of_the_energy(steep):
         assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.parametrize("wall", [PISTON, FLAP], ids=["two pistons", "a flap and a piston"])
+def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(wall):
+    """To the solves' tolerance, of both walls together."""
+    ends = {**wall, "reach": 1.0}, {**PISTON, "reach": 1.0}
+    tank, parts = (build_run(scene(*ends, length=2.0, tolerance=1e-12), MPI.COMM_SELF)[1] for _ in range(2))
+    assert tank._whole is not None
+    parts._whole = None
+    for step in range(4):
+        t, x = 3.3 + 0.02 * step, np.pi / 2.0 * tank.plane.x
+        one, other = ((*water.state(0.1 * np.cos(x + t), np.cos(x - t), t), t) for water in (tank, parts))
+        for name in ("H_p", "H_q"):
+            found, wanted = getattr(tank, name)(*one), getattr(parts, name)(*other)
+            assert np.abs(found - wanted).max() < 1e-11 * np.abs(wanted).max()
+    assert tank.potential.counters == parts.potential.counters
+
+
 # ---------------------------------------------------------------- theory
 def test_a_tank_that_begins_to_move_sloshes():
     """Pushed with the acceleration a t at both ends: linear theory's modes in a frame that moves with the tank.

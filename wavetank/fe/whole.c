@@ -26,6 +26,7 @@ typedef int Correct(const void *cells, const void *layers, const float *state, c
                     float *work);
 
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
+#define EACH_PADDLE(one) for (Paddle *one = w->paddles; one; one = one->next)
 #define CALL(Kind, which) ((Kind *)w->which)
 
 /* Take over what a mass matrix depends on as it is. */
@@ -69,7 +70,7 @@ static int lean(Whole *w, const double *q)
 }
 
 /* The column, the surface potential less its mean, and what start values are found by; 0 of what is no surface of water. */
-static int begin(Whole *w, const double *q, const double *p, const double *still, double speed, double *level)
+static int begin(Whole *w, const double *q, const double *p, const double *still, double *level)
 {
     const long n = w->dofs;
     double sum = 0.0;
@@ -85,21 +86,32 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
         const double psi = p[i] - *level;
         w->phi[i * NUMBERS + NUMBERS - 1] = psi;
         w->inputs[i] = w->column[i] - still[i], w->inputs[n + i] = psi / w->celerity;
-        if (w->paddle)
-            w->inputs[2 * n + i] = w->by_speed * speed;
     }
     return positive && isfinite(sum);
 }
 
-/* Set the potential of masses q and surface potential p, at a paddle's speed; its flow less its mean, and the wall's, and
-   behind that M^-1 of its energy's derivative by the column. Returns the iterations, or -1 of what is not as usual. */
-static int find(Whole *w, const double *q, const double *p, const double *still, double speed, int known, int place,
-                double *flow, double *level)
+/* What the walls add to the derivative by the potential. */
+static void by_walls(Whole *w)
 {
-    const long n = w->dofs, inputs = (w->paddle ? 3 : 2) * n;
+    EACH_PADDLE(one)
+        ((ByPotential *)one->by_potential)(one->paddle, one->speed, w->column, one->wall);
+    if (!w->paddles || !w->paddles->next)
+        return;
+    memset(w->wall, 0, sizeof(double) * w->dofs * NUMBERS);
+    EACH_PADDLE(one)
+        EACH(i, (long)w->dofs * NUMBERS)
+            w->wall[i] += one->wall[i];
+}
+
+/* Set the potential of masses q and surface potential p, as the walls move; its flow less its mean, and the wall's, and
+   behind that M^-1 of its energy's derivative by the column. Returns the iterations, or -1 of what is not as usual. */
+static int find(Whole *w, const double *q, const double *p, const double *still, int known, int place, double *flow,
+                double *level)
+{
+    const long n = w->dofs, inputs = (w->paddles ? 3 : 2) * n;
     double *by_column = flow + n;
     int iterations = 0;
-    if (!begin(w, q, p, still, speed, level))
+    if (!begin(w, q, p, still, level))
         return -1;
     EACH(f, FIELDS)
         EACH(i, n)
@@ -109,8 +121,7 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
             w->single_rows[i * FIELDS + f] = w->rows[w->order[i] * FIELDS + f];
     const double least = CALL(Take, take)(w->cells, w->layers, w->rows, w->rows);
     CALL(TakeSingle, take_single)(w->single_cells, w->single_layers, w->single_rows, w->single_state);
-    if (w->paddle)
-        CALL(ByPotential, by_potential)(w->paddle, speed, w->column, w->wall);
+    by_walls(w);
     CALL(Aim, aim)(inputs, known, w->ways, w->last, w->inputs, w->away, w->products);
     if (!CALL(Start, start)(n, NUMBERS - 1, NUMBERS, known, w->most, w->gram, w->products, w->shortest, w->answer, w->steps,
                             w->phi))
@@ -120,7 +131,7 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
         memset(w->image, 0, sizeof(double) * n * NUMBERS);
         CALL(Product, product)(w->cells, w->layers, w->rows, w->phi, w->image);
         const int taken = CALL(Correct, correct)(w->single_cells, w->single_layers, w->single_state, w->modes, w->wall,
-                                                 w->paddle ? NUMBERS : 0, w->phi, w->image, w->tolerance,
+                                                 w->paddles ? NUMBERS : 0, w->phi, w->image, w->tolerance,
                                                  w->iterations - iterations, w->lengths, w->found, w->work);
         if (taken < 0 || !(least > 0.0) || !isfinite(w->found->kinetic))
             return -1;
@@ -132,13 +143,13 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
     EACH(i, n)
         mean += w->image[i * NUMBERS + NUMBERS - 1] / n;
     EACH(i, n)
-        flow[i] = w->image[i * NUMBERS + NUMBERS - 1] - mean + (w->paddle ? w->wall[i * NUMBERS + NUMBERS - 1] : 0.0);
+        flow[i] = w->image[i * NUMBERS + NUMBERS - 1] - mean + (w->paddles ? w->wall[i * NUMBERS + NUMBERS - 1] : 0.0);
     memset(by_column, 0, sizeof(double) * n);
     CALL(Product, derivative)(w->cells, w->layers, w->rows, w->phi, by_column);
-    if (w->paddle) {
-        CALL(ByColumn, by_column)(w->paddle_by_column, speed, w->column, w->phi, w->by_wall);
+    EACH_PADDLE(one) {
+        ((ByColumn *)one->by_column)(one->paddle_by_column, one->speed, w->column, w->phi, one->by_wall);
         EACH(i, n)
-            by_column[i] += w->by_wall[i];
+            by_column[i] += one->by_wall[i];
     }
     CALL(Solve, solve_mass)(w->mass, by_column, by_column, w->mass_work);
     return iterations;

@@ -5,6 +5,7 @@ they follow each other in C, on the arrays of the objects that they are of. What
 first solve, a new preconditioner, water that is none.
 """
 
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -28,25 +29,32 @@ typedef struct {
     const double **fields;
     double *rows, *weights;
 } Weighed;
+typedef struct Paddle {
+    double speed;
+    void *by_potential, *by_column, *paddle, *paddle_by_column;
+    double *wall, *by_wall;
+    struct Paddle *next;
+} Paddle;
 typedef struct {
     int dofs, iterations, most, last_iterations, trials;
-    double celerity, by_speed, tolerance, shortest, round_off;
+    double celerity, tolerance, shortest, round_off;
+    Paddle *paddles;
     Weighed *mean, *weighed;
     double *mean_column, *before, *change;
     void *factor_mass, *solve_mass, *mass, *take, *cells, *layers, *product, *derivative;
     void *take_single, *single_cells, *single_layers, *correct, *modes;
-    void *aim, *start, *keep, *by_potential, *by_column, *paddle, *paddle_by_column;
+    void *aim, *start, *keep;
     const int *order;
     const double **fields;
-    double *column, *phi, *rows, *image, *inputs, *mass_work, *lengths, *wall, *by_wall;
+    double *column, *phi, *rows, *image, *inputs, *mass_work, *lengths, *wall;
     double *last, *away, *products, *answer, *gram;
     float *single_rows, *single_state, *work, *ways, *steps;
     Found *found;
 } Whole;
 """
 DECLARATIONS = f"""{WHOLE}
-int find(Whole *, const double *q, const double *p, const double *still, double speed, int known, int place,
-         double *flow, double *level);
+int find(Whole *, const double *q, const double *p, const double *still, int known, int place, double *flow,
+         double *level);
 """
 
 
@@ -112,11 +120,11 @@ class Whole:
         What is called.
     column, phi
         Where column and potential are found.
-    wall, leaning
-        Of a wall that moves, and of one that leans.
+    walls, leaning
+        Of those that move, none to two, and of such as lean.
     inputs
-        Numbers by which start values are found: elevation, potential over ``celerity`` [m/s], and ``by_speed`` [s]
-        times the wall's velocity.
+        Numbers by which start values are found: elevation, potential over ``celerity`` [m/s], which are set here, and
+        what tells how walls move.
     """
 
     def __init__(
@@ -129,23 +137,27 @@ class Whole:
         recall: Recall,
         column: Field,
         phi: LayeredField,
-        wall: Along | None,
+        walls: Sequence[Along],
         leaning: Leaning | None,
         inputs: Vector,
         celerity: float,
-        by_speed: float,
     ):
-        self._mass, self._minimum, self._recall, self._wall = mass, minimum, recall, wall
+        self._mass, self._minimum, self._recall, self._walls = mass, minimum, recall, walls
         sizes = {"NUMBERS": phi.rows.shape[1], "FIELDS": operator.density.fields}
         code = defined(sizes) + WHOLE + source("whole.c")
         self._kernel = Kernel("whole", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
         fields = self._kernel.pointers(operator.density.values)
         image, flat = np.zeros(phi.rows.shape), np.zeros((1, phi.rows.shape[1]))
-        none = {"by_potential": None, "by_column": None, "paddle": None, "paddle_by_column": None}
+        self._paddles: list[Any] = []  # each knows the one before it
+        for wall in walls:
+            before = self._paddles[-1] if self._paddles else None
+            self._paddles.append(self._kernel.shared("Paddle", {**wall.compiled, "next": before}))
+        of_walls = [wall.compiled["wall"] for wall in walls] or [flat]
         parts = {
             "dofs": plane.size,
             "celerity": celerity,
-            "by_speed": by_speed,
+            "paddles": self._paddles[-1] if walls else None,
+            "wall": of_walls[0] if len(of_walls) == 1 else np.zeros(phi.rows.shape),
             "fields": fields,
             "column": column.rows,
             "phi": phi.rows,
@@ -155,7 +167,6 @@ class Whole:
             **operator.compiled,
             **minimum.compiled,
             **recall.compiled,
-            **(wall.compiled if wall else {**none, "wall": flat, "by_wall": flat}),
             **(self._leaning(leaning) if leaning else {"mean": None}),
         }
         self._struct = self._kernel.shared("Whole", parts)
@@ -186,7 +197,9 @@ class Whole:
             self._still, column = still, np.broadcast_to(still, p.shape).astype(np.float64)
             self._at_still = self._kernel.pointer(column)
         at, found = self._kernel.pointer, np.empty((2, p.size))
-        surface = at(q), at(p), self._at_still, self._wall.speed if self._wall else 0.0
+        for paddle, wall in zip(self._paddles, self._walls, strict=True):
+            paddle.speed = wall.speed
+        surface = at(q), at(p), self._at_still
         iterations = self._kernel.call.find(self._struct, *surface, *place, at(found), self._at_level)
         if iterations < 0:
             return None

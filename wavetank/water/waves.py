@@ -187,6 +187,7 @@ class NonlinearWaves:
         if self._whole is None or self.potential.renews:
             return False
         self.set_time(t)
+        self._rows[2:] = self.depth / self._speed * self.wall.velocities
         found = self._whole.find(q, p, self.bed.still)
         if found is None:
             return False
@@ -209,11 +210,10 @@ class NonlinearWaves:
             recall=self.potential.recall,
             column=self.h,
             phi=self.phi,
-            wall=next(iter(walls), None),
+            walls=walls,
             leaning=self.columns if isinstance(self.columns, ShapedColumns) else None,
             inputs=self._rows,
             celerity=self._speed,
-            by_speed=self.depth / self._speed,
         )
 
     def _begin(self, q: Vector, p: Vector, t: float, column: Vector | None = None) -> Vector:

@@ -116,7 +116,8 @@ class BothTerms:
     """What two walls add to the Hamiltonian; see ``WallTerms``."""
 
     def __init__(self, near: WallTerms, far: WallTerms):
-        self._each, self.along = (near, far), None
+        self._each = near, far
+        self.along = None if near.along is None or far.along is None else (*near.along, *far.along)
         at_far = {part._replace(name=FAR): form for part, form in far.hamiltonian.items()}
         self.hamiltonian: dict[Part, ufl.Form] = near.hamiltonian | at_far
 

@@ -52,7 +52,7 @@ class WallTerms(Protocol):
     hamiltonian
         W in UFL under its name; empty where there is none.
     along
-        W as a product with a matrix that is kept, one for each paddle, if that is what all of it is; else None.
+        W of each paddle where it is written out, along a slice on one rank; None where it is not.
     """
 
     hamiltonian: dict[Part, ufl.Form]
