@@ -39,14 +39,33 @@ def at_once(parts: dict, moments: int) -> tuple[Observed, list[list[float]], dic
         return one.gauges.rows, one.energy.rows, one.run.held()
 
 
-@pytest.mark.parametrize("parts", [SLICE | BESIDE, FLAP | BESIDE, BASIN], ids=["piston", "flap", "basin"])
+@pytest.mark.parametrize(
+    "parts",
+    [
+        pytest.param(SLICE | BESIDE, id="piston"),
+        pytest.param(FLAP | BESIDE, id="flap", marks=pytest.mark.slow),
+        pytest.param(BASIN, id="basin", marks=pytest.mark.slow),
+    ],
+)
 def test_what_comes_of_moments_together_is_what_comes_of_each(parts):
-    """Bit for bit: as many as there are, four at a time, and one by one."""
-    gauges, energy, held = at_once(parts, 64)
-    for moments in (1, 4):
-        alone, its_energy, its_held = at_once(parts, moments)
-        assert alone == gauges and its_energy == energy and len(gauges) > 10
-        assert not differing(held, its_held)
+    """Bit for bit: four at a time, and one by one."""
+    (gauges, energy, held), (alone, its_energy, its_held) = (at_once(parts, moments) for moments in (4, 1))
+    assert alone == gauges and its_energy == energy and len(gauges) > 10
+    assert not differing(held, its_held)
+
+
+def differences(parts: dict) -> list[str]:
+    """Return what differs of a run that works off six moments at a time from one that works off each; collective."""
+    (gauges, energy, held), (alone, its_energy, its_held) = (at_once(parts, moments) for moments in (6, 1))
+    rows = {"gauges": gauges == alone, "energy": energy == its_energy}
+    return [*(name for name, same in rows.items() if not same), *differing(held, its_held)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("parts", [SLICE | BESIDE, BASIN], ids=["slice", "basin"])
+def test_so_it_is_on_several_ranks(parts, on_ranks):
+    found = on_ranks(differences, parts)
+    assert found == [[]] * len(found)
 
 
 def test_a_paddle_that_reaches_a_gauge_is_told_of_its_time_and_rows_before_are_kept(make_tank):
@@ -116,7 +135,11 @@ def fail() -> None:
 
 @pytest.mark.usefixtures("patient")
 @pytest.mark.parametrize(
-    ("end", "error"), [(lambda: os.kill(os.getpid(), signal.SIGTERM), StoppedError), (fail, ValueError)]
+    ("end", "error"),
+    [
+        pytest.param(lambda: os.kill(os.getpid(), signal.SIGTERM), StoppedError, id="signal"),
+        pytest.param(fail, ValueError, id="mistake", marks=pytest.mark.slow),
+    ],
 )
 def test_a_run_that_ends_between_has_all_its_rows_and_goes_on_byte_for_byte(end, error, whole, tmp_path):
     out = tmp_path / "run"
@@ -130,7 +153,9 @@ def test_a_run_that_ends_between_has_all_its_rows_and_goes_on_byte_for_byte(end,
 
 
 @pytest.mark.usefixtures("patient")
-@pytest.mark.parametrize(("late", "least"), [(checkpoints.LATE, 1), (0.0, 7)])
+@pytest.mark.parametrize(
+    ("late", "least"), [(0.0, 7), pytest.param(checkpoints.LATE, 1, marks=pytest.mark.slow)], ids=["none", "a second"]
+)
 def test_a_run_that_is_killed_has_all_but_the_rows_of_the_last_second(late, least, whole, tmp_path, monkeypatch):
     """Of seven steps of milliseconds: the start's, or, where they come at once, all; in either case it goes on."""
     monkeypatch.setattr(checkpoints, "LATE", late)
