@@ -368,7 +368,7 @@ class NonlinearWaves:
 
     # ------------------------------------------------------------------------------------------ what is remembered
     def held(self) -> Held:
-        """Return the point last evaluated, its potential, where the wall stands, and what solves remember.
+        """Return the point last evaluated, its potential and derivatives, where the wall stands, what solves remember.
 
         The elevation last asked for, too: beside a wall that leans it depends, by round-off, on what was there before.
         """
@@ -380,6 +380,7 @@ class NonlinearWaves:
             "column": self.h.owned.copy(),
             "interior": self.phi.owned[:, :-1].T.copy(),
             "H_p": self._H_p,
+            "H_q": self._H_q,
             "kinetic": self._kinetic,
             "elevation": self._elevation._asdict(),
             "preconditioner": {"stands": self._made[0], "column": self._made[1]},
@@ -403,7 +404,7 @@ class NonlinearWaves:
             self.phi.owned[:, :-1] = held["interior"].T
             self.phi.fetch()
             self._know(held["q"], held["p"], held["t"], held["H_p"])
-            self._kinetic = held["kinetic"]
+            self._kinetic, self._H_q = held["kinetic"], held["H_q"]
         self._elevation = _Elevation(**held["elevation"])
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
