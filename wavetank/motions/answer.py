@@ -3,9 +3,10 @@
     x' = A x + B u(t),     X = C x,     V = C x'
 
 u is what is measured at the beginning of each step. Up to there x goes on by the parabola through the last three
-values, to third order; from there to the end of the step, where u is not known yet, the position goes on by the
-straight line through the last two, or by the parabola, the velocity by the parabola, which makes it as right as the
-position is. All solve the equation exactly, so none is stiff.
+values, to third order; from there to the end of the step, where u is not known yet, the velocity goes on by that
+parabola, the position by something between it and the straight line through the last two. Half way between them a wave
+of the frequency w comes at the right moment, and by (w dt)²/2 too high; the line is late and the parabola early, by the
+cube, and what is early or late is not passive. All solve the equation exactly, so none is stiff.
 """
 
 from collections.abc import Mapping
@@ -31,16 +32,16 @@ class Equation:
         Shapes (n, n), (n, m) and (n,).
     rest
         x = rest u keeps the paddle where it is when it begins, shape (n, m).
-    ahead
-        By how many of the last values the position goes on: 2, as a parabola overshoots waves of a few steps a period,
-        or 3 where u is part of the velocity itself.
+    bent
+        By how much of the parabola the position goes on, and not of the line: 1/2, or 1 where u is part of the velocity
+        itself.
     """
 
     A: Array
     B: Array
     C: Array
     rest: Array
-    ahead: int = 2
+    bent: float = 0.5
 
     @classmethod
     def of_spring(cls, mass: float, stiffness: float, damping: float) -> "Equation":
@@ -53,7 +54,7 @@ class Equation:
         """
         A = np.array([[0.0, 1.0 / mass], [-stiffness, -damping / mass]])
         B = np.array([[1.0 / mass, 0.0], [-damping / mass, -1.0]])
-        return cls(A, B, np.array([1.0, 0.0]), rest=np.array([[0.0, 0.0], [-1.0, 0.0]]), ahead=3)
+        return cls(A, B, np.array([1.0, 0.0]), rest=np.array([[0.0, 0.0], [-1.0, 0.0]]), bent=1.0)
 
     @classmethod
     def of_transfer(cls, above: Array, below: Array) -> "Equation":
@@ -73,7 +74,7 @@ class Equation:
 
         What is left of u is smooth: without that an answer could not be as quick as a step is long.
         """
-        return Equation(self.A + share * self.B @ self.C[None], self.B, self.C, self.rest, self.ahead)
+        return Equation(self.A + share * self.B @ self.C[None], self.B, self.C, self.rest, self.bent)
 
     @lru_cache(maxsize=8)  # noqa: B019 - of an equation that lives as long as its paddle
     def over(self, dt: float) -> Array:
@@ -113,9 +114,9 @@ class Answer:
         self._measured = [*self._measured[1 - REMEMBERED :], np.asarray(u, dtype=float)]
         if t > last:  # a step has been taken
             self._x, _ = self._gone_on(self._x, last, t - last, by=REMEMBERED)
-        velocity = self._equation.velocity(*self._gone_on(self._x, t, dt, by=REMEMBERED))
-        x, _ = self._gone_on(self._x, t, dt, by=self._equation.ahead)
-        return float(self._equation.C @ x), velocity
+        equation = self._equation
+        (straight, _), (x, u) = (self._gone_on(self._x, t, dt, by=by) for by in (2, REMEMBERED))
+        return float(equation.C @ (straight + equation.bent * (x - straight))), equation.velocity(x, u)
 
     def _gone_on(self, x: Array, t: float, dt: float, *, by: int) -> tuple[Array, Array]:
         """Return x and u a time dt [s] after t, u going through the last values, as many as are told."""

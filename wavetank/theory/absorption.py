@@ -36,10 +36,16 @@ Complex = NDArray[np.complex128]
 
 MODES = 100  # that die out
 WAVES = 40  # of the band, at which the filter is judged
-ALL = np.geomspace(0.005, 20.0, 80)  # k d over the band's ends, at which it must not send back more than comes
+ALL = np.geomspace(0.005, 20.0, 160)  # k d over the band's ends, at which it must not send back more than comes
 FASTEST, DAMPED = 5.0, (0.5, 10.0)  # of a section: w_i over the shortest waves', and z_i: a step later must be as good
-SPREADS = (0.4, 0.7)  # of the logarithms of the sections' w_i, where a fit begins: the best is taken
-EXPONENTS = (2, 4, 8, 16)  # of the mean of |R|, one fit after another: towards the largest
+STARTS = np.array(  # of a fit, three sections as ``built`` has them: the better is taken
+    [
+        [[-0.9, 0.2, 2.0, 0.0], [0.9, -0.6, 1.0, 0.0], [1.9, -0.6, 4.0, 0.0]],
+        [[-0.9, 0.2, 2.0, 0.0], [0.9, -0.2, 2.0, 0.0], [1.3, -0.2, 2.0, 0.0]],
+    ]
+)
+FITS = ((4, 30.0), (8, 30.0), (16, 300.0))  # one after another: exponents of the mean of |R|, weights of Re F < 0
+INSIDE = 1e-6  # of bounds, where a fit begins
 
 
 def face(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> Complex:
@@ -115,12 +121,9 @@ class PassiveFilter:
     @classmethod
     @lru_cache(maxsize=16)
     def fitted(
-        cls, maker: Wavemaker, *, depth: float, gravity: float, shortest: float, longest: float, order: int = 2
+        cls, maker: Wavemaker, *, depth: float, gravity: float, shortest: float, longest: float
     ) -> "PassiveFilter":
-        """Return the filter of least largest reflection of waves of periods from the shortest to the longest [s].
-
-        ``order`` counts its sections.
-        """
+        """Return the filter of least largest reflection of waves of periods from the shortest to the longest [s]."""
         ends = 2 * np.pi / np.array([longest, shortest])
         low, high = depth * np.asarray(wave_number(ends, depth, gravity))
         kd, wide = np.geomspace(low, high, WAVES), np.geomspace(ALL[0] * low, ALL[-1] * high, len(ALL))
@@ -129,24 +132,25 @@ class PassiveFilter:
         gain = float(1.0 / np.abs(at_face).mean())
 
         def built(x: Array) -> PassiveFilter:
-            w, z, c, e = x.reshape(order, 4).T
+            w, z, c, e = x.reshape(-1, 4).T
             e = np.append(e[:-1], -e[:-1].sum())
             return cls(gain, np.column_stack([middle * np.exp(w), np.exp(z), c, e]))
 
-        def misses(x: Array, exponent: int) -> Array:
-            one = built(x)
-            R = np.abs(one.reflection(at_face, omega)) / 0.05
-            active = np.minimum(one(1j * omega_wide).real / gain, 0.0)
-            return np.concatenate([R ** (exponent / 2) / np.sqrt(WAVES), 100.0 * active])
+        def sent(x: Array) -> Array:
+            return np.asarray(np.abs(built(x).reflection(at_face, omega)))
+
+        def misses(x: Array, exponent: int, most: float, weight: float) -> Array:
+            active = np.minimum(built(x)(1j * omega_wide).real / gain, 0.0)
+            return np.concatenate([(sent(x) / most) ** (exponent / 2) / np.sqrt(WAVES), weight * active])
 
         width = np.log(FASTEST * ends[1] / middle)
         bounds = np.array([[-width, np.log(DAMPED[0]), -np.inf, -np.inf], [width, np.log(DAMPED[1]), np.inf, np.inf]])
-        bounds = np.tile(bounds, order)
+        bounds = np.tile(bounds, STARTS.shape[1])
         found = []
-        for spread in SPREADS:
-            apart = np.linspace(-spread, spread, order) if order > 1 else np.zeros(1)
-            x = np.column_stack([apart, np.full(order, 0.5), np.full(order, 2.0), np.zeros(order)]).ravel()
-            for exponent in EXPONENTS:
-                x = scipy.optimize.least_squares(misses, x, args=(exponent,), bounds=bounds, max_nfev=60).x
-            found.append((float(np.square(misses(x, EXPONENTS[-1])).sum()), x))
+        for start in STARTS:
+            x = np.clip(start.ravel(), bounds[0] + INSIDE, bounds[1] - INSIDE)
+            for exponent, weight in FITS:
+                most = float(sent(x).max())
+                x = scipy.optimize.least_squares(misses, x, args=(exponent, most, weight), bounds=bounds, max_nfev=60).x
+            found.append((float(sent(x).max()), x))
         return built(min(found, key=lambda one: one[0])[1])

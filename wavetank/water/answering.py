@@ -7,12 +7,12 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import PaddleError
-from wavetank.fe.mass import MassMatrix
 from wavetank.fe.plane import Plane
 from wavetank.motions.answer import Answer, Equation
 from wavetank.stateful import Held
 from wavetank.water.walls.side import Side
 
+BRIEF = 1e-4  # (d / g)^(1/2), in which still water at the face rises as fast as it begins to
 GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: waves that stand at a paddle do not push it off at once
 
 
@@ -20,7 +20,6 @@ class Elevated(Protocol):
     """Waves, as they are looked at."""
 
     plane: Plane
-    mass: MassMatrix
     gravity: float
     depth: float
 
@@ -157,12 +156,14 @@ class Excess:
     def _found_rise(self) -> float:
         """Return ``rise``: how fast still water rises, where the paddle is a metre a second faster; collective."""
         waves, motion, speed = self._waves, self._motion, float(np.sqrt(self._waves.gravity * self._waves.depth))
+        brief = BRIEF * speed / waves.gravity
         rates = list[float]()
         for t, added in ((-1.0, 0.0), (-3.0, speed)):
             motion.forget()
             motion.go_on(t - 1.0, 1.0, 0.0, added)
             q, p = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
-            rates.append(self._mean(waves.mass.solve(waves.H_p(q, p, t))))
+            before = waves.elevation(q - brief * waves.H_p(q, p, t), p, t - brief)
+            rates.append(-self._mean(before) / brief)
         motion.forget()
         return float((rates[1] - rates[0]) / (speed + motion.velocity(-3.0) - motion.velocity(-1.0)))
 
