@@ -86,7 +86,7 @@ class Combination:
         at, call, (points, images, gram, products, away, scale) = self._kernel.pointer, self._kernel.call, self._at
         known, stride = min(self._recorded - 1, len(self._gram)), len(self._gram)
         call.aim(c.size, known, scale, at(c), images, away, products)
-        if self._comm.size > 1:
+        if known and self._comm.size > 1:
             self._products[:known] = summed(self._comm, self._products[:known])
         z, missed = np.empty_like(c), np.empty_like(c)
         how = gram, products, wrong**2, self._shortest
