@@ -15,7 +15,7 @@ def report(console: Console) -> None:
         steps = timed(key.split()[1])
         rounded = [float(f"{constant:.2g}") for constant in fitted]
         ratios = (steps @ rounded) / (steps @ np.array(BUILT_IN.constants[key]))
-        told = ", ".join(f"{constant:.2g}" for constant in rounded)
+        told = ", ".join(f"{constant:.2g}".replace("e-0", "e-") for constant in rounded)
         console.print(
             f'"{key}": ({told}),  # {ratios.min():.2f} to {ratios.max():.2f} times', soft_wrap=True, highlight=False
         )
