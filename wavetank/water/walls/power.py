@@ -55,6 +55,10 @@ class Going(Protocol):
     """A paddle, as its power sees it."""
 
     @property
+    def travel(self) -> Travel:
+        """How far and how fast it goes."""
+
+    @property
     def carried(self) -> ufl.Measure:
         """The measure over the cells that it carries."""
 
@@ -96,12 +100,13 @@ class AssembledPower:
             later = replace(energy, mapping=wall.after(dt), d=bed.d + dt * bed.rate)
             return later.kinetic(phi.function, vertical) + later.potential()
 
-        _, rate = taylor_coefficients(density, 1, plane.mesh)
+        self._travel, (_, rate) = wall.travel, taylor_coefficients(density, 1, plane.mesh)
         moved = rate - wall.speeding.stretching(lambda shape: R) * mu.function
         self._form = ScalarForm(moved * wall.carried + flux, plane.comm)
 
     def value(self) -> float:
         """Return it; collective."""
+        self._travel.show_acceleration()
         return self._form.assemble()
 
 

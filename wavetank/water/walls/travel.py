@@ -68,9 +68,8 @@ class Travel:
         return summed(self._comm, float((before != self.offsets).any())) > 0
 
     def set_acceleration(self) -> None:
-        """Bring the acceleration to the time of the position; collective."""
+        """Bring the acceleration to the time of the position."""
         self.accelerations = self._here(2)
-        self._set(2, self.accelerations)
 
     @contextmanager
     def going(self, speed: float) -> Iterator[None]:
@@ -88,6 +87,9 @@ class Travel:
     def accelerate(self, acceleration: float) -> None:
         """Go with an acceleration [m/s²], positive into the water, until it is brought to a time again; collective."""
         self.accelerations = np.array([acceleration])
+
+    def show_acceleration(self) -> None:
+        """Let forms see it; collective."""
         self._set(2, self.accelerations)
 
     def _set(self, order: int, values: Vector) -> None:
