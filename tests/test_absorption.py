@@ -40,6 +40,7 @@ from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_ma
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
 from wavetank.theory.wavemaker import PISTON, Flap
 from wavetank.water.answering import AnsweringPaddle, Excess
+from wavetank.water.walls import Piston
 
 GRAVITY = 9.81
 SLOSHING = {"type": "formula", "eta": "0.05*cos(pi*x/3)"}
@@ -158,8 +159,12 @@ def test_a_paddles_own_elevation_at_its_face_is_that_of_theory():
 
 
 def test_what_a_paddle_lifts_at_once_is_the_same_in_nonlinear_water():
-    """Of small motions that is linear; a mapping that carries what is near the paddle with it changes nothing."""
-    wall, found = {"type": "piston", "reach": 0.5, "motion": REST, "absorb": ACTIVE}, []
+    """Of small motions that is linear; a mapping that carries what is near the paddle with it changes nothing.
+
+    Nor what the paddle's motion, a formula, would have been long before t = 0.
+    """
+    motion = {"type": "formula", "position": "0.1*t**3"}
+    wall, found = {"type": "piston", "reach": 0.5, "motion": motion, "absorb": ACTIVE}, []
     for physics in ("linear", "nonlinear"):
         _, waves = tank(wall, length=3.0, duration=1.0, dt=0.04, cells=6, physics=physics)
         made = Excess(waves, waves.wall.paddles[0], lambda t: 0.0)
@@ -528,3 +533,19 @@ def test_a_surface_is_kept_where_absorbing_has_taken_the_paddle(sloshed, tmp_pat
     begin = f"initial={{type='run', directory='{out}'}}"
     with pytest.raises(InputError, match=f"the wall stood at {stood:.4g} m when t = 0.52 s, and begins at 0 m"):
         build_run(read_case(case, [begin]), MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("absorb", ["active", "spring-damper"])
+def test_a_run_whose_paddle_has_no_reach_left_ends_with_all_it_has(absorb, capsys, monkeypatch, tmp_path):
+    """Cause and where; records up to there, of a paddle that is within; no step is blamed. Its reach is made short."""
+    monkeypatch.setattr(Piston, "largest_stroke", 0.01)
+    case, out = tmp_path / "case.toml", tmp_path / "run"
+    case.write_text(CASE.replace('"active"', f'"{absorb}"').replace("limits", "# limits"))
+    assert main(["run", str(case), "--no-plots", "--out", str(out)]) == 1
+    said = " ".join("".join(capsys.readouterr()).split())
+    assert "m into the water; its mapping folds at 0.01 m, 3/4 of what wall.reach is on this mesh" in said
+    assert "next: anew from the start" in said
+    assert "numerics.dt" not in said
+    rows = np.loadtxt(out / PADDLE, delimiter=",", skiprows=1)
+    assert len(rows) > 2 and rows[:, 1].max() < 0.01
+    assert RunDirectory(out).manifest["t"] == pytest.approx(rows[-1, 0])

@@ -12,7 +12,7 @@ from wavetank.motions.answer import Answer, Equation
 from wavetank.stateful import Held
 from wavetank.water.walls.side import Side
 
-BRIEF = 1e-4  # (d / g)^(1/2), in which still water at the face rises as fast as it begins to
+BRIEF = 1e-4  # (d / g)^(1/2), before t = 0: still water at the face rises as fast as it begins to
 GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: waves that stand at a paddle do not push it off at once
 
 
@@ -158,14 +158,14 @@ class Excess:
         waves, motion, speed = self._waves, self._motion, float(np.sqrt(self._waves.gravity * self._waves.depth))
         brief = BRIEF * speed / waves.gravity
         rates = list[float]()
-        for t, added in ((-1.0, 0.0), (-3.0, speed)):
+        for t, added in ((-brief, 0.0), (-3.0 * brief, speed)):
             motion.forget()
             motion.go_on(t - 1.0, 1.0, 0.0, added)
             q, p = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
             before = waves.elevation(q - brief * waves.H_p(q, p, t), p, t - brief)
             rates.append(-self._mean(before) / brief)
         motion.forget()
-        return float((rates[1] - rates[0]) / (speed + motion.velocity(-3.0) - motion.velocity(-1.0)))
+        return float((rates[1] - rates[0]) / (speed + motion.velocity(-3.0 * brief) - motion.velocity(-brief)))
 
     def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
         """See ``Look``; shape (1,), in m."""
