@@ -1,8 +1,8 @@
 """What a run takes, before it is taken: nobody means to wait for days, or has memory for 10^9 cells.
 
 Rough, to a factor of 3 or so where it was compared: it stands guard, and is no plan. Slices cost what the plan's model
-says; a basin's step 2.5e-6 s an unknown and a fiftieth of a second (docs/scaling.md), and 1300 bytes a degree of
-freedom of the plan, 200 more for each mode.
+says; a basin's step 1.2e-6 s an unknown and a hundredth of a second, between what was measured of 65 610 to 1 674 440
+(docs/peers.md), and 900 bytes a degree of freedom of the plan, 130 more for each mode (docs/scaling.md).
 """
 
 from pathlib import Path
@@ -25,8 +25,8 @@ from wavetank.runs.memory import available_memory
 from wavetank.values.noun import Problem, SceneError
 
 A_DAY = 86_400.0  # s of wall time, if each rank has a core of its own
-STEP, PER_UNKNOWN = 0.02, 2.5e-6  # s of a basin's step
-PER_PLACE, PER_MODE = 1300.0, 200.0  # bytes a degree of freedom of a basin's plan
+STEP, PER_UNKNOWN = 0.01, 1.2e-6  # s of a basin's step
+PER_PLACE, PER_MODE = 900.0, 130.0  # bytes a degree of freedom of a basin's plan
 WORTH_TELLING = 0.2  # of the CPU time
 PER_CELL = 60.0  # bytes of a mesh file, at least
 
