@@ -342,14 +342,15 @@ def test_with_another_band_it_does_not_go_on(broken_off, capsys):
 
 @pytest.mark.slow
 def test_with_another_step_it_goes_on_from_where_its_paddle_stands(broken_off, tmp_path):
-    """As the run of one step throughout does, but for the step's error."""
-    record(ABSORBING, tmp_path / "whole", {})
+    """As the run of the later step throughout does, but for the error of the earlier one."""
+    numerics = ABSORBING["numerics"] | {"dt": 0.025}
+    record(ABSORBING | {"numerics": numerics}, tmp_path / "whole", {})
     part = Path(shutil.copytree(broken_off, tmp_path / "part"))
     assert main(["resume", str(part), "--no-plots", "--set", "numerics.dt=0.025"]) == 0
     stood, stands = (np.loadtxt(run / PADDLE, delimiter=",", skiprows=1) for run in (tmp_path / "whole", part))
-    there = np.interp(stood[:, 0], stands[:, 0], stands[:, 1])
+    there = np.interp(stands[:, 0], stood[:, 0], stood[:, 1])
     assert np.abs(np.diff(stood[:, 1])).max() > 1e-3
-    assert there == pytest.approx(stood[:, 1], abs=2e-4)
+    assert stands[:, 1] == pytest.approx(there, abs=2e-4)
 
 
 def surface(comm):
@@ -429,7 +430,7 @@ def test_and_in_the_tank():
 
 
 def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeypatch):
-    """Nonlinear; both to third order, as its force is there at once. Slopes of H make its explicit rate."""
+    """Nonlinear; the work to third order, the balance to 1e-6 of all. Slopes of H make its explicit rate."""
     monkeypatch.setattr(steered, "REMEMBERED", 1000)
     far_away = {"type": "formula", "eta": "0.08*exp(-((x - 3.0)/0.8)**2)"}
     spring = {"type": "spring-damper", "mass": 100.0}
@@ -450,8 +451,8 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeyp
         ((by_position, by_velocity),) = waves.slopes(*run.state.known[-1], run.t)
         rate = motion.velocity(run.t) * by_position + motion.acceleration(run.t) * by_velocity
         assert waves.explicit_rate(*run.state.known[-1], run.t) == pytest.approx(rate, rel=1e-12)
-    assert missing[1] < 1e-3 and off[0] < 1e-5
-    assert missing[0] / missing[1] > 2.8 and off[0] / off[1] > 8.0
+    assert missing[1] < 1e-4 and off[0] < 1e-6
+    assert missing[0] / missing[1] > 5.6 and off[0] / off[1] > 4.0
 
 
 # ---------------------------------------------------------------- what a paddle cannot do
@@ -547,5 +548,5 @@ def test_a_run_whose_paddle_has_no_reach_left_ends_with_all_it_has(absorb, capsy
     assert "next: anew from the start" in said
     assert "numerics.dt" not in said
     rows = np.loadtxt(out / PADDLE, delimiter=",", skiprows=1)
-    assert len(rows) > 2 and rows[:, 1].max() < 0.01
+    assert len(rows) > 1 and rows[:, 1].max() < 0.01
     assert RunDirectory(out).manifest["t"] == pytest.approx(rows[-1, 0])

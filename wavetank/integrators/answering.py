@@ -10,14 +10,23 @@ from typing import Protocol
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator, S
+from wavetank.integrators.flow import flow
 from wavetank.integrators.wrapper import Wrapper
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by
 
 ONCE_A_STEP = 2.0
+EARLIER = 0.1  # of the first step
 
 
 class AnsweringPaddle(Stateful, Carrying, Protocol):
     """A paddle that answers."""
+
+    @property
+    def begins(self) -> bool:
+        """Whether it has yet to begin."""
+
+    def begin(self, q: Vector, p: Vector, t: float) -> None:
+        """Look at the water at t, a little before it begins; collective."""
 
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
         """Look at the water at t, and go on to t + dt; collective."""
@@ -46,6 +55,9 @@ class Answering(Wrapper[S]):
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
         for paddle in self.paddles:
+            if paddle.begins:
+                earlier, (dq, dp) = EARLIER * dt, flow(system, state.q, state.p, t)
+                paddle.begin(state.q - earlier * dq, state.p - earlier * dp, t - earlier)
             paddle.go_on(state.q, state.p, t, dt)
         return self.scheme.step(system, state, t, dt)
 

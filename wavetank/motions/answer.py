@@ -105,11 +105,20 @@ class Answer:
         self._times: list[float] = []
         self._measured: list[Array] = []
 
+    @property
+    def begins(self) -> bool:
+        """Whether it has yet to begin."""
+        return self._x is None
+
+    def begin(self, t: float, u: Array) -> None:
+        """Know that u was measured at t, a little before it begins: how fast it changes."""
+        self._times, self._measured = [t], [np.asarray(u, dtype=float)]
+
     def next(self, t: float, dt: float, u: Array) -> tuple[float, float]:
         """Return position [m] and velocity [m/s] at t + dt, u having been measured at t, shape (m,)."""
+        last = t if self._x is None else self._times[-1]
         if self._x is None:
             self._x = self._equation.rest @ u
-        last = self._times[-1] if self._times else t
         self._times = [*self._times[1 - REMEMBERED :], t]
         self._measured = [*self._measured[1 - REMEMBERED :], np.asarray(u, dtype=float)]
         if t > last:  # a step has been taken

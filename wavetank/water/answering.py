@@ -76,6 +76,15 @@ class AnsweringPaddle:
         self._paddle, self._motion, self._answer, self._look = paddle, paddle.motion, Answer(equation), look
         self._shares, self._key = (float(shares.min()), float(shares.max())), key
 
+    @property
+    def begins(self) -> bool:
+        """Whether it has yet to begin."""
+        return self._answer.begins
+
+    def begin(self, q: Vector, p: Vector, t: float) -> None:
+        """Look at the water at t, a little before it begins; collective."""
+        self._answer.begin(t, self._look(q, p, t))
+
     def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
         """Look at the water at t, and go on to t + dt; collective.
 
