@@ -125,7 +125,7 @@ def whole(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def patient(monkeypatch):
-    """Let records wait for as long as they may: but for the first step nothing is noted."""
+    """Let records wait for as long as they may: but for the first steps nothing is noted."""
     monkeypatch.setattr(checkpoints, "NOTING", 1e-9)
 
 
@@ -164,3 +164,19 @@ def test_a_run_that_is_killed_has_all_but_the_rows_of_the_last_second(late, leas
     assert RunDirectory(out).status == "killed" and min(rows(out)) >= least
     record(out, resume=True)
     same(whole, out)
+
+
+def test_a_step_that_took_long_to_note_does_not_keep_others_from_being_noted(monkeypatch):
+    """A second a step, ten to note the first of them, and a thousandth to note another, of which two may be noted."""
+    clock, noted = [0.0], list[float]()
+
+    def note():
+        clock[0] += 1e-3 if noted else 10.0
+        noted.append(clock[0])
+
+    monkeypatch.setattr(checkpoints.time, "monotonic", lambda: clock[0])
+    observer = checkpoints.Checkpoints(MPI.COMM_SELF, lambda: None, note=note, settle=lambda: None, every=1e9)
+    for step in range(20):
+        clock[0] += 1.0
+        observer.observe(Moment(step, 0.1 * step, np.zeros(1), np.zeros(1)))
+    assert len(noted) == 19

@@ -383,7 +383,7 @@ def _execute(
                 why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
             raise type(error)(f"{error}: {why}.") from None
         raise
-    except Exception:
+    except BaseException:
         if waves.plane.comm.size == 1:  # others may not be here
             run.settle()
         raise

@@ -1,6 +1,7 @@
 """Checkpoints from time to time, after all that observes a step."""
 
 import time
+from collections import deque
 from collections.abc import Callable
 
 from mpi4py import MPI
@@ -41,25 +42,27 @@ class Checkpoints:
         self.schedule = EverySteps()
         self._comm, self._write, self._note, self._settle, self._every = comm, write, note, settle, every
         self._began = self._last = self._noted = self._settled = time.monotonic()
-        self._cost = self._noting = 0.0
+        self._cost = 0.0
+        self._noting = deque[float](maxlen=3)  # what the last times took [s]: of one alone it may be long by chance
 
     def observe(self, moment: Moment) -> None:
         """Write one where it is due on the first rank, or note the moment, or show what there is by now; collective."""
         began = time.monotonic()
-        late = began - self._settled > LATE
-        asked = began - self._last > self._age, began - self._noted > self._noting / NOTING, late
+        known = len(self._noting) == self._noting.maxlen
+        noting = not known or began - self._noted > min(self._noting) / NOTING
+        asked = began - self._last > self._age, noting, began - self._settled > LATE
         due, noting, late = asked if self._comm.size == 1 else self._comm.bcast(asked)
         if moment.step == 0 or due:
             self._write()
             self._last = self._noted = self._settled = time.monotonic()
             self._cost = self._last - began
-        elif noting:
-            self._note()
-            self._noted = self._settled = time.monotonic()
-            self._noting = self._noted - began
-        elif late:
+        elif noting or late:
             self._settle()
             self._settled = time.monotonic()
+            if noting:
+                self._note()
+                self._noted = time.monotonic()
+                self._noting.append(self._noted - self._settled)
 
     @property
     def _age(self) -> float:
