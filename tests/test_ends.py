@@ -14,6 +14,7 @@ from wavetank.observers.record import Memory
 from wavetank.plan.requirements import requirements
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
+from wavetank.values.noun import SceneError
 
 GRAVITY = 9.81
 BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
@@ -245,6 +246,30 @@ def test_what_no_far_wall_can_be_is_a_sentence(case, changes, said):
     with pytest.raises(InputError) as error:
         build_run(read_case(case, changes), MPI.COMM_SELF)
     assert said in str(error.value)
+
+
+REACHED = moved("0.04 * sin(pi * t)", absorb=None)  # 0.03 m when t = 0.270 s
+LINE = {"name": "A", "start": [3.0, 0.0], "end": [3.97, 0.0], "count": 2}
+
+
+@pytest.mark.parametrize(
+    ("looked_at", "said"),
+    [
+        (
+            {"gauges": [0.05, 0.03]},
+            "gauges.1: stands 0.03 m from the paddle of wall at rest, which is there at t = 0.27",
+        ),
+        ({"gauges": [2.0], "gauge_lines": [LINE]}, "gauge_lines.0: stands 0.03 m from the paddle of far_wall at rest"),
+        ({"probes": [{"x": 3.97, "z": -0.3}]}, "probes.0: stands 0.03 m from the paddle of far_wall at rest"),
+    ],
+)
+def test_a_gauge_or_probe_that_a_paddle_reaches_is_refused_before_the_run(looked_at, said):
+    """Unless the water is linear, where nothing travels, or it answers the water: then it is seen in the run."""
+    with pytest.raises(SceneError, match=said):
+        build_run(scene(REACHED, REACHED, **looked_at), MPI.COMM_SELF)
+    free = REACHED | {"absorb": {"type": "active"}}
+    for other in (scene(free, free, **looked_at), scene(REACHED, REACHED, water={"type": "linear"}, **looked_at)):
+        assert [seen.excursion(seen.motion()) > 0.03 for seen in other.paddles] == [True, True]
 
 
 def test_a_plan_is_made_of_the_waves_of_both_walls(case):

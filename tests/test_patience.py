@@ -14,11 +14,12 @@ from test_faults import forked
 from test_stateful import BASIN, FLAP, SLICE, Observed, differing
 
 from wavetank.case import Scene
-from wavetank.errors import RunError, StoppedError
+from wavetank.errors import PaddleError, StoppedError
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
 from wavetank.observers.contract import Moment
 from wavetank.observers.gauges import Gauges
+from wavetank.observers.passing import Called
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.stability import StabilityWatch
@@ -68,16 +69,18 @@ def test_so_it_is_on_several_ranks(parts, on_ranks):
     assert found == [[]] * len(found)
 
 
-def test_a_paddle_that_reaches_a_gauge_is_told_of_its_time_and_rows_before_are_kept(make_tank):
+def test_a_paddle_that_reaches_a_gauge_is_told_of_at_once_by_name_and_rows_before_are_kept(make_tank):
+    """At the moment itself, though moments are worked off together, so that the run ends there."""
     tank, rows = make_tank(length=6.0, cells=12, n=2, motion=Ramped(Sinusoid(0.4, 4.0), 1.0), reach=3.0), Memory()
-    gauges = Gauges(tank, [(0.2, 0.0), (5.0, 0.0)], record=rows, schedule=EverySteps())
+    called = Called(("gauges.0", "gauges.1"), ("wall",))
+    gauges = Gauges(tank, [(0.2, 0.0), (5.0, 0.0)], record=rows, schedule=EverySteps(), called=called)
     times = [0.1 * step for step in range(20)]
-    for step, t in enumerate(times):
-        gauges.keep(Moment(step, t, *tank.state(0.01 * np.cos(tank.plane.x), 0 * tank.plane.x, t)))
     reached = next(t for t in times if tank.wall.motion.position(t) > 0.2)
-    with pytest.raises(RunError, match=rf"t = {reached:.6g} s: the paddle has reached a gauge: the point x = -0"):
-        gauges.work_off()
-    assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
+    told = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.0, x = 0.2 m: it must stand farther"
+    with pytest.raises(PaddleError, match=told):
+        for step, t in enumerate(times):
+            gauges.keep(Moment(step, t, *tank.state(0.01 * np.cos(tank.plane.x), 0 * tank.plane.x, t)))
+    assert t == reached and [row[0] for row in rows.rows] == times[: times.index(reached)] != []
 
 
 @pytest.mark.parametrize("together", [1, 5, 16])

@@ -63,7 +63,7 @@ class StoppedError(RunError):
 
 
 class PaddleError(RunError):
-    """A paddle that absorbs has gone where it cannot: with any numerics it would."""
+    """A paddle has gone where it cannot, or to where somebody looks: with any numerics it would."""
 
     anew = True
 

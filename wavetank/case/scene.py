@@ -123,9 +123,11 @@ class Scene(Noun):
 
         x of waves and gauges count from there, into the water; what else stands in the tank is where it was.
         """
-        gauges = [gauge.model_copy(update={"x": self.tank.length - gauge.x}) for gauge in self.all_gauges]
+        length = self.tank.length
+        gauges = [gauge.model_copy(update={"x": length - gauge.x}) for gauge in self.gauges]
+        lines = [line.mirrored(length) for line in self.gauge_lines]
         same = {name: getattr(self, name) for name in Scene.model_fields}
-        seen = {"wall": self.far_wall, "far_wall": self.wall, "gauges": (*gauges,), "gauge_lines": ()}
+        seen = {"wall": self.far_wall, "far_wall": self.wall, "gauges": (*gauges,), "gauge_lines": (*lines,)}
         return MirroredScene.model_construct(self.model_fields_set, **{**same, **seen})
 
     @property
@@ -225,6 +227,31 @@ class Scene(Noun):
             yield from self.wall.reach_problems(self.tank, self.room, self.excursion(motion))
             if self.wall.limits is not None:
                 yield from self.wall.limits.exceeded(self.extent(motion))
+            yield from self._reached(self.wall, motion)
+
+    def _reached(self, wall: MovingWall, motion: motions.Motion) -> Iterator[Problem]:
+        """Yield the first gauge or probe that the paddle reaches, where its motion is told and not what it answers."""
+        told = self.physics == "nonlinear" and getattr(wall, "absorb", None) is None
+        layout = self.tank.layout if isinstance(self.tank, BasinTank) else None
+        if not told or (layout is not None and layout.type != "rectangle"):  # of small strokes nothing travels
+            return
+        left, far = layout.box[0] if layout and layout.box else 0.0, self.end == FAR
+        own = left if not far else -left  # where it stands, as x of its gauges counts
+        rest = left + self.tank.length * far
+        gauges = [(self.gauge_key(n), one.x - own, one.y, 0.0) for n, one in enumerate(self.all_gauges)]
+        probes = [(("probes", n), abs(one.x - rest), one.y, one.z) for n, one in enumerate(self.probes)]
+        excursion = self.excursion(motion) if gauges or probes else 0.0
+        for key, x, y, z in (*gauges, *probes):
+            share = float(wall.maker.share(np.array([z]), self.tank.depth)[0])
+            if abs(share) * excursion <= x:
+                continue
+            t, whole = self._times(motion), wall.places(self.tank) is None
+            into = share * values(partial(motion.position, y=None if whole else np.array([y])), t).reshape(-1)
+            if into.max() > x:
+                there = f"stands {x:.4g} m from the paddle of {self.key} at rest, which is there at"
+                allowed = f"must stand farther from it than {into.max():.4g} m, as far as that goes"
+                yield Problem(key, None, f"{there} t = {t[np.argmax(into > x)]:.4g} s: {allowed}")
+                return
 
     def excursion(self, motion: motions.Motion) -> float:
         """Return the paddle's largest distance from rest in the run [m]."""

@@ -1,13 +1,14 @@
 """The contract of an observer, and what observers ask of waves."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
 from wavetank.water.energy import Energies, Seen
-from wavetank.water.walls.contract import Heights
+from wavetank.water.walls.contract import Heights, Paddle
 
 
 class Moment(NamedTuple):
@@ -95,6 +96,10 @@ class Judge(Protocol):
 
 class ObservedWall(Protocol):
     """What observers ask of a wall: where the reference tank lies in the laboratory."""
+
+    @property
+    def paddles(self) -> Sequence[Paddle]:
+        """What moves of it."""
 
     @property
     def leans(self) -> bool:

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError, InputError, RunError
+from wavetank.errors import ConvergenceError, OutsideError
 from wavetank.observers.contract import Moment, ObservedWaves, Patient
+from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.water.surface_points import SurfacePoints
@@ -29,19 +30,27 @@ class Gauges(Patient):
         (x, y) [m], shape (N, 2); x from the paddle's rest position in a slice, from anywhere in a ring.
     record
         Where rows (t, eta_1, ..., eta_N) go.
+    called
+        What they and the paddles are called in a case.
     """
 
-    def __init__(self, waves: ObservedWaves, places: Vector, *, record: Record, schedule: Schedule):
+    def __init__(
+        self, waves: ObservedWaves, places: Vector, *, record: Record, schedule: Schedule, called: Called | None = None
+    ):
+        places = np.asarray(places, dtype=np.float64)
         self._waves, self._record, self.schedule = waves, record, schedule
         self._elevation, self._kept = waves.plane.function("elevation"), list[_Kept]()
-        self._points = SurfacePoints(waves.plane, waves.wall, np.asarray(places, dtype=np.float64))
+        self._points = SurfacePoints(waves.plane, waves.wall, places)
+        self._passing = Passing(waves.wall, places, called or Called.unnamed(waves.wall, "gauge", places))
 
     def keep(self, moment: Moment) -> None:
-        """Keep the elevation; collective."""
+        """Keep the elevation, but work it off where a paddle is near; raises as ``work_off``; collective."""
         self._kept.append(_Kept(moment.t, moment.elevation(self._waves), self._points.stand()))
+        if self._passing.near(self._kept[-1].stand):
+            self.work_off()
 
     def work_off(self) -> None:
-        """Append a row for each moment; raises ``RunError`` if the paddle has passed a gauge; collective."""
+        """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
         kept, self._kept = self._kept, []
         if kept:
             self._append(kept)
@@ -49,11 +58,11 @@ class Gauges(Patient):
     def _append(self, kept: list[_Kept]) -> None:
         try:
             elevations = self._points.each(self._rows(kept), [one.stand for one in kept])
-        except (InputError, ConvergenceError) as error:
+        except (OutsideError, ConvergenceError) as error:
             for one in kept if len(kept) > 1 else ():  # up to the one where that is
                 self._append([one])
-            if isinstance(error, InputError):
-                raise RunError(f"t = {kept[0].t:.6g} s: the paddle has reached a gauge: {error}") from None
+            if isinstance(error, OutsideError):
+                raise self._passing.error(kept[0].t, error.index, kept[0].stand) from None
             raise
         self._record.extend(np.column_stack([[one.t for one in kept], elevations]))
 

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from wavetank.errors import InputError, RunError
+from wavetank.errors import OutsideError
 from wavetank.observers.contract import Moment
+from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.stateful import Held, Stateful
@@ -20,19 +21,31 @@ class Probes:
         The points.
     record
         Where rows go.
+    called
+        What they and the paddles are called in a case.
     """
 
-    def __init__(self, water: MovingWater, sounding: Sounding, *, record: Record, schedule: Schedule):
+    def __init__(
+        self,
+        water: MovingWater,
+        sounding: Sounding,
+        *,
+        record: Record,
+        schedule: Schedule,
+        called: Called | None = None,
+    ):
         self._water, self._sounding, self._record, self.schedule = water, sounding, record, schedule
+        self._places = sounding.places
+        self._passing = Passing(water.wall, self._places, called or Called.unnamed(water.wall, "probe", self._places))
         self._axes = axes_of(water)
 
     def observe(self, moment: Moment) -> None:
-        """Append one row; raises ``RunError`` if the paddle has passed a probe; collective."""
+        """Append one row; raises ``PaddleError`` if a paddle has passed a probe; collective."""
         self._water.find_rates(moment.q, moment.p, moment.t)
         try:
             found = self._sounding.take()
-        except InputError as error:
-            raise RunError(f"t = {moment.t:.6g} s: the paddle has reached a probe: {error}") from None
+        except OutsideError as error:
+            raise self._passing.error(moment.t, error.index, self._water.wall.stand(self._places)) from None
         vectors = (vector[:, self._axes] for vector in (found.velocity, found.local, found.acceleration))
         each = np.column_stack([*vectors, found.pressure])
         rows = ([None] * len(row) if dry else row for row, dry in zip(each, found.dry, strict=True))

@@ -5,7 +5,7 @@ from typing import Protocol
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, PaddleError
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.probes import axes_of
 from wavetank.observers.schedule import Schedule
@@ -57,7 +57,7 @@ class WindowObserver:
         self._sounding = Sounding(water, np.repeat(points, levels, axis=0), density=density)
 
     def observe(self, moment: Moment) -> None:
-        """Append what the columns do; raises ``RunError`` if the paddle has passed one; collective."""
+        """Append what the columns do; raises ``PaddleError`` if the paddle has passed one; collective."""
         self._water.find_rates(moment.q, moment.p, moment.t)
         self._elevation.set(self._waves.elevation(moment.q, moment.p, moment.t))
         self._depth.set(np.zeros(self._water.plane.owned) + self._water.bed.still)
@@ -68,7 +68,7 @@ class WindowObserver:
             points = np.column_stack([np.repeat(self._places, self._zeta.size, axis=0), z.ravel()])
             found = self._sounding.take(points)
         except InputError as error:
-            raise RunError(f"t = {moment.t:.6g} s: the paddle has reached a column: {error}") from None
+            raise PaddleError(f"t = {moment.t:.6g} s: the paddle has reached a column of a window: {error}") from None
         vectors = (vector[:, self._axes].T for vector in (found.velocity, found.local, found.acceleration))
         moved = np.vstack([*vectors, found.pressure]).reshape(-1, *z.shape)
         self._record.append(moment.t, z, eta, moved)

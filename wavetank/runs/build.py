@@ -28,6 +28,7 @@ from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.loads import Loads, Pushing
 from wavetank.observers.paddle import RATES, PaddleLimits, PaddleMotion
+from wavetank.observers.passing import Called
 from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
@@ -288,9 +289,15 @@ def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
     """Return what records the gauges; collective. Raises ``SceneError`` for one outside the mesh."""
     places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
     try:
-        return Gauges(waves, places, record=record, schedule=EverySteps(scene.output.gauges_every))
+        called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
+        return Gauges(waves, places, record=record, schedule=EverySteps(scene.output.gauges_every), called=called)
     except OutsideError as error:
         raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
+
+
+def _called(scene: Scene, keys: Sequence[tuple[str | int, ...]]) -> Called:
+    """Return what places are called that stand in a scene, and its paddles."""
+    return Called([".".join(map(str, key)) for key in keys], [seen.key for seen in scene.paddles])
 
 
 class InTheWater(NamedTuple):
@@ -341,7 +348,8 @@ def _probes(scene: Scene, water: MovingWater, record: Record, schedule: EverySte
     points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
     try:
         sounding = Sounding(water, points, density=scene.tank.density)
-        return Probes(water, sounding, record=record, schedule=schedule)
+        called = _called(scene, [("probes", n) for n in range(len(points))])
+        return Probes(water, sounding, record=record, schedule=schedule, called=called)
     except OutsideError as error:
         raise SceneError([Problem(("probes", error.index), None, str(error))]) from None
 

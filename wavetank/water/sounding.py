@@ -56,6 +56,11 @@ class Sounding:
         self._kinematics = Kinematics(water, self._patch())
         self._depth = water.plane.function("depth")
 
+    @property
+    def places(self) -> Vector:
+        """Where the points are, seen from above: (x, y) [m], shape (N, 2)."""
+        return self._at[:, :2]
+
     def _coordinates(self) -> Vector:
         """Return where the points are in the mesh, shape (N, 3)."""
         return self._water.plane.chart.place(self._water.wall.to_reference(self._at[:, :2], self._at[:, 2]))
