@@ -5,7 +5,7 @@ Per gauge, over the times both have, with the reference's times as the base and 
     nrms        rms(computed - reference) / rms(reference)
     nrms_fitted the same for gain * computed(t - shift), the gain and the shift fitted by least squares
     correlation of computed and reference, without shift
-    crests      the largest elevation of either: of the spline, and among the reference's samples; troughs the lowest
+    crests      the largest elevation of either's spline, at the same times; troughs the lowest
     crest error the computed crest over the reference's, less 1; of the troughs alike
     arrival     by how much later than in the reference the elevation first is a tenth of the reference's largest
     similarity  the surface similarity parameter: 0 alike, 1 opposite (``analysis/similarity.py``)
@@ -192,9 +192,9 @@ def compare_gauge(computed: GaugeSeries, reference: GaugeSeries, *, clock_offset
         raise InputError(f"gauge {computed.name}: the records do not overlap in time, or the reference is zero there.")
     spline = scipy.interpolate.CubicSpline(computed.t, computed.eta)
     shift, fit = _fit(spline, t, eta)
-    fine = np.linspace(t[0], t[-1], 8 * t.size)
-    there, near = spline(t), spline(fine)
-    crest, peak, level = int(np.argmax(near)), int(np.argmax(eta)), ARRIVED * float(np.abs(eta).max())
+    fine = np.interp(np.arange(8 * t.size - 7) / 8, np.arange(t.size), t)  # the samples among them
+    there, near, expected = spline(t), spline(fine), scipy.interpolate.CubicSpline(reference.t, reference.eta)(fine)
+    crest, peak, level = int(np.argmax(near)), int(np.argmax(expected)), ARRIVED * float(np.abs(expected).max())
     return GaugeComparison(
         gauge=reference.name,
         x=reference.x,
@@ -205,14 +205,14 @@ def compare_gauge(computed: GaugeSeries, reference: GaugeSeries, *, clock_offset
         correlation=_correlation(there, eta),
         crest_computed=float(near[crest]),
         t_crest_computed=float(fine[crest]),
-        crest_reference=float(eta[peak]),
-        t_crest_reference=float(t[peak]),
+        crest_reference=float(expected[peak]),
+        t_crest_reference=float(fine[peak]),
         clock_offset=clock_offset,
         trough_computed=float(near.min()),
-        trough_reference=float(eta.min()),
-        crest_error=_excess(near.max(), eta.max()),
-        trough_error=_excess(-near.min(), -eta.min()),
-        arrival_error=_arrival(fine, near, level) - _arrival(t, eta, level),
+        trough_reference=float(expected.min()),
+        crest_error=_excess(near.max(), expected.max()),
+        trough_error=_excess(-near.min(), -expected.min()),
+        arrival_error=_arrival(fine, near, level) - _arrival(fine, expected, level),
         similarity=surface_similarity(there, eta),
     )
 
