@@ -8,11 +8,13 @@ import sys
 import time
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from ranks import CHECKOUT, begun, launch
 
+from wavetank.__main__ import main as start
 from wavetank.cli import ORDER, app, main
 from wavetank.records.directory import RunDirectory
 
@@ -187,6 +189,23 @@ def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
     assert re.search(r"wavetank: t = [\d.]+ s: interrupted by SIGINT", errors), errors
     assert RunDirectory(out).manifest["status"] == "stopped"
     assert RunDirectory(out).gauge_series()[0].t.size > 5
+
+
+def interrupt(*_):
+    raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("when", ["while it is imported", "while it is set up"])
+def test_what_is_interrupted_before_it_begins_ends_as_what_is_later(when, monkeypatch, capsys):
+    """One line, and a run's exit code."""
+    if when == "while it is imported":
+        monkeypatch.delitem(sys.modules, "wavetank.cli")
+        monkeypatch.setattr(sys, "meta_path", [SimpleNamespace(find_spec=interrupt), *sys.meta_path])
+    else:
+        monkeypatch.setattr("wavetank.case.at_hand.cases_at_hand", interrupt)
+    monkeypatch.setattr(sys, "argv", ["wavetank", "run"])
+    assert start() == 1
+    assert capsys.readouterr().err == "wavetank: interrupted by SIGINT\n"
 
 
 def test_a_case_built_in_python_runs_without_a_directory():

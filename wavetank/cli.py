@@ -95,6 +95,7 @@ def options(
     """A numerical wave tank: fully nonlinear potential-flow water waves."""
 
 
+INTERRUPTED = 130  # how typer ends where Ctrl-C comes before a run's steps, or after them
 LAST_RANK = 60.0  # s in which all ranks must have come to the same end
 OVERWRITE = "replace what an earlier command has written there"
 
@@ -267,8 +268,14 @@ def main(arguments: list[str] | None = None) -> int:
             raise
         _abort(error)
         return _report(f"{error.filename or 'a file'}: {error.strerror or error}.", 1, ranks)
-    except SystemExit as stop:
-        return int(stop.code or 0)
+    except (SystemExit, KeyboardInterrupt) as stop:
+        if isinstance(stop, SystemExit) and stop.code != INTERRUPTED:
+            return int(stop.code or 0)
+        drain()
+        _print_error("interrupted by SIGINT")
+        if ranks.size > 1:
+            ranks.Abort(1)  # the others may be anywhere
+        return 1
     except Exception as error:
         _abort(error)
         raise
