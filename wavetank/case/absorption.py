@@ -1,6 +1,6 @@
 """Paddles that absorb the waves which come back to them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Literal
 
 import numpy as np
@@ -24,32 +24,31 @@ class ActiveAbsorption(Noun):
 
     type: Literal["active"] = "active"
     shortest: Duration | None = Field(
-        default=None, description="shortest period that it is made for [s]; default: that of k d = 3, or the paddle's"
+        default=None, description="shortest period that it is made for [s]; default: that of k d = 3, or a paddle's"
     )
     longest: Duration | None = Field(
-        default=None, description="longest period that it is made for [s]; default: that of k d = 1/2, or the paddle's"
+        default=None, description="longest period that it is made for [s]; default: that of k d = 1/2, or a paddle's"
     )
 
-    def band(self, tank: AnyTank, *, paddle: float | None = None) -> tuple[float, float]:
-        """Return the shortest and the longest period [s], defaults resolved; ``paddle`` moves with that period [s]."""
-        shortest, longest = _periods(tank, BAND)
-        if paddle is not None:
-            paddle = float(np.clip(paddle, *_periods(tank, POSSIBLE)))
-            shortest, longest = min(shortest, paddle), max(longest, paddle)
+    def band(self, tank: AnyTank, *, paddles: Iterable[float] = ()) -> tuple[float, float]:
+        """Return shortest and longest period [s], defaults resolved; ``paddles`` have these periods [s]."""
+        possible = _periods(tank, POSSIBLE)
+        periods = [*_periods(tank, BAND), *(float(np.clip(one, *possible)) for one in paddles)]
+        shortest, longest = min(periods), max(periods)
         shortest = self.shortest or min(shortest, (self.longest or longest) / NARROWEST)
         return shortest, self.longest or max(longest, shortest * NARROWEST)
 
-    def build(self, tank: AnyTank, maker: Wavemaker, *, paddle: float | None = None) -> PassiveFilter:
+    def build(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> PassiveFilter:
         """Return the filter by which a paddle of a shape absorbs; as ``band``."""
-        shortest, longest = self.band(tank, paddle=paddle)
+        shortest, longest = self.band(tank, paddles=paddles)
         return PassiveFilter.fitted(maker, depth=tank.depth, gravity=tank.gravity, shortest=shortest, longest=longest)
 
-    def told(self, tank: AnyTank, maker: Wavemaker, *, paddle: float | None = None) -> str:
+    def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
         """Return what it does, in words; as ``band``."""
-        shortest, longest = self.band(tank, paddle=paddle)
+        shortest, longest = self.band(tank, paddles=paddles)
         omega = np.asarray(2 * np.pi / np.geomspace(shortest, longest, 50), dtype=np.float64)
         at_face = face(maker, omega, tank.depth, tank.gravity)
-        most = np.abs(self.build(tank, maker, paddle=paddle).reflection(at_face, omega)).max()
+        most = np.abs(self.build(tank, maker, paddles=paddles).reflection(at_face, omega)).max()
         band = f"waves from {shortest:.3g} to {longest:.3g} s"
         return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band}"
 
@@ -93,7 +92,7 @@ class SpringDamper(Noun):
             float(damping) if self.damping is None else self.damping / tank.density,
         )
 
-    def told(self, tank: AnyTank, maker: Wavemaker, *, paddle: float | None = None) -> str:
+    def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
         """Return what it does, in words."""
         mass, stiffness, damping = (tank.density * part for part in self.resolved(tank, maker))
         parts = f"{mass:.4g} kg/m on a spring of {stiffness:.4g} N/m² and a damper of {damping:.4g} N s/m²"

@@ -212,6 +212,11 @@ class Scene(Noun):
         until = motion.duration if np.isfinite(motion.duration) else self.run.duration
         return motion.power_period or paddle_period(self.of_paddle(motion, "velocity"), duration=until, tank=self.tank)
 
+    @property
+    def paddle_periods(self) -> tuple[float, ...]:
+        """The periods [s] of those of ``paddles`` that are driven; none of one that only absorbs."""
+        return tuple(period for seen in self.paddles if (period := seen.paddle_period) is not None)
+
     def of_paddle(self, motion: motions.Motion, what: str) -> Callable[[motions.Array], motions.Array]:
         """Return a motion's position or velocity as a function of times alone, at all places where it has several."""
         return partial(getattr(motion, what), y=self.wall.places(self.tank))

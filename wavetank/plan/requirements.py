@@ -278,15 +278,16 @@ def _wall_reason(scene: Scene) -> str:
         return "wall at x = 0: none in a ring."
     if not scene.wall.moves:
         return "wall at x = 0: fixed, nothing moves there."
-    return f"wall at x = 0: {_paddle_reason(scene)}"
+    return f"wall at x = 0: {_paddle_reason(scene, scene)}"
 
 
-def _paddle_reason(scene: Scene) -> str:
-    paddle, absorb = f"a {scene.wall.type}", getattr(scene.wall, "absorb", None)
-    end = "." if absorb is None else f"; {absorb.told(scene.tank, scene.wall.maker, paddle=scene.paddle_period)}."
-    if scene.motion().interval is not None:
+def _paddle_reason(seen: Scene, scene: Scene) -> str:
+    """Return what is to be said of the wall of a scene as seen from there."""
+    paddle, absorb = f"a {seen.wall.type}", getattr(seen.wall, "absorb", None)
+    end = "." if absorb is None else f"; {absorb.told(scene.tank, seen.wall.maker, paddles=scene.paddle_periods)}."
+    if seen.motion().interval is not None:
         return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise{end}"
-    if not scene.motion().moves:
+    if not seen.motion().moves:
         return f"{paddle} that is not driven{end}"
     return f"{paddle}, the waves come from its motion{end}"
 
@@ -297,7 +298,7 @@ def _end_reason(scene: Scene, waves: Components) -> str:
     if scene.sponge is not None:
         return f"far end: a sponge (type {scene.sponge.type}) absorbs what comes; what it reflects is not planned for."
     if scene.far_wall.moves:
-        return f"far end: {_paddle_reason(scene.mirrored)}"
+        return f"far end: {_paddle_reason(scene.mirrored, scene)}"
     fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
     if not scene.wall.moves or fastest * scene.run.duration > scene.tank.length:
         return "far end: a wall that reflects, the scene has no sponge; reflected waves are not followed further."

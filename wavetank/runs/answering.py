@@ -26,7 +26,7 @@ def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
         seen = scene.paddles[number]
         wall: Any = seen.wall
         paddle: Any = waves.wall.paddles[number]
-        equation, look = ANSWERS[type(wall.absorb)](seen, wall.absorb, number, waves)
+        equation, look = ANSWERS[type(wall.absorb)](scene, number, waves)
         shares = wall.shares(seen.tank)
         found.append(AnsweringPaddle(paddle, equation, look, shares=shares, key=seen.key))
     return found
@@ -53,32 +53,32 @@ def went_on(scene: Scene, motions: Iterable[Any], scheme: Held) -> None:
         paddles[number].carry(scheme[f"paddle {n}"]["motion"])
 
 
-def _active(scene: Scene, absorb: ActiveAbsorption, number: int, waves: AnyWaves) -> Answered:
-    tank, comm = scene.tank, waves.plane.comm
+def _active(scene: Scene, number: int, waves: AnyWaves) -> Answered:
+    seen, tank, comm = scene.paddles[number], scene.tank, waves.plane.comm
+    wall: Any = seen.wall
     paddle: Any = waves.wall.paddles[number]
-    found = from_first(comm, lambda: absorb.build(tank, scene.wall.maker, paddle=scene.paddle_period))
+    found = from_first(comm, lambda: wall.absorb.build(tank, wall.maker, paddles=scene.paddle_periods))
     above, below = found.over_s()
     made = agreed(
         comm,
         lambda: elevation_at_face(
-            scene.motion(), scene.wall.maker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
+            seen.motion(), wall.maker, depth=tank.depth, gravity=tank.gravity, duration=scene.run.duration
         ),
     )
     excess = Excess(waves, paddle, made)
     return Equation.of_transfer(-above, below).met_by(excess.rise), excess
 
 
-def _on_spring(scene: Scene, absorb: SpringDamper, number: int, waves: AnyWaves) -> Answered:
-    wall: Any = scene.wall
-    tank, maker = scene.tank, wall.maker
+def _on_spring(scene: Scene, number: int, waves: AnyWaves) -> Answered:
+    wall: Any = scene.paddles[number].wall
     paddle: Any = waves.wall.paddles[number]
-    mass, stiffness, damping = absorb.resolved(tank, maker)
-    added = wall.added_mass(tank)
+    mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.maker)
+    added = wall.added_mass(scene.tank)
     equation = Equation.of_spring(mass + added, stiffness, damping)
     return equation, Push(waves, number, paddle, mass=added)
 
 
-ANSWERS: dict[type[Noun], Callable[[Scene, Any, int, AnyWaves], Answered]] = {
+ANSWERS: dict[type[Noun], Callable[[Scene, int, AnyWaves], Answered]] = {
     ActiveAbsorption: _active,
     SpringDamper: _on_spring,
 }

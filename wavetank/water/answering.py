@@ -166,15 +166,16 @@ class Excess:
         """Return ``rise``: how fast still water rises, where the paddle is a metre a second faster; collective."""
         waves, motion, speed = self._waves, self._motion, float(np.sqrt(self._waves.gravity * self._waves.depth))
         brief = BRIEF * speed / waves.gravity
-        rates = list[float]()
+        rates, speeds = list[float](), list[float]()
         for t, added in ((-brief, 0.0), (-3.0 * brief, speed)):
             motion.forget()
             motion.go_on(t - 1.0, 1.0, 0.0, added)
             q, p = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
             before = waves.elevation(q - brief * waves.H_p(q, p, t), p, t - brief)
             rates.append(-self._mean(before) / brief)
+            speeds.append(motion.velocity(t))  # asked before it is forgotten, which times that are kept are not
         motion.forget()
-        return float((rates[1] - rates[0]) / (speed + motion.velocity(-3.0 * brief) - motion.velocity(-brief)))
+        return float((rates[1] - rates[0]) / (speeds[1] - speeds[0]))
 
     def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
         """See ``Look``; shape (1,), in m."""
