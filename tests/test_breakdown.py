@@ -3,6 +3,8 @@
 Oracle: cases in which the cause is known, because everything else is harmless.
 """
 
+import re
+
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -11,7 +13,7 @@ from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.cli import main
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, PaddleError, RunError
 from wavetank.postprocess.run_figures import draw_run
 from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
@@ -39,6 +41,27 @@ def test_a_step_too_long_where_the_surface_moves_is_told_from_steep_waves(tmp_pa
     with pytest.raises(RunError, match=r"step is too long: dt omega_max = 1\.59 .*, 2\.8.* where .* try 0\.02\d s\.$"):
         run(tmp_path, numerics={**scheme, "dt": 0.04})
     run(tmp_path / "shorter", numerics={**scheme, "dt": 0.02})
+
+
+def test_a_flap_that_leans_too_far_is_told_from_steep_waves(tmp_path, capsys):
+    """Oracle: by then it leans so far, and no step makes it lean less; where gauges fail a run's time is theirs."""
+    motion = {"type": "sinusoid", "paddle_amplitude": 1.047, "period": 8.0, "ramp": 3.0}
+    parts = {
+        "tank": {"length": 5.0, "depth": 0.5},
+        "wall": {"type": "flap", "motion_as": "angle", "motion": motion},
+        "run": {"duration": 7.0},
+        "gauges": [1.0],
+        "numerics": {"cell_size": 0.125, "vertical_order": 8},
+    }
+    told = r"^t = (\S+) s: .*: the paddle leans (\d+) degrees into the water, and the surface folds beside it"
+    with pytest.raises(PaddleError, match=told) as error:
+        record_run(Scene.model_validate(parts), tmp_path / "run", comm=MPI.COMM_SELF, console=Console(soft_wrap=True))
+    found, kept = re.match(told, str(error.value)), RunDirectory(tmp_path / "run")
+    lean = np.degrees(np.arctan(float(kept.paddle.position[-1]) / 0.5))
+    assert float(found[2]) == pytest.approx(lean, abs=2.0) and lean > 40.0
+    assert kept.manifest["t"] == pytest.approx(float(found[1]), abs=0.04)
+    said = capsys.readouterr().out
+    assert "next: anew from the start" in said and "numerics.dt" not in said and "broken.csv" in said
 
 
 def test_a_bed_that_falls_dry_is_told_from_steep_waves(tmp_path):

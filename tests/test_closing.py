@@ -105,5 +105,14 @@ def test_what_has_broken_down_goes_on_from_before_it_was_warned_of(tmp_path, unt
     assert lines[-1].startswith("next: " + following.format(tmp_path))
 
 
+def test_what_only_another_case_would_cure_is_not_resumed_though_it_broke_down(tmp_path):
+    broken = SPENT | {"t": 9.9, "checkpoints": [9.0], "broke_down": {"crests": []}, "anew": True}
+    *_, surface, kept, last = closing(
+        Outcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), broken, warnings=[], path=tmp_path, flat=True
+    )
+    assert "broken.csv" in surface and kept.startswith("the last good checkpoint, t = 9 s")
+    assert last == "next: anew from the start, as the case has to be another"
+
+
 def test_nothing_is_said_of_a_run_that_nobody_has_looked_at_or_that_has_left_the_numbers():
     assert Outcome(Crest(), 0.0, 0.0).figures == Outcome(Crest(0.1), 0.0, float("inf")).figures == {}

@@ -13,7 +13,7 @@ from rich.console import Console
 from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.windows import Window
-from wavetank.errors import BreakdownError, InputError, RunError
+from wavetank.errors import BreakdownError, InputError, PaddleError, RunError
 from wavetank.fe.agreed import agreed, from_first, on_first
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.breaking import BreakingNews
@@ -46,7 +46,7 @@ from wavetank.runs.run import Run
 from wavetank.runs.starts import told_of_start
 from wavetank.runs.waters import AnyWaves, told_of_bed
 from wavetank.values.noun import SceneError
-from wavetank.water.breakdown import cause
+from wavetank.water.breakdown import cause, folds
 from wavetank.water.breaking import BreakingDissipation
 from wavetank.water.waves import NonlinearWaves
 
@@ -375,6 +375,8 @@ def _execute(
             surface = BrokenSurface.of(run, waves)
             if surface is not None:
                 look(surface)
+                if isinstance(error, BreakdownError) and (fold := folds(waves, run.state.q, run.state.p, run.t)):
+                    error = PaddleError(f"{error}: {fold}")
         note(anew=error.anew)
         if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
             state, limit = run.state, run.integrator.stability_limit
@@ -382,7 +384,7 @@ def _execute(
             for breaking in (one for one in _breaking(run) if one.began):
                 why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
             raise type(error)(f"{error}: {why}.") from None
-        raise
+        raise error from None
     except BaseException:
         if waves.plane.comm.size == 1:  # others may not be here
             run.settle()

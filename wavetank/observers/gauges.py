@@ -63,7 +63,7 @@ class Gauges(Patient):
                 self._append([one])
             if isinstance(error, OutsideError):
                 raise self._passing.error(kept[0].t, error.index, kept[0].stand) from None
-            raise
+            raise ConvergenceError(f"t = {kept[0].t:.6g} s: {error}") from None
         self._record.extend(np.column_stack([[one.t for one in kept], elevations]))
 
     def _rows(self, kept: list[_Kept]) -> Vector:

@@ -9,7 +9,7 @@ from wavetank.arrays import Vector
 from wavetank.errors import PaddleError
 from wavetank.observers.contract import ObservedWall
 
-NEAR = 0.75  # of the way to a place, at still water: from there on it is looked at once whether a paddle is there
+NEAR = 0.5  # of the way to a place, at still water: from there on it is looked at once whether a paddle is there
 
 
 class Called(NamedTuple):

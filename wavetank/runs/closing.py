@@ -14,6 +14,8 @@ from wavetank.runs.run import Run
 from wavetank.water.breaking import ONSET
 from wavetank.water.linear_waves import LinearWaves
 
+ANEW = "anew from the start, as the case has to be another"
+
 
 class Outcome(NamedTuple):
     """What the observers of a run know when it ends.
@@ -99,7 +101,7 @@ def closing(
 def _next(spent: dict[str, Any], directory: str) -> list[str]:
     """Return what serves next: a run that was stopped may go on, unless only another case gets farther."""
     if spent.get("anew"):
-        return ["anew from the start, as the case has to be another"]
+        return [ANEW]
     if spent["t"] < (1 - 1e-9) * spent["scene"]["run"]["duration"]:
         return [f"wavetank resume {directory}"]
     return [f"wavetank view {directory}", f"wavetank compare {directory} --with DATA"]
@@ -120,6 +122,8 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
     good = "good " if kept[0] in sound else ""
     before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
     lines.append(f"the last {good}checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")
+    if spent.get("anew"):
+        return [*lines, f"next: {ANEW}"]
     if not sound:
         return [*lines, f"next: anew from the start with --set {other}: no checkpoint is older than the warning"]
     at = "" if good else f" --at {sound[0]:.6g}"

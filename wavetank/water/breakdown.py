@@ -1,14 +1,40 @@
 """Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
 
-from math import isfinite
+from math import atan, degrees, isfinite
+
+import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.stage_solver import ITERATES
 from wavetank.water.short_waves import ShortWaves
+from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
 NEARLY_STEEPEST = 0.5  # slope; the steepest progressive wave has 0.58
 FLAT = 0.05  # slope, of waves that no theory calls steep
+LEANING = 40.0  # degrees; beside paddles that lean more the surface may fold (docs/waves.md)
+BESIDE = 2.0  # depths
+STEP = 1e-3  # of the depth, over which a paddle's shape is looked at
+
+
+def folds(waves: NonlinearWaves, q: Vector, p: Vector, t: float) -> str:
+    """Return in words that the surface of a slice folds beside a paddle that leans far; empty if not; collective."""
+    flow = waves.surface
+    if not isinstance(flow, SurfaceFlow) or not waves.wall.leans:
+        return ""
+    flow.update(q, p, t)
+    x, _, slope, _ = flow.profile
+    steepest, z = float(x[np.argmax(np.abs(slope))]), STEP * waves.depth * np.array([-1.0, 0.0, 1.0])
+    for paddle, stand in zip(waves.wall.paddles, waves.wall.stand(np.zeros((1, 2)))[:, 0], strict=True):
+        below, here, above = stand * paddle.shape.at(z)
+        lean = degrees(atan((above - below) / (z[2] - z[0])))
+        place = float(paddle.side.point[0] + paddle.side.sign * here)
+        if abs(lean) > LEANING and abs(steepest - place) < BESIDE * waves.depth:
+            end, way = "far " if paddle.side.sign < 0 else "", "into" if lean > 0 else "out of"
+            folded = f"slope {flow.largest_slope:.2g}, {abs(steepest - place):.2g} m from it"
+            leans = f"the {end}paddle leans {abs(lean):.0f} degrees {way} the water"
+            return f"{leans}, and the surface folds beside it ({folded}): it must lean less, or go more gently"
+    return ""
 
 
 def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, limit: float) -> str:
