@@ -27,6 +27,7 @@ from wavetank.case.contents import contents
 from wavetank.case.reading import read_case
 from wavetank.case.targets import CrestTarget
 from wavetank.cli import main
+from wavetank.errors import InputError
 from wavetank.records.directory import PADDLE, RunDirectory
 from wavetank.records.surface import Surface
 from wavetank.records.writer import RunWriter
@@ -427,6 +428,16 @@ def test_what_cannot_be_calibrated_is_refused_in_a_sentence(tmp_path, case, chan
     said = commanded("calibrate", f"cases/{case}.toml", "--out", str(tmp_path / "out"), *changes)
     assert said.returncode == 2 and sentence in said.stderr and len(said.stderr.splitlines()) == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_what_a_far_wall_makes_is_not_calibrated():
+    """With a target or without; a wall that makes waves of its own is, whatever the other does."""
+    far = "far_wall={type='piston', motion={type='regular', height=0.02, period=1.6}}"
+    at_rest, target = "wall.motion={type='at-rest'}", "target={type='crest', height=0.1, x=3.0, time=9.0}"
+    for changes in ([at_rest], [at_rest, target]):
+        with pytest.raises(InputError, match="wall.motion alone, far_wall.motion stays as it is"):
+            aim_of(read_case(FOCUSING, [*changes, far, "sponge={type='formula', gamma='0'}"]))
+    assert aim_of(read_case(FOCUSING, [target, far, "sponge={type='formula', gamma='0'}"])).x == 3.0
 
 
 def test_a_surface_that_is_wished_for_is_the_record_that_is_wanted(tmp_path):

@@ -189,7 +189,7 @@ def run(case):
     return RunDirectory(case.parent / "run")
 
 
-def test_what_both_walls_do_is_recorded(run, case, tmp_path):
+def test_what_both_walls_do_is_recorded(run, case, capsys, tmp_path):
     """Alike at both ends; the power of both is what the energy budget has."""
     near, far, energy = run.paddle, run.far_paddle, run.energy
     assert run.gauges.values[1] == pytest.approx(run.gauges.values[0], abs=1e-12) and run.gauges.values.any()
@@ -202,6 +202,8 @@ def test_what_both_walls_do_is_recorded(run, case, tmp_path):
     assert (near.power + far.power).values[1:-1] == pytest.approx(work, abs=1e-2 * np.abs(work).max())
     board = tmp_path / "board.csv"
     assert main(["motion", str(case), "--out", str(board), "--rate", "50"]) == 0
+    strokes = [line for line in capsys.readouterr().out.splitlines() if "stroke" in line]
+    assert [line.split()[0] for line in strokes] == ["wall:", "far_wall:"]
     for path, record in ((board, near), (tmp_path / "board-far.csv", far)):
         rows = np.loadtxt(path, delimiter=",", skiprows=1)
         for name, column in zip(("position", "velocity", "acceleration"), rows.T[1:], strict=True):
@@ -238,7 +240,10 @@ def test_another_run_begins_where_both_walls_stand(run, case):
             ["tank={type='basin',depth=1.0,layout={type='bend',first=4.0,second=2.0,angle=90.0,radius=2.0,width=1.0}}"],
             "in a basin that is no rectangle no far wall moves",
         ),
-        (["tank.bed={type='formula',depth='1-0.1*x'}"], "must be the bed's depth at the far wall, 0.6 m, to 1 %"),
+        (
+            ["tank.bed={type='formula',depth='1-0.1*x'}"],
+            "must be the bed's depth at the far wall, 0.6 m, to 1 %, or the bed of the tank's depth there",
+        ),
         (["far_wall.motion={type='recorded',position='no.csv'}"], "far_wall.motion.position"),
     ],
 )

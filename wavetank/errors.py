@@ -84,6 +84,7 @@ class ConvergenceError(BreakdownError):
 
 def choice(received: str, allowed: Sequence[str]) -> str:
     """Return the end of a sentence: what may have been meant, and what is allowed."""
-    close = get_close_matches(received, allowed, n=1)
+    begun = [one for one in allowed if len(received) > 2 and one.startswith(received)]
+    close = get_close_matches(received, allowed, n=1) or begun
     guess = f"; did you mean {close[0]!r}?" if close else ";"
     return f"{guess} allowed are: {', '.join(allowed)}"

@@ -23,6 +23,7 @@ from wavetank.theory.wave import Array
 from wavetank.values.noun import Problem, SceneError, about
 
 PADDLE = "must be a paddle that moves as a whole: its motion is looked for, not a far wall's"
+OWN = "must make the waves: calibration changes wall.motion alone, far_wall.motion stays as it is"
 SLICE = "must be a slice: waves are told by one place along it"
 MADE = "regular, bichromatic, irregular, focused, components or surface"
 FEWEST = 16  # rows of a record that count
@@ -40,6 +41,8 @@ def aim_of(scene: Scene) -> Aim:
         raise SceneError([Problem(("tank", "type"), scene.tank.type, SLICE)])
     if not isinstance(scene.wall, PaddleWall):
         raise SceneError([Problem(("wall", "type"), scene.wall.type, PADDLE)])
+    if scene.far_wall.moves and not scene.motion().moves:
+        raise SceneError([Problem(("wall", "motion", "type"), scene.wall.motion.type, OWN)])
     target = meant(scene) if scene.target is None else scene.target
     return AIMS[type(target)](target, scene)
 

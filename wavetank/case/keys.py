@@ -1,6 +1,6 @@
 """What keys a case may have: the tables of a scene, and what can stand in them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from typing import Any, NamedTuple, get_args, get_origin
 
@@ -35,7 +35,15 @@ class Table(NamedTuple):
 
     def with_key(self, key: str) -> str:
         """Return where a key of it belongs, in words; empty if it has none of that name."""
-        having = [noun for noun in self.nouns if key in noun.model_fields]
+        return self._of([noun for noun in self.nouns if key in noun.model_fields])
+
+    def with_type(self, key: str, name: str) -> str:
+        """Return where a key of it may be of a type, in words; empty if it may nowhere."""
+        fields = {noun: noun.model_fields[key] for noun in self.nouns if key in noun.model_fields}
+        return self._of([noun for noun, field in fields.items() if name in map(tag, nouns(field.annotation))])
+
+    def _of(self, having: list[type[BaseModel]]) -> str:
+        """Return which it is, in words, where only some of its nouns are meant; empty if none is."""
         if not having or not self.path:
             return "the top of the case, before all tables" if having else ""
         some = f" of type {' or '.join(map(tag, having))}" if len(having) < len(self.nouns) else ""
@@ -89,5 +97,14 @@ def homes(key: str) -> str:
     """Return in words where in a case a key belongs; empty if it belongs nowhere."""
     if key == "type":
         return ""
-    found = [where for table in tables() if (where := table.with_key(key))]
+    return _either(where for table in tables() if (where := table.with_key(key)))
+
+
+def homes_of_type(key: str, name: str) -> str:
+    """Return in words where in a case a key may be of a type; empty if it may nowhere."""
+    return _either(where for table in tables() if (where := table.with_type(key, name)))
+
+
+def _either(places: Iterable[str]) -> str:
+    found = [*places]
     return " or ".join(filter(None, (", ".join(found[:-1]), *found[-1:])))

@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 
 from wavetank.case import Scene
 from wavetank.case.at_hand import cases_at_hand
-from wavetank.case.keys import homes, nouns, tag
+from wavetank.case.keys import homes, homes_of_type, nouns, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.files import regular
 from wavetank.values.noun import Noun, Problem, SceneError
@@ -23,6 +23,7 @@ from wavetank.values.noun import Noun, Problem, SceneError
 Key = tuple[str | int, ...]
 LONGEST_INDEX = 9  # digits
 SHOWN = 20  # mistakes; more are counted
+FEW = 4  # keys
 
 
 def read_case(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
@@ -245,18 +246,28 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield _unknown(place.key, received, holder)
         case "union_tag_not_found":
             yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
+            unknown = {*received} - {*place.fields} if isinstance(received, dict) else set()
+            yield from (_unknown((*place.key, name), received[name], place) for name in sorted(unknown))
         case "union_tag_invalid":
             tag = str(context["tag"])
-            now = place.renamed_type(tag)
-            what = f"is called {now} now" if now else f"is an unknown type{choice(tag, place.tags)}"
-            yield Problem((*place.key, "type"), tag, what)
+            yield Problem((*place.key, "type"), tag, _unknown_type(tag, place))
         case "model_type" | "model_attributes_type":
-            of_type = f': {{ type = "{received}" }}' if received in place.tags else choice("", place.fields)
+            meant = "".join(place.tags[:1]) if received is True else received
+            of_type = f': {{ type = "{meant}" }}' if meant and meant in place.tags else choice("", place.fields)
             yield Problem(place.key, received, f"must be a table{of_type}")
         case "value_error":
             yield Problem(place.key, received, str(context["error"]))
         case _:
             yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
+
+
+def _unknown_type(name: str, place: _Place) -> str:
+    """Return what is to be said of a type that cannot stand there: how it is called now, or beside what it can."""
+    if now := place.renamed_type(name):
+        return f"is called {now} now"
+    if where := homes_of_type(str(place.key[-1]), name):
+        return f"is none that may stand here, but in {where}; allowed are: {', '.join(place.tags)}"
+    return f"is an unknown type{choice(name, place.tags)}"
 
 
 def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
@@ -266,8 +277,13 @@ def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
         meaning = next(noun.model_fields[now].description for noun in holder.nouns if now in noun.model_fields)
         return Problem(key, None, f"is called {now} now ({meaning})")
     if where := homes(name):
-        return Problem(key, received, f"is an unknown key; {name} belongs to {where}")
+        return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_known(holder)}")
     return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
+
+
+def _known(holder: _Place) -> str:
+    """Return the end of a sentence: the keys of a table of so few that what is meant is seen among them."""
+    return f"; allowed here are: {', '.join(holder.fields)}" if len(holder.fields) <= FEW else ""
 
 
 def _in_words(message: str, meaning: str) -> str:

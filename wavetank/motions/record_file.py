@@ -34,7 +34,8 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
     names, values, lines = read_columns(path, allowed=_ALLOWED)
     if named is not None:
         if named not in names[1:]:
-            raise InputError(f"{path}: columns {', '.join(names) or 'without names'} received; allowed is {named!r}.")
+            there = f"allowed are {', '.join(names[1:])}" if names else "its columns have no names"
+            raise InputError(f"{path}: has no column {named!r}, as motion.column says; {there}.")
         names, values = (TIME, column), values[:, [0, names.index(named)]]
     if not names and values.shape[1] > 2:
         raise InputError(f"{path}: {values.shape[1]} columns received; {_ALLOWED}, or columns with names above.")

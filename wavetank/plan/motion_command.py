@@ -63,7 +63,8 @@ def motion(
         on_first(MPI.COMM_WORLD, partial(_write, file, seen, t, form, told))
         absorbs = getattr(seen.wall, "absorb", None) is not None
         without = " (without what absorbing adds, which only a run knows)" if absorbs else ""
-        console().print(f"{told}{without}\nwrote {file}: {t.size} rows, {rate:g} a second", highlight=False)
+        whose = f"{seen.key}: " if len(moving) > 1 else ""
+        console().print(f"{whose}{told}{without}\nwrote {file}: {t.size} rows, {rate:g} a second", highlight=False)
 
 
 def _told(needed: "Extent") -> str:
