@@ -287,7 +287,8 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "wanted": SLICE + RUN + "[target]\ntype = 'record'\nx = 5.0\nfile = 'eta.txt'\nstart = 1.0\nend = 4.0\n",
     "surface": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'surface'\nfile = 'eta.txt'\nx = 4.0\n"
     "delay = 16.0\n",
-    "solitary": SLICE + RUN + "[wall]\ntype = 'piston'\nmotion = {type = 'solitary-wave', height = 0.2}\n",
+    "solitary": SLICE.replace("x = 1.0", "x = 2.0") + RUN  # the paddle goes 1.1 m
+    + "[wall]\ntype = 'piston'\nmotion = {type = 'solitary-wave', height = 0.2}\n",
     "formula": SLICE + RUN + "[wall]\ntype = 'piston'\n[wall.motion]\ntype = 'formula'\nposition = 'a*sin(t)'\n"
     "where = {a = 0.02}\n[far_wall]\ntype = 'flap'\nhinge = 0.1\nlimits = {stroke = 1.0}\n"
     "motion = {type = 'regular', height = 0.02, period = 2.0}\n",

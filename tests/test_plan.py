@@ -606,6 +606,8 @@ def test_the_energy_that_is_told_is_the_one_that_is_computed():
         assert abs(value) > 1e-5 and getattr(energies, part.name) == pytest.approx(value, rel=1e-12)
     still = Scene.model_validate(case | {"tank": {"length": 2.0, "depth": 0.6}, "wall": {"type": "fixed"}})
     assert told_energy(still.model_copy(update={"far_wall": scene.wall}))[2].startswith("far wall = ∫ ψ")
+    both = told_energy(still.model_copy(update={"wall": scene.wall, "far_wall": scene.wall}))
+    assert both[3] == "far wall = the same at the far paddle" and both[5].startswith("X_p: of each paddle its own")
     assert told_energy(still)[2:] == [
         "wall: none, nothing moves there",
         "x = X, F = J = 1: no wall moves",

@@ -274,6 +274,10 @@ def test_a_scene_is_frozen():
         ("far={}", "far = {}: is an unknown key; did you mean 'far_wall'? allowed are: far_wall, gauge_lines"),
         ("wall.absorb=true", 'wall.absorb = true: must be a table: { type = "active" }.'),
         ("wall.absorb={type='active', period=2.0}", "spring-damper or [sponge] of type end or group; allowed here"),
+        (
+            "numerics.phase=0.1",
+            "focused or components or directional-focus or reflected-focus.",
+        ),
         ("wall.limits={velocity=1.0}", "velocity belongs to [wall.motion] of type recorded; allowed here are: "),
         ("wall.motion={type='oblique-wave'}", "none that may stand here, but in [wall] of type segmented-piston or"),
         (

@@ -46,7 +46,7 @@ class Table(NamedTuple):
         """Return which it is, in words, where only some of its nouns are meant; empty if none is."""
         if not having or not self.path:
             return "the top of the case, before all tables" if having else ""
-        some = f" of type {' or '.join(map(tag, having))}" if len(having) < len(self.nouns) else ""
+        some = f" of type {' or '.join(dict.fromkeys(map(tag, having)))}" if len(having) < len(self.nouns) else ""
         return f"{self.header}{some}"
 
 

@@ -72,9 +72,10 @@ def told_energy(scene: Scene) -> list[str]:
     names = [seen.key.replace("_", " ") for seen in scene.paddles] or ["wall"]
     named = [wall.part._replace(name=name) for wall, name in zip(walls, names, strict=True)]
     if len(named) > 1 and named[0].formula == named[1].formula:
-        named[1] = named[1]._replace(formula="the same at the far paddle, by its own X_p")
+        named[1] = named[1]._replace(formula="the same at the far paddle")
     bed = FlatBed if scene.tank.bed is None else VaryingBed
-    return [*map(str, (*parts, *named)), *dict.fromkeys(wall.told for wall in walls), bed.told]
+    own = ["X_p: of each paddle its own, from its wall into the water"] if len(named) > 1 else []
+    return [*map(str, (*parts, *named)), *dict.fromkeys(wall.told for wall in walls), *own, bed.told]
 
 
 def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWaves:
