@@ -41,18 +41,18 @@ def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
     depth = scene.depths()
     if not callable(depth):
         return
-    looked_at, there = {"a depth of the bed": plane.places}, ""
+    looked_at = {"a depth of the bed": plane.places}
     if not isinstance(footprint, Ring) and scene.paddles:
         ends = {seen.end: plane.places[plane.at(footprint.side(seen.end).facets)] for seen in scene.paddles}
         looked_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
-        there = ", or the bed of the tank's depth there: the wall moves"
     for where, at in looked_at.items():
         found = agreed(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
         low = plane.comm.allreduce(float(np.min(found, initial=np.inf)), op=MPI.MIN)
         high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
         if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
             depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
-            allowed = f"must be {where}, {depths}, to 1 %{there}"
+            or_else = ", or the bed of the tank's depth there: the wall moves" if "far" in where else ""
+            allowed = f"must be {where}, {depths}, to 1 %{or_else}"
             raise SceneError([Problem(("tank", "depth"), scene.tank.depth, allowed)])
 
 
