@@ -14,7 +14,7 @@ from test_faults import forked
 from test_stateful import BASIN, FLAP, SLICE, Observed, differing
 
 from wavetank.case import Scene
-from wavetank.errors import PaddleError, StoppedError
+from wavetank.errors import PaddleError, RunError, StoppedError
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
 from wavetank.observers.contract import Moment
@@ -132,8 +132,8 @@ def patient(monkeypatch):
     monkeypatch.setattr(checkpoints, "NOTING", 1e-9)
 
 
-def fail() -> None:
-    raise ValueError("a mistake")
+def fail(error: type[Exception] = ValueError) -> None:
+    raise error("a mistake")
 
 
 @pytest.mark.usefixtures("patient")
@@ -153,6 +153,13 @@ def test_a_run_that_ends_between_has_all_its_rows_and_goes_on_byte_for_byte(end,
     same(whole, out)
     for table in (GAUGES, ENERGY, PADDLE):
         assert (out / table).read_bytes() == (whole / table).read_bytes()
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_run_that_an_observer_breaks_off_between_has_all_its_rows(tmp_path):
+    with pytest.raises(RunError, match="a mistake"):
+        record(tmp_path / "run", end=lambda: fail(RunError))
+    assert rows(tmp_path / "run") == [8, 8, 8]
 
 
 @pytest.mark.usefixtures("patient")
