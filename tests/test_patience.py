@@ -36,7 +36,10 @@ def at_once(parts: dict, moments: int) -> tuple[Observed, list[list[float]], dic
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(running, "MOMENTS", moments)
         one = Observed(Scene.model_validate(parts), MPI.COMM_WORLD)
+        settle, kept = one.run.settle, list[int]()
+        patched.setattr(one.run, "settle", lambda: [kept.append(one.run._kept), settle()])
         one.run.execute()
+        assert max(kept) == max(moments, 2)  # of which the start is one
         return one.gauges.rows, one.energy.rows, one.run.held()
 
 
