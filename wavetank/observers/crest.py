@@ -25,9 +25,8 @@ class HighestCrest(Patient):
     def __init__(self, waves: ObservedWaves):
         self.schedule = EverySteps()
         self._waves, self._own = waves, Crest()
-        self._kept: tuple[int, Vector] | None = (
-            None  # where that is, if its place is still to be found, and how the wall stood
-        )
+        # where that is, if its place is still to be found, and how the wall stood
+        self._kept: tuple[int, Vector] | None = None
 
     def keep(self, moment: Moment) -> None:
         """See whether the surface is higher than ever; collective."""

@@ -7,6 +7,7 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.case import Physics, Scene
+from wavetank.case.loads import FAR
 from wavetank.fe.agreed import agreed
 from wavetank.fe.plane import Plane
 from wavetank.motions.tangent import Tangent
@@ -51,7 +52,7 @@ def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
         high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
         if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
             depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
-            or_else = ", or the bed of the tank's depth there: the wall moves" if "far" in where else ""
+            or_else = ", or the bed of the tank's depth there: the wall moves" if where.endswith(FAR) else ""
             allowed = f"must be {where}, {depths}, to 1 %{or_else}"
             raise SceneError([Problem(("tank", "depth"), scene.tank.depth, allowed)])
 

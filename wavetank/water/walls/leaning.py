@@ -6,7 +6,6 @@ At 1 m/s, with R = int f dz over the column, and at the paddle's own column the 
 """
 
 from importlib.resources import files
-from typing import Any
 
 import basix
 import numpy as np
@@ -18,7 +17,7 @@ from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis, gauss_legendre
 from wavetank.water.walls.shape import Polynomial
 from wavetank.water.walls.travel import Travel
-from wavetank.water.walls.work import Indices
+from wavetank.water.walls.work import CompiledWork, Indices
 
 LEANING = """
 typedef struct {
@@ -36,7 +35,7 @@ double whole(const Leaning *, const double *column, const double *phi);
 SOURCE = LEANING + files(__package__).joinpath("leaning.c").read_text(encoding="utf-8")
 
 
-class LeaningWork:
+class LeaningWork(CompiledWork):
     """W of a paddle of a polynomial's shape; see ``Work``.
 
     Parameters
@@ -85,33 +84,7 @@ class LeaningWork:
         of_shape = {"shape": c, "integral": c / (k + 1), "slope": (-k * c)[1:]}
         numbers = {"cells": len(cells), "node": node, "depth": depth, "unit": float(shape.unit.value)}
         self._struct = self._kernel.struct("Leaning", {**numbers, **over_cells, **upwards, **of_shape})
-        self._travel, self._of_phi = travel, np.zeros_like(phi.rows)
-        self._of_h: Vector = np.zeros(len(self._of_phi))
-        fields = h, phi.rows, self._of_phi, self._of_h
-        self._at_h, self._at_phi, self._at_of_phi, self._at_of_h = map(self._kernel.pointer, fields)
-
-    @property
-    def compiled(self) -> dict[str, Any]:
-        """What derivatives are called with, for ``fe/whole.c``."""
-        address = self._kernel.address
-        called = {"by_potential": address("by_potential"), "by_column": address("by_column")}
-        of = {"paddle": address(self._struct), "paddle_by_column": address(self._struct)}
-        return {**called, **of, "wall": self._of_phi, "by_wall": self._of_h}
-
-    @property
-    def speed(self) -> float:
-        """X_p' [m/s]."""
-        return float(self._travel.velocities[0])
-
-    def by_potential(self) -> Vector:
-        """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
-        self._kernel.call.by_potential(self._struct, self.speed, self._at_h, self._at_of_phi)
-        return self._of_phi
-
-    def by_column(self) -> Vector:
-        """Return dW/dh, shape (dofs,). The array is reused by the next call."""
-        self._kernel.call.by_column(self._struct, self.speed, self._at_h, self._at_phi, self._at_of_h)
-        return self._of_h
+        super().__init__(self._kernel, self._struct, self._struct, phi=phi.rows, h=h, travel=travel)
 
     def value(self) -> float:
         """Return W."""

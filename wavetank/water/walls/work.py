@@ -79,7 +79,50 @@ class AssembledWork:
         return self._value.assemble()
 
 
-class KeptWork:
+class CompiledWork:
+    """What is the same of W along a slice that is on one rank, whoever has written it out.
+
+    Parameters
+    ----------
+    kernel
+        Of which ``by_potential`` and ``by_column`` are called, with these structs.
+    phi, h
+        Potential and water column at the degrees of freedom, shapes (dofs, n+1) and (dofs,).
+    travel
+        How the paddle moves.
+    """
+
+    def __init__(self, kernel: Kernel, for_potential: Any, for_column: Any, *, phi: Vector, h: Vector, travel: Travel):
+        self._kernel, self._for_potential, self._for_column = kernel, for_potential, for_column
+        self._travel, self._of_phi, self._of_h = travel, np.zeros_like(phi), np.zeros_like(h)
+        fields = h, phi, self._of_phi, self._of_h
+        self._at_h, self._at_phi, self._at_of_phi, self._at_of_h = map(kernel.pointer, fields)
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What derivatives are called with, for ``fe/whole.c``."""
+        address = self._kernel.address
+        called = {"by_potential": address("by_potential"), "by_column": address("by_column")}
+        of = {"paddle": address(self._for_potential), "paddle_by_column": address(self._for_column)}
+        return {**called, **of, "wall": self._of_phi, "by_wall": self._of_h}
+
+    @property
+    def speed(self) -> float:
+        """X_p' [m/s]."""
+        return float(self._travel.velocities[0])
+
+    def by_potential(self) -> Vector:
+        """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
+        self._kernel.call.by_potential(self._for_potential, self.speed, self._at_h, self._at_of_phi)
+        return self._of_phi
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, shape (dofs,). The array is reused by the next call."""
+        self._kernel.call.by_column(self._for_column, self.speed, self._at_h, self._at_phi, self._at_of_h)
+        return self._of_h
+
+
+class KeptWork(CompiledWork):
     """W of a vertical paddle along a slice that is on one rank: X_p' phi . M h.
 
     Parameters
@@ -109,10 +152,7 @@ class KeptWork:
         self._kernel = Kernel("work", DECLARATIONS, key=SOURCE, source=lambda: SOURCE, comm=h.function_space.mesh.comm)
         self._M = self._few(rows, row_of, columns[of_column], entries)
         self._M_transposed = self._few(columns, of_column, at, entries)
-        self._travel, self._of_phi = travel, np.zeros_like(phi.rows)
-        self._of_h: Vector = np.zeros(len(self._of_phi))
-        fields = self._h, phi.rows, self._of_phi, self._of_h
-        self._at_h, self._at_phi, self._at_of_phi, self._at_of_h = map(self._kernel.pointer, fields)
+        super().__init__(self._kernel, self._M, self._M_transposed, phi=phi.rows, h=self._h, travel=travel)
 
     def _few(self, at: Indices, row_of: Indices, places: Indices, values: Vector) -> Any:
         """Return a matrix with as many entries in each row, of values, the row of each, and where it finds its factor.
@@ -125,29 +165,6 @@ class KeptWork:
         entries[there], found[there] = values[order], places[order]
         parts = {"rows": len(at), "width": there.shape[1], "at": at, "places": found, "entries": entries}
         return self._kernel.struct("Entries", parts)
-
-    @property
-    def compiled(self) -> dict[str, Any]:
-        """What derivatives are called with, for ``fe/whole.c``."""
-        address = self._kernel.address
-        called = {"by_potential": address("by_potential"), "by_column": address("by_column")}
-        of = {"paddle": address(self._M), "paddle_by_column": address(self._M_transposed)}
-        return {**called, **of, "wall": self._of_phi, "by_wall": self._of_h}
-
-    @property
-    def speed(self) -> float:
-        """X_p' [m/s]."""
-        return float(self._travel.velocities[0])
-
-    def by_potential(self) -> Vector:
-        """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
-        self._kernel.call.by_potential(self._M, self.speed, self._at_h, self._at_of_phi)
-        return self._of_phi
-
-    def by_column(self) -> Vector:
-        """Return dW/dh, shape (dofs,). The array is reused by the next call."""
-        self._kernel.call.by_column(self._M_transposed, self.speed, self._at_h, self._at_phi, self._at_of_h)
-        return self._of_h
 
     def by_speed(self) -> float:
         """Return dW/dX_p'."""
