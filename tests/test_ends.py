@@ -254,6 +254,7 @@ def test_what_no_far_wall_can_be_is_a_sentence(case, changes, said):
 
 
 REACHED = moved("0.04 * sin(pi * t)", absorb=None)  # 0.03 m when t = 0.270 s
+INLET = {"name": "in", "start": [3.0, 0.0], "end": [3.97, 0.0], "columns": 2, "begin": 0.3, "every": 0.1}
 LINE = {"name": "A", "start": [3.0, 0.0], "end": [3.97, 0.0], "count": 2}
 
 
@@ -266,15 +267,45 @@ LINE = {"name": "A", "start": [3.0, 0.0], "end": [3.97, 0.0], "count": 2}
         ),
         ({"gauges": [2.0], "gauge_lines": [LINE]}, "gauge_lines.0: stands 0.03 m from the paddle of far_wall at rest"),
         ({"probes": [{"x": 3.97, "z": -0.3}]}, "probes.0: stands 0.03 m from the paddle of far_wall at rest"),
+        ({"windows": [INLET]}, "windows.0: stands 0.03 m from the paddle of far_wall at rest, which is there at t = 0.3"),
     ],
 )
-def test_a_gauge_or_probe_that_a_paddle_reaches_is_refused_before_the_run(looked_at, said):
+def test_what_is_looked_at_where_a_paddle_comes_is_refused_before_the_run(looked_at, said):
     """Unless the water is linear, where nothing travels, or it answers the water: then it is seen in the run."""
     with pytest.raises(SceneError, match=said):
         build_run(scene(REACHED, REACHED, **looked_at), MPI.COMM_SELF)
     free = REACHED | {"absorb": {"type": "active"}}
     for other in (scene(free, free, **looked_at), scene(REACHED, REACHED, water={"type": "linear"}, **looked_at)):
         assert [seen.excursion(seen.motion()) > 0.03 for seen in other.paddles] == [True, True]
+
+
+def test_a_window_is_in_no_paddles_way_that_comes_there_before_or_after_it():
+    assert build_run(scene(REACHED, REACHED, windows=[{**INLET, "begin": 0.1, "until": 0.2}]), MPI.COMM_SELF)
+
+
+def basin(left, *walls, **more):
+    layout = {"type": "rectangle", "length": 4.0, "width": 1.0, "origin": [left, 0.0]}
+    return scene(*walls, tank={"type": "basin", "depth": 1.0, "layout": layout}, numerics={"cell_size": 1.0}, **more)
+
+
+def test_what_stands_in_a_tank_is_mirrored_with_it_wherever_that_begins():
+    """Twice mirrored it is what it was."""
+    whole = basin(2.0, gauges=[{"x": 3.5, "y": 0.2}], gauge_lines=[LINE], probes=[{"x": 5, "z": -0.3}], windows=[INLET])
+    here, there, again = (
+        [(one.x, one.y) for one in (*seen.all_gauges, *seen.probes)] + seen.windows[0].places
+        for seen in (whole, whole.mirrored, whole.mirrored.mirrored)
+    )
+    assert [x - 2.0 for x, _ in there] == pytest.approx([6.0 - x for x, _ in here])
+    assert [y for _, y in there] == [y for _, y in here]
+    assert np.array(again) == pytest.approx(np.array(here))
+
+
+@pytest.mark.parametrize("left", [0.0, 2.0])
+@pytest.mark.parametrize(("x", "wall"), [(0.03, "wall"), (3.97, "far_wall")])
+def test_a_gauge_in_a_basins_paddles_way_is_refused_wherever_the_tank_begins(left, x, wall):
+    seen = basin(left, REACHED, REACHED, gauges=[{"x": left + x}])
+    with pytest.raises(SceneError, match=rf"gauges.0: stands 0.03 m from the paddle of {wall} at rest"):
+        [one.motion() for one in seen.paddles]
 
 
 def test_a_plan_is_made_of_the_waves_of_both_walls(case):

@@ -20,7 +20,7 @@ class GaugeLine(Noun):
         places = np.linspace(self.start, self.end, self.count)
         return tuple((f"{self.name}/{n}", float(x), float(y)) for n, (x, y) in enumerate(places, start=1))
 
-    def mirrored(self, length: float) -> "GaugeLine":
-        """Return the same line as seen from the far wall of a tank of some length [m]: x from there, into the water."""
-        ends = {name: (length - x, y) for name, (x, y) in (("start", self.start), ("end", self.end))}
-        return self.model_copy(update=ends)
+    def mirrored(self, ends: float) -> "GaugeLine":
+        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
+        image = {name: (ends - x, y) for name, (x, y) in (("start", self.start), ("end", self.end))}
+        return self.model_copy(update=image)

@@ -1,7 +1,7 @@
 """How it is computed, for how long, and what is recorded."""
 
 from collections.abc import Iterator, Sequence, Set
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
@@ -17,6 +17,10 @@ class Gauge(Noun):
     name: Label = Field(min_length=1, description="name of the gauge")
     x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
     y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
+
+    def mirrored(self, ends: float) -> Self:
+        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
+        return self.model_copy(update={"x": ends - self.x})
 
 
 def named(gauges: Any) -> Any:

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property, partial
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, Strict, model_validator
@@ -29,6 +29,8 @@ from wavetank.values.quantities import Label, metres
 CLOSE = 0.05  # of (d / g)^(1/2): times as close miss 0.1 % of the largest value for waves of k d = 4
 LOOKED_AT = 50  # times, at which derivatives are compared that a user has written
 FOUND = {"_motion", "_depths", "mirrored"}  # of a scene: functions, and what is made of it
+PLACED = ("gauges", "gauge_lines", "probes", "windows")  # what stands somewhere in the tank
+HEIGHTS = 21  # of a column, at which a paddle is looked for
 DEEPEST = 50  # lengths of a tank; measured, the interior potential of twice as deep ones no longer converges
 
 
@@ -42,6 +44,16 @@ class LinearWater(Noun):
     """Waves of small steepness: one factorisation serves the whole run."""
 
     type: Literal["linear"] = "linear"
+
+
+class LookedAt(NamedTuple):
+    """A place in the tank that is looked at, such as a gauge: its key, x and y, heights z and from when until when."""
+
+    key: tuple[str | int, ...]
+    x: float
+    y: float
+    z: motions.Array
+    span: tuple[float, float]
 
 
 Water = Annotated[NonlinearWater | LinearWater, Field(discriminator="type", description="the theory of the waves")]
@@ -121,14 +133,20 @@ class Scene(Noun):
     def mirrored(self) -> "Scene":
         """The same scene as seen from its far wall, which is the ``wall`` of it.
 
-        x of waves and gauges count from there, into the water; what else stands in the tank is where it was.
+        Gauges, probes and windows stand at their mirror images, so that they are where they were as seen from the other
+        wall; the tank, with its bed and its walls' names, is as it was.
         """
-        length = self.tank.length
-        gauges = [gauge.model_copy(update={"x": length - gauge.x}) for gauge in self.gauges]
-        lines = [line.mirrored(length) for line in self.gauge_lines]
+        ends = 2 * self._left + self.tank.length
+        seen = {"wall": self.far_wall, "far_wall": self.wall}
+        placed = {name: tuple(one.mirrored(ends) for one in getattr(self, name)) for name in PLACED}
         same = {name: getattr(self, name) for name in Scene.model_fields}
-        seen = {"wall": self.far_wall, "far_wall": self.wall, "gauges": (*gauges,), "gauge_lines": (*lines,)}
-        return MirroredScene.model_construct(self.model_fields_set, **{**same, **seen})
+        return MirroredScene.model_construct(self.model_fields_set, **{**same, **seen, **placed})
+
+    @property
+    def _left(self) -> float:
+        """Where the wall at the smallest x stands [m]: of a basin whose mesh alone knows it, 0."""
+        box = self.tank.layout.box if isinstance(self.tank, BasinTank) else None
+        return box[0] if box else 0.0
 
     @property
     def absorbing(self) -> list[int]:
@@ -235,28 +253,32 @@ class Scene(Noun):
             yield from self._reached(self.wall, motion)
 
     def _reached(self, wall: MovingWall, motion: motions.Motion) -> Iterator[Problem]:
-        """Yield the first gauge or probe that the paddle reaches, where its motion is told and not what it answers."""
+        """Yield the first gauge, probe or window that the paddle reaches, where its motion is told, not its answer."""
         told = self.physics == "nonlinear" and getattr(wall, "absorb", None) is None
-        layout = self.tank.layout if isinstance(self.tank, BasinTank) else None
-        if not told or (layout is not None and layout.type != "rectangle"):  # of small strokes nothing travels
-            return
-        left, far = layout.box[0] if layout and layout.box else 0.0, self.end == FAR
-        own = left if not far else -left  # where it stands, as x of its gauges counts
-        rest = left + self.tank.length * far
-        gauges = [(self.gauge_key(n), one.x - own, one.y, 0.0) for n, one in enumerate(self.all_gauges)]
-        probes = [(("probes", n), abs(one.x - rest), one.y, one.z) for n, one in enumerate(self.probes)]
-        excursion = self.excursion(motion) if gauges or probes else 0.0
-        for key, x, y, z in (*gauges, *probes):
-            share = float(wall.maker.share(np.array([z]), self.tank.depth)[0])
-            if abs(share) * excursion <= x:
+        if not told or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
+            return  # of small strokes nothing travels
+        places, times, whole = [*self._looked_at()], self._times(motion), wall.places(self.tank) is None
+        farthest = wall.farther(self.tank) * self.excursion(motion) if places else 0.0
+        for key, x, y, z, (begin, until) in places:
+            away, t = x - self._left, times[(begin <= times) & (times <= until)]
+            if farthest <= away:
                 continue
-            t, whole = self._times(motion), wall.places(self.tank) is None
-            into = share * values(partial(motion.position, y=None if whole else np.array([y])), t).reshape(-1)
-            if into.max() > x:
-                there = f"stands {x:.4g} m from the paddle of {self.key} at rest, which is there at"
+            position = values(partial(motion.position, y=None if whole else np.array([y])), t).reshape(-1)
+            into = np.multiply.outer(wall.maker.share(z, self.tank.depth), position).max(axis=0)
+            if into.max(initial=0.0) > away:
+                there = f"stands {away:.4g} m from the paddle of {self.key} at rest, which is there at"
                 allowed = f"must stand farther from it than {into.max():.4g} m, as far as that goes"
-                yield Problem(key, None, f"{there} t = {t[np.argmax(into > x)]:.4g} s: {allowed}")
+                yield Problem(key, None, f"{there} t = {t[np.argmax(into > away)]:.4g} s: {allowed}")
                 return
+
+    def _looked_at(self) -> Iterator[LookedAt]:
+        """Yield each gauge, probe and column of a window."""
+        column, always = self.tank.depth * np.linspace(-1.0, 0.0, HEIGHTS), (0.0, np.inf)
+        yield from (LookedAt(self.gauge_key(n), g.x, g.y, np.zeros(1), always) for n, g in enumerate(self.all_gauges))
+        yield from (LookedAt(("probes", n), p.x, p.y, np.array([p.z]), always) for n, p in enumerate(self.probes))
+        for n, window in enumerate(self.windows):
+            span = window.begin, np.inf if window.until is None else window.until
+            yield from (LookedAt(("windows", n), x, y, column, span) for x, y in window.places)
 
     def excursion(self, motion: motions.Motion) -> float:
         """Return the paddle's largest distance from rest in the run [m]."""

@@ -38,3 +38,8 @@ class Window(Noun):
         """Where the columns are, (x, y) [m]."""
         ends = (self.start, self.start if self.end is None else self.end)
         return [(float(x), float(y)) for x, y in np.linspace(*ends, self.columns)]
+
+    def mirrored(self, ends: float) -> "Window":
+        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
+        image = {name: (ends - at[0], at[1]) for name in ("start", "end") if (at := getattr(self, name)) is not None}
+        return self.model_copy(update=image)
