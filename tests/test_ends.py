@@ -115,6 +115,19 @@ def test_derivatives_are_those_of_the_energy(steep):
         assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
 
 
+def test_the_power_of_two_pistons_over_a_bed_is_the_rate_of_the_energy():
+    """At fixed Q and psi, by differences in time whose error falls with the fourth power of the step, to 1e-9 of it."""
+    tank = {"length": 2.0, "depth": 1.0, "bed": {"type": "formula", "depth": "1 - 0.2*sin(pi*x/2)**2"}}
+    walls = {**PISTON, "reach": 1.0}, {"type": "piston", "reach": 1.0, "motion": {**MOTION, "period": 1.3}}
+    _, waves = build_run(scene(*walls, tank=tank, tolerance=1e-12), MPI.COMM_SELF)
+    x, t, e = waves.plane.x * np.pi / 2.0, 3.3, 4e-3
+    q, p = waves.state(0.12 * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x), t)
+    energy = {n: waves.energy(q, p, t + n * e) for n in (-2, -1, 1, 2)}
+    rate = (8 * (energy[1] - energy[-1]) - (energy[2] - energy[-2])) / (12 * e)
+    assert abs(rate) > 0.1
+    assert waves.explicit_rate(q, p, t) == pytest.approx(rate, rel=1e-7)
+
+
 @pytest.mark.parametrize("wall", [PISTON, FLAP], ids=["two pistons", "a flap and a piston"])
 def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(wall):
     """To the solves' tolerance, of both walls together."""

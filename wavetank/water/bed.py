@@ -38,6 +38,8 @@ class Bed(Protocol):
         The mean depth [m].
     still
         d at the owned degrees of freedom [m], shape (owned,) or a number.
+    sinking
+        Its rate of change there [m/s], shape (owned,) or a number: like ``still`` another object where it has changed.
     told
         What it makes of the energy, in words.
     """
@@ -47,6 +49,7 @@ class Bed(Protocol):
     rate: Any
     depth: float
     still: Any
+    sinking: Any
 
     def follow(self, wall: "Carrying") -> None:
         """Find the depth where a wall has carried the degrees of freedom; collective."""
@@ -98,6 +101,7 @@ class FlatBed:
     def __init__(self, depth: float, *, plane: Plane):
         self.d, self.rate = fem.Constant(plane.mesh, float(depth)), ufl.as_ufl(0)
         self.depth = self.still = float(depth)
+        self.sinking = 0.0
 
     def follow(self, wall: Carrying) -> None:
         """Do nothing."""
@@ -128,6 +132,7 @@ class VaryingBed:
         self._field, self._rate = plane.function("still-water depth"), plane.function("rate of the depth")
         self.d, self.rate = self._field.function, self._rate.function
         self.still: Vector = np.empty(plane.owned)
+        self.sinking: Vector = np.zeros(plane.owned)
         self._set(plane.places, np.arange(plane.owned))
         measure = {"quadrature_degree": plane.order}
         volume, area = (
@@ -199,8 +204,9 @@ class VaryingBed:
         there = self._plane.places[wall.carries]
         places, step = wall.to_physical(there), INSTANT * wall.mesh_velocities(there)
         after, before = self._at(np.concatenate([places + step, places - step])).reshape(2, -1)
-        rate = self._rate.owned.copy()
+        rate = self.sinking.copy()
         rate[wall.carries] = (after - before) / (2 * INSTANT)
+        self.sinking = rate
         self._rate.set(rate)
 
 

@@ -82,6 +82,11 @@ class Piston:
         return ufl.ds(domain=self._plane.mesh, subdomain_data=self.side.facets)(1)
 
     @property
+    def node(self) -> int:
+        """Where it stands: the degree of freedom, along a slice on one rank."""
+        return int(self._plane.at(self.side.facets)[0])
+
+    @property
     def paddles(self) -> tuple["Piston"]:
         """Itself."""
         return (self,)
@@ -216,15 +221,14 @@ class PistonTerms:
             share, columns = wall.flux(travel.share, **parts), np.unique(plane.V.dofmap.list[wall.cells])
             self._work = kept = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
             self.along = (kept,)
-            self._power = PowerAlong(kept, energy, phi, cells=wall.cells, travel=travel, **water)
+            self._power = PowerAlong(energy, phi, cells=wall.cells, paddle=wall.node, travel=travel, **water)
         else:
             self._power = AssembledPower(wall, energy, phi, R=R, flux=wall.flux(travel.acceleration, **parts), **water)
             if alone and isinstance(shape, Polynomial) and shape.degree:
-                node = int(plane.at(wall.side.facets)[0])
-                depth = float(np.broadcast_to(bed.still, plane.owned)[node])
+                depth = float(np.broadcast_to(bed.still, plane.owned)[wall.node])
                 where: dict[str, Any] = {
                     "cells": wall.cells,
-                    "node": node,
+                    "node": wall.node,
                     "depth": depth,
                     "plane": plane,
                     "vertical": vertical,

@@ -1,57 +1,74 @@
-/* The power of a vertical paddle along a slice but for its acceleration's, of wavetank/water/walls/power.py. */
+/* The power of a vertical paddle along a slice, of wavetank/water/walls/power.py.
 
-typedef struct {
-    double value, slope;
-} Point;
+NODES, POINTS   of a cell, its points four at a time: GROUPS of them
+LEVELS, NUMBERS of the column, and of the potential in each node
+WIDTH           groups of numbers that values and rises at all levels are */
+typedef double v __attribute__((vector_size(32)));
+typedef double stored __attribute__((vector_size(32), aligned(8)));
 
-static Point at(const Strip *s, int cell, int q, const double *rows)
+#define POINTS (4 * GROUPS)
+#define EACH(i, most) _Pragma("GCC unroll 16") for (int i = 0; i < (most); ++i)
+
+typedef union {
+    v groups[WIDTH];
+    double of[2][LEVELS];   /* value and rise, d/dzeta, at the levels, each times the root of its share */
+} Column;
+
+/* The potential over some nodes that follow each other. */
+static inline __attribute__((always_inline)) void over(const Strip *s, const int *dofs, int nodes, const double *phi, Column *c)
 {
-    Point p = {0.0, 0.0};
-    for (int i = 0; i < NODES; ++i) {
-        const double one = rows[s->dofs[cell * NODES + i]];
-        p.value += s->values[q * NODES + i] * one;
-        p.slope += s->slopes[q * NODES + i] * one;
-    }
-    p.slope /= s->lengths[cell];
-    return p;
+    v sums[NODES][WIDTH] = {{{0.0}}};
+    for (int j = 0; j < NUMBERS; ++j)
+        EACH(i, nodes)
+            EACH(z, WIDTH)
+                sums[i][z] += phi[(long)dofs[i] * NUMBERS + j] * ((const stored *)s->upwards)[j * WIDTH + z];
+    EACH(i, nodes)
+        EACH(z, WIDTH)
+            c[i].groups[z] = sums[i][z];
 }
 
-double power(const Strip *s, double position, double speed, const double *share, const double *phi, const double *column,
-             const double *mu, const double *depth, const double *sinking)
+double power(const Strip *s, double position, double speed, double acceleration, const double *phi, const double *column,
+             const double *mu)
 {
-    double sum = 0.0;
+    const stored *values = (const stored *)s->values, *slopes = (const stored *)s->slopes;
+    Column c[NODES];
+    v sum = {0.0};
+    over(s, s->dofs, 1, phi, c + NODES - 1);
     for (int cell = 0; cell < s->cells; ++cell) {
-        double value[NODES][LEVELS], rise[NODES][LEVELS];
-        for (int i = 0; i < NODES; ++i) {
-            const double *of_node = phi + (long)s->dofs[cell * NODES + i] * NUMBERS;
-            for (int z = 0; z < LEVELS; ++z)
-                value[i][z] = rise[i][z] = 0.0;
-            for (int j = 0; j < NUMBERS; ++j)
-                for (int z = 0; z < LEVELS; ++z) {
-                    value[i][z] += of_node[j] * s->P[j * LEVELS + z];
-                    rise[i][z] += of_node[j] * s->dP[j * LEVELS + z];
-                }
-        }
-        for (int q = 0; q < POINTS; ++q) {
-            const Point h = at(s, cell, q, column), d = at(s, cell, q, depth), d_t = at(s, cell, q, sinking);
-            const double stretch = at(s, cell, q, share).slope, J = 1.0 + stretch * position, J_t = stretch * speed;
-            const double eta = h.value - d.value;
-            double up = 0.0, along = 0.0, both = 0.0;
-            for (int z = 0; z < LEVELS; ++z) {
-                double u_x = 0.0, w = 0.0;
-                for (int i = 0; i < NODES; ++i) {
-                    u_x += s->slopes[q * NODES + i] * value[i][z];
-                    w += s->values[q * NODES + i] * rise[i][z];
-                }
-                w /= h.value;
-                const double S = u_x / s->lengths[cell] - (s->zeta[z] * h.slope - d.slope) * w;
-                up += s->shares[z] * w * w, along += s->shares[z] * S * S, both += s->shares[z] * S * w;
+        const int *dofs = s->dofs + cell * (NODES - 1);
+        const double per_metre = 1.0 / s->lengths[cell];
+        c[0] = c[NODES - 1];
+        over(s, dofs + 1, NODES - 1, phi, c + 1);
+        for (int g = 0; g < GROUPS; ++g) {
+            const int at = cell * GROUPS + g;
+            v h = {0.0}, h_x = {0.0}, psi_x = {0.0}, by_column = {0.0}, up = {0.0}, along = {0.0}, both = {0.0};
+            EACH(i, NODES) {
+                h += values[i * GROUPS + g] * column[dofs[i]];
+                h_x += slopes[i * GROUPS + g] * (column[dofs[i]] * per_metre);
+                psi_x += slopes[i * GROUPS + g] * (phi[(long)dofs[i] * NUMBERS + NUMBERS - 1] * per_metre);
+                by_column += values[i * GROUPS + g] * mu[dofs[i]];
             }
-            const double kinetic = 0.5 * h.value * (up - along / (J * J)), potential = 0.5 * s->gravity * eta * eta;
-            const double by_bed = h.value * both * d_t.slope / J - s->gravity * J * eta * d_t.value;
-            const double moved = J_t * (kinetic + potential - h.value * at(s, cell, q, mu).value);
-            sum += s->measure[cell * POINTS + q] * (moved + by_bed);
+            const v per_column = 1.0 / h, rising = h_x * per_column, sloping = ((const stored *)s->depth_x)[at] * per_column;
+            for (int z = 0; z < LEVELS; ++z) {
+                v u_x = {0.0}, w = {0.0};
+                EACH(i, NODES) {
+                    u_x += slopes[i * GROUPS + g] * c[i].of[0][z];
+                    w += values[i * GROUPS + g] * c[i].of[1][z];
+                }
+                const v S = u_x * per_metre - (s->zeta[z] * rising - sloping) * w;
+                up += w * w, along += S * S, both += S * w;
+            }
+            const v stretch = ((const stored *)s->stretch)[at], J = 1.0 + stretch * position, per_J = 1.0 / J;
+            const v eta = h - ((const stored *)s->depth)[at], J_t = stretch * speed;
+            const v density = 0.5 * (up * per_column - h * along * per_J * per_J + s->gravity * eta * eta) - h * by_column;
+            const v by_bed = both * ((const stored *)s->sinking_x)[at] * per_J
+                             - s->gravity * J * eta * ((const stored *)s->sinking)[at];
+            const v sped = h * psi_x * (acceleration * ((const stored *)s->share)[at]);
+            sum += ((const stored *)s->measure)[at] * (J_t * density + by_bed - sped);
         }
     }
-    return sum;
+    double mean = 0.0;      /* of the potential at the paddle, less that at the surface */
+    for (int j = 0; j < NUMBERS - 1; ++j)
+        mean += phi[(long)s->paddle * NUMBERS + j] * s->means[j];
+    return sum[0] + sum[1] + sum[2] + sum[3] + acceleration * column[s->paddle] * mean;
 }

@@ -5,7 +5,9 @@ and S = phi_X - (zeta h_X - d_X) w the density of energy goes, at fixed phi and 
 
     h/2 (w^2 - S^2 / J^2) J'  +  h S w d'_X / J   and   g/2 eta^2 J'  -  g J eta d',
 
-dashes being rates: that is written out (``power.c``), for the quadrature points of the cells that are carried.
+dashes being rates: that is written out (``power.c``), with what mu and X_p'' add to it, for the quadrature points of
+the cells that are carried. What does not change is kept there: the share s and its slope, and those of the bed until
+the wall has carried it on.
 """
 
 from dataclasses import replace
@@ -15,9 +17,9 @@ from typing import Any, Protocol
 import basix
 import numpy as np
 import ufl
-from dolfinx import fem
 from numpy.typing import NDArray
 
+from wavetank.arrays import Vector
 from wavetank.fe.cell_places import tabulate
 from wavetank.fe.forms import ScalarForm, taylor_coefficients
 from wavetank.fe.kernels import Kernel, defined
@@ -27,21 +29,22 @@ from wavetank.water.bed import Bed
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.walls.mapping import Shift
 from wavetank.water.walls.travel import Travel
-from wavetank.water.walls.work import KeptWork
 
 SOURCE = files(__package__).joinpath("power.c").read_text(encoding="utf-8")
 STRIP = """
 typedef struct {
-    int cells;
+    int cells, paddle;
     double gravity;
     const int *dofs;
-    const double *lengths, *values, *slopes, *measure, *zeta, *shares, *P, *dP;
+    const double *lengths, *values, *slopes, *measure, *zeta, *upwards, *means;
+    const double *share, *stretch, *depth, *depth_x, *sinking, *sinking_x;
 } Strip;
 """
 DECLARATIONS = f"""{STRIP}
-double power(const Strip *, double position, double speed, const double *share, const double *phi, const double *column,
-             const double *mu, const double *depth, const double *sinking);
+double power(const Strip *, double position, double speed, double acceleration, const double *phi, const double *column,
+             const double *mu);
 """
+FOUR = 4  # points at a time, and numbers
 
 
 class Power(Protocol):
@@ -115,62 +118,85 @@ class PowerAlong:
 
     Parameters
     ----------
-    work
-        W.
     cells
         Those that are carried.
+    paddle
+        The degree of freedom at which it stands.
     mu
         M_J^-1 H_h.
     """
 
     def __init__(
         self,
-        work: KeptWork,
         energy: WaterEnergy,
         phi: LayeredField,
         *,
         cells: NDArray[np.int32],
+        paddle: int,
         mu: Field,
         travel: Travel,
         bed: Bed,
         plane: Plane,
         vertical: VerticalBasis,
     ):
-        self._work, self._travel, self._bed = work, travel, bed
-        element, geometry = plane.V.element.basix_element, plane.mesh.geometry
+        self._travel, self._bed, element = travel, bed, plane.V.element.basix_element
         points, weights = basix.make_quadrature(element.cell_type, plane.degree)
-        values, slopes = tabulate(element, 1, points)
-        start, end = geometry.x[geometry.dofmap[cells], 0].T
-        levels = len(vertical.zeta)
-        sizes = {"NODES": element.dim, "POINTS": len(points), "LEVELS": levels, "NUMBERS": vertical.n + 1}
-        code = defined(sizes) + STRIP + SOURCE
+        more = -len(points) % FOUR  # the last point again, which weighs nothing there
+        points, weights = np.concatenate([points, points[-1:].repeat(more, axis=0)]), np.pad(weights, (0, more))
+        order = np.argsort(element.points[:, 0])
+        self._values, self._slopes = tabulate(element, 1, points)[:, :, order].transpose(0, 2, 1)
+        dofs = np.unique(plane.V.dofmap.list[cells])
+        dofs = dofs[np.argsort(plane.x[dofs])]
+        self._nodes = dofs[plane.order * np.arange(len(cells))[:, None] + np.arange(element.dim)]
+        self._lengths = plane.x[self._nodes[:, -1]] - plane.x[self._nodes[:, 0]]
+        upwards = np.sqrt(vertical.weights) * np.stack([vertical.values.T, vertical.slopes.T], axis=1)
+        upwards = upwards.reshape(vertical.n + 1, -1)
+        width, levels = -(-upwards.shape[1] // FOUR), len(vertical.zeta)
+        share, stretch = self._at_points(travel.share.x.array)
+        bed_parts = ("depth", "depth_x", "sinking", "sinking_x")
+        self._at_bed = {name: np.zeros((len(cells), len(points))) for name in bed_parts}
+        self._depth: Any = None  # what of the bed is there
+        self._sinking: Any = None
+        sizes = {"NODES": element.dim, "GROUPS": len(points) // FOUR, "LEVELS": levels, "NUMBERS": vertical.n + 1}
+        code = defined({**sizes, "WIDTH": width}) + STRIP + SOURCE
         self._kernel = Kernel("power", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
-        numbers = {"cells": len(cells), "gravity": float(energy.gravity.value)}
-        along = {
-            "dofs": plane.V.dofmap.list[cells],
-            "lengths": end - start,
-            "values": values,
-            "slopes": slopes,
-            "measure": np.outer(np.abs(end - start), weights),
-        }
-        upwards = {
+        parts = {
+            "cells": len(cells),
+            "paddle": paddle,
+            "gravity": float(energy.gravity.value),
+            "dofs": dofs,
+            "lengths": self._lengths,
+            "values": self._values,
+            "slopes": self._slopes,
+            "measure": np.outer(self._lengths, weights),
             "zeta": vertical.zeta,
-            "shares": vertical.weights,
-            "P": vertical.values.T,
-            "dP": vertical.slopes.T,
+            "upwards": np.pad(upwards, ((0, 0), (0, FOUR * width - upwards.shape[1]))),
+            "means": vertical.weights @ vertical.values,
+            "share": share,
+            "stretch": stretch,
         }
-        self._strip = self._kernel.struct("Strip", {**numbers, **along, **upwards})
-        self._still: Any = None  # the depths that are here
-        self._depth = np.zeros(plane.owned)
-        sinking = bed.rate.x.array if isinstance(bed.rate, fem.Function) else np.zeros(plane.owned)
-        fields = (travel.share.x.array, phi.rows, energy.h.x.array, mu.owned, self._depth, sinking)
-        self._fields = [self._kernel.pointer(field) for field in fields]
+        self._strip = self._kernel.struct("Strip", {**parts, **self._at_bed})
+        self._fields = [self._kernel.pointer(field) for field in (phi.rows, energy.h.x.array, mu.owned)]
+
+    def _at_points(self, rows: Vector) -> tuple[Vector, Vector]:
+        """Return values and slopes of a field, shape (dofs,), at the points, shape (cells, points)."""
+        nodes = rows[self._nodes]
+        return nodes @ self._values, nodes @ self._slopes / self._lengths[:, None]
+
+    def _take(self, name: str, of_bed: Vector | float) -> Vector | float:
+        """Take over, at the points, a field of the bed's or what is the same everywhere; return it."""
+        if not isinstance(of_bed, float):
+            self._at_bed[name][:], self._at_bed[f"{name}_x"][:] = self._at_points(of_bed)
+        else:
+            self._at_bed[name][:] = of_bed
+        return of_bed
 
     def value(self) -> float:
         """Return it."""
-        travel = self._travel
-        if self._still is not self._bed.still:
-            self._still = self._bed.still
-            self._depth[:] = self._still
-        going_on = self._kernel.call.power(self._strip, travel.offsets[0], travel.velocities[0], *self._fields)
-        return float(going_on + travel.accelerations[0] * self._work.by_speed())
+        travel, bed = self._travel, self._bed
+        if self._depth is not bed.still:
+            self._depth = self._take("depth", bed.still)
+        if self._sinking is not bed.sinking:
+            self._sinking = self._take("sinking", bed.sinking)
+        moves = travel.offsets[0], travel.velocities[0], travel.accelerations[0]
+        return float(self._kernel.call.power(self._strip, *moves, *self._fields))

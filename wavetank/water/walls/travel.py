@@ -51,6 +51,8 @@ class Travel:
     @property
     def displaced(self) -> float:
         """How far from rest the paddle stands at most [m]."""
+        if self.offsets.size == 1:
+            return abs(float(self.offsets[0]))
         return float(np.abs(self.offsets).max(initial=0.0))
 
     def set_time(self, t: float) -> bool:

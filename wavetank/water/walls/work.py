@@ -166,10 +166,6 @@ class KeptWork(CompiledWork):
         parts = {"rows": len(at), "width": there.shape[1], "at": at, "places": found, "entries": entries}
         return self._kernel.struct("Entries", parts)
 
-    def by_speed(self) -> float:
-        """Return dW/dX_p'."""
-        return float(self._kernel.call.between(self._M, self._at_phi, self._at_h))
-
     def value(self) -> float:
         """Return W."""
-        return self.speed * self.by_speed()
+        return self.speed * float(self._kernel.call.between(self._M, self._at_phi, self._at_h))
