@@ -31,14 +31,16 @@ from wavetank.motions import (
     irregular,
 )
 from wavetank.motions.irregular import uniform
+from wavetank.motions.pieces import hermite
 from wavetank.motions.record_file import read_record
 from wavetank.plan.plan import STEP_RATIO, make_plan
+from wavetank.plan.planned import planned
 from wavetank.postprocess.compare import rms
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
 from wavetank.theory import airy
 from wavetank.theory.plane_waves import waves_along
-from wavetank.theory.second_order import Strokes, second_order
+from wavetank.theory.second_order import Strokes, _Water, second_order
 from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.theory.wavemaker import PISTON
 from wavetank.values.formula import Formula
@@ -101,6 +103,15 @@ def test_a_table_is_the_same_in_whatever_order_it_is_asked():
     assert table.position(t.reshape(7, 100)).shape == (7, 100)
     far_apart = 1e4 * np.arange(5.0)
     np.testing.assert_array_equal(table.position(far_apart), sea().position(far_apart))  # summed
+
+
+def test_the_table_of_a_run_is_made_once(monkeypatch):
+    made = []
+    monkeypatch.setattr("wavetank.motions.lines.hermite", lambda t, *values: made.append(t[0]) or hermite(t, *values))
+    table, t = sea().tabulated(), np.linspace(0.0, 400.0, 1000)
+    for _ in range(2):
+        table.position(t)
+    assert len(made) == len({*made}) > 4
 
 
 def test_the_table_of_places_is_the_table_of_each():
@@ -582,6 +593,18 @@ def test_pairs_of_many_frequencies_are_those_of_few(monkeypatch):
     many, sums = added(omega, b).b, slice(0, 210)
     assert np.abs(many - few)[sums].max() < 1e-4 * np.abs(few[sums]).max()
     assert np.abs(many - few)[210:].max() < 1e-2 * np.abs(few[210:]).max()
+
+
+def test_what_makes_second_order_is_found_once(monkeypatch):
+    """Each pair of frequencies in one of its two orders, and all of it once from the case to the run."""
+    pairs, of_pairs = [], _Water._of_pairs
+    monkeypatch.setattr(_Water, "_of_pairs", lambda self, *both: pairs.append(of_pairs(self, *both)) or pairs[-1])
+    motion = {"type": "irregular", "significant_height": 0.01, "components": 20, "highest_frequency": 1.5}
+    motion |= {"spectrum": {"type": "jonswap", "peak_frequency": 0.6}, "generation": "second-order"}
+    case = scene(motion, duration=10.0, numerics={"cell_size": 0.5})
+    chosen, before = case.motion(), np.concatenate(pairs).size
+    assert before == 2 * (20 * 21 / 2)
+    assert planned(case, MPI.COMM_SELF).scene.motion() is chosen and np.concatenate(pairs).size == before
 
 
 @pytest.mark.slow

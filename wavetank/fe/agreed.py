@@ -38,6 +38,8 @@ def on_first(comm: MPI.Comm, action: Callable[[], T]) -> T | None:
 
 def from_first(comm: MPI.Comm, action: Callable[[], T]) -> T:
     """Return on all ranks what ``action`` gives on the first one; raise its error on all; collective."""
+    if comm.size == 1:
+        return action()  # the very same, with all that it has found of itself
     found: T = comm.bcast(on_first(comm, action))
     return found
 

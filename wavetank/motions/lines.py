@@ -25,7 +25,8 @@ Complex = NDArray[np.complex128]
 MISSED = 1e-6  # of the acceleration's largest possible value, at most, by the table: of the position some 1e-10
 FEW = 8  # sines that are as soon summed
 BLOCK, MOST = 1024, 2**20  # intervals of a block; numbers of its table of phases
-KEPT, FEWEST = 4, 1 / 64  # blocks; of them, for each time of many
+SUMMED = 16  # intervals that are tabulated while the sines are summed once
+KEPT, LEAST = 2**22, 4  # numbers of the blocks that are kept, 32 MB; blocks, however large
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +95,7 @@ class Tabulated(Motion):
         flat = times.ravel()
         which = np.floor(flat / self._span).astype(np.int64)
         blocks = np.unique(which)
-        if blocks.size > max(1.0, FEWEST * flat.size):  # far apart, they are as soon summed
+        if blocks.size > 1 and blocks.size * self._intervals > SUMMED * flat.size:  # far apart, they are as soon summed
             return self.lines.derivative(t, order)
         values = np.empty((flat.size, *self.lines.b.shape[1:]))
         for block in blocks:
@@ -113,6 +114,11 @@ class Tabulated(Motion):
         return self._intervals * self.lines.step
 
     @cached_property
+    def _kept(self) -> int:
+        """How many blocks are kept."""
+        return max(LEAST, KEPT // (6 * self._intervals * (self.lines.b.size // self.lines.omega.size)))
+
+    @cached_property
     def _turns(self) -> Complex:
         """exp(-i omega t) at the knots of the first block, shape (knots, N)."""
         knots = self.lines.step * np.arange(self._intervals + 1)
@@ -120,7 +126,7 @@ class Tabulated(Motion):
 
     def _block(self, number: int) -> Pieces:
         if number not in self._blocks:
-            if len(self._blocks) >= KEPT:
+            if len(self._blocks) >= self._kept:
                 del self._blocks[next(iter(self._blocks))]
             begin, omega, b = number * self._span, self.lines.omega, self.lines.b
             turned = (np.exp(-1j * omega * begin) * b.T).T

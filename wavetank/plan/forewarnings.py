@@ -47,11 +47,12 @@ def _of_walls(scene: Scene, waves: AnyWaves) -> Iterator[str]:
 
 def _predicted(scene: Scene) -> Iterator[str]:
     try:
-        required, error = requirements(scene, DEFAULT), own_plan(scene, DEFAULT).error
+        error = own_plan(scene, DEFAULT).error
     except InputError:
         return  # nothing can be predicted of it
     if error <= LARGE:
         return
+    required = requirements(scene, DEFAULT)
     size = f"{error:.0%}" if error < 1.0 else "all of it"
     yield f"these numerics are predicted to miss the elevation by {size}; {_cure(required.k * required.depth)}"
 

@@ -83,9 +83,9 @@ def second_order(
     apart = n > m
     total, difference = first.omega[n] + first.omega[m], (first.omega[n] - first.omega[m])[apart]
     halved = np.where(apart, 1.0, 0.5)  # with itself it is one pair, two with another
-    left = halved * (_interpolated if many else _Water.left)(water, first.omega)[n, m]
+    left = halved * (_interpolated(water, first.omega)[n, m] if many else water.left(first.omega))
     sums = left * first.b[n] * first.b[m]
-    differences = (apart_by.left(first.omega, -1.0)[n, m] * first.b[n] * first.b[m].conj())[apart]
+    differences = (apart_by.left(first.omega, -1.0) * first.b[n] * first.b[m].conj())[apart]
     return Strokes(
         np.concatenate([total, difference]),
         np.concatenate([water.motion(sums, total), water.motion(differences, difference)]),
@@ -99,7 +99,7 @@ def _interpolated(water: "_Water", omega: Array) -> Complex:
     low, high = omega.min(), omega.max()
     nodes = [0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * (np.arange(c) + 0.5) / c) for c in (FEW, FEW + 1)]
     first, second = (BarycentricInterpolator(one, np.eye(one.size))(omega) for one in nodes)
-    return np.asarray(first @ water.left(nodes[0], 1.0, nodes[1]) @ second.T)
+    return np.asarray(first @ water.left_between(*nodes) @ second.T)
 
 
 class _Water:
@@ -113,14 +113,20 @@ class _Water:
         K = airy.wave_number(omega, self._depth, self._g)
         return np.asarray(left / (-1j * omega * self._maker.moment(K, self._depth)))
 
-    def left(self, omega: Array, sign: float = 1.0, others: Array | None = None) -> Complex:
-        """Return what is to be made up for, of b = 1 of both, at omega + sign others, shape (N, M).
+    def left(self, omega: Array, sign: float = 1.0) -> Complex:
+        """Return what is to be made up for, of b = 1 of both, at omega_n + sign omega_m, in the order of tril_indices.
 
-        Of the differences of a frequency with itself there is none. By default the others are the same.
+        Of the differences of a frequency with itself there is none.
         """
-        one, other = self._modes(omega), self._modes(omega if others is None else others)
-        second = other if sign > 0 else other.mirrored()
-        return np.stack([self._of_pairs(one.of(slice(n, n + 1)), second) for n in range(omega.size)])
+        one = self._modes(omega)
+        other = one if sign > 0 else one.mirrored()
+        rows = (self._of_pairs(one.of(slice(n, n + 1)), other.of(slice(n + 1))) for n in range(omega.size))
+        return np.concatenate([*rows])
+
+    def left_between(self, omega: Array, others: Array) -> Complex:
+        """Return the same at the sums of frequencies and others, shape (N, M)."""
+        one, other = self._modes(omega), self._modes(others)
+        return np.stack([self._of_pairs(one.of(slice(n, n + 1)), other) for n in range(omega.size)])
 
     def _modes(self, omega: Array) -> _Modes:
         """Return the modes of motions of 1 m."""
@@ -135,21 +141,29 @@ class _Water:
         total = one.omega + others.omega
         moving = total != 0.0
         K = airy.wave_number(np.where(moving, np.abs(total), 1.0), self._depth, self._g)
-        bound = self._bound(one, others, K) + self._bound(others, one, K)
         seen = one.b * self._seen(others, K) + others.b * self._seen(one, K)
-        return np.asarray(np.where(moving, 0.5 * (bound + seen), 0.0))
+        return np.asarray(np.where(moving, 0.5 * (self._bound(one, others, K) + seen), 0.0))
 
     def _seen(self, of: _Modes, K: Array) -> Complex:
         """Return what the paddle sees of modes where it is not at rest."""
         return np.asarray((of.P * self._maker.displaced(of.k, K[:, None], self._depth)).sum(axis=1))
 
     def _bound(self, u: _Modes, v: _Modes, K: Array) -> Complex:
-        """Return what goes with the pairs' bound waves."""
-        g, total = self._g, (u.omega + v.omega)[:, None, None]
+        """Return what goes with the bound waves of pairs u, v and v, u: the sums of their T have one denominator."""
+        g, total, at_top = self._g, u.omega + v.omega, self._maker.share(0.0, self._depth)
+        rise_u, rise_v = ((one.omega**2 / g)[:, None] for one in (u, v))  # phi_z / phi at z = 0
+        of_u = v.omega[:, None] * (u.k**2 - rise_u**2) - 2.0 * total[:, None] * rise_u * rise_v
+        of_v = u.omega[:, None] * (v.k**2 - rise_v**2)
         k_u, k_v = u.k[:, :, None], v.k[:, None, :]
-        rise_u, rise_v = ((one.omega**2 / g)[:, None, None] for one in (u, v))  # phi_z / phi at z = 0
-        T = 1j * total * (rise_u * rise_v - k_u * k_v) - 1j * u.omega[:, None, None] * (k_v**2 - rise_v**2)
-        k, lead = k_u + k_v, (u.omega / g)[:, None, None]
-        pairs = 1j * k * T / (g * (k**2 - K[:, None, None] ** 2)) - lead * k_v
-        tail = -lead[:, 0, 0] * u.P.sum(axis=1) * v.omega * v.b * self._maker.share(0.0, self._depth)
-        return np.asarray(((u.P[:, :, None] * pairs * v.P[:, None, :]).sum(axis=(1, 2))) + tail)
+        k, twice = k_u + k_v, 2.0 * total[:, None, None]
+        iT = twice * k_u * k_v + of_u[:, :, None] + of_v[:, None, :]
+        P_u = np.broadcast_to(u.P, (total.size, u.P.shape[1]))
+        pairs = np.einsum("ni,nij,nj->n", P_u, k * iT / (k**2 - K[:, None, None] ** 2), v.P)
+        slow_u, slow_v = (self._slow(one, other, at_top) for one, other in ((u, v), (v, u)))
+        return np.asarray((pairs - slow_u - slow_v) / g)
+
+    @staticmethod
+    def _slow(u: _Modes, v: _Modes, at_top: float) -> Complex:
+        """Return the sum over modes that converges slowly, and its end."""
+        known = (v.k * v.P).sum(axis=1) + v.omega * v.b * at_top
+        return np.asarray(u.omega * u.P.sum(axis=1) * known)

@@ -146,7 +146,7 @@ class Flap(Wavemaker):
             q = K + sign * k
             near = np.abs(q) * depth < CLOSE
             safe = np.where(near, 1.0, q)
-            least = (1.0 - tanh_k * tanh_K) / (1.0 + np.square(q * depth) / 2.0)  # 1 / cosh cosh, where q is near 0
+            least = (1.0 + sign * tanh_k * tanh_K) / (1.0 + np.square(q * depth) / 2.0)  # 1 / cosh cosh, q near 0
             sinh = np.where(near, depth * (1.0 + (q * depth) ** 2 / 6.0) * least, (tanh_K + sign * tanh_k) / safe)
             cosh = (1.0 + sign * tanh_k * tanh_K) - (low_k * low_K + sign * rise_k * rise_K)
             squares, fourths = depth**2 - self._lowest**2, depth**4 - self._lowest**4
