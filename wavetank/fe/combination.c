@@ -2,6 +2,8 @@
 
 points, images  [which][number]: the newest, and behind it differences of those before, images' in their ``scale`` */
 
+#define FEW 512  /* numbers at a time */
+
 static void multiply(long size, int known, const double *differences, const double *restrict x, double *products)
 {
     for (int k = 0; k < known; ++k) {
@@ -25,13 +27,17 @@ static void add(long size, int known, int place, const double *restrict scale, c
     multiply(size, known, images + size, difference, products);
 }
 
-/* away = (c - the newest image) / scale, and its products with those known. */
+/* away = (c - the newest image) / scale, and its products with those known and itself. */
 static void aim(long size, int known, const double *restrict scale, const double *restrict c, const double *images,
                 double *restrict away, double *products)
 {
-    for (long i = 0; i < size; ++i)
+    double square = 0.0;
+    for (long i = 0; i < size; ++i) {
         away[i] = (c[i] - images[i]) / scale[i];
+        square += away[i] * away[i];
+    }
     multiply(size, known, images + size, away, products);
+    products[known] = square;
 }
 
 /* z = the points combined as their images come closest to what was aimed at, ``wrong`` a square; what is missed of that. */
@@ -44,13 +50,16 @@ static void combine(long size, int known, int stride, const double *gram, const 
         for (int j = 0; j < known; ++j)
             A[i * stride + j] = gram[i * stride + j] + (i == j ? wrong : 0.0);
     nearest(known, stride, A, products, shortest, weights);
-    for (long i = 0; i < size; ++i)
-        z[i] = points[i], missed[i] = away[i];
-    for (int k = 0; k < known; ++k) {
-        const double *restrict way = points + (1 + k) * size, *restrict difference = images + (1 + k) * size;
-        for (long i = 0; i < size; ++i)
-            z[i] += weights[k] * way[i], missed[i] -= weights[k] * difference[i];
+    for (long begin = 0; begin < size; begin += FEW) {
+        const long end = begin + FEW < size ? begin + FEW : size;
+        for (long i = begin; i < end; ++i)
+            z[i] = points[i], missed[i] = away[i];
+        for (int k = 0; k < known; ++k) {
+            const double *restrict way = points + (1 + k) * size, *restrict difference = images + (1 + k) * size;
+            for (long i = begin; i < end; ++i)
+                z[i] += weights[k] * way[i], missed[i] -= weights[k] * difference[i];
+        }
+        for (long i = begin; i < end; ++i)
+            missed[i] *= scale[i];
     }
-    for (long i = 0; i < size; ++i)
-        missed[i] *= scale[i];
 }

@@ -1,5 +1,6 @@
 """Points combined as their images come closest to what is asked for, distributed over ranks (``combination.c``)."""
 
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -22,10 +23,17 @@ void combine(long size, int known, int stride, const double *gram, const double 
 
 
 class Guess(NamedTuple):
-    """A combination of points, and by how much that of their images misses what was asked for."""
+    """A combination of points, and by how much that of their images misses what was asked for.
+
+    Attributes
+    ----------
+    away
+        By how much the newest image does, a root of squares, scaled.
+    """
 
     z: Vector
     missed: Vector
+    away: float
 
 
 class Combination:
@@ -55,7 +63,7 @@ class Combination:
         self._kernel = Kernel("combination", DECLARATIONS, key=code, source=lambda: code, comm=comm)
         self._points, self._images = np.zeros((2, most, scale.size))  # the newest, and differences to it and before
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
-        self._products, self._away = np.zeros(most - 1), np.zeros(scale.size)
+        self._products, self._away = np.zeros(most), np.zeros(scale.size)
         self._recorded, self._weight = 0, np.nan
         kept = self._points, self._images, self._gram, self._products, self._away, np.ascontiguousarray(scale)
         self._at = [self._kernel.pointer(array) for array in kept]
@@ -86,12 +94,12 @@ class Combination:
         at, call, (points, images, gram, products, away, scale) = self._kernel.pointer, self._kernel.call, self._at
         known, stride = min(self._recorded - 1, len(self._gram)), len(self._gram)
         call.aim(c.size, known, scale, at(c), images, away, products)
-        if known and self._comm.size > 1:
-            self._products[:known] = summed(self._comm, self._products[:known])
+        if self._comm.size > 1:
+            self._products[: known + 1] = summed(self._comm, self._products[: known + 1])
         z, missed = np.empty_like(c), np.empty_like(c)
         how = gram, products, wrong**2, self._shortest
         call.combine(c.size, known, stride, *how, scale, away, points, images, at(z), at(missed))
-        return Guess(z, missed)
+        return Guess(z, missed, sqrt(self._products[known]))
 
     def held(self) -> Held:
         """Return the newest point and the differences, where they stand in the arrays, and the products of these."""

@@ -157,8 +157,8 @@ class AndersonStageSolver:
         among = self._among(stage.name)
         among.begin(stage.weight)
         among.add(near.z, near.z - stage.weight * near.slope)
-        z, missed = among.guess(near.known, wrong=WRONG * self._root_of_length * self._wanted(stage.name))
-        solution = self._solved(z + self._precondition(stage, missed))
+        guess = among.guess(near.known, wrong=WRONG * self._root_of_length * self._wanted(stage.name))
+        solution = self._solved(guess.z + self._precondition(stage, guess.missed))
         among.add(solution, near.known)
         return solution
 
@@ -181,9 +181,12 @@ class AndersonStageSolver:
         left = left if age < CONFIRMED else np.inf
         for iteration in range(self.max_iterations):
             residual = self._evaluate(z)
-            before, norm = norm, self._norm(residual)
+            mixing.add(z - residual, residual)
+            guess = mixing.guess(self._none)
+            before, norm = norm, guess.away / self._root_of_length
             if iteration == 0:
-                self._sizes.setdefault(name, self._distance(z))
+                if name not in self._sizes:
+                    self._sizes[name] = self._distance(z)
                 target, age = self._target(z), age + 1
             else:
                 left = norm / before if before else 0.0
@@ -191,8 +194,7 @@ class AndersonStageSolver:
                 self._left[name], age = (left, 0), 0
             if not np.isfinite(norm):
                 return None
-            mixing.add(z - residual, residual)
-            z, _ = mixing.guess(self._none)
+            z = guess.z
             if norm <= target or SAFETY * left * norm <= target:
                 if name in self._left:
                     self._left[name] = self._left[name][0], age
