@@ -35,6 +35,7 @@ from wavetank.plan.planned import planned
 from wavetank.plan.requirements import requirements
 from wavetank.postprocess.analysis.reflection import reflected
 from wavetank.records.directory import PADDLE, RunDirectory
+from wavetank.runs.answering import ANSWERS
 from wavetank.runs.build import ANSWERED, build_run
 from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_mass
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
@@ -393,13 +394,13 @@ def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     """And says what they let through."""
     wall = {"type": "flap", "motion": {"type": "regular", "height": 0.05, "period": 1.8}, "absorb": ACTIVE}
     parts = {"tank": {"length": 8.0, "depth": 1.0}, "wall": wall, "run": {"duration": 2.0}}
-    far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper", "period": 1.8}}
+    far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
     scene = Scene.model_validate({**parts, "far_wall": far, "numerics": {"accuracy": 0.02}})
     run, waves = build_run(planned(scene, MPI.COMM_SELF).scene, MPI.COMM_SELF)
     assert run.clock.dt * waves.largest_frequency < ANSWERED
     reasons = "\n".join(requirements(scene, 0.02).reasons)
     assert "a flap, the waves come from its motion; it absorbs what comes to it, all but 4.7 % of waves" in reasons
-    assert "a piston that is not driven; it absorbs, a mass of 0 kg/m on a spring of 251.4 N/m²" in reasons
+    assert "a piston that is not driven; it absorbs, tuned to 1.8 s, a mass of 0 kg/m on a spring of 251.4" in reasons
 
 
 def test_what_absorbing_costs_is_counted_for_each_paddle_once():
@@ -435,6 +436,20 @@ def test_a_paddle_on_a_spring_that_is_tuned_sends_nothing_back_of_its_period():
     expected = np.abs((damping - r + 1j * X) / (damping + r + 1j * X))
     assert mass == pytest.approx(0.2) and expected[0] < 1e-12
     assert expected[1] > 0.1
+
+
+@pytest.mark.parametrize(("kd", "tuned"), [(0.3, 0.3), (None, 1.0), (20.0, 10.0)])
+def test_by_default_it_is_tuned_to_what_the_paddle_opposite_makes(kd, tuned):
+    """By what theory says of that period; to k d = 1 where none is driven, within k d = 1/50 to 10 in any case."""
+    motion = REST if kd is None else {"type": "regular", "height": 0.01, "period": period(kd)}
+    far = {"type": "piston", "motion": REST, "absorb": {"type": "spring-damper"}}
+    parts = {"tank": {"length": 9.0, "depth": 1.0}, "wall": {"type": "piston", "motion": motion}, "far_wall": far}
+    scene = Scene.model_validate({**parts, "run": {"duration": 1.0}, "numerics": {"cells": 4, "dt": 0.02}})
+    equation, _ = ANSWERS[SpringDamper](scene, 1, build_run(scene, MPI.COMM_SELF)[1])
+    omega = 2 * np.pi / np.array([period(tuned)])
+    (r,), (mu,) = radiation(PISTON, omega, 1.0, GRAVITY)
+    expected = Equation.of_spring(sudden_mass(PISTON, 1.0), float(omega[0] ** 2 * mu), float(r))
+    assert pytest.approx(expected.A, rel=1e-9) == equation.A
 
 
 @pytest.mark.slow

@@ -70,7 +70,7 @@ class SpringDamper(Noun):
 
     type: Literal["spring-damper"] = "spring-damper"
     period: Duration | None = Field(
-        default=None, description="period that it is tuned to [s]; default: that of k d = 1"
+        default=None, description="period that it is tuned to [s]; default: that of the paddle opposite, or of k d = 1"
     )
     mass: Mass = Field(default=0.0, description="mass [kg/m], for a metre's width")
     stiffness: Stiffness | None = Field(
@@ -80,9 +80,14 @@ class SpringDamper(Noun):
         default=None, description="of the damper [N s/m²], for a metre's width; default: none of the period comes back"
     )
 
-    def resolved(self, tank: AnyTank, maker: Wavemaker) -> tuple[float, float, float]:
-        """Return mass [m²], stiffness [m²/s²] and damping [m²/s] over the density, defaults resolved."""
-        omega = np.array([2 * np.pi / (self.period or _periods(tank, (1.0, 1.0))[0])])
+    def tuned(self, tank: AnyTank, *, paddles: Iterable[float] = ()) -> float:
+        """Return the period that it is tuned to [s], default resolved; ``paddles`` have these periods [s]."""
+        (usual, _), possible = _periods(tank, (1.0, 1.0)), _periods(tank, POSSIBLE)
+        return self.period or float(np.clip(next(iter(paddles), usual), *possible))
+
+    def resolved(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> tuple[float, float, float]:
+        """Return mass [m²], stiffness [m²/s²] and damping [m²/s] over the density, defaults resolved; as ``tuned``."""
+        omega = np.array([2 * np.pi / self.tuned(tank, paddles=paddles)])
         (damping,), (added,) = radiation(maker, omega, tank.depth, tank.gravity)
         mass = self.mass / tank.density
         stiffness = float(omega[0] ** 2 * (mass + added))
@@ -93,10 +98,12 @@ class SpringDamper(Noun):
         )
 
     def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
-        """Return what it does, in words."""
-        mass, stiffness, damping = (tank.density * part for part in self.resolved(tank, maker))
+        """Return what it does, in words; as ``tuned``."""
+        tuned, resolved = self.tuned(tank, paddles=paddles), self.resolved(tank, maker, paddles=paddles)
+        mass, stiffness, damping = (tank.density * part for part in resolved)
         parts = f"{mass:.4g} kg/m on a spring of {stiffness:.4g} N/m² and a damper of {damping:.4g} N s/m²"
-        return f"it absorbs, a mass of {parts}"
+        given = self.stiffness is not None and self.damping is not None
+        return f"it absorbs{'' if given else f', tuned to {tuned:.3g} s'}, a mass of {parts}"
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a period that is none of the tank's waves, or that nothing follows from."""

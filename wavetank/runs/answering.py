@@ -72,7 +72,7 @@ def _active(scene: Scene, number: int, waves: AnyWaves) -> Answered:
 def _on_spring(scene: Scene, number: int, waves: AnyWaves) -> Answered:
     wall: Any = scene.paddles[number].wall
     paddle: Any = waves.wall.paddles[number]
-    mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.maker)
+    mass, stiffness, damping = wall.absorb.resolved(scene.tank, wall.maker, paddles=scene.paddle_periods)
     added = wall.added_mass(scene.tank)
     equation = Equation.of_spring(mass + added, stiffness, damping)
     return equation, Push(waves, number, paddle, mass=added)
