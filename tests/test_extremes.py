@@ -220,11 +220,11 @@ def told() -> list[str]:
     scene = ring_scene(initial_steepness=0.5, numerics_cells=16, numerics_dt=0.0745, run_duration=8.2)
     scene = scene.model_copy(update={"numerics": scene.numerics.model_copy(update={"edge_penalty": 0.0})})
     run, waves = build_run(scene, MPI.COMM_WORLD)
-    said = list[str]()
-    for watch in (build_watch(scene, run, waves, said.append), map(Blind, build_watch(scene, run, waves, said.append))):
-        run.observers += watch
+    of_jump, of_elevation = list[str](), list[str]()
+    run.observers += build_watch(scene, run, waves, of_jump.append)
+    run.observers += map(Blind, build_watch(scene, run, waves, of_elevation.append))
     run.execute()
-    return said
+    return of_jump + of_elevation
 
 
 def test_the_jump_tells_before_the_elevation_does():

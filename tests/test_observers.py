@@ -15,7 +15,7 @@ from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.surface import SurfaceSnapshots
-from wavetank.water.energy import Energies
+from wavetank.water.energy import Energies, Seen
 
 
 @pytest.mark.parametrize(("every", "dt"), [(0.1, 0.05), (0.3, 0.1), (0.7, 0.1)])
@@ -97,8 +97,8 @@ def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
     tank, seen = make_tank(length=6.0, cells=12, n=2, motion=motion, reach=3.0), []
 
     class Kept:
-        def append(self, t, x, eta, psi):
-            seen.append(x)
+        def extend(self, t, x, eta, psi):
+            seen.extend(x)
 
     snapshots = SurfaceSnapshots(tank, record=Kept(), schedule=EverySteps())
     for t in (0.0, 1.0, 3.0):
@@ -115,8 +115,8 @@ class Steady:
     def explicit_rate(self, q, p, t):
         return 8.9
 
-    def energies(self, q, p, t):
-        return Energies(0.5, 0.5)
+    def seen_from(self, q, p, t, *, at):
+        return Seen(Energies(0.5, 0.5), q, 0 * q)
 
     def total_mass(self, q):
         return 1.0

@@ -24,6 +24,7 @@ from wavetank.observers.schedule import EverySteps
 from wavetank.records import whole
 from wavetank.records.checkpoint import read_kept
 from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
+from wavetank.runs import run as running
 from wavetank.runs.kept_surface import KeptSurface
 from wavetank.runs.waters import build_waves
 
@@ -111,6 +112,7 @@ def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted
         uninterrupted = tmp_path / "whole"
         record(parts, uninterrupted, {})
     monkeypatch.setattr(checkpoints, "NOTING", np.inf)
+    monkeypatch.setattr(running, "MOMENTS", 1)  # else it is that of the last moments worked off
     with pytest.raises(RunError, match="it ends here"):
         wt.run(scene(parts), tmp_path / "run", observers=[Failing], quiet=True)
     failed = read_kept(tmp_path / "run" / CHECKPOINT)

@@ -37,9 +37,10 @@ class Envelope:
         table = np.loadtxt(data.find(REFERENCE, file), delimiter=",", skiprows=1)
         return cls(*table[np.argsort(table[:, 0], kind="stable")].T)
 
-    def append(self, t, x, eta, psi):
-        self.x = x
-        self.highest, self.lowest = np.maximum(self.highest, eta), np.minimum(self.lowest, eta)
+    def extend(self, t, x, eta, psi):
+        self.x = x[-1]
+        self.highest = np.maximum(self.highest, eta.max(axis=0))
+        self.lowest = np.minimum(self.lowest, eta.min(axis=0))
 
     def errors(self, other):
         """Return the root mean square difference of the highest and the lowest at the other's places [m]."""

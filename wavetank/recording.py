@@ -271,7 +271,7 @@ def _records(scene: Scene, waves: AnyWaves, writer: RunWriter | None) -> Records
     dimensions = waves.plane.mesh.topology.dim
     gauges = writer.gauges([(gauge.name, gauge.x, gauge.y) for gauge in scene.all_gauges])
     energy = writer.table(ENERGY, energy_columns(dimensions, absorbed=bool(scene.absorbing)))
-    surface = Kept(writer.surface().append) if dimensions == 1 else None
+    surface = Kept(writer.surface().extend) if dimensions == 1 else None
     motions = [writer.table(PADDLES[seen.key], _paddle_columns(seen, dimensions)) for seen in scene.paddles]
     points = [(probe.name, probe.x, probe.y, probe.z) for probe in scene.probes]
     probes = Kept(writer.table(PROBES, probe_columns(points, dimensions)).extend) if points else None

@@ -103,8 +103,9 @@ class KeptRun:
 
     def from_time_to_time(self, every: float | None) -> Checkpoints:
         """Return the observer that writes checkpoints; the last that can fail."""
-        comm, settle = self._waves.plane.comm, self._run.settle
-        return Checkpoints(comm, self.write, note=self._note, settle=settle, every=every)
+        comm, run = self._waves.plane.comm, self._run
+        settling: dict[str, Any] = {"settle": run.settle, "settles": lambda: run.settles}
+        return Checkpoints(comm, self.write, note=self._note, every=every, **settling)
 
     def _note(self) -> None:
         """Remember the present step, which all have observed; collective."""

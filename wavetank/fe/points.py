@@ -102,6 +102,12 @@ class Points:
         found[mine] = (self._weights * values[field[:, None], self._dofs]).sum(axis=1)
         return summed(self._plane.comm, found)
 
+    def of_all(self, values: Vector) -> Vector:
+        """Return values at the points of K fields at all degrees of freedom, (K, rows), shape (K, N); collective."""
+        found, (mine, *_) = np.zeros((len(values), len(self._points))), self._found
+        found[:, mine] = (self._weights * values[:, self._dofs]).sum(axis=-1)
+        return summed(self._plane.comm, found)
+
     def of(self, rows: Vector) -> Vector:
         """Return values at the points, shape (N, ...), of those at all degrees of freedom, (rows, ...); collective.
 

@@ -154,3 +154,26 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
     CALL(Solve, solve_mass)(w->mass, by_column, by_column, w->mass_work);
     return iterations;
 }
+
+/* See masses q and surface potential p from the point near them, (at_q, at_p), that was found last, by the derivatives
+   of the energy there. Sets the elevation and, behind it, how much higher that of the point is; 1/2 eta M eta there; what
+   lies between times these derivatives, and that of q times the elevation there. */
+static void see(Whole *w, const double *q, const double *p, const double *at_q, const double *at_p, const double *by_q,
+                const double *by_p, const double *still, double *eta, double *found)
+{
+    const long n = w->dofs;
+    double *rise = eta + n, *by_mass = w->image, twice = 0.0, change = 0.0, lift = 0.0;
+    EACH(i, n)
+        eta[i] = w->column[i] - still[i], rise[i] = at_q[i] - q[i];
+    memset(by_mass, 0, sizeof(double) * n);
+    CALL(Multiply, multiply)(w->mass_cells, w->weights, eta, by_mass);
+    EACH(i, n) {
+        twice += eta[i] * by_mass[i];
+        change -= by_q[i] * rise[i] + by_p[i] * (at_p[i] - p[i]);
+        lift -= eta[i] * rise[i];
+    }
+    CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
+    EACH(i, n)
+        eta[i] -= rise[i];
+    found[0] = 0.5 * twice, found[1] = change, found[2] = lift;
+}

@@ -41,12 +41,12 @@ typedef struct {
     Paddle *paddles;
     Weighed *mean, *weighed;
     double *mean_column, *before, *change;
-    void *factor_mass, *solve_mass, *mass, *take, *cells, *layers, *product, *derivative;
+    void *factor_mass, *solve_mass, *mass, *multiply, *mass_cells, *take, *cells, *layers, *product, *derivative;
     void *take_single, *single_cells, *single_layers, *correct, *modes;
     void *aim, *start, *keep;
     const int *order;
     const double **fields;
-    double *column, *phi, *rows, *image, *inputs, *mass_work, *lengths, *wall;
+    double *column, *phi, *rows, *image, *inputs, *mass_work, *weights, *lengths, *wall;
     double *last, *away, *products, *answer, *gram;
     float *single_rows, *single_state, *work, *ways, *steps;
     Found *found;
@@ -55,7 +55,12 @@ typedef struct {
 DECLARATIONS = f"""{WHOLE}
 int find(Whole *, const double *q, const double *p, const double *still, int known, int place, double *flow,
          double *level);
+void see(Whole *, const double *q, const double *p, const double *at_q, const double *at_p, const double *by_q,
+         const double *by_p, const double *still, double *eta, double *found);
 """
+
+
+Pair = tuple[Vector, Vector]
 
 
 class Along(Protocol):
@@ -164,6 +169,7 @@ class Whole:
             "image": image,
             "inputs": inputs,
             **mass.compiled,
+            **mass.compiled_product,
             **operator.compiled,
             **minimum.compiled,
             **recall.compiled,
@@ -172,6 +178,8 @@ class Whole:
         self._struct = self._kernel.shared("Whole", parts)
         self._level = np.zeros(1)
         self._at_level = self._kernel.pointer(self._level)
+        self._seen: Vector = np.zeros(3)
+        self._at_seen = self._kernel.pointer(self._seen)
         self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
 
     def _leaning(self, leaning: Leaning) -> dict[str, Any]:
@@ -193,16 +201,41 @@ class Whole:
         if place is None:
             return None
         self._mass.make_ready()
-        if still is not self._still:
-            self._still, column = still, np.broadcast_to(still, p.shape).astype(np.float64)
-            self._at_still = self._kernel.pointer(column)
         at, found = self._kernel.pointer, np.empty((2, p.size))
         for paddle, wall in zip(self._paddles, self._walls, strict=True):
             paddle.speed = wall.speed
-        surface = at(q), at(p), self._at_still
+        surface = at(q), at(p), self._of_still(still, p.size)
         iterations = self._kernel.call.find(self._struct, *surface, *place, at(found), self._at_level)
         if iterations < 0:
             return None
         self._recall.kept()
         self._minimum.last = self._struct.last_iterations
         return Solution(iterations, float(self._level[0]), found[0], found[1], self._struct.found.kinetic)
+
+    def see(self, state: Pair, at: Pair, by: Pair, still: Vector | float) -> tuple[Vector, list[float]]:
+        """See masses and surface potential from the point last found, which is near, between vertical walls.
+
+        Parameters
+        ----------
+        state, at
+            (Q, psi) of the state and of that point, (dofs,) each.
+        by
+            The derivatives of the energy there, by Q and by psi.
+        still
+            The column of still water [m].
+
+        Returns the elevation and how much higher that of the point is, shape (2, dofs) [m]; of the point 1/2 eta M eta,
+        these derivatives times what lies between, and the elevation times what lies between the masses.
+        """
+        self._mass.make_ready()
+        pointer, eta = self._kernel.pointer, np.empty((2, state[0].size))
+        fields = map(pointer, (*state, *at, *by))
+        self._kernel.call.see(self._struct, *fields, self._of_still(still, state[0].size), pointer(eta), self._at_seen)
+        return eta, self._seen.tolist()
+
+    def _of_still(self, still: Vector | float, size: int) -> Any:
+        """Return where the column of still water is."""
+        if still is not self._still:
+            self._still, column = still, np.broadcast_to(still, size).astype(np.float64)
+            self._at_still = self._kernel.pointer(column)
+        return self._at_still

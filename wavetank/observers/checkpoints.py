@@ -25,6 +25,8 @@ class Checkpoints:
         Remembers a moment that all have observed, of which one is written where the run fails; collective.
     settle
         Writes all records up to here, as the others do, too; collective.
+    settles
+        Whether that is done at this moment anyway; only then one is noted.
     every
         Time of computing between them [s]; if None, a minute, less at the beginning (twice as long each time), more
         where they would cost more than ``COST``.
@@ -37,10 +39,12 @@ class Checkpoints:
         *,
         note: Callable[[], None],
         settle: Callable[[], None],
+        settles: Callable[[], bool] = lambda: True,
         every: float | None = None,
     ):
         self.schedule = EverySteps()
-        self._comm, self._write, self._note, self._settle, self._every = comm, write, note, settle, every
+        self._comm, self._write, self._note, self._every = comm, write, note, every
+        self._settle, self._settles = settle, settles
         self._began = self._last = self._noted = self._settled = time.monotonic()
         self._cost = 0.0
         self._noting = deque[float](maxlen=3)  # what the last times took [s]: of one alone it may be long by chance
@@ -49,8 +53,9 @@ class Checkpoints:
         """Write one where it is due on the first rank, or note the moment, or show what there is by now; collective."""
         began = time.monotonic()
         known = len(self._noting) == self._noting.maxlen
-        noting = not known or began - self._noted > min(self._noting) / NOTING
-        asked = began - self._last > self._age, noting, began - self._settled > LATE
+        late = began - self._settled > LATE
+        noting = (late or self._settles()) and (not known or began - self._noted > min(self._noting) / NOTING)
+        asked = began - self._last > self._age, noting, late
         due, noting, late = asked if self._comm.size == 1 else self._comm.bcast(asked)
         if moment.step == 0 or due:
             self._write()

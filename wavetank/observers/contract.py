@@ -4,6 +4,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
@@ -21,8 +24,8 @@ class Moment(NamedTuple):
         are known to who makes a moment by hand.
     jump
         Of the coordinates; None where the scheme lets them have none.
-    elevations
-        That of waves, once it has been found, by what they are; None of a moment that is made by hand.
+    seen
+        By waves, what has been seen of them; None of a moment that is made by hand.
     """
 
     step: int
@@ -31,19 +34,23 @@ class Moment(NamedTuple):
     p: Vector
     known: tuple[tuple[Vector, Vector], ...] = ()
     jump: Vector | None = None
-    elevations: dict[int, Vector] | None = None
+    seen: dict[int, Seen] | None = None
 
     @property
     def points(self) -> tuple[tuple[Vector, Vector], ...]:
         """The known points, or the one there is."""
         return self.known or ((self.q, self.p),)
 
+    def look(self, waves: "ObservedWaves") -> Seen:
+        """Return what is seen of waves from the last of the known points, found once for all who look; collective."""
+        seen = {} if self.seen is None else self.seen
+        if id(waves) not in seen:
+            seen[id(waves)] = waves.seen_from(self.q, self.p, self.t, at=self.points[-1])
+        return seen[id(waves)]
+
     def elevation(self, waves: "ObservedWaves") -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,), found once for all who look; collective."""
-        found = {} if self.elevations is None else self.elevations
-        if id(waves) not in found:
-            found[id(waves)] = waves.elevation(self.q, self.p, self.t)
-        return found[id(waves)]
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+        return waves.elevation(self.q, self.p, self.t) if self.seen is None else self.look(waves).eta
 
 
 class Observer(Protocol):
@@ -105,6 +112,9 @@ class ObservedWall(Protocol):
     def leans(self) -> bool:
         """Whether that is not the same at all heights."""
 
+    def reaches(self, places: Vector) -> NDArray[np.bool_]:
+        """Return whether its paddles can carry what is at places [m], shape (N,)."""
+
     def stand(self, places: Vector) -> Vector:
         """Return how far from rest its paddles stand beside places [m], shape (paddles, N)."""
 
@@ -144,8 +154,8 @@ class ObservedWaves(Protocol):
     def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
         """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi)."""
 
-    def seen_at(self, q: Vector, p: Vector, t: float) -> Seen:
-        """Return what is known of a point: energies, derivatives, elevation."""
+    def seen_from(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
+        """Return what is seen of a state from a point near to it, which is evaluated then: energies, elevation."""
 
     def inner(self, a: Vector, b: Vector) -> float:
         """Return the sum of a b over the degrees of freedom of all ranks."""

@@ -19,30 +19,38 @@ class Crest(NamedTuple):
     t: float = 0.0
 
 
+class _Kept(NamedTuple):
+    """The time [s], the elevation [m] at this rank's degrees of freedom, and how the wall stood."""
+
+    t: float
+    eta: Vector
+    stand: Vector
+
+
 class HighestCrest(Patient):
     """The highest elevation at the degrees of freedom, of all steps."""
 
     def __init__(self, waves: ObservedWaves):
         self.schedule = EverySteps()
         self._waves, self._own = waves, Crest()
-        # where that is, if its place is still to be found, and how the wall stood
-        self._kept: tuple[int, Vector] | None = None
+        self._places = waves.plane.places
+        self._kept = list[_Kept]()
 
     def keep(self, moment: Moment) -> None:
-        """See whether the surface is higher than ever; collective."""
-        eta = moment.elevation(self._waves)
-        highest = int(eta.argmax()) if eta.size else 0
-        if eta.size and eta[highest] > self._own.height:
-            self._own = Crest(float(eta[highest]), t=moment.t)
-            self._kept = highest, self._waves.wall.stand(self._waves.plane.places[[highest]])
+        """Keep the elevation; collective."""
+        self._kept.append(_Kept(moment.t, moment.elevation(self._waves), self._waves.wall.stand(self._places)))
 
     def work_off(self) -> None:
-        """Find the place of the highest."""
-        if self._kept is not None:
-            highest, stand = self._kept
-            place, self._kept = self._waves.plane.places[[highest]], None
-            ((x, y),) = self._waves.wall.to_physical(place, np.array([self._own.height]), stand)
-            self._own = self._own._replace(x=float(x), y=float(y))
+        """See whether the surface was higher than ever."""
+        kept, self._kept = self._kept, []
+        heights = np.array([one.eta for one in kept]).max(axis=1, initial=-np.inf) if kept else np.zeros(0)
+        heights[np.isnan(heights)] = -np.inf  # of a surface that is none any more
+        if heights.max(initial=-np.inf) > self._own.height:
+            t, eta, stand = kept[int(heights.argmax())]
+            highest = int(eta.argmax())
+            here = slice(highest, highest + 1)
+            ((x, y),) = self._waves.wall.to_physical(self._places[here], eta[here], stand[:, here])
+            self._own = Crest(float(eta[highest]), float(x), float(y), t)
 
     def highest(self) -> Crest:
         """Return the highest crest on all ranks; collective."""

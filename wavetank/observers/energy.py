@@ -20,6 +20,7 @@ from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.supply import Power, Supply
 from wavetank.stateful import Held
+from wavetank.water.energy import Energies
 
 
 def columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
@@ -56,20 +57,18 @@ class Sink(Protocol):
     energy_taken: float
 
 
-class _Seen(NamedTuple):
-    """What is kept of a moment: energies and W, what has been put in and absorbed by then, what each sink had taken.
+class _Kept(NamedTuple):
+    """What is kept of a moment: energies, what has been put in and absorbed by then, what each sink had taken.
 
     The mass, where a row is due.
     """
 
     step: int
     t: float
-    kinetic: float
-    potential: float
-    wall: float
+    energies: Energies
     supplied: float
     absorbed: float | None
-    taken: dict[str, float]
+    taken: list[float]
     mass: float | None
 
 
@@ -100,7 +99,7 @@ class EnergyBudget(Patient):
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self._sinks = {type(sink).__name__: sink for sink in sinks}
-        self._kept = list[_Seen]()
+        self._kept = list[_Kept]()
         self._before: list[Any] = []  # what was seen where the step ended, if something has acted since
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
@@ -119,53 +118,39 @@ class EnergyBudget(Patient):
         seen = self._before + [self._supply.look(self._waves, *point, t) for point in points]
         self._before = []
         self._supply.go_on(t, sum(seen) / len(seen))
-        taken = {name: sink.energy_taken for name, sink in self._sinks.items()}
+        taken = [sink.energy_taken for sink in self._sinks.values()]
         mass = self._waves.total_mass(moment.q) if self._recorded.due(moment.step) else None
-        now = self._energies(moment)
-        self._kept.append(_Seen(moment.step, t, *now, self._supply.done, self._supply.absorbed, taken, mass))
+        energies, put_in = moment.look(self._waves).energies, (self._supply.done, self._supply.absorbed)
+        self._kept.append(_Kept(moment.step, t, energies, *put_in, taken, mass))
 
     def work_off(self) -> None:
         """See how far off the balance has been, and append the rows that are due."""
         kept, self._kept = self._kept, []
-        rows = [row for seen in kept if (row := self._judged(seen))]
+        rows = [row for one in kept if (row := self._judged(one))]
         if rows:
             self._record.extend(rows)
 
-    def _judged(self, seen: "_Seen") -> list[float]:
+    def _judged(self, kept: "_Kept") -> list[float]:
         """Take note of how far off the balance is; return the row, if one is due."""
-        total = seen.kinetic + seen.potential
-        if seen.step == 0:
-            self._total, self._wall, self._mass = total, seen.wall, seen.mass or 0.0
+        step, t, energies, supplied, absorbed, of_sinks, mass = kept
+        total = energies.total
+        if step == 0:
+            self._total, self._wall, self._mass = total, energies.wall, mass or 0.0
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
-        work = seen.supplied - (seen.wall - self._wall)
-        self._dissipated = dissipated = self._earlier + sum(seen.taken.values())
+        work = supplied - (energies.wall - self._wall)
+        self._dissipated = dissipated = self._earlier + sum(of_sinks)
         balance = total - self._total - work + dissipated
-        for name, taken in seen.taken.items():
-            self._most[name] = max(self._most.get(name, taken), taken)
-            if (given := self._most[name] - taken) > self._given.get(name, (0.0, 0.0))[0]:
-                self._given[name] = given, seen.t
-        absorbed = [] if seen.absorbed is None else [seen.absorbed]
-        gone = dissipated + max(sum(absorbed), 0.0)
+        for name, taken in zip(self._sinks, of_sinks, strict=True):
+            self._most[name] = most = max(self._most.get(name, taken), taken)
+            if most - taken > self._given.get(name, (0.0, 0.0))[0]:
+                self._given[name] = most - taken, t
+        gone = dissipated + max(absorbed or 0.0, 0.0)
         self._energy, self._off = max(self._energy, total + gone), max(self._off, abs(balance))
-        if seen.mass is None:
+        if mass is None:
             return []
-        self._lost = max(self._lost, abs(seen.mass - self._mass))
-        return [seen.t, seen.kinetic, seen.potential, total, work, dissipated, balance, seen.mass, *absorbed]
-
-    def _energies(self, moment: Moment) -> tuple[float, float, float]:
-        """Return kinetic and potential energy at (q, p), and W, from those at the last known point.
-
-        And from their derivatives there, to the square of what lies between.
-        """
-        waves, (q, p), t = self._waves, moment.points[-1], moment.t
-        if q is moment.q and p is moment.p:
-            there = waves.energies(q, p, t)
-            return there.kinetic, there.potential, there.wall
-        there, by_q, by_p, eta = waves.seen_at(q, p, t)
-        away = moment.q - q
-        total = waves.inner(by_q, away) + waves.inner(by_p, moment.p - p)
-        potential = waves.gravity * waves.inner(eta, away)
-        return there.kinetic + total - potential, there.potential + potential, there.wall
+        self._lost = max(self._lost, abs(mass - self._mass))
+        row = [t, energies.kinetic, energies.potential, total, work, dissipated, balance, mass]
+        return row if absorbed is None else [*row, absorbed]
 
     @property
     def mass_error(self) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError, OutsideError
+from wavetank.fe.points import Points
 from wavetank.observers.contract import Moment, ObservedWaves, Patient
 from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
@@ -14,7 +15,7 @@ from wavetank.water.surface_points import SurfacePoints
 
 
 class _Kept(NamedTuple):
-    """The time [s], the elevation [m] at this rank's degrees of freedom, and how the wall stood."""
+    """The time [s], the elevation [m] at this rank's degrees of freedom, and how the wall stood beside the gauges."""
 
     t: float
     eta: Vector
@@ -40,13 +41,23 @@ class Gauges(Patient):
         places = np.asarray(places, dtype=np.float64)
         self._waves, self._record, self.schedule = waves, record, schedule
         self._elevation, self._kept = waves.plane.function("elevation"), list[_Kept]()
-        self._points = SurfacePoints(waves.plane, waves.wall, places)
-        self._passing = Passing(waves.wall, places, called or Called.unnamed(waves.wall, "gauge", places))
+        place, wall = waves.plane.chart.place, waves.wall
+        Points(waves.plane, place(wall.to_reference(places)))  # refuses what is outside
+        reached = wall.reaches(places)
+        self._near, self._far = np.flatnonzero(reached), np.flatnonzero(~reached)
+        self._beside = SurfacePoints(waves.plane, wall, places[reached])
+        self._points = Points(waves.plane, place(places[~reached]))
+        called = called or Called.unnamed(wall, "gauge", places)
+        names = [called.places[n] for n in self._near]
+        self._passing = Passing(wall, places[reached], called._replace(places=names))
+        self._stand = self._beside.stand()
 
     def keep(self, moment: Moment) -> None:
         """Keep the elevation, but work it off where a paddle is near; raises as ``work_off``; collective."""
-        self._kept.append(_Kept(moment.t, moment.elevation(self._waves), self._points.stand()))
-        if self._passing.near(self._kept[-1].stand):
+        if self._near.size:
+            self._stand = self._beside.stand()
+        self._kept.append(_Kept(moment.t, moment.elevation(self._waves), self._stand))
+        if self._near.size and self._passing.near(self._stand):
             self.work_off()
 
     def work_off(self) -> None:
@@ -56,8 +67,12 @@ class Gauges(Patient):
             self._append(kept)
 
     def _append(self, kept: list[_Kept]) -> None:
+        rows = self._rows(kept)
+        elevations = np.empty((len(kept), self._near.size + self._far.size))
+        elevations[:, self._far] = self._points.of_all(rows)
         try:
-            elevations = self._points.each(self._rows(kept), [one.stand for one in kept])
+            if self._near.size:
+                elevations[:, self._near] = self._beside.each(rows, [one.stand for one in kept])
         except (OutsideError, ConvergenceError) as error:
             for one in kept if len(kept) > 1 else ():  # up to the one where that is
                 self._append([one])

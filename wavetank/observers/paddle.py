@@ -48,7 +48,8 @@ class PaddleMotion(Patient):
         """Append the rows."""
         kept, self._kept = self._kept, []
         if kept:
-            self._record.extend(np.array([np.hstack(row) for row in kept]))
+            along = np.ndim(kept[0][1]) > 0
+            self._record.extend(np.array([np.hstack(row) if along else [*map(float, row)] for row in kept]))
 
 
 class PaddleLimits:

@@ -32,7 +32,7 @@ from wavetank.water.waves import NonlinearWaves
 
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
-OFTEN = 16  # steps between looks at what would help, and moments that are judged together: a warning comes soon
+OFTEN = 16  # steps between looks at what would help
 CALM = 1e-6  # of the depth: lower waves are not looked at
 # what a watch remembers beside the last steps:
 SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency", "_next"
@@ -83,8 +83,8 @@ class _Seen(NamedTuple):
         The elevation [m], shape (owned,).
     alternating
         The elevation or its jump [m], shape (owned,).
-    way
-        That of the paddle in a step [m], shape (owned,) or (1,).
+    velocity
+        The paddle's [m/s], shape (owned,) or (1,).
     frequency
         The largest on the surface as it moves [rad/s], where that was looked at.
     """
@@ -92,7 +92,7 @@ class _Seen(NamedTuple):
     t: float
     eta: Vector
     alternating: Vector
-    way: Vector
+    velocity: Vector
     frequency: float
 
 
@@ -148,17 +148,25 @@ class StabilityWatch(Patient):
 
     def keep(self, moment: Moment) -> None:
         """Keep the surface, or its jump where the moment has one, and now and then how it moves; collective."""
-        waves, (q, p, t) = self._waves, (moment.q, moment.p, moment.t)
-        eta, frequency = moment.elevation(waves), 0.0
-        self._look = IN_ELEVATION if moment.jump is None else IN_JUMP
-        alternating = eta if moment.jump is None else waves.mass.solve(moment.jump)
+        waves, (q, p, t), frequency = self._waves, (moment.q, moment.p, moment.t), 0.0
         if moment.step >= self._next - self._flow.has(q, p, t) * OFTEN // 2:
             self._next = moment.step + OFTEN
             self._flow.update(q, p, t)
             frequency = self._short.largest_frequency(self._flow, least=self._frequency)
-        self._kept.append(_Seen(t, eta, alternating, self._dt * waves.wall.velocities, frequency))
-        if len(self._kept) == OFTEN:
-            self.work_off()
+        eta = moment.elevation(waves)
+        self._kept.append(_Seen(t, eta, self._alternating(moment, eta), waves.wall.velocities, frequency))
+
+    def _alternating(self, moment: Moment, eta: Vector) -> Vector:
+        """Return the jump of the elevation [m], or itself, shape (owned,); collective.
+
+        Half of it lies between a state that is the mean of two traces and the later of these, the last point known.
+        """
+        if moment.jump is None:
+            self._look = IN_ELEVATION
+            return eta
+        self._look = IN_JUMP
+        is_mean = moment.points[-1][0] is not moment.q
+        return 2 * moment.look(self._waves).rise if is_mean else self._waves.mass.solve(moment.jump)
 
     def work_off(self) -> None:
         """See whether what alternates has grown; collective."""
@@ -166,7 +174,7 @@ class StabilityWatch(Patient):
         if not kept:
             return
         self._last += [one.alternating for one in kept]
-        self._wall += [one.way for one in kept]
+        self._wall += [self._dt * one.velocity for one in kept]
         unjudged = max(0, look.length - 1 - known)  # with too few before
         begin = max(0, known + unjudged - look.length + 1)
         values, ways = np.array(self._last[begin:]), np.array(self._wall[begin:])

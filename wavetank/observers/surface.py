@@ -15,8 +15,8 @@ from wavetank.stateful import Held
 class SurfaceRecord(Protocol):
     """Where snapshots go; only rank 0's are kept."""
 
-    def append(self, t: float, x: Vector, eta: Vector, psi: Vector) -> None:
-        """Append one snapshot."""
+    def extend(self, t: Vector, x: Vector, eta: Vector, psi: Vector) -> None:
+        """Append K snapshots: times [s], shape (K,), and places [m], elevations [m] and potentials [m²/s], (K, N)."""
 
 
 class _Kept(NamedTuple):
@@ -63,11 +63,14 @@ class SurfaceSnapshots(Patient):
     def work_off(self) -> None:
         """Append the snapshots; collective."""
         kept, self._kept = self._kept, []
-        for t, eta, psi, stand in kept:
-            eta, psi = self._sorted(eta), self._sorted(psi)
-            if self._record is not None:
-                x = self._waves.wall.to_physical(self._places, eta, stand)[:, 0]
-                self._record.append(t, x, eta, psi)
+        if not kept:
+            return
+        eta = np.array([self._sorted(one.eta) for one in kept])
+        psi = np.array([self._sorted(one.psi) for one in kept])
+        if self._record is not None:
+            places, stand = np.tile(self._places, (len(kept), 1)), np.concatenate([one.stand for one in kept], axis=1)
+            x = self._waves.wall.to_physical(places, eta.ravel(), stand)[:, 0]
+            self._record.extend(np.array([one.t for one in kept]), x.reshape(eta.shape), eta, psi)
 
     def _sorted(self, owned: Vector) -> Vector:
         """Return values at the places in the order of x, on the first rank, of values at the degrees of freedom."""

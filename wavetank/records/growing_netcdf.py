@@ -51,20 +51,25 @@ class GrowingNetCDF(GrowingFile):
         for name in STANDS:
             setattr(self, name, held[name])
 
-    def append_record(self, row: NDArray[np.float64], first: Callable[[], dict[str, Variable]]) -> None:
-        """Append a record, numbers in the order of the variables, time first; ``first`` are those of the first record.
+    def append_records(self, rows: NDArray[np.float64], first: Callable[[], dict[str, Variable]]) -> None:
+        """Append records, (K, numbers) in the order of the variables, time first; ``first`` are those of the first one.
 
-        Raises ``RunError`` for a number that is not finite, before anything is written, and for a file that cannot be.
+        Raises ``RunError`` for a number that is not finite, before anything of its record is written, but those before;
+        and for a file that cannot be written.
         """
-        self._check(row)
-        if self._records:
-            self.write(row.astype(NUMBER).tobytes())
-        else:
+        finite = np.isfinite(rows).all(axis=1)
+        whole = rows if finite.all() else rows[: finite.argmin()]
+        if not self._records and len(whole):
             content = netcdf(first(), self._attributes, growing="time")
-            self._begin = len(content) - row.size * NUMBER.itemsize
+            self._begin = len(content) - rows.shape[1] * NUMBER.itemsize
             self.write(content)
-        self._records += 1
+        after = whole if self._records else whole[1:]
+        if len(after):
+            self.write(after.astype(NUMBER).tobytes())
+        self._records += len(whole)
         self._tell()
+        for row in rows[len(whole) :]:
+            self._check(row)
 
     def _tell(self) -> None:
         """Write into the header how many records there are."""

@@ -17,6 +17,8 @@ from wavetank.records.growing_netcdf import NUMBER, GrowingNetCDF
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable
 from wavetank.stateful import Held
 
+Array = NDArray[np.float64]
+
 HEAD = (
     '<?xml version="1.0"?>\n<Xdmf Version="2.0"><Domain>'
     '<Grid Name="surface" GridType="Collection" CollectionType="Temporal">\n'
@@ -81,26 +83,33 @@ class SurfaceWriter(GrowingNetCDF):
         super().close()
         self._index.close()
 
-    def append(self, t: float, x: NDArray[np.float64], eta: NDArray[np.float64], psi: NDArray[np.float64]) -> None:
-        """Append one snapshot at t [s]: x [m], eta [m] and psi [m²/s], each of shape (N,).
+    def append(self, t: float, x: Array, eta: Array, psi: Array) -> None:
+        """Append one snapshot at t [s], arrays of shape (N,); see ``extend``."""
+        self.extend(np.array([t]), *(one[None] for one in (x, eta, psi)))
 
-        Raises ``RunError`` for a number that is not finite, before anything of the snapshot is written, and for a file
-        that cannot be written; ``ValueError`` for arrays whose length is not that of the first snapshot.
+    def extend(self, t: Array, x: Array, eta: Array, psi: Array) -> None:
+        """Append snapshots at t [s], shape (K,): x [m], eta [m] and psi [m²/s], each of shape (K, N).
+
+        Raises ``RunError`` for a number that is not finite, before anything of its snapshot is written, but those
+        before; and for a file that cannot be written; ``ValueError`` for arrays of another length than the first.
         """
-        points = self._points or x.size
-        if not x.shape == eta.shape == psi.shape == (points,):
-            raise ValueError(
-                f"{self._path.name}: x, eta, psi of shapes {x.shape}, {eta.shape}, {psi.shape}; it has {points} points."
-            )
-        row = np.concatenate([[t], x, eta, psi])
-        self.append_record(row, lambda: _first(row))
+        points, before = self._points or x.shape[1], self._records
+        if not x.shape[1:] == eta.shape[1:] == psi.shape[1:] == (points,):
+            shapes = ", ".join(str(one.shape[1:]) for one in (x, eta, psi))
+            raise ValueError(f"{self._path.name}: x, eta, psi of shapes {shapes}; it has {points} points.")
         self._points = points
-        self._index.write(self._found(t).encode(), over=len(TAIL) if self._records > 1 else 0)
+        rows = np.column_stack([t, x, eta, psi])
+        try:
+            self.append_records(rows, lambda: _first(rows[0]))
+        finally:
+            if told := [self._found(t[n], before + n) for n in range(self._records - before)]:
+                head = "" if before else HEAD
+                self._index.write("".join([head, *told, TAIL]).encode(), over=len(TAIL) if before else 0)
 
-    def _found(self, t: float) -> str:
-        """Return where the newest snapshot stands, for XDMF, up to the end of the file."""
+    def _found(self, t: float, number: int) -> str:
+        """Return where a snapshot stands, by its number, for XDMF."""
         n, size = self._points, NUMBER.itemsize
-        here = self._begin + (self._records - 1) * (1 + 3 * n) * size
+        here = self._begin + number * (1 + 3 * n) * size
 
         def item(seek: int) -> str:
             form = 'NumberType="Float" Precision="8" Format="Binary" Endian="Big"'
@@ -108,13 +117,12 @@ class SurfaceWriter(GrowingNetCDF):
 
         x, eta, psi = (item(here + (1 + part * n) * size) for part in range(3))
         y = item(self._begin - n * size)  # the last before the snapshots
-        head = "" if self._records > 1 else HEAD
         return (
-            f'{head}<Grid Name="surface"><Time Value="{float(t)!r}"/>'
+            f'<Grid Name="surface"><Time Value="{float(t)!r}"/>'
             f'<Topology TopologyType="Polyline" NumberOfElements="1" NodesPerElement="{n}"/>'
             f'<Geometry GeometryType="X_Y_Z">{x}{y}{eta}</Geometry>'
             f'<Attribute Name="elevation">{eta}</Attribute>'
-            f'<Attribute Name="surface potential">{psi}</Attribute></Grid>\n{TAIL}'
+            f'<Attribute Name="surface potential">{psi}</Attribute></Grid>\n'
         )
 
 

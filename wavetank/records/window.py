@@ -51,9 +51,9 @@ class WindowFile(GrowingNetCDF):
         self._places, self._levels, self._told = places, levels, quantities(dimensions)
 
     def append(self, t: float, z: Array, eta: Array, moved: Array) -> None:
-        """Append a record: see ``observers.windows.WindowRecord``; raises as ``append_record``."""
+        """Append a record: see ``observers.windows.WindowRecord``; raises as ``append_records``."""
         row = np.concatenate([[t], eta, z.ravel(), moved.ravel()])
-        self.append_record(row, lambda: self._first(t, z, eta, moved))
+        self.append_records(row[None], lambda: self._first(t, z, eta, moved))
 
     def _first(self, t: float, z: Array, eta: Array, moved: Array) -> dict[str, Variable]:
         each, zeta = ("time", "column", "level"), np.linspace(0.0, 1.0, self._levels)

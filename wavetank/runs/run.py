@@ -55,12 +55,17 @@ class Run:
         self.step = clock.first
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
-        self._kept = 0  # moments that patient observers have not worked off
+        self._kept, self._most = 0, 1  # moments that patient observers have not worked off, and how many these may be
 
     @property
     def t(self) -> float:
         """The time reached [s]."""
         return self.clock.time(self.step)
+
+    @property
+    def settles(self) -> bool:
+        """Whether the moment that is being observed is the last before patient observers work off what they keep."""
+        return self._kept + 1 >= self._most
 
     @property
     def sinks(self) -> list[Sink]:
@@ -78,7 +83,7 @@ class Run:
     def _go_on(self) -> None:
         acts = [(one.schedule, one.keep if isinstance(one, Patient) else one.observe) for one in self.observers]
         self._acts = [(None if schedule == EverySteps() else schedule, act) for schedule, act in acts]
-        most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
+        self._most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
         if not self._begun:
             self._begun = True
             self._observe()
@@ -86,7 +91,7 @@ class Run:
             self.state = self._stepper.step(self.system, self.state, self.t, self.clock.dt)
             self.step += 1
             self._observe()
-            if self._kept >= most:
+            if self._kept >= self._most:
                 self.settle()
         self.settle()
 

@@ -38,7 +38,7 @@ from wavetank.hamiltonian.affine_stages import DirectStage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, StageCounters
 from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
-from wavetank.water.energy import POTENTIAL, Energies, Part, Seen, WaterEnergy
+from wavetank.water.energy import POTENTIAL, Energies, Part, Seen, WaterEnergy, seen_from
 from wavetank.water.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.walls import LinearWall
@@ -179,9 +179,9 @@ class LinearWaves:
         """Return F of each paddle at the interior potential [m^4/s], shape (paddles,); collective."""
         return np.array([self.plane.sum(w * p) for w in self._inflow], dtype=np.float64) - self._recoil @ speeds
 
-    def seen_at(self, q: Vector, p: Vector, t: float) -> Seen:
-        """Return what is known of a point; collective."""
-        return Seen(self.energies(q, p, t), self.H_q(q, p, t), self.H_p(q, p, t), self.elevation(q, p, t))
+    def seen_from(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
+        """Return what is seen of a state from a point; collective."""
+        return seen_from(self, q, p, t, at=at)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's term included; collective."""

@@ -28,7 +28,7 @@ from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStage
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
-from wavetank.water.energy import KINETIC, POTENTIAL, Energies, Seen, WaterEnergy
+from wavetank.water.energy import KINETIC, POTENTIAL, Energies, Seen, WaterEnergy, seen_from
 from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
@@ -321,11 +321,14 @@ class NonlinearWaves:
         self.evaluate(q, p, t)
         return Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
 
-    def seen_at(self, q: Vector, p: Vector, t: float) -> Seen:
-        """Return what is known of a point; collective."""
-        by_q = self.H_q(q, p, t)
-        energies = Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
-        return Seen(energies, by_q, self._H_p, self.h.owned - self.bed.still)
+    def seen_from(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
+        """Return what is seen of a state from a point; collective."""
+        if self._whole is None or self.wall.leans:
+            return seen_from(self, q, p, t, at=at)
+        by = self.H_q(*at, t), self.H_p(*at, t)
+        (eta, rise), (potential, change, lift) = self._whole.see((q, p), at, by, self.bed.still)
+        kinetic, wall = self._kinetic + change - self.gravity * lift, self._wall_terms.energy()
+        return Seen(Energies(kinetic, self.gravity * (potential + lift), wall), eta, rise)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import ufl
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.mass import MassMatrix
@@ -80,6 +81,11 @@ class BothEnds:
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the near paddle at rest [m], shape (owned,)."""
         return self.paddles[0].distances(plane)
+
+    def reaches(self, places: Vector) -> NDArray[np.bool_]:
+        """See ``Placed``."""
+        near, far = (paddle.reaches(places) for paddle in self.paddles)
+        return np.asarray(near | far)
 
     def stand(self, places: Vector) -> Vector:
         """See ``Placed``."""

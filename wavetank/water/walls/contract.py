@@ -109,6 +109,9 @@ class Placed(Protocol):
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the wall at rest [m], shape (owned,)."""
 
+    def reaches(self, places: Vector) -> NDArray[np.bool_]:
+        """Return whether its paddles can carry what is at places [m], physical or reference, shape (N,)."""
+
     def stand(self, places: Vector) -> Vector:
         """Return how far from rest its paddles stand beside places [m], physical or reference, shape (paddles, N)."""
 

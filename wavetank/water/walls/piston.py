@@ -155,6 +155,10 @@ class Piston:
         carried = ufl.inner(self.axis, ufl.grad(psi))
         return -speed * R * carried * self.carried + self._into * speed * wall_flux * self._on_paddle
 
+    def reaches(self, places: Vector) -> NDArray[np.bool_]:
+        """See ``Placed``."""
+        return np.asarray(self.side.distances(places) < self.reach)
+
     def stand(self, places: Vector) -> Vector:
         """See ``Placed``: X_p."""
         if (whole := self.travel.whole) is not None:
@@ -183,7 +187,7 @@ class Piston:
     ) -> Vector:
         """Return places moved along the normal by a shift [m] of their distances and f X_p; none beyond reach."""
         moved, distances = places.copy(), self.side.distances(places)
-        near = np.flatnonzero(distances < self.reach)
+        near = np.flatnonzero(self.reaches(places))
         if not near.size:
             return moved
         shares = self.shape.at(np.asarray(z)[near] if np.ndim(z) else np.asarray(z))

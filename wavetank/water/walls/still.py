@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import ufl
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.mass import MassMatrix
@@ -41,6 +42,10 @@ class StillWall:
     def distances(self, plane: Plane) -> Vector:
         """Return x [m], shape (owned,)."""
         return plane.x
+
+    def reaches(self, places: Vector) -> NDArray[np.bool_]:
+        """Return that it carries nothing, shape (N,)."""
+        return np.zeros(len(places), dtype=bool)
 
     def stand(self, places: Vector) -> Vector:
         """Return nothing of no paddle, shape (0, N)."""
