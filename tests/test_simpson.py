@@ -115,7 +115,7 @@ class Snapshots:
 
 
 def test_watch_gauges_and_snapshots_solve_for_nothing_besides_the_energies(monkeypatch):
-    """Which is that of the jump, too, compiled with the energies; of a moment that is asked of by itself another."""
+    """Oracle: one solve at most of the last state, where the flow is looked at, and none of its jump."""
     scene = Scene.model_validate({**SLICE, "run": {"duration": 0.2}})
     run, waves = build_run(scene, MPI.COMM_WORLD)
     records = Records(Memory(), Memory(), Snapshots())
@@ -126,7 +126,7 @@ def test_watch_gauges_and_snapshots_solve_for_nothing_besides_the_energies(monke
     monkeypatch.setattr(waves.mass, "solve", lambda right, **how: solved.append(right) or solve(right, **how))
     run.execute()
     asked = [run.state.q, run.state.q_jump]
-    assert [sum(np.array_equal(right, one) for right in solved) for one in asked] in ([0, 0], [1, 0])  # by the flow's look
+    assert [sum(np.array_equal(right, one) for right in solved) for one in asked] in ([0, 0], [1, 0])
     eta = waves.elevation(run.state.q, run.state.p, run.t)
     eta += 1.0  # nobody else's
     run.state.q[:] += waves.mass.apply(np.full(waves.plane.owned, 0.1))  # the same array, another surface
