@@ -231,7 +231,7 @@ class Whole:
         pointer, eta = self._kernel.pointer, np.empty((2, state[0].size))
         fields = map(pointer, (*state, *at, *by))
         self._kernel.call.see(self._struct, *fields, self._of_still(still, state[0].size), pointer(eta), self._at_seen)
-        return eta, self._seen.tolist()
+        return eta, [*map(float, self._seen)]
 
     def _of_still(self, still: Vector | float, size: int) -> Any:
         """Return where the column of still water is."""
