@@ -115,6 +115,20 @@ def test_derivatives_are_those_of_the_energy(steep):
         assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.parametrize("ends", [(1, 0), (0, 1), (1, 1)], ids=["near", "far", "both"])
+def test_a_plane_surface_has_one_slope_wherever_its_walls_stand(ends):
+    """In the reference tank it is no plane, but a field of the elements: slope and velocity are one to round-off."""
+    _, waves = build_run(scene(*({**PISTON, "reach": 1.0} if end else None for end in ends), length=2.0), MPI.COMM_SELF)
+    flow, t = waves.surface, 3.3
+    waves.set_time(t)
+    x = waves.wall.to_physical(waves.plane.places)[:, 0]
+    flow.update(*waves.state(0.1 * x, -0.3 * x, t), t)
+    slope, speed = (pytest.approx(one, rel=1e-11) for one in (0.1, 0.3 / 1.01))
+    assert flow.largest_slope == slope and flow.largest_velocity == speed
+    assert flow.slopes == slope and flow.speeds == speed
+    assert flow.profile.slope == slope and flow.profile.velocity == pytest.approx(-0.3, rel=1e-11)
+
+
 def test_the_power_of_two_pistons_over_a_bed_is_the_rate_of_the_energy():
     """At fixed Q and psi, by differences in time whose error falls with the fourth power of the step, to 1e-9 of it."""
     tank = {"length": 2.0, "depth": 1.0, "bed": {"type": "formula", "depth": "1 - 0.2*sin(pi*x/2)**2"}}

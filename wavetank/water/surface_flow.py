@@ -3,6 +3,7 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
+from collections.abc import Callable
 from importlib.resources import files
 from typing import NamedTuple, Protocol
 
@@ -10,6 +11,7 @@ import basix
 import numpy as np
 import ufl
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, largest
 from wavetank.fe.cell_places import tabulate
@@ -23,14 +25,15 @@ SOURCE = files(__package__).joinpath("surface_flow.c").read_text(encoding="utf-8
 LINES = """
 typedef struct {
     int cells;
-    const int *dofs;
-    const double *slopes, *stretched;
+    const int *dofs, *carried;
+    const double *slopes, *stretched, *shift;
 } Lines;
 """
 DECLARATIONS = f"""{LINES}
-void slopes(const Lines *, const double *rows, double *found);
-void greatest(const Lines *, const double *slope, const double *psi_x, double *found);
+void slopes(const Lines *, const double *eta, const double *psi, double *slope, double *psi_x);
+void largest(const Lines *, const double *eta, const double *psi, double *found);
 """
+FOUR = 4  # points at a time
 
 
 class Crest(NamedTuple):
@@ -67,7 +70,7 @@ class Water(Protocol):
         """Move the wall to where it stands at t [s]; collective."""
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+        """Return eta at the owned degrees of freedom [m], shape (owned,), and move the wall as above; collective."""
 
 
 class SurfaceVelocity:
@@ -109,7 +112,6 @@ class SurfaceVelocity:
         if self.has(q, p, t):
             return
         self._q, self._p, self._t = q, p, t
-        self._waves.set_time(t)
         self._eta.set(self._waves.elevation(q, p, t))
         self._psi.set(p)
         self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._look()))
@@ -147,47 +149,67 @@ class SurfaceFlow(SurfaceVelocity):
     """
 
     _profile: Profile | None = None
+    _found = True  # slopes at the points; before the first look they are zero
 
     def _set_up(self) -> None:
-        plane, eta, psi = self._waves.plane, self._eta.function, self._psi.function
+        plane = self._waves.plane
         points = np.sort(self._points, axis=0)
-        ahead = plane.chart.direction(plane.mesh)
-        slopes = [ufl.inner(self._waves.wall.mapping.gradient(field, eta), ahead) for field in (eta, psi)]
-        place = ufl.SpatialCoordinate(plane.mesh)
-        self._expression = compile_expression(ufl.as_vector(slopes), points, self._comm)
-        places = compile_expression(place, points, self._comm).eval(plane.mesh, self._cells)
-        places = places.reshape(self._cells.size * len(points), plane.mesh.geometry.dim)
+        places = compile_expression(ufl.SpatialCoordinate(plane.mesh), points, self._comm)
+        places = places.eval(plane.mesh, self._cells).reshape(self._cells.size * len(points), plane.mesh.geometry.dim)
         coordinates = np.zeros((len(places), 3))
         coordinates[:, : places.shape[1]] = places
         x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, len(points)))
         self._dofs = plane.V.dofmap.list[: self._cells.size]
         self._values, slopes = tabulate(plane.V.element.basix_element, 1, points).transpose(0, 2, 1)
-        self._slope, self._psi_x = np.zeros(x.shape), np.zeros(x.shape)  # at the points, shape (cells, points)
-        self._greatest = np.zeros(2)
-        self._compile(slopes, np.asarray(1.0 / (x[:, -1] - x[:, 0])))  # cells that run backwards are negative
         carried = plane.function("carried")
         carried.owned[self._waves.wall.carries] = 1.0
         carried.fetch()
-        self._carried = self._cells[carried.rows[self._dofs, 0].any(axis=1)]
+        is_carried = carried.rows[self._dofs, 0].any(axis=1)
+        self._leaning = self._expressed(self._cells[is_carried], points) if self._waves.wall.leans else None
+        self._slope, self._psi_x = np.zeros(x.shape), np.zeros(x.shape)  # at the points, shape (cells, points)
+        self._largest = np.zeros(2)
+        self._compile(slopes, np.asarray(1.0 / (x[:, -1] - x[:, 0])), is_carried)  # cells that run backwards: negative
         forwards = np.where(x[:, :1] > x[:, -1:], np.arange(x.shape[1])[::-1], np.arange(x.shape[1]))
         self._forwards = forwards + x.shape[1] * np.arange(x.shape[0])[:, None]  # this rank's points, cells forwards
         self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
         self._alone = self._forwards[self._order].ravel() if self._comm.size == 1 else None
-        is_carried = np.repeat(np.isin(self._cells, self._carried), len(points)).astype(np.float64)
-        self._reference, moved = self._sorted(x, is_carried)
+        self._reference, moved = self._sorted(x, np.repeat(is_carried, len(points)).astype(np.float64))
         self._moved = np.flatnonzero(moved)  # which of the places
         self._rest = np.column_stack([self._reference, 0 * self._reference])[self._moved]
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
-    def _compile(self, slopes: Vector, stretched: Vector) -> None:
+    def _expressed(self, cells: NDArray[np.int32], points: Vector) -> Callable[[], None]:
+        """Return what finds slopes at the points of cells that a wall carries which leans, shape (cells, points)."""
+        plane, mapping, eta, psi = self._waves.plane, self._waves.wall.mapping, self._eta.function, self._psi.function
+        ahead = plane.chart.direction(plane.mesh)
+        slopes = ufl.as_vector([ufl.inner(mapping.gradient(field, eta), ahead) for field in (eta, psi)])
+        expression = compile_expression(slopes, points, self._comm)
+
+        def find() -> None:
+            found = expression.eval(plane.mesh, cells).reshape(len(cells), -1, 2)
+            self._slope[cells], self._psi_x[cells] = found[..., 0], found[..., 1]
+
+        return find
+
+    def _compile(self, slopes: Vector, stretched: Vector, carried: NDArray[np.bool_]) -> None:
         """Compile what finds slopes at the points of cells, given those of the basis, shape (nodes, points)."""
-        sizes = dict(zip(("NODES", "POINTS"), slopes.shape, strict=True))
-        code = "#include <math.h>\n" + defined(sizes) + LINES + SOURCE
+        nodes, points = slopes.shape
+        groups, shift = -(-points // FOUR), self._waves.wall.shift
+        code = defined({"NODES": nodes, "POINTS": points, "GROUPS": groups}) + LINES + SOURCE
         self._kernel = Kernel("surface_flow", DECLARATIONS, key=code, source=lambda: code, comm=self._comm)
-        parts = {"cells": self._cells.size, "dofs": self._dofs, "slopes": slopes, "stretched": stretched}
-        self._lines, at = self._kernel.struct("Lines", parts), self._kernel.pointer
-        self._of_eta, self._of_psi = at(self._eta.rows), at(self._psi.rows)
-        self._at_slope, self._at_psi_x, self._at_greatest = map(at, (self._slope, self._psi_x, self._greatest))
+        parts = {
+            "cells": self._cells.size,
+            "dofs": self._dofs,
+            "carried": (carried & (shift is not None)).astype(np.int32),
+            "slopes": np.pad(slopes, ((0, 0), (0, FOUR * groups - points)), mode="edge"),
+            "stretched": stretched,
+        }
+        at = self._kernel.pointer
+        self._lines = self._kernel.struct("Lines", parts)
+        if shift is not None:
+            self._lines.shift = self._kernel.known(shift)
+        self._fields = at(self._eta.rows), at(self._psi.rows)
+        self._at_points, self._at_largest = (at(self._slope), at(self._psi_x)), at(self._largest)
 
     def _sorted(self, *fields: Vector) -> list[Vector]:
         """Return fields at the points of all ranks in the order of x, shape (all,), of those at this rank's."""
@@ -198,24 +220,32 @@ class SurfaceFlow(SurfaceVelocity):
         return [*np.ascontiguousarray(rows.reshape(-1, len(fields)).T)]
 
     def _look(self) -> Vector:
-        self._profile, call = None, self._kernel.call
-        call.slopes(self._lines, self._of_eta, self._at_slope)
-        call.slopes(self._lines, self._of_psi, self._at_psi_x)
-        if self._carried.size:
-            found = self._expression.eval(self._waves.plane.mesh, self._carried).reshape(len(self._carried), -1, 2)
-            self._slope[self._carried], self._psi_x[self._carried] = found[..., 0], found[..., 1]
-        call.greatest(self._lines, self._at_slope, self._at_psi_x, self._at_greatest)
-        return self._greatest
+        self._profile, self._found = None, False
+        if self._leaning:
+            return np.array([self.speeds.max(initial=0.0), self.slopes.max(initial=0.0)])
+        self._kernel.call.largest(self._lines, *self._fields, self._at_largest)
+        return self._largest
+
+    def _find(self) -> tuple[Vector, Vector]:
+        """Return slope and d psi / dx at the points, shape (cells, points), found where they are asked for."""
+        if not self._found:
+            self._found = True
+            self._waves.set_time(self._t)
+            self._kernel.call.slopes(self._lines, *self._fields, *self._at_points)
+            if self._leaning:
+                self._leaning()
+        return self._slope, self._psi_x
 
     @property
     def speeds(self) -> Vector:
         """See ``SurfaceVelocity``."""
-        return np.asarray((np.abs(self._psi_x) / (1 + self._slope**2)).max(axis=1, initial=0.0))
+        slope, psi_x = self._find()
+        return np.asarray((np.abs(psi_x) / (1 + slope**2)).max(axis=1, initial=0.0))
 
     @property
     def slopes(self) -> Vector:
         """See ``SurfaceVelocity``."""
-        return np.asarray(np.abs(self._slope).max(axis=1, initial=0.0))
+        return np.asarray(np.abs(self._find()[0]).max(axis=1, initial=0.0))
 
     @property
     def profile(self) -> Profile:
@@ -223,7 +253,7 @@ class SurfaceFlow(SurfaceVelocity):
         if self._profile is None:
             self._waves.set_time(self._t)
             heights = self._eta.rows[self._dofs, 0] @ self._values
-            height, slope, psi_x = self._sorted(heights, self._slope, self._psi_x)
+            height, slope, psi_x = self._sorted(heights, *self._find())
             x = self._reference.copy()
             x[self._moved] = self._waves.wall.to_physical(self._rest, height[self._moved])[:, 0]
             self._profile = Profile(x, height, slope, psi_x)

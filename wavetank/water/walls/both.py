@@ -72,6 +72,12 @@ class BothEnds:
         """See ``Wall``."""
         return max(paddle.displaced for paddle in self.paddles)
 
+    @property
+    def shift(self) -> Vector | None:
+        """See ``Wall``."""
+        displacement: Vector = self._displacement.function.x.array
+        return None if self.leans else displacement
+
     def set_time(self, t: float) -> bool:
         """Move to where both stand at t [s]; return whether the mapping has changed; collective."""
         changed = [paddle.set_time(t) for paddle in self.paddles]

@@ -147,6 +147,13 @@ class Wall(Placed, Protocol):
     def velocities(self) -> Vector:
         """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
 
+    @property
+    def shift(self) -> Vector | None:
+        """How far it has carried the degrees of freedom of this rank along x [m], shape (dofs,), in one array for good.
+
+        None where that is not the same at all heights, or it stands still.
+        """
+
     def moved_by(self, tangents: Sequence[Tangent]) -> "Wall":
         """Return one like it, at the same place, by other motions, one for each of its paddles; collective."""
 

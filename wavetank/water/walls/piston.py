@@ -125,6 +125,12 @@ class Piston:
         """See ``Wall``."""
         return self.travel.displaced
 
+    @property
+    def shift(self) -> Vector | None:
+        """See ``Wall``."""
+        position: Vector = self.travel.position.x.array
+        return None if self.leans else position
+
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether the mapping has changed."""
         return self.travel.set_time(t)

@@ -30,6 +30,7 @@ class StillWall:
     mapping = Identity()
     carried: ufl.Measure | None = None
     carries, displaced = np.arange(0), 0.0
+    shift = None
 
     def moved_by(self, tangents: Sequence[Tangent]) -> "StillWall":
         """See ``Wall``: it does not move."""
