@@ -28,25 +28,24 @@ class SurfacePoints:
         self._cells = self._kernel.struct("Cells", cells.parts)
         self._velocity = np.zeros((cells.parts["batches"], len(cells.points), plane.mesh.geometry.dim, LANES))
         self._at_velocity = self._kernel.pointer(self._velocity)
-        self.fastest = 0.0
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What ``carried`` is called with, for another kernel."""
+        """What ``move`` and ``carried`` are called with, for another kernel."""
         address = self._kernel.address
-        return {"carry": address("carry"), "cells": address(self._cells), "velocity": self._velocity}
+        called = {name: address(name) for name in ("move", "carry")}
+        return {**called, "cells": address(self._cells), "velocity": self._velocity}
 
-    def move(self, eta: Vector, psi: Vector, rise: Vector, *, most: float) -> Vector:
+    def move(self, eta: Vector, psi: Vector, rise: Vector, *, most: float) -> tuple[Vector, float]:
         """Take the velocity from elevation [m], potential [m²/s] and d eta/dt [m/s], (owned,) each.
 
-        Along an axis it is at most ``most`` [m/s]; ``fastest`` is the largest then. Returns the integral of the
-        vertical one times each test function, shape (owned,).
+        Along an axis it is at most ``most`` [m/s]. Returns the integral of the vertical one times each test function,
+        shape (owned,), and the largest along an axis.
         """
         surface, y, at = np.stack([eta, psi, rise], axis=1), np.zeros((self._halo.size, 1)), self._kernel.pointer
         rows = at(self._of_surface.fetch(surface))
         fastest: float = self._kernel.call.move(self._cells, most, rows, self._at_velocity, at(y))
-        self.fastest = largest(self._comm, fastest)
-        return self._halo.collect(y)[:, 0]
+        return self._halo.collect(y)[:, 0], largest(self._comm, fastest)
 
     def carried(self, field: Vector, *, along: bool) -> Vector:
         """Return int V . grad f v dX of the velocities V, or, not ``along``, int f V . grad v dX, shape (owned,)."""

@@ -2,6 +2,7 @@
 
 from bisect import bisect_right
 from dataclasses import dataclass
+from functools import cached_property
 from math import perm
 from typing import Any
 
@@ -28,17 +29,24 @@ class Pieces:
 
     def derivative(self, t: Any, order: int) -> Any:
         """Return the derivative of an order at times t, a number or of any shape; beyond the ends by the end pieces."""
+        last = len(self.x) - 2
         if isinstance(t, float):
-            piece = min(max(bisect_right(self.x, t) - 1, 0), len(self.x) - 2)
+            piece = min(max(bisect_right(self._breakpoints, t) - 1, 0), last)
+            s: Any = t - self._breakpoints[piece]
         else:
-            piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), len(self.x) - 2)
-        s, highest = t - self.x[piece], len(self.c) - 1
-        if self.c.ndim > 2:
-            s = np.expand_dims(s, -1)
-        value = 0.0
+            piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), last)
+            s = t - self.x[piece]
+            s = np.expand_dims(s, -1) if self.c.ndim > 2 else s
+        c: Any = self.c[:, piece]
+        c = c.tolist() if c.ndim == 1 else c  # numbers of Python's take a third of the time
+        value, highest = 0.0, len(c) - 1
         for power in range(highest, order - 1, -1):
-            value = value * s + perm(power, order) * self.c[highest - power, piece]
+            value = value * s + perm(power, order) * c[highest - power]
         return value
+
+    @cached_property
+    def _breakpoints(self) -> list[float]:
+        return [float(one) for one in self.x]
 
 
 def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> Pieces:

@@ -1,11 +1,13 @@
 /* What carried_waves.py does, where all of it is along a slice or ring on this rank: functions of other kernels one after the
 other, which are known by where they are. */
+#include <math.h>
 #include <string.h>
 
 typedef void Solve(const void *chain, const double *b, double *x, double *work);
 typedef void Multiply(const void *cells, const double *weights, const double *x, double *y);
 typedef void Respond(const void *chain, const double *shares, const double *right, double *x, double *work);
 typedef void Carry(const void *cells, const double *velocity, int slopes, const double *x, double *y);
+typedef double Move(const void *cells, double most, const double *surface, double *velocity, double *y);
 
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 
@@ -27,6 +29,22 @@ static void carry(const Inverse *w, double a, int slopes, const double *x, doubl
     ((Carry *)w->carry)(w->cells, w->velocity, slopes, x, y);
     EACH(i, w->dofs)
         y[i] *= a;
+}
+
+/* The velocities at the surface of a state, cut off at ``most``. Returns the largest along the bottom. */
+static double look(const Inverse *w, double most, const double *eta, const double *psi, const double *rate)
+{
+    const long n = w->dofs;
+    double *surface = w->room, *B = w->vertical;
+    solve(w, rate, B);
+    EACH(i, n)
+        surface[3 * i] = eta[i], surface[3 * i + 1] = psi[i], surface[3 * i + 2] = B[i];
+    memset(B, 0, sizeof(double) * n);
+    const double fastest = ((Move *)w->move)(w->cells, most, surface, w->velocity, B);
+    solve(w, B, B);
+    EACH(i, n)
+        B[i] = fmin(fmax(B[i], -most), most);
+    return fastest;
 }
 
 /* The residual of a stage of weight a, [Q, psi], preconditioned; ``carried`` by the current, or not. */

@@ -30,13 +30,15 @@ INVERSE = """
 typedef struct {
     int dofs;
     double gravity, of_metre;
-    void *solve_mass, *mass, *multiply, *mass_cells, *respond, *modes, *carry, *cells;
+    void *solve_mass, *mass, *multiply, *mass_cells, *respond, *modes, *carry, *move, *cells;
     double *mass_work, *weights, *shares, *modes_work, *velocity, *vertical, *uniform, *room;
 } Inverse;
 """
 DECLARATIONS = f"""{INVERSE}
+double look(const Inverse *, double most, const double *eta, const double *psi, const double *rate);
 void precondition(const Inverse *, double a, int carried, const double *residual, double *found);
 """
+Compiled = tuple[Kernel, Any]  # with what it is called with
 SOURCE = INVERSE + files(__package__).joinpath("carried_waves.c").read_text(encoding="utf-8")
 
 
@@ -70,16 +72,17 @@ class CarriedWaves:
         self._t = np.nan  # of the stage for which the velocities were found
         self._B: Vector = np.zeros(waves.plane.owned)
         self._known = False  # both
-        self._compiled: dict[float, tuple[Kernel, Any] | None] = {}  # by weights
+        self._compiled: dict[float, Compiled | None] = {}  # by weights
 
     def __call__(self, stage: Stage, residual: Vector) -> Vector:
         """Return the preconditioned residual, shape (2 owned,); collective."""
+        compiled = self._of_weight(stage.weight)
+        self._waves.mass.make_ready()
         if stage.t != self._t:
             self._t = stage.t
-            self._look(LARGEST * self._shortest / abs(stage.weight))
-        if (compiled := self._of_weight(stage.weight)) is not None:
+            self._look(compiled, LARGEST * self._shortest / abs(stage.weight))
+        if compiled is not None:
             (kernel, inverse), found = compiled, np.empty_like(residual)
-            self._waves.mass.make_ready()
             given, wanted = kernel.pointer(residual), kernel.pointer(found)
             kernel.call.precondition(inverse, stage.weight, self._known, given, wanted)
             return found
@@ -93,13 +96,13 @@ class CarriedWaves:
         kept = self._still.keeping(q, mass.apply(eta) + carried)
         return np.concatenate([kept, chi + self._B * (eta + solve(carried))])
 
-    def _of_weight(self, weight: float) -> tuple[Kernel, Any] | None:
+    def _of_weight(self, weight: float) -> Compiled | None:
         """Return what is compiled for stages of a weight [s], along a slice on one rank, made once; else None."""
         if weight not in self._compiled:
             self._compiled[weight] = self._along(weight)
         return self._compiled[weight]
 
-    def _along(self, weight: float) -> tuple[Kernel, Any] | None:
+    def _along(self, weight: float) -> Compiled | None:
         waves, (modes, shares) = self._waves, self._still.solver(weight)
         if not isinstance(waves.mass, BandedMass) or not isinstance(modes, AveragedModes):
             return None
@@ -113,14 +116,18 @@ class CarriedWaves:
         """Return what the mass matrix makes of that, roughly; collective."""
         return self._waves.mass.solve(right, within=ROUGHLY)
 
-    def _look(self, most: float) -> None:
+    def _look(self, compiled: Compiled | None, most: float) -> None:
         """Find the velocities at the surface of the point last evaluated, cut off at so much [m/s]; collective."""
         surface = self._waves.seen()
         self._known = surface is not None
         if surface is None:
             return
-        solve = self._solved
-        vertical = self._points.move(surface.eta, surface.psi, solve(surface.rate), most=most)
-        self._known = self._points.fastest * LARGEST > LEAST * most
-        if self._known:
-            self._B[:] = np.minimum(np.maximum(solve(vertical), -most), most)
+        if compiled is not None:
+            kernel, inverse = compiled
+            fastest = kernel.call.look(inverse, most, *map(kernel.pointer, surface))
+        else:
+            rise = self._solved(surface.rate)
+            vertical, fastest = self._points.move(surface.eta, surface.psi, rise, most=most)
+        self._known = fastest * LARGEST > LEAST * most
+        if self._known and compiled is None:
+            self._B[:] = np.minimum(np.maximum(self._solved(vertical), -most), most)

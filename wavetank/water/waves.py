@@ -10,6 +10,7 @@ stationary.
 
 from dataclasses import dataclass
 from functools import cached_property, partial
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -187,7 +188,6 @@ class NonlinearWaves:
         if self._whole is None or self.potential.renews:
             return False
         self.set_time(t)
-        self._rows[2:] = self.depth / self._speed * self.wall.velocities
         found = self._whole.find(q, p, self.bed.still)
         if found is None:
             return False
@@ -236,9 +236,9 @@ class NonlinearWaves:
 
     def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
         """Keep that the potential is that of a state."""
-        self._H_p, self._H_q = H_p, None
-        self._q, self._p, self._t = q.copy(), p.copy(), t
+        self._H_p, self._H_q, self._t = H_p, None, t
         self._point = q.tobytes(), p.tobytes()
+        self._q, self._p = map(np.frombuffer, self._point)
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
@@ -259,18 +259,16 @@ class NonlinearWaves:
         if self.wall.set_time(t):
             self.mass.update()
             self.bed.follow(self.wall)
+        self._rows[2:] = self.depth / self._speed * self.wall.velocities
 
     def _inputs(self) -> Vector:
-        """Return what the potential depends on but where the wall stands [m]; the next call reuses the array."""
-        self._rows[2:] = self.depth / self._speed * self.wall.velocities
-        self._deviation(self._rows)
-        return self._row
+        """Return what the potential depends on but where the wall stands [m]: first eta, and psi in metres.
 
-    def _deviation(self, rows: Vector) -> Vector:
-        """Set the first two of some rows to how far from rest the point last evaluated is: eta, and psi in metres."""
-        np.subtract(self.h.owned, self.bed.still, out=rows[0])
-        np.divide(self.phi.owned[:, -1], self._speed, out=rows[1])
-        return rows
+        The next call reuses the array.
+        """
+        np.subtract(self.h.owned, self.bed.still, out=self._rows[0])
+        np.divide(self.phi.owned[:, -1], self._speed, out=self._rows[1])
+        return self._row
 
     def seen(self) -> Surface | None:
         """Return the surface of the point last evaluated, unless the wall has moved since."""
@@ -278,8 +276,8 @@ class NonlinearWaves:
 
     def size(self) -> float:
         """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
-        rows = self._deviation(np.empty((2, self.plane.owned))).ravel()
-        return float(np.sqrt(summed(self.plane.comm, float(rows @ rows)) / (2 * self.plane.size)))
+        away = self._row[: 2 * self.plane.owned]
+        return sqrt(summed(self.plane.comm, float(away @ away)) / (2 * self.plane.size))
 
     def _check_column(self, t: float) -> None:
         if not self._all(np.minimum.reduce(self.h.owned, initial=np.inf) > 0.0):
@@ -404,6 +402,7 @@ class NonlinearWaves:
         if not np.isnan(held["t"]):  # else the wall has moved since
             self._t = self._stands
             self._begin(held["q"], held["p"], held["t"], held["column"])
+            self._inputs()
             self.phi.owned[:, :-1] = held["interior"].T
             self.phi.fetch()
             self._know(held["q"], held["p"], held["t"], held["H_p"])

@@ -67,7 +67,7 @@ class Travel:
         self.offsets, self.velocities = self._here(0), self._here(1)
         self._set(0, self.offsets)
         self._set(1, self.velocities)
-        return summed(self._comm, float((before != self.offsets).any())) > 0
+        return summed(self._comm, float(before.tobytes() != self.offsets.tobytes())) > 0
 
     def set_acceleration(self) -> None:
         """Bring the acceleration to the time of the position."""
