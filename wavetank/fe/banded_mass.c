@@ -1,10 +1,30 @@
 /* Factors of a mass matrix along a slice or ring, of wavetank/fe/mass.py; mass.c and chain.c stand before. */
 
-static void factor_mass(const Cells *cells, const double *weights, const Chain *c)
+/* The factors of other weights than those ``kept``, which become these; rows before the first that they change stay. */
+static void factor_mass(const Cells *cells, const double *weights, double *kept, const Chain *c)
 {
-    clear_chain(c);
+    const size_t batch = sizeof(stored) * POINTS;
+    const long rows = c->dofs - c->cut;
+    long first = rows;
+    EACH(b, cells->batches)
+        if (memcmp((const char *)weights + b * batch, (const char *)kept + b * batch, batch))
+            EACH(i, NODES * LANES) {
+                const long row = c->cut ? 0 : c->row[cells->dofs[b * NODES * LANES + i]];
+                first = row < first ? row : first;
+            }
+    if (first == rows)
+        return;
+    memcpy(kept, weights, batch * cells->batches);
+    clear_chain(c, first);
     EACH(b, cells->batches) {
         v A[NODES][NODES] = {{{0.0}}};
+        long last = 0;
+        EACH(i, NODES * LANES) {
+            const long row = c->row[cells->dofs[b * NODES * LANES + i]];
+            last = row > last ? row : last;
+        }
+        if (last < first)
+            continue;
         EACH(q, POINTS) {
             const v weight = ((const stored *)weights)[(long)b * POINTS + q];
             EACH(i, NODES)
@@ -16,11 +36,11 @@ static void factor_mass(const Cells *cells, const double *weights, const Chain *
                 EACH(l, LANES) {
                     const long row = c->row[cells->dofs[(b * NODES + i) * LANES + l]];
                     const long other = c->row[cells->dofs[(b * NODES + j) * LANES + l]];
-                    if (other <= row)
+                    if (other <= row && row >= first)
                         *entry(c, row, other) += A[i][j][l];
                 }
     }
-    factorise(c);
+    factorise(c, first);
 }
 
 /* x <- the inverse of b, both [degree of freedom]. */

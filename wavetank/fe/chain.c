@@ -43,10 +43,11 @@ INLINE abreast *entry(const Chain *c, long row, long other)
                           : (abreast *)c->corner;
 }
 
-static void clear_chain(const Chain *c)
+/* From a row on. */
+static void clear_chain(const Chain *c, long first)
 {
     const long rows = c->dofs - c->cut;
-    memset(c->L, 0, sizeof(abreast) * (rows + BAND) * (BAND + 1) * GROUPS);
+    memset((abreast *)c->L + first * (BAND + 1) * GROUPS, 0, sizeof(abreast) * (rows + BAND - first) * (BAND + 1) * GROUPS);
     memset(c->column, 0, sizeof(abreast) * c->cut * rows * GROUPS);
     memset(c->corner, 0, sizeof(abreast) * GROUPS);
 }
@@ -60,10 +61,10 @@ INLINE abreast reciprocal(abreast of)
     return of;
 }
 
-/* A <- its factors, of a group. */
-static void factor(long rows, abreast *restrict A)
+/* A <- its factors, of a group; the rows before the first have theirs. */
+static void factor(long first, long rows, abreast *restrict A)
 {
-    for (long i = 0; i < rows; ++i) {
+    for (long i = first; i < rows; ++i) {
         abreast *row = A + i * (BAND + 1) * GROUPS;
         abreast scaled[BAND + 1] = {0}, rest = row[0];  /* entries of L D */
         for (int d = i < BAND ? i : BAND; d > 0; --d) {
@@ -132,13 +133,13 @@ INLINE void solve_chain(const Chain *c, const abreast *b, abreast *x)
         }
 }
 
-static void factorise(const Chain *c)
+static void factorise(const Chain *c, long first)
 {
     const long rows = c->dofs - c->cut;
     const abreast *column = (const abreast *)c->column;
     abreast *reduced = (abreast *)c->reduced, *corner = (abreast *)c->corner;
     EACH(g, GROUPS)
-        factor(rows, (abreast *)c->L + g);
+        factor(first, rows, (abreast *)c->L + g);
     if (!c->cut)
         return;
     forth_and_back(rows, (const abreast *)c->L, column, reduced);

@@ -24,7 +24,7 @@ INLINE void average_at(const void *what, const Cells *c, long b, int q, const v 
 static void decouple(const Cells *cells, const Layers *layers, const REAL *fields, const REAL *lambda, const Chain *c)
 {
     Averages averages = {layers};
-    clear_chain(c);
+    clear_chain(c, 0);
     EACH(b, cells->batches) {
         v X[NODES * FIELDS], A[NODES][NODES] = {{{0.0}}}, B[NODES][NODES] = {{{0.0}}};
         gather(cells, b, FIELDS, fields, FIELDS, X);
@@ -46,7 +46,7 @@ static void decouple(const Cells *cells, const Layers *layers, const REAL *field
                         entry(c, row, other)[g] += A[i][j][l] + ((const abreast *)lambda)[g] * B[i][j][l];
                 }
     }
-    factorise(c);
+    factorise(c, 0);
 }
 
 /* x <- the sum over modes j of s_j times the inverse of mode j of s_j r, all [degree of freedom]; s[group][mode]. */

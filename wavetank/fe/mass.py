@@ -33,7 +33,7 @@ void diagonal(const Cells *, const double *weights, double *y);
 void cellwise(const Cells *, const double *K, const double *scale, const double *x, double *y);
 """
 ALONG = f"""{CHAIN}
-void factor_mass(const Cells *, const double *weights, const Chain *);
+void factor_mass(const Cells *, const double *weights, double *kept, const Chain *);
 void solve_mass(const Chain *, const double *b, double *x, double *work);
 """
 
@@ -302,7 +302,10 @@ class MassMatrix:
 
 
 class BandedMass(MassMatrix):
-    """That of a slice or ring on one rank: its factors are kept, L D L' in the order of places."""
+    """That of a slice or ring on one rank: its factors are kept, L D L' in the order of places, a paddle's last.
+
+    So a paddle at the near end changes few of them.
+    """
 
     def __init__(self, plane: Plane, J: Any):
         self.more = (
@@ -320,7 +323,12 @@ class BandedMass(MassMatrix):
 
     @cached_property
     def _factors(self) -> Any:
-        return chain(self._kernel, self._plane, systems=1)
+        return chain(self._kernel, self._plane, systems=1, backwards=True)
+
+    @cached_property
+    def _kept(self) -> Vector:
+        """The weights that the factors are of."""
+        return np.full_like(self._weights, np.nan)
 
     @property
     def compiled(self) -> dict[str, Any]:
@@ -331,7 +339,7 @@ class BandedMass(MassMatrix):
     @property
     def factoring(self) -> dict[str, Any]:
         """What makes its factors, for ``whole.c``."""
-        return {"factor_mass": self._kernel.address("factor_mass")}
+        return {"factor_mass": self._kernel.address("factor_mass"), "kept": self._kept}
 
     @property
     def compiled_product(self) -> dict[str, Any]:
@@ -340,7 +348,7 @@ class BandedMass(MassMatrix):
         return {"multiply": address("multiply"), "mass_cells": address(self._cells), "weights": self._weights}
 
     def _prepare(self) -> None:
-        self._kernel.call.factor_mass(self._cells, self._at_weights, self._factors)
+        self._kernel.call.factor_mass(self._cells, self._at_weights, self._kernel.known(self._kept), self._factors)
 
     def solve(self, right: Vector, *, within: float = ROUND_OFF) -> Vector:
         """Return the solution for owned values r, shape (owned,), to round-off."""

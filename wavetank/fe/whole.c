@@ -11,7 +11,7 @@ typedef float TakeSingle(const void *cells, const void *layers, const float *fie
 typedef void Product(const void *cells, const void *layers, const double *state, const double *x, double *y);
 typedef void Weigh(const void *cells, const double *constants, const double *fields, double *weights);
 typedef void Multiply(const void *cells, const double *weights, const double *x, double *y);
-typedef void Factor(const void *cells, const double *weights, const void *chain);
+typedef void Factor(const void *cells, const double *weights, double *kept, const void *chain);
 typedef void ByPotential(const void *work, double speed, const double *column, double *y);
 typedef void ByColumn(const void *work, double speed, const double *column, const double *phi, double *y);
 typedef void Aim(long size, int known, const float *ways, const double *last, const double *x, double *away,
@@ -60,7 +60,7 @@ static int lean(Whole *w, const double *q)
             w->column[i] += w->change[i], square += w->change[i] * w->change[i];
         if (square <= bound || square * square <= bound * last) {
             weigh(w->weighed, n);
-            CALL(Factor, factor_mass)(w->weighed->cells, w->weighed->weights, w->mass);
+            CALL(Factor, factor_mass)(w->weighed->cells, w->weighed->weights, w->kept, w->mass);
             return 1;
         }
         last = square;

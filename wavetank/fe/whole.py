@@ -40,7 +40,7 @@ typedef struct {
     double celerity, tolerance, shortest, round_off;
     Paddle *paddles;
     Weighed *mean, *weighed;
-    double *mean_column, *before, *change;
+    double *mean_column, *before, *change, *kept;
     void *factor_mass, *solve_mass, *mass, *multiply, *mass_cells, *take, *cells, *layers, *product, *derivative;
     void *take_single, *single_cells, *single_layers, *correct, *modes;
     void *aim, *start, *keep;
