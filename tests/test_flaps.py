@@ -204,15 +204,27 @@ def leaning(degrees, *, wall=None, **more):
 @pytest.mark.parametrize("degrees", [20.0, 45.0])
 def test_the_step_knows_how_far_a_flap_leans(degrees):
     """Lanczos' largest frequency of the tank whose flap stands so is the bound within 15 %; a given step is doubted."""
-    case = leaning(degrees, cells=12, n=6, duration=4.0, dt=None)
+    case = leaning(degrees, cells=12, n=5, duration=4.0, dt=None)
     run, waves = build_run(case, MPI.COMM_SELF)
     leant = largest_frequency(waves, 1.0) / waves.largest_frequency
     assert 0.85 * case.quickened < leant < case.quickened
     limit = run.integrator.stability_limit / waves.largest_frequency
     assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.quickened), rel=0.02)
-    longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=6, duration=4.0, dt=0.85 * limit)
+    longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=5, duration=4.0, dt=0.85 * limit)
     doubts = forewarnings(longer, build_clock(longer, waves.largest_frequency, run.integrator), waves)
-    assert any("where the paddle leans farthest" in line for line in doubts) == (degrees > 30)
+    assert any("where the paddle goes farthest" in line for line in doubts) == (degrees > 30)
+
+
+def test_the_step_knows_how_far_a_piston_narrows_its_cells():
+    """Lanczos' largest frequency of the tank whose piston stands there is the bound within 15 %."""
+    motion = {"type": "formula", "position": "1.2*sin(pi*t/2)"}
+    wall = {"type": "piston", "reach": 2.0, "motion": motion}
+    case = scene(wall, length=4.0, cells=20, n=4, duration=2.0, dt=None)
+    run, waves = build_run(case, MPI.COMM_SELF)
+    assert case.quickened == pytest.approx(1 / (1 - 1.2 / 1.5), rel=0.01)
+    assert 0.85 * case.quickened < largest_frequency(waves, 1.0) / waves.largest_frequency < case.quickened
+    limit = run.integrator.stability_limit / waves.largest_frequency
+    assert run.clock.dt == pytest.approx(limit * 0.8 / case.quickened, rel=0.02)
 
 
 @pytest.mark.slow

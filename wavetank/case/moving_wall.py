@@ -68,11 +68,18 @@ class MovingWall(Noun):
         return float(np.abs(self.shares(tank)).max())
 
     def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
-        """Return how much faster the mesh's shortest waves get, at most, where it leans: 1 of a vertical wall.
+        """Return how much faster the mesh's shortest waves get, at most, where it leans or its mapping narrows cells.
 
-        Given are the mapping's reach and the paddle's largest distance from rest [m].
+        Given are the mapping's reach and the paddle's largest distance from rest [m]. It is the largest
+        1 / (J cos(theta)), theta the angle from upright of what goes with the paddle. Of waves too short for the
+        vertical order the energy is that of the velocity along x, k² |P|² / J of a potential psi P(zeta), and
+        tan²(theta) as much upwards, and g J eta² of the surface; of those that it resolves it is 1 / J^(1/2).
         """
-        return 1.0
+        z, r = tank.depth * np.linspace(-1.0, 0.0, 1001), np.linspace(0.0, 1.0, 101, dtype=np.float64)
+        shares = self.maker.share(z, tank.depth)
+        tangents = share(r) * float(np.abs(np.diff(shares) / np.diff(z)).max()) * excursion
+        J = 1.0 + np.gradient(share(r), r) * float(np.abs(shares).max()) * excursion / reach
+        return float((np.sqrt(1.0 + tangents**2) / np.maximum(J, NARROWEST)).max())
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
@@ -126,18 +133,6 @@ class ShapedWall(MovingWall):
     """A wall that moves at some heights farther than at others."""
 
     shaped_by: ClassVar[str]  # the key that says its shape
-
-    def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
-        """Return the largest 1 / (cos(theta) J^(1/2)), theta the angle from upright of what goes with the paddle.
-
-        Of waves too short for the vertical order the energy is that of the velocity along x, k² |P|² / J of a potential
-        psi P(zeta), and tan²(theta) as much upwards.
-        """
-        z, r = tank.depth * np.linspace(-1.0, 0.0, 1001), np.linspace(0.0, 1.0, 101, dtype=np.float64)
-        shares = self.maker.share(z, tank.depth)
-        tangents = share(r) * float(np.abs(np.diff(shares) / np.diff(z)).max()) * excursion
-        J = 1.0 + np.gradient(share(r), r) * float(np.abs(shares).max()) * excursion / reach
-        return float(np.sqrt(((1.0 + tangents**2) / np.maximum(J, NARROWEST)).max()))
 
 
 class HingedWall(ShapedWall):

@@ -286,7 +286,7 @@ class Scene(Noun):
 
     @property
     def quickened(self) -> float:
-        """How much faster the mesh's shortest waves get, at most, where its paddles lean."""
+        """How much faster the mesh's shortest waves get, at most, where its paddles go farthest."""
         factors = (
             one.wall.quickened(one.tank, one.reach, one.excursion(one.motion()))
             for one in self.paddles

@@ -33,7 +33,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     """
     before = [*(_predicted(scene) if own is None else ()), *_of_walls(scene, waves)]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
-    of_step = *_motion(scene, clock, scheme.nodes), *_leaning(scene, clock, waves, scheme), *_end(scene, clock)
+    of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *_bed(scene, waves), *_start(scene, waves), *of_step]
 
 
@@ -111,13 +111,13 @@ def _motion(scene: Scene, clock: Clock, nodes: Sequence[float]) -> Iterator[str]
             yield f"the step of {clock.dt:.3g} s misses the {whose}'s motion by {missed:.2g} of it: it is too long"
 
 
-def _leaning(scene: Scene, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[str]:
-    """Yield a sentence if the step may be too long where a paddle leans as far as it goes."""
+def _farthest(scene: Scene, clock: Clock, waves: AnyWaves, integrator: Integrator[Any]) -> Iterator[str]:
+    """Yield a sentence if the step may be too long where a paddle has gone as far as it goes, or leans so far."""
     faster = scene.quickened
     longest = integrator.stability_limit / (waves.largest_frequency * faster)
     if clock.dt > longest:
         yield (
-            f"where the paddle leans farthest, the mesh's shortest waves are up to {faster:.3g} times as fast: "
+            f"where the paddle goes farthest, the mesh's shortest waves are up to {faster:.3g} times as fast: "
             f"the step of {clock.dt:.3g} s may be unstable there, one of {longest:.3g} s is not"
         )
 

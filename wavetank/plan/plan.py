@@ -31,7 +31,7 @@ from wavetank.plan.kinds import entries_of
 from wavetank.plan.looks import Looks
 from wavetank.plan.requirements import Requirements, requirements
 from wavetank.plan.stroke_held import stroke_missed
-from wavetank.runs.build import ANSWERED, LEANING, build_clock
+from wavetank.runs.build import ANSWERED, FARTHEST, build_clock
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.values.noun import Problem, SceneError
 from wavetank.water.edge_penalty import NEEDED
@@ -230,7 +230,7 @@ class _Search:
         if required.physics == "linear":
             return limit / mesh.largest_frequency
         shifted = mesh.largest_frequency + required.velocity * _k_grid(mesh)
-        solvable = min(SOLVABLE[self._scheme], LEANING * stable / self._quickened)
+        solvable = min(SOLVABLE[self._scheme], FARTHEST * stable / self._quickened)
         return min(limit / shifted, solvable / mesh.largest_frequency)
 
     def _current(self, mesh: Mesh) -> float:

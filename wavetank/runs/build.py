@@ -55,7 +55,7 @@ from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.wall_pressure import PaddlePush, WallPressure
 from wavetank.water.waves import NonlinearWaves
 
-LEANING = 0.8  # of the stability limit: the default step, where a paddle leans as far as it goes
+FARTHEST = 0.8  # of the stability limit: the default step, where a paddle has gone as far as it goes
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
 
 
@@ -129,9 +129,9 @@ def build_clock(
 ) -> Clock:
     """Return the scene's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
 
-    The default keeps 0.6 of the stability limit on still water, ``LEANING`` of it where a paddle leans as far as it
-    goes, 1.4 of it for the ``moving`` surface of the start, if one of these is faster, and a relative frequency error
-    below 1e-4 for waves of a quarter of the largest frequency, and divides the duration. Twice the limit leaves no
+    The default keeps 0.6 of the stability limit on still water, ``FARTHEST`` of it where a paddle has gone as far as
+    it goes, 1.4 of it for the ``moving`` surface of the start, if one of these is faster, and a relative frequency
+    error below 1e-4 for waves of a quarter of the largest frequency, and divides the duration. Twice it leaves no
     noise behind waves that run freely; where a steep one runs up a wall 1.4 does not, and 1.75 does (docs/extremes.md).
     A given step is kept: its last one ends beyond the duration, or before it where a recorded motion ends. What of the
     duration lies before ``begin`` [s] is not counted.
@@ -143,7 +143,7 @@ def build_clock(
         coefficient, power = integrator.frequency_error
         accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
         steep = 1.4 * min(integrator.stability_limit, ITERATES) / (moving or largest_frequency)
-        return Clock.dividing(duration, min(0.6 * limit, LEANING * limit / scene.quickened, accurate, steep))
+        return Clock.dividing(duration, min(0.6 * limit, FARTHEST * limit / scene.quickened, accurate, steep))
     if scene.numerics.dt > limit:
         allowed = (
             f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "

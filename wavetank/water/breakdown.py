@@ -1,6 +1,7 @@
 """Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
 
-from math import atan, degrees, isfinite
+from math import atan, cos, degrees, isfinite, radians
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -11,54 +12,120 @@ from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
 NEARLY_STEEPEST = 0.5  # slope; the steepest progressive wave has 0.58
+GENTLE = 0.3  # slope, of waves that break nowhere by themselves
 FLAT = 0.05  # slope, of waves that no theory calls steep
 LEANING = 40.0  # degrees; beside paddles that lean more the surface may fold (docs/waves.md)
+NARROW = 0.75  # of a cell's width: what a mapping leaves less of is said
+NARROWEST = 0.01  # of it, that is reckoned with
 BESIDE = 2.0  # depths
-STEP = 1e-3  # of the depth, over which a paddle's shape is looked at
+STEP = 1e-3  # of the depth, over which a paddle's lean is looked at
+HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # depths, at which it is looked how far it goes
+
+
+class _Stand(NamedTuple):
+    """How a paddle of a slice stands.
+
+    Attributes
+    ----------
+    called, key
+        "paddle" or "far paddle", and its table of a case.
+    place
+        Where it is at still water, x [m].
+    lean
+        Its angle from upright there, positive into the water [degrees].
+    width
+        What its mapping has left of the narrowest cell's width [-].
+    """
+
+    called: str
+    key: str
+    place: float
+    lean: float
+    width: float
+
+    @property
+    def faster(self) -> float:
+        """How much faster the mesh's shortest waves are for it, at most, as ``MovingWall.quickened`` of a case."""
+        return 1.0 / (cos(radians(self.lean)) * max(self.width, NARROWEST))
+
+
+def _stands(waves: NonlinearWaves) -> list[_Stand]:
+    """Return how the paddles of a slice stand now."""
+    found, d, wall = list[_Stand](), waves.depth, waves.wall
+    if not isinstance(waves.surface, SurfaceFlow):
+        return found
+    paddles: Any = wall.paddles
+    for paddle, stand in zip(paddles, wall.stand(np.zeros((1, 2)))[:, 0], strict=True):
+        below, here, above = stand * paddle.shape.at(STEP * d * np.array([-1.0, 0.0, 1.0]))
+        names = ("paddle", "wall") if paddle.side.sign > 0 else ("far paddle", "far_wall")
+        place = float(paddle.side.point[0] + paddle.side.sign * here)
+        lean, into = degrees(atan((above - below) / (2.0 * STEP * d))), (stand * paddle.shape.at(d * HEIGHTS)).max()
+        found.append(_Stand(*names, place, lean, 1.0 - max(0.0, float(into)) / paddle.largest_stroke))
+    return found
 
 
 def folds(waves: NonlinearWaves, q: Vector, p: Vector, t: float) -> str:
-    """Return in words that the surface of a slice folds beside a paddle that leans far; empty if not; collective."""
-    flow = waves.surface
-    if not isinstance(flow, SurfaceFlow) or not waves.wall.leans:
+    """Return in words that the surface of a slice folds beside a paddle that leans far; empty if not; collective.
+
+    Or that nothing else can be to blame than that it does: no wave is steep.
+    """
+    flow, far = waves.surface, [one for one in _stands(waves) if abs(one.lean) > LEANING]
+    if not isinstance(flow, SurfaceFlow) or not far or not _are_numbers(waves, q, p):
         return ""
     flow.update(q, p, t)
     x, _, slope, _ = flow.profile
-    steepest, z = float(x[np.argmax(np.abs(slope))]), STEP * waves.depth * np.array([-1.0, 0.0, 1.0])
-    for paddle, stand in zip(waves.wall.paddles, waves.wall.stand(np.zeros((1, 2)))[:, 0], strict=True):
-        below, here, above = stand * paddle.shape.at(z)
-        lean = degrees(atan((above - below) / (z[2] - z[0])))
-        place = float(paddle.side.point[0] + paddle.side.sign * here)
-        if abs(lean) > LEANING and abs(steepest - place) < BESIDE * waves.depth:
-            end, way = "far " if paddle.side.sign < 0 else "", "into" if lean > 0 else "out of"
-            folded = f"slope {flow.largest_slope:.2g}, {abs(steepest - place):.2g} m from it"
-            leans = f"the {end}paddle leans {abs(lean):.0f} degrees {way} the water"
-            return f"{leans}, and the surface folds beside it ({folded}): it must lean less, or go more gently"
+    steepest = float(x[np.argmax(np.abs(slope))])
+    for one in far:
+        away, way = abs(steepest - one.place), "into" if one.lean > 0 else "out of"
+        leans = f"the {one.called} leans {abs(one.lean):.0f} degrees {way} the water"
+        if away < BESIDE * waves.depth:
+            folded = f"the surface folds beside it (slope {flow.largest_slope:.2g}, {away:.2g} m from it)"
+        elif flow.largest_slope < GENTLE:
+            folded = f"no wave is steep (largest slope {flow.largest_slope:.2g})"
+        else:
+            continue
+        return f"{leans}, and {folded}: it must lean less, or go more gently"
     return ""
+
+
+def _are_numbers(waves: NonlinearWaves, q: Vector, p: Vector) -> bool:
+    """Return whether a state has nothing in it that is no number; collective."""
+    return isfinite(waves.plane.sum(q) + waves.plane.sum(p))
 
 
 def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, limit: float) -> str:
     """Return in words why a step dt [s] from a state failed; ``limit`` is the scheme's, of omega dt; collective."""
-    if not isfinite(waves.plane.sum(q) + waves.plane.sum(p)):
+    if not _are_numbers(waves, q, p):
         return (
             "the state that the step began with holds what is no number, such as an observer, a filter or a motion of "
             "one's own can make of it, or the step before, where it was too long or the waves too steep for the mesh"
         )
     flow = waves.surface
     flow.update(q, p, t)
-    frequency, limit = ShortWaves(waves).largest_frequency(flow), min(limit, ITERATES)
-    steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
-    if flow.largest_slope < FLAT and dt * frequency <= limit:
+    stands, limit = _stands(waves), min(limit, ITERATES)
+    frequency = max((one.faster for one in stands), default=1.0) * ShortWaves(waves).largest_frequency(flow)
+    narrow = [one for one in stands if one.width < NARROW]
+    if flow.largest_slope < FLAT and dt * frequency <= limit and not narrow:
         return (
             f"neither is the step long (dt omega_max = {dt * frequency:.3g}) nor are the waves steep (largest slope "
             f"{flow.largest_slope:.2g}): the solves do not get as exact as asked in water {waves.depth:.3g} m deep on "
             f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do"
         )
+    squeezed = [f"the {one.called}'s mapping leaves cells {one.width:.2g} of their width" for one in narrow]
+    longer = "".join(f", or more of {one.key}.reach" for one in narrow)
+    if flow.largest_slope < GENTLE and dt * frequency <= limit:
+        there = "".join(f", and {one}" for one in squeezed)
+        return (
+            f"neither is the step long (dt omega_max = {dt * frequency:.3g}) nor are the waves steep (largest slope "
+            f"{flow.largest_slope:.2g}){there}: short waves that the mesh carries have grown; a shorter step, or finer "
+            f"cells{longer}, may do"
+        )
+    steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
     if not dt * frequency > limit:
         return steep
     long = (
         f"the step is too long: dt omega_max = {dt * waves.largest_frequency:.3g} on still water, "
-        f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s; "
-        f"try {0.8 * limit / frequency:.2g} s"
+        f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s"
+        f"{''.join(f', and {one}' for one in squeezed)}; try {0.8 * limit / frequency:.2g} s{longer}"
     )
     return long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}"
