@@ -65,6 +65,8 @@ def test_where_a_rule_stands_for_a_plan_the_run_says_so(tmp_path):
     assert not any(map(told_of_rule, (scene(**start), scene(tank=SLICE | {"bed": bed}, numerics={"cells": 9}))))
 
 
+TURNED = {"type": "sinusoid", "paddle_amplitude": 1.0, "period": 8.0, "ramp": 0.0}
+FLAP = {"type": "flap", "motion_as": "angle", "motion": TURNED}
 RIPPLES = {"bed": {"type": "formula", "depth": "1 + 0.1 * sin(200 * x)"}}
 DOUBTFUL = {
     "cells ten times too large": (
@@ -82,6 +84,10 @@ DOUBTFUL = {
     "steps as long as the paddle's period": (
         {"wall": piston(0.1, 1e-4), "numerics": {"cell_size": 2.0, "order": 2, "dt": 0.08}},
         "the step of 0.08 s misses the paddle's motion by 2.2 of it",
+    ),
+    "large strokes in linear water": (
+        {"wall": FLAP, "water": {"type": "linear"}, "numerics": {"cell_size": 1.0, "vertical_order": 4}},
+        r"strokes: the paddle of wall moves at up to 0\.[234].* and goes 1\.\d* m from rest in water 1 m deep; water\.type",
     ),
     "too deep for any vertical order": (
         {"tank": {"length": 0.0209, "depth": 1.0}, "initial": standing() | {"wave_amplitude": 1e-6}, "duration": 1.0},

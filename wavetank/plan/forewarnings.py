@@ -21,9 +21,11 @@ from wavetank.plan.requirements import looked_at, requirements
 from wavetank.plan.stroke_held import stroke_missed
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.waters import AnyWaves
+from wavetank.theory.airy import wave_number
 
 LARGE = 0.1  # predicted relative error of the elevation
 HELD = 0.01  # what mesh and step may miss
+SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
 def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
@@ -31,7 +33,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
 
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted.
     """
-    before = [*(_predicted(scene) if own is None else ()), *_of_walls(scene, waves)]
+    before = [*(_predicted(scene) if own is None else ()), *_of_walls(scene, waves), *_strokes(scene)]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *_bed(scene, waves), *_start(scene, waves), *of_step]
@@ -43,6 +45,20 @@ def _of_walls(scene: Scene, waves: AnyWaves) -> Iterator[str]:
         stands, asked = getattr(paddle, "reach", 0.0), getattr(seen.wall, "reach", None)  # linear paddles have none
         if asked is not None and stands > (1 + ROUNDING) * asked:
             yield f"{seen.key}.reach = {asked:.4g} m is less than a cell, on this mesh it is {stands:.4g} m"
+
+
+def _strokes(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle in linear water whose strokes are not small."""
+    for seen in scene.paddles if scene.physics == "linear" else ():
+        motion, period, tank = seen.motion(), seen.paddle_period, seen.tank
+        if period is None:
+            continue
+        omega = np.array([2 * np.pi / period])
+        speed = float(omega[0] / wave_number(omega, tank.depth, tank.gravity)[0])
+        if (share := seen.extent(motion).speed / speed) > SMALL:
+            moves = f"the paddle of {seen.key} moves at up to {share:.2g} of its waves' speed"
+            far = f"goes {seen.excursion(motion):.3g} m from rest in water {tank.depth:.3g} m deep"
+            yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes them as they are'
 
 
 def _predicted(scene: Scene) -> Iterator[str]:
