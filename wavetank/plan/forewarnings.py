@@ -58,7 +58,7 @@ def _strokes(scene: Scene) -> Iterator[str]:
         if (share := seen.extent(motion).speed / speed) > SMALL:
             moves = f"the paddle of {seen.key} moves at up to {share:.2g} of its waves' speed"
             far = f"goes {seen.excursion(motion):.3g} m from rest in water {tank.depth:.3g} m deep"
-            yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes them as they are'
+            yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes any'
 
 
 def _predicted(scene: Scene) -> Iterator[str]:
