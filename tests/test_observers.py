@@ -15,7 +15,8 @@ from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.surface import SurfaceSnapshots
-from wavetank.water.energy import Energies, Seen
+from wavetank.water.energy import Energies
+from wavetank.water.seen import Seen
 
 
 @pytest.mark.parametrize(("every", "dt"), [(0.1, 0.05), (0.3, 0.1), (0.7, 0.1)])
@@ -116,7 +117,7 @@ class Steady:
         return 8.9
 
     def seen_from(self, q, p, t, *, at):
-        return Seen(Energies(0.5, 0.5), q, 0 * q)
+        return Seen(Energies(0.5, 0.5), q, 0 * q, (), q)
 
     def total_mass(self, q):
         return 1.0

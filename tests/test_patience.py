@@ -37,7 +37,7 @@ def at_once(parts: dict, moments: int) -> tuple[Observed, list[list[float]], dic
         patched.setattr(running, "MOMENTS", moments)
         one = Observed(Scene.model_validate(parts), MPI.COMM_WORLD)
         settle, kept = one.run.settle, list[int]()
-        patched.setattr(one.run, "settle", lambda: [kept.append(one.run._kept), settle()])
+        patched.setattr(one.run, "settle", lambda: [kept.append(len(one.run._moments)), settle()])
         one.run.execute()
         assert max(kept) == max(moments, 2)  # of which the start is one
         return one.gauges.rows, one.energy.rows, one.run.held()
@@ -77,13 +77,21 @@ def test_a_paddle_that_reaches_a_gauge_is_told_of_at_once_by_name_and_rows_befor
     tank, rows = make_tank(length=6.0, cells=12, n=2, motion=Ramped(Sinusoid(0.4, 4.0), 1.0), reach=3.0), Memory()
     called = Called(("gauges.0", "gauges.1"), ("wall",))
     gauges = Gauges(tank, [(0.2, 0.0), (5.0, 0.0)], record=rows, schedule=EverySteps(), called=called)
-    times = [0.1 * step for step in range(20)]
+    times, kept = [0.1 * step for step in range(20)], list[Moment]()
     reached = next(t for t in times if tank.wall.motion.position(t) > 0.2)
+
+    def looked_at(t: float) -> Moment:
+        moment = Moment(0, t, *tank.state(0.01 * np.cos(tank.plane.x), 0 * tank.plane.x, t), seen={})
+        moment.look(tank)
+        return moment
+
     told = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.0, x = 0.2 m: it must stand farther"
     with pytest.raises(PaddleError, match=told):
-        for step, t in enumerate(times):
-            gauges.keep(Moment(step, t, *tank.state(0.01 * np.cos(tank.plane.x), 0 * tank.plane.x, t)))
-    assert t == reached and [row[0] for row in rows.rows] == times[: times.index(reached)] != []
+        for t in times:
+            gauges.keep(moment := looked_at(t))
+            kept.append(moment)
+    gauges.work_off(kept)
+    assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
 
 
 @pytest.mark.parametrize("together", [1, 5, 16])
@@ -91,11 +99,15 @@ def test_a_watch_warns_of_the_same_time_however_many_moments_it_judges_together(
     """Of a surface that alternates from the 13th step on: the 15th is the first, the 24th the tenth that shows it."""
     tank, said = make_tank(length=2.0, cells=4, n=2), list[str]()
     watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=said.append)
+    kept = list[Moment]()
     for step in range(48):
         height = 0.01 * (1 + (step > 12) * 0.1 * (-1) ** step)
-        watch.keep(Moment(step, 0.02 * step, *tank.state(height * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)))
-        if (step + 1) % together == 0:
-            watch.work_off()
+        state = tank.state(height * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
+        kept.append(Moment(step, 0.02 * step, *state))
+        watch.keep(kept[-1])
+        if len(kept) == together:
+            watch.work_off(kept)
+            kept.clear()
     assert len(said) == 1 and said[0].startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
 
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
-from wavetank.water.energy import Energies, Seen
-from wavetank.water.walls.contract import Heights, Paddle
+from wavetank.water.energy import Energies
+from wavetank.water.seen import Seen
+from wavetank.water.walls.contract import Heights, Paddle, Stood
 
 
 class Moment(NamedTuple):
@@ -52,6 +53,19 @@ class Moment(NamedTuple):
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
         return waves.elevation(self.q, self.p, self.t) if self.seen is None else self.look(waves).eta
 
+    @property
+    def is_mean(self) -> bool:
+        """Whether the state is the mean of two traces, of which the later is the last of the known points."""
+        return self.points[-1][0] is not self.q
+
+    def stood(self, waves: "ObservedWaves") -> Stood:
+        """Return how the wall stood, as its ``stand`` asks for it."""
+        return waves.wall.stood if self.seen is None else self.look(waves).stood
+
+    def velocities(self, waves: "ObservedWaves") -> Vector:
+        """Return how the wall moved [m/s], shape (owned,) or (1,)."""
+        return waves.wall.velocities if self.seen is None else self.look(waves).velocities
+
 
 class Observer(Protocol):
     """Something that is recorded when its schedule says so."""
@@ -65,24 +79,39 @@ class Observer(Protocol):
 
 
 class Patient(ABC):
-    """An observer whose record nobody needs at once: it keeps what it needs of some moments, and then works them off.
+    """An observer whose record nobody needs at once: it is given the moments of many steps together.
 
     A step of a slice takes a millisecond, and what looks at it through caches that are not its own takes most of its
     time to begin. What comes of a moment must not depend, by a bit, on how many are worked off together.
+
+    Attributes
+    ----------
+    sees
+        The waves that are looked at, of each moment when it comes, for ``Moment.look``; None: they are not needed.
     """
+
+    sees: "ObservedWaves | None" = None
+
+    @abstractmethod
+    def work_off(self, moments: Sequence[Moment]) -> None:
+        """Record moments, in their order: those since the last time, one at least; collective."""
+
+    def observe(self, moment: Moment) -> None:
+        """Record the moment; collective."""
+        self.work_off([moment])
+
+
+class Keeping(Patient):
+    """One that looks at each moment when it comes, too."""
 
     @abstractmethod
     def keep(self, moment: Moment) -> None:
-        """Keep what there is to know of a moment that does not last; collective."""
-
-    @abstractmethod
-    def work_off(self) -> None:
-        """Record the moments that are kept, in their order, and keep none of them any more; collective."""
+        """Keep what does not last of a moment that will be worked off; collective."""
 
     def observe(self, moment: Moment) -> None:
         """Record the moment; collective."""
         self.keep(moment)
-        self.work_off()
+        super().observe(moment)
 
 
 @runtime_checkable
@@ -112,11 +141,19 @@ class ObservedWall(Protocol):
     def leans(self) -> bool:
         """Whether that is not the same at all heights."""
 
+    @property
+    def velocities(self) -> Vector:
+        """How it moves now [m/s], shape (owned,) or (1,)."""
+
     def reaches(self, places: Vector) -> NDArray[np.bool_]:
         """Return whether its paddles can carry what is at places [m], shape (N,)."""
 
-    def stand(self, places: Vector) -> Vector:
-        """Return how far from rest its paddles stand beside places [m], shape (paddles, N)."""
+    @property
+    def stood(self) -> Stood:
+        """How it stands now, as ``stand`` asks for it."""
+
+    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+        """Return how far from rest its paddles stand beside places [m], or stood, shape (paddles, N)."""
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m]; see ``Placed``."""

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from wavetank.arrays import Vector
-from wavetank.observers.contract import Moment, ObservedWaves, Patient
+from wavetank.observers.contract import Keeping, Moment, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.supply import Power, Supply
@@ -72,7 +72,7 @@ class _Kept(NamedTuple):
     mass: float | None
 
 
-class EnergyBudget(Patient):
+class EnergyBudget(Keeping):
     """Kinetic, potential and total energy, paddle work, dissipation, balance and mass; see ``columns``.
 
     Parameters
@@ -98,6 +98,7 @@ class EnergyBudget(Patient):
     ):
         self.schedule, self._recorded = EverySteps(), EverySteps(every)
         self._waves, self._record, self._supply = waves, record, supply or Power()
+        self.sees = waves
         self._sinks = {type(sink).__name__: sink for sink in sinks}
         self._kept = list[_Kept]()
         self._before: list[Any] = []  # what was seen where the step ended, if something has acted since
@@ -123,11 +124,10 @@ class EnergyBudget(Patient):
         energies, put_in = moment.look(self._waves).energies, (self._supply.done, self._supply.absorbed)
         self._kept.append(_Kept(moment.step, t, energies, *put_in, taken, mass))
 
-    def work_off(self) -> None:
+    def work_off(self, moments: Sequence[Moment]) -> None:
         """See how far off the balance has been, and append the rows that are due."""
         kept, self._kept = self._kept, []
-        rows = [row for one in kept if (row := self._judged(one))]
-        if rows:
+        if rows := [row for one in kept if (row := self._judged(one))]:
             self._record.extend(rows)
 
     def _judged(self, kept: "_Kept") -> list[float]:

@@ -1,28 +1,20 @@
 """Wave gauges: the elevation at fixed places of the laboratory."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError, OutsideError
+from wavetank.errors import ConvergenceError, OutsideError, RunError
 from wavetank.fe.points import Points
-from wavetank.observers.contract import Moment, ObservedWaves, Patient
+from wavetank.observers.contract import Keeping, Moment, ObservedWaves
 from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.water.surface_points import SurfacePoints
 
 
-class _Kept(NamedTuple):
-    """The time [s], the elevation [m] at this rank's degrees of freedom, and how the wall stood beside the gauges."""
-
-    t: float
-    eta: Vector
-    stand: Vector
-
-
-class Gauges(Patient):
+class Gauges(Keeping):
     """Elevation [m] at places of the tank.
 
     Parameters
@@ -40,7 +32,7 @@ class Gauges(Patient):
     ):
         places = np.asarray(places, dtype=np.float64)
         self._waves, self._record, self.schedule = waves, record, schedule
-        self._elevation, self._kept = waves.plane.function("elevation"), list[_Kept]()
+        self._elevation, self.sees = waves.plane.function("elevation"), waves
         place, wall = waves.plane.chart.place, waves.wall
         Points(waves.plane, place(wall.to_reference(places)))  # refuses what is outside
         reached = wall.reaches(places)
@@ -50,43 +42,43 @@ class Gauges(Patient):
         called = called or Called.unnamed(wall, "gauge", places)
         names = [called.places[n] for n in self._near]
         self._passing = Passing(wall, places[reached], called._replace(places=names))
-        self._stand = self._beside.stand()
 
     def keep(self, moment: Moment) -> None:
-        """Keep the elevation, but work it off where a paddle is near; raises as ``work_off``; collective."""
-        if self._near.size:
-            self._stand = self._beside.stand()
-        self._kept.append(_Kept(moment.t, moment.elevation(self._waves), self._stand))
-        if self._near.size and self._passing.near(self._stand):
-            self.work_off()
+        """Look at once at those that a paddle is near to; raises as ``work_off``; collective."""
+        if self._near.size and self._passing.near(moment.stood(self._waves)):
+            self._over_the_near([moment], self._rows([moment]))
 
-    def work_off(self) -> None:
+    def work_off(self, moments: Sequence[Moment]) -> None:
         """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
-        kept, self._kept = self._kept, []
-        if kept:
-            self._append(kept)
-
-    def _append(self, kept: list[_Kept]) -> None:
-        rows = self._rows(kept)
-        elevations = np.empty((len(kept), self._near.size + self._far.size))
+        rows, elevations = self._rows(moments), np.empty((len(moments), self._near.size + self._far.size))
         elevations[:, self._far] = self._points.of_all(rows)
         try:
             if self._near.size:
-                elevations[:, self._near] = self._beside.each(rows, [one.stand for one in kept])
-        except (OutsideError, ConvergenceError) as error:
-            for one in kept if len(kept) > 1 else ():  # up to the one where that is
-                self._append([one])
-            if isinstance(error, OutsideError):
-                raise self._passing.error(kept[0].t, error.index, kept[0].stand) from None
-            raise ConvergenceError(f"t = {kept[0].t:.6g} s: {error}") from None
-        self._record.extend(np.column_stack([[one.t for one in kept], elevations]))
+                elevations[:, self._near] = self._over_the_near(moments, rows)
+        except RunError:
+            for moment in moments if len(moments) > 1 else ():  # up to the one where that is
+                self.work_off([moment])
+            raise
+        self._record.extend(np.column_stack([[moment.t for moment in moments], elevations]))
 
-    def _rows(self, kept: list[_Kept]) -> Vector:
+    def _over_the_near(self, moments: Sequence[Moment], rows: Vector) -> Vector:
+        """Return the elevation over gauges within the paddles' reach, shape (K, N); raises as ``work_off``."""
+        stands = [self._beside.stand(moment.stood(self._waves)) for moment in moments]
+        try:
+            return self._beside.each(rows, stands)
+        except (OutsideError, ConvergenceError) as error:
+            t = moments[0].t
+            if isinstance(error, OutsideError):
+                raise self._passing.error(t, error.index, stands[0]) from None
+            raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
+
+    def _rows(self, moments: Sequence[Moment]) -> Vector:
         """Return the elevations at all degrees of freedom, those of other ranks among them, (K, rows); collective."""
+        surfaces = [moment.elevation(self._waves) for moment in moments]
         if self._waves.plane.comm.size == 1:
-            return np.array([one.eta for one in kept])
+            return np.array(surfaces)
         rows = list[Vector]()
-        for one in kept:
-            self._elevation.set(one.eta)
+        for eta in surfaces:
+            self._elevation.set(eta)
             rows.append(self._elevation.rows[:, 0].copy())
         return np.array(rows)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.observers.contract import Moment, Patient
+from wavetank.observers.contract import Keeping, Moment
 from wavetank.observers.loads import Pushing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps, Schedule
@@ -15,7 +15,7 @@ from wavetank.stateful import Held
 LIMITED = ("stroke", "speed", "acceleration")
 
 
-class PaddleMotion(Patient):
+class PaddleMotion(Keeping):
     """Position [m], velocity [m/s] and acceleration [m/s²] of a paddle.
 
     Parameters
@@ -44,12 +44,11 @@ class PaddleMotion(Patient):
         pushed = self._push.at(moment) if self._push else ()
         self._kept.append([moment.t, *self._rates(moment.t), *pushed])
 
-    def work_off(self) -> None:
-        """Append the rows."""
+    def work_off(self, moments: Sequence[Moment]) -> None:
+        """Append a row for each moment."""
         kept, self._kept = self._kept, []
-        if kept:
-            along = np.ndim(kept[0][1]) > 0
-            self._record.extend(np.array([np.hstack(row) if along else [*map(float, row)] for row in kept]))
+        along = np.ndim(kept[0][1]) > 0
+        self._record.extend(np.array([np.hstack(row) if along else [*map(float, row)] for row in kept]))
 
 
 class PaddleLimits:

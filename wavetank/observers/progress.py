@@ -1,7 +1,7 @@
 """Progress of a run: a bar in a terminal, plain lines elsewhere and in the run's log; and told in its manifest."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -50,7 +50,6 @@ class ProgressBar(Patient):
         )
         self._task = self._bar.add_task("", total=duration)
         self._shown = -inf  # when the bar was
-        self._moment: Moment | None = None  # the last
 
     def __enter__(self) -> "ProgressBar":
         self._bar.start()
@@ -59,15 +58,9 @@ class ProgressBar(Patient):
     def __exit__(self, *error: object) -> None:
         self._bar.stop()
 
-    def keep(self, moment: Moment) -> None:
-        """Take it as the last."""
-        self._moment = moment
-
-    def work_off(self) -> None:
+    def work_off(self, moments: Sequence[Moment]) -> None:
         """Show the last moment."""
-        if self._moment is None:
-            return
-        now, moment, self._moment = time.monotonic(), self._moment, None
+        now, moment = time.monotonic(), moments[-1]
         if not self._bar.disable and (now > self._shown + self.every or moment.t >= self._duration):
             self._shown, done = now, min(moment.t, self._duration)
             self._bar.update(self._task, completed=done, description=self._per_step(moment))
@@ -104,17 +97,10 @@ class Standing(Patient):
         self.schedule = EverySteps()
         self._note, self._tell, self._begin, self._end = note, tell, begin, end
         self._began, self._told = time.monotonic(), -inf
-        self._moment: Moment | None = None  # the last
 
-    def keep(self, moment: Moment) -> None:
-        """Take it as the last."""
-        self._moment = moment
-
-    def work_off(self) -> None:
+    def work_off(self, moments: Sequence[Moment]) -> None:
         """Note the last moment."""
-        if self._moment is None:
-            return
-        moment, self._moment = self._moment, None
+        moment = moments[-1]
         now, when = time.monotonic(), {"t": moment.t, "begin": self._begin, "end": self._end}
         self._note({"progress": {**when, "step": moment.step, "wall_s": now - self._began}})
         if now > self._told + self.every:

@@ -95,10 +95,7 @@ class RecordCheck(Patient):
         self.schedule = EverySteps()
         self._comm, self._records = comm, records
 
-    def keep(self, moment: Moment) -> None:
-        """Do nothing: what is still to be written may fail."""
-
-    def work_off(self) -> None:
+    def work_off(self, moments: Sequence[Moment]) -> None:
         """Raise ``RecordError`` if a rank has met one; collective."""
         if summed(self._comm, float(any(record.failure for record in self._records))):
             agreed(self._comm, self._raise)

@@ -16,14 +16,13 @@ That dt omega_max under the crests is beyond the scheme's limit is no sign of it
 behind that it has made grow, and the edge penalty takes them. It only tells what would help.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from wavetank.arrays import Vector, largest
-from wavetank.observers.contract import Moment, Patient
+from wavetank.observers.contract import Keeping, Moment
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
 from wavetank.water.short_waves import ShortWaves
@@ -74,34 +73,12 @@ IN_ELEVATION = Alternating(order=6, noise=5e-3, driven=4.0)
 IN_JUMP = Alternating(order=3, noise=1e-2, driven=16.0)
 
 
-class _Seen(NamedTuple):
-    """What is kept of a moment.
-
-    Attributes
-    ----------
-    eta
-        The elevation [m], shape (owned,).
-    alternating
-        The elevation or its jump [m], shape (owned,).
-    velocity
-        The paddle's [m/s], shape (owned,) or (1,).
-    frequency
-        The largest on the surface as it moves [rad/s], where that was looked at.
-    """
-
-    t: float
-    eta: Vector
-    alternating: Vector
-    velocity: Vector
-    frequency: float
-
-
 def _heights(values: Vector) -> Vector:
     """Return the largest of each row, as a height; zeros where there are no columns."""
     return np.asarray(np.abs(values).max(axis=1, initial=0.0))
 
 
-class StabilityWatch(Patient):
+class StabilityWatch(Keeping):
     """Warns, once, when short waves grow that alternate from step to step.
 
     Parameters
@@ -137,7 +114,9 @@ class StabilityWatch(Patient):
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
-        self._kept, self._look = list[_Seen](), IN_JUMP
+        self.sees, self._look = waves, IN_JUMP
+        # of steps that are not judged: the largest frequency where that was looked at [rad/s], and jumps [m]
+        self._frequencies, self._jumps = dict[int, float](), dict[int, Vector]()
         self._last, self._wall = list[Vector](), list[Vector]()  # before what is kept, as many as are needed
         self._driven: float = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._next = 0  # when it is looked what would help
@@ -147,58 +126,53 @@ class StabilityWatch(Patient):
         self.since: float | None = None
 
     def keep(self, moment: Moment) -> None:
-        """Keep the surface, or its jump where the moment has one, and now and then how it moves; collective."""
-        waves, (q, p, t), frequency = self._waves, (moment.q, moment.p, moment.t), 0.0
+        """Look now and then how the surface moves, and at a jump that only the mass matrix tells; collective."""
+        q, p, t = moment.q, moment.p, moment.t
+        self._look = IN_ELEVATION if moment.jump is None else IN_JUMP
+        if moment.jump is not None and not moment.is_mean:
+            self._jumps[moment.step] = self._waves.mass.solve(moment.jump)
         if moment.step >= self._next - self._flow.has(q, p, t) * OFTEN // 2:
             self._next = moment.step + OFTEN
             self._flow.update(q, p, t)
-            frequency = self._short.largest_frequency(self._flow, least=self._frequency)
-        eta = moment.elevation(waves)
-        self._kept.append(_Seen(t, eta, self._alternating(moment, eta), waves.wall.velocities, frequency))
+            self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
 
-    def _alternating(self, moment: Moment, eta: Vector) -> Vector:
-        """Return the jump of the elevation [m], or itself, shape (owned,); collective.
+    def _jump(self, moment: Moment) -> Vector:
+        """Return the jump of the elevation [m], shape (owned,).
 
-        Half of it lies between a state that is the mean of two traces and the later of these, the last point known.
+        Half of it lies between a mean of two traces and the later of these, which is the last point known.
         """
-        if moment.jump is None:
-            self._look = IN_ELEVATION
-            return eta
-        self._look = IN_JUMP
-        is_mean = moment.points[-1][0] is not moment.q
-        return 2 * moment.look(self._waves).rise if is_mean else self._waves.mass.solve(moment.jump)
+        return 2 * moment.look(self._waves).rise if moment.is_mean else self._jumps.pop(moment.step)
 
-    def work_off(self) -> None:
+    def work_off(self, moments: Sequence[Moment]) -> None:
         """See whether what alternates has grown; collective."""
-        kept, self._kept, look, known = self._kept, [], self._look, len(self._last)
-        if not kept:
-            return
-        self._last += [one.alternating for one in kept]
-        self._wall += [self._dt * one.velocity for one in kept]
+        look, known, surfaces = self._look, len(self._last), [one.elevation(self._waves) for one in moments]
+        self._last += surfaces if look is IN_ELEVATION else map(self._jump, moments)
+        self._wall += [self._dt * one.velocities(self._waves) for one in moments]
         unjudged = max(0, look.length - 1 - known)  # with too few before
         begin = max(0, known + unjudged - look.length + 1)
         values, ways = np.array(self._last[begin:]), np.array(self._wall[begin:])
-        highest = self._largest(_heights(np.array([one.eta for one in kept])))
+        highest = self._largest(_heights(np.array(surfaces)))
         lower, driven = (self._largest(_heights(look.lower(each))) for each in (values, ways))
         looks_grown = (lower > look.noise / 10 * self._highest).any()
         higher = self._largest(_heights(look.higher(values))) if looks_grown else lower
-        for n, one in enumerate(kept):
+        for n, moment in enumerate(moments):
             self._highest, noise, m = max(self._highest, highest[n]), 0.0, n - unjudged
             if m >= 0:
                 self._driven = max(self._driven, look.driven * driven[m])
             if m >= 0 and higher[m] > SHORT * lower[m]:
                 noise = max(0.0, lower[m] - self._driven) / self._highest
-            self._judge(one, noise, values[m : m + look.length])
+            self._judge(moment, noise, values[m : m + look.length])
         del self._last[: -IN_ELEVATION.length], self._wall[: -IN_ELEVATION.length]
 
-    def _judge(self, seen: _Seen, noise: float, values: Vector) -> None:
+    def _judge(self, moment: Moment, noise: float, values: Vector) -> None:
         """Take note of the noise at a moment, in the last values, and warn; collective."""
+        frequency = self._frequencies.pop(moment.step, 0.0)
         if noise < self._look.noise / 10:  # what moves is still the water
-            self._frequency = max(self._frequency, seen.frequency)
+            self._frequency = max(self._frequency, frequency)
         self._steps = self._steps + 1 if noise > self._look.noise else 0
         if self._steps == IN_A_ROW and self.noise <= self._look.noise:
-            self.since = seen.t
-            self._warn(self._sentence(seen.t, noise, self._place(np.abs(self._look.lower(values)[0]))))
+            self.since = moment.t
+            self._warn(self._sentence(moment.t, noise, self._place(np.abs(self._look.lower(values)[0]))))
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
 

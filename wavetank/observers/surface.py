@@ -1,6 +1,7 @@
 """Snapshots of the surface along the tank, at the degrees of freedom, in the laboratory's x."""
 
-from typing import NamedTuple, Protocol
+from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -19,15 +20,6 @@ class SurfaceRecord(Protocol):
         """Append K snapshots: times [s], shape (K,), and places [m], elevations [m] and potentials [m²/s], (K, N)."""
 
 
-class _Kept(NamedTuple):
-    """The time [s], elevation [m] and potential [m²/s] at this rank's degrees of freedom, and how the wall stood."""
-
-    t: float
-    eta: Vector
-    psi: Vector
-    stand: Vector
-
-
 class SurfaceSnapshots(Patient):
     """Elevation [m] and surface potential [m²/s] against x [m], at the places of the mesh on which the run began.
 
@@ -39,7 +31,7 @@ class SurfaceSnapshots(Patient):
 
     def __init__(self, waves: ObservedWaves, *, record: SurfaceRecord | None, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
-        self._kept = list[_Kept]()
+        self.sees = waves
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)
         self._order = np.argsort(reference, kind="stable")
         self._look_at(comm.bcast(reference[self._order]))
@@ -55,22 +47,15 @@ class SurfaceSnapshots(Patient):
         parts = self._waves.plane.comm.gather(owned)
         return np.concatenate(parts) if parts else np.zeros(0)
 
-    def keep(self, moment: Moment) -> None:
-        """Keep a snapshot; collective."""
-        eta, stand = moment.elevation(self._waves), self._waves.wall.stand(self._places)
-        self._kept.append(_Kept(moment.t, eta, moment.p.copy(), stand))
-
-    def work_off(self) -> None:
+    def work_off(self, moments: Sequence[Moment]) -> None:
         """Append the snapshots; collective."""
-        kept, self._kept = self._kept, []
-        if not kept:
-            return
-        eta = np.array([self._sorted(one.eta) for one in kept])
-        psi = np.array([self._sorted(one.psi) for one in kept])
+        waves, places, wall = self._waves, self._places, self._waves.wall
+        eta = np.array([self._sorted(moment.elevation(waves)) for moment in moments])
+        psi = np.array([self._sorted(moment.p) for moment in moments])
         if self._record is not None:
-            places, stand = np.tile(self._places, (len(kept), 1)), np.concatenate([one.stand for one in kept], axis=1)
-            x = self._waves.wall.to_physical(places, eta.ravel(), stand)[:, 0]
-            self._record.extend(np.array([one.t for one in kept]), x.reshape(eta.shape), eta, psi)
+            stand = np.concatenate([wall.stand(places, moment.stood(waves)) for moment in moments], axis=1)
+            x = wall.to_physical(np.tile(places, (len(moments), 1)), eta.ravel(), stand)[:, 0]
+            self._record.extend(np.array([moment.t for moment in moments]), x.reshape(eta.shape), eta, psi)
 
     def _sorted(self, owned: Vector) -> Vector:
         """Return values at the places in the order of x, on the first rank, of values at the degrees of freedom."""

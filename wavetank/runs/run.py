@@ -12,9 +12,9 @@ from wavetank.errors import RunError
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
-from wavetank.observers.contract import Ending, Moment, Observer, Patient
+from wavetank.observers.contract import Ending, Keeping, Moment, Observer, Patient
 from wavetank.observers.energy import Sink
-from wavetank.observers.schedule import EverySteps
+from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.runs.clock import Clock
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
 
@@ -55,7 +55,7 @@ class Run:
         self.step = clock.first
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
-        self._kept, self._most = 0, 1  # moments that patient observers have not worked off, and how many these may be
+        self._moments, self._most = list[Moment](), 1  # that are not worked off, and how many these may be
 
     @property
     def t(self) -> float:
@@ -64,8 +64,8 @@ class Run:
 
     @property
     def settles(self) -> bool:
-        """Whether the moment that is being observed is the last before patient observers work off what they keep."""
-        return self._kept + 1 >= self._most
+        """Whether patient observers will work off their moments once the present one has been observed."""
+        return len(self._moments) >= self._most
 
     @property
     def sinks(self) -> list[Sink]:
@@ -81,8 +81,10 @@ class Run:
             raise
 
     def _go_on(self) -> None:
-        acts = [(one.schedule, one.keep if isinstance(one, Patient) else one.observe) for one in self.observers]
-        self._acts = [(None if schedule == EverySteps() else schedule, act) for schedule, act in acts]
+        self._patient = [one for one in self.observers if isinstance(one, Patient)]
+        self._keeps = [(_when(one), one.keep) for one in self.observers if isinstance(one, Keeping)]
+        self._acts = [(_when(one), one.observe) for one in self.observers if not isinstance(one, Patient)]
+        self._seen = [*{id(one.sees): one.sees for one in self._patient if one.sees}.values()]
         self._most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
         if not self._begun:
             self._begun = True
@@ -91,19 +93,21 @@ class Run:
             self.state = self._stepper.step(self.system, self.state, self.t, self.clock.dt)
             self.step += 1
             self._observe()
-            if self._kept >= self._most:
+            if self.settles:
                 self.settle()
         self.settle()
 
     def settle(self) -> None:
-        """Let patient observers work off what they keep; raises what the first of them raises; collective."""
-        failures, self._kept = list[RunError](), 0
-        for observer in self.observers:
-            if isinstance(observer, Patient):
-                try:
-                    observer.work_off()
-                except RunError as error:
-                    failures.append(error)
+        """Let patient observers work off their moments; raises what the first of them raises; collective."""
+        failures, moments, self._moments = list[RunError](), self._moments, []
+        if not moments:
+            return
+        for observer in self._patient:
+            try:
+                if due := self._due(observer.schedule, moments):
+                    observer.work_off(due)
+            except RunError as error:
+                failures.append(error)
         if failures:
             self.observed = False  # not by all
             raise failures[0]
@@ -167,10 +171,27 @@ class Run:
         state, step, t, before = self.state, self.step, self.t, self.clock.time(self.step - 1)
         moment = Moment(step, t, state.q, state.p, state.known, state.q_jump, {})
         self.observed = False
+        for schedule, keep in self._keeps:
+            if schedule is None or schedule.due(step, t, before):
+                keep(moment)
+        for waves in self._seen:
+            moment.look(waves)
+        self._moments.append(moment)
         for schedule, act in self._acts:
             if schedule is None or schedule.due(step, t, before):
                 act(moment)
-        self.observed, self._kept = True, self._kept + 1
+        self.observed = True
+
+    def _due(self, schedule: Schedule, moments: list[Moment]) -> list[Moment]:
+        """Return the moments at which to act."""
+        if schedule == EverySteps():
+            return moments
+        return [one for one in moments if schedule.due(one.step, one.t, self.clock.time(one.step - 1))]
+
+
+def _when(one: Observer) -> Schedule | None:
+    """Return when an observer acts, None being at every step."""
+    return None if one.schedule == EverySteps() else one.schedule
 
 
 def _values(state: Any) -> Held:

@@ -14,10 +14,8 @@ is its own (``water/walls/``).
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-import numpy as np
 import ufl
 
-from wavetank.arrays import Vector
 from wavetank.fe.vertical import VerticalBasis, gauss_legendre
 
 
@@ -62,63 +60,6 @@ class Energies:
     def total(self) -> float:
         """Kinetic and potential energy together."""
         return self.kinetic + self.potential
-
-
-class Seen(NamedTuple):
-    """What is seen of a state from a point near to it, which is evaluated anyway.
-
-    Attributes
-    ----------
-    energies
-        Those of the state, to the square of what lies between; W is that of the point.
-    eta
-        The elevation [m], shape (owned,).
-    rise
-        How much higher that of the point is [m], shape (owned,).
-    """
-
-    energies: Energies
-    eta: Vector
-    rise: Vector
-
-
-class Evaluated(Protocol):
-    """Water of which points can be evaluated; all methods are collective.
-
-    Attributes
-    ----------
-    gravity
-        [m/s²].
-    """
-
-    gravity: float
-
-    def energies(self, q: Vector, p: Vector, t: float) -> Energies:
-        """Return kinetic and potential energy and the wall's term."""
-
-    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,)."""
-
-    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dQ, shape (owned,)."""
-
-    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dpsi, shape (owned,)."""
-
-    def inner(self, a: Vector, b: Vector) -> float:
-        """Return the sum of a b over the degrees of freedom of all ranks."""
-
-
-def seen_from(water: Evaluated, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
-    """Return what is seen of a state at t [s] from a point; collective."""
-    energies, eta = water.energies(*at, t), water.elevation(*at, t)
-    if at[0] is q and at[1] is p:
-        return Seen(energies, eta, np.zeros_like(eta))
-    away = q - at[0]
-    change = water.inner(water.H_q(*at, t), away) + water.inner(water.H_p(*at, t), p - at[1])
-    lift, here = water.gravity * water.inner(eta, away), water.elevation(q, p, t)
-    moved = Energies(energies.kinetic + change - lift, energies.potential + lift, energies.wall)
-    return Seen(moved, here, eta - here)
 
 
 class Mapping(Protocol):

@@ -38,8 +38,9 @@ from wavetank.hamiltonian.affine_stages import DirectStage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, StageCounters
 from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
-from wavetank.water.energy import POTENTIAL, Energies, Part, Seen, WaterEnergy, seen_from
+from wavetank.water.energy import POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
+from wavetank.water.seen import Seen, seen_from
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.walls import LinearWall
 from wavetank.water.walls.contract import LinearOpening

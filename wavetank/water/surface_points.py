@@ -13,7 +13,7 @@ from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
 from wavetank.fe.plane import Field, Plane
 from wavetank.fe.points import Points
-from wavetank.water.walls.contract import Heights
+from wavetank.water.walls.contract import Heights, Stood
 
 MOST = 50  # repetitions
 NEAR = 1e-8  # of a cell: the next would be a hundred times as near
@@ -26,8 +26,8 @@ class Standing(Protocol):
     def leans(self) -> bool:
         """Whether places are not the same at all heights."""
 
-    def stand(self, places: Vector) -> Vector:
-        """Return how far from rest its paddles stand beside places [m], shape (paddles, N)."""
+    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+        """Return how far from rest its paddles stand beside places [m], or stood, shape (paddles, N)."""
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], where it stood."""
@@ -53,9 +53,9 @@ class SurfacePoints:
         self._plane, self._wall, self._places = plane, wall, places
         self.points = Points(plane, plane.chart.place(wall.to_reference(places)))
 
-    def stand(self) -> Vector:
-        """Return how the wall stands now, as ``each`` asks for it, shape (paddles, N)."""
-        return self._wall.stand(self._places)
+    def stand(self, stood: Stood | None = None) -> Vector:
+        """Return how the wall stands, or stood, as ``each`` asks for it, shape (paddles, N)."""
+        return self._wall.stand(self._places, stood)
 
     def elevations(self, field: Field) -> Vector:
         """Return the elevation over the places [m], shape (N,), of the field of it, for the wall as it stands."""

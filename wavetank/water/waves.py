@@ -29,8 +29,9 @@ from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStage
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
-from wavetank.water.energy import KINETIC, POTENTIAL, Energies, Seen, WaterEnergy, seen_from
+from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
+from wavetank.water.seen import Seen, seen_from
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.walls import Wall, one_time
@@ -325,8 +326,9 @@ class NonlinearWaves:
             return seen_from(self, q, p, t, at=at)
         by = self.H_q(*at, t), self.H_p(*at, t)
         (eta, rise), (potential, change, lift) = self._whole.see((q, p), at, by, self.bed.still)
-        kinetic, wall = self._kinetic + change - self.gravity * lift, self._wall_terms.energy()
-        return Seen(Energies(kinetic, self.gravity * (potential + lift), wall), eta, rise)
+        lift *= self.gravity
+        energies = self._kinetic + change - lift, self.gravity * potential + lift, self._wall_terms.energy()
+        return Seen(Energies(*energies), eta, rise, self.wall.stood, self.wall.velocities)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""
@@ -356,11 +358,11 @@ class NonlinearWaves:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
         self.set_time(t)
         last = self._elevation
-        if one_time(t, last.t) and (q is last.q or self._all(np.array_equal(q, last.q))):
+        if one_time(t, last.t) and self._all(q.tobytes() == last.q.tobytes()):
             return last.eta.copy()
         if self._knows(q, p, t):
             return np.asarray(self.h.owned - self.bed.still)
-        self._elevation = last = _Elevation(q, t, self.columns.solve(q) - self.bed.still)
+        self._elevation = last = _Elevation(q.copy(), t, self.columns.solve(q) - self.bed.still)
         return last.eta.copy()
 
     def total_mass(self, q: Vector) -> float:

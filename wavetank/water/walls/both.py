@@ -16,7 +16,7 @@ from wavetank.fe.vertical import VerticalBasis
 from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
-from wavetank.water.walls.contract import Columns, Heights, WallTerms
+from wavetank.water.walls.contract import Columns, Heights, Stood, WallTerms
 from wavetank.water.walls.linear import LinearPaddle
 from wavetank.water.walls.mapping import Shift
 from wavetank.water.walls.piston import Piston
@@ -93,9 +93,16 @@ class BothEnds:
         near, far = (paddle.reaches(places) for paddle in self.paddles)
         return np.asarray(near | far)
 
-    def stand(self, places: Vector) -> Vector:
+    @property
+    def stood(self) -> Stood:
         """See ``Placed``."""
-        return np.concatenate([paddle.stand(places) for paddle in self.paddles])
+        near, far = self.paddles
+        return near.stood + far.stood
+
+    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+        """See ``Placed``."""
+        each = zip(self.paddles, stood or self.stood, strict=True)
+        return np.concatenate([paddle.stand(places, (its,)) for paddle, its in each])
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones; see ``Placed``."""

@@ -27,6 +27,7 @@ from wavetank.water.walls.shape import Shape
 from wavetank.water.walls.side import Side
 
 Heights = Vector | float  # of places, shape (N,), or all alike [m]
+Stood = tuple[tuple[float, float | None], ...]  # of each paddle, when [s], and how far from rest [m] if all of it is so
 
 
 def one_time(t: float, other: float) -> bool:
@@ -106,14 +107,25 @@ class Placed(Protocol):
     def paddles(self) -> Sequence["Paddle"]:
         """See above."""
 
+    @property
+    def velocities(self) -> Vector:
+        """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
+
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the wall at rest [m], shape (owned,)."""
 
     def reaches(self, places: Vector) -> NDArray[np.bool_]:
         """Return whether its paddles can carry what is at places [m], physical or reference, shape (N,)."""
 
-    def stand(self, places: Vector) -> Vector:
-        """Return how far from rest its paddles stand beside places [m], physical or reference, shape (paddles, N)."""
+    @property
+    def stood(self) -> Stood:
+        """How it stands now, for when that will be asked for."""
+
+    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+        """Return how far from rest its paddles stand beside places [m], physical or reference, shape (paddles, N).
+
+        Or how far they stood.
+        """
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands.
@@ -142,10 +154,6 @@ class Wall(Placed, Protocol):
     @property
     def displaced(self) -> float:
         """How far from their places at rest these are now at most [m]."""
-
-    @property
-    def velocities(self) -> Vector:
-        """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
 
     @property
     def shift(self) -> Vector | None:

@@ -30,7 +30,7 @@ from wavetank.motions.mapping import largest_stroke, share, unmapped
 from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
-from wavetank.water.walls.contract import Columns, Heights
+from wavetank.water.walls.contract import Columns, Heights, Stood
 from wavetank.water.walls.leaning import LeaningWork
 from wavetank.water.walls.mapping import Shift
 from wavetank.water.walls.power import AssembledPower, Power, PowerAlong
@@ -165,11 +165,15 @@ class Piston:
         """See ``Placed``."""
         return np.asarray(self.side.distances(places) < self.reach)
 
-    def stand(self, places: Vector) -> Vector:
+    @property
+    def stood(self) -> Stood:
+        """See ``Placed``."""
+        return (self.travel.stood,)
+
+    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
         """See ``Placed``: X_p."""
-        if (whole := self.travel.whole) is not None:
-            return np.full((1, len(places)), whole)
-        return self.travel.positions(self.side.along(places))[None]
+        (here,) = stood or self.stood
+        return self.travel.positions(self.side.along(places), here)[None]
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return X with X + a f s(X) X_p = x, places of shape (N, 2) [m]."""

@@ -15,7 +15,7 @@ from wavetank.fe.whole import Along
 from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
-from wavetank.water.walls.contract import Columns, Heights
+from wavetank.water.walls.contract import Columns, Heights, Stood
 from wavetank.water.walls.mapping import Identity
 
 
@@ -30,6 +30,7 @@ class StillWall:
     mapping = Identity()
     carried: ufl.Measure | None = None
     carries, displaced = np.arange(0), 0.0
+    stood: Stood = ()
     shift = None
 
     def moved_by(self, tangents: Sequence[Tangent]) -> "StillWall":
@@ -48,7 +49,7 @@ class StillWall:
         """Return that it carries nothing, shape (N,)."""
         return np.zeros(len(places), dtype=bool)
 
-    def stand(self, places: Vector) -> Vector:
+    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
         """Return nothing of no paddle, shape (0, N)."""
         return np.zeros((0, len(places)))
 
