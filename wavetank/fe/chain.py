@@ -22,12 +22,12 @@ def followed(plane: Plane) -> NDArray[np.intp]:
     return np.roll(np.argsort(plane.x, kind="stable"), -1 if _closed(plane) else 0)  # at a vertex
 
 
-def chain(kernel: Kernel, plane: Plane, *, systems: int, backwards: bool = False) -> Any:
-    """Return a struct with room for matrices of an element's bandwidth, so many that are treated at once.
+def chain(kernel: Kernel, plane: Plane, *, systems: int, band: int | None = None, backwards: bool = False) -> Any:
+    """Return a struct with room for matrices, by default of an element's bandwidth, so many that are treated at once.
 
     The rows of a slice begin at its near end, or, ``backwards``, end there.
     """
-    cut = int(_closed(plane))
+    cut, band = int(_closed(plane)), plane.order if band is None else band
     order = followed(plane)[:: -1 if backwards and not cut else 1]
     rows, border = plane.size - cut, (cut * (plane.size - cut), systems)
     return kernel.struct(
@@ -36,7 +36,7 @@ def chain(kernel: Kernel, plane: Plane, *, systems: int, backwards: bool = False
             "dofs": plane.size,
             "cut": cut,
             "row": np.argsort(order),
-            "L": np.zeros((rows + plane.order, plane.order + 1, systems)),
+            "L": np.zeros((rows + band, band + 1, systems)),
             "column": np.zeros(border),
             "reduced": np.zeros(border),
             "corner": np.zeros(systems),

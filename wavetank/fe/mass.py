@@ -210,6 +210,11 @@ class MassMatrix:
 
     with J and the Jacobian's determinant in M_c at their mean. The condition number is 1.5 at p = 2 and falls with p;
     with the diagonal alone it is 4.5 to 6.
+
+    Attributes
+    ----------
+    weights
+        Of quadrature, times J and the size of cells, as ``mass.c`` has them.
     """
 
     most = 200  # iterations
@@ -230,9 +235,9 @@ class MassMatrix:
             comm=plane.comm,
         )
         self._cells = self._kernel.struct("Cells", cells.parts)
-        self._weights = np.empty((cells.parts["batches"], len(cells.points), LANES))
+        self.weights = np.empty((cells.parts["batches"], len(cells.points), LANES))
         self._constants, at = self._density.constants(), self._kernel.pointer
-        self._at_weights, self._at_constants = at(self._weights), at(self._constants)
+        self._at_weights, self._at_constants = at(self.weights), at(self._constants)
         of_cell = cells.values.T @ (cells.weights[:, None] * cells.values)
         self._of_cells = np.diag(of_cell)[:, None] * np.linalg.inv(of_cell) * np.diag(of_cell)
         self._size = float(np.sum(cells.parts["weights"]))
@@ -249,12 +254,12 @@ class MassMatrix:
         """What updates and products are called with, for ``whole.c``."""
         address, density = self._kernel.address, self._density
         called = {name: address(name) for name in ("weigh", "multiply")}
-        arrays = {"constants": self._constants, "rows": density.rows(), "weights": self._weights}
+        arrays = {"constants": self._constants, "rows": density.rows(), "weights": self.weights}
         return {**called, **arrays, "cells": address(self._cells), "fields": density.values, "width": density.fields}
 
     def _prepare(self) -> None:
         """Make ready for solves."""
-        self._diagonal, self._means = self._of_diagonal(), self._weights.sum(axis=1) / self._size
+        self._diagonal, self._means = self._of_diagonal(), self.weights.sum(axis=1) / self._size
 
     def make_ready(self) -> None:
         """Prepare what solves need, if it is not there: products do without."""
@@ -328,7 +333,7 @@ class BandedMass(MassMatrix):
     @cached_property
     def _kept(self) -> Vector:
         """The weights that the factors are of."""
-        return np.full_like(self._weights, np.nan)
+        return np.full_like(self.weights, np.nan)
 
     @property
     def compiled(self) -> dict[str, Any]:
@@ -345,7 +350,7 @@ class BandedMass(MassMatrix):
     def compiled_product(self) -> dict[str, Any]:
         """What products are called with, for other kernels."""
         address = self._kernel.address
-        return {"multiply": address("multiply"), "mass_cells": address(self._cells), "weights": self._weights}
+        return {"multiply": address("multiply"), "mass_cells": address(self._cells), "weights": self.weights}
 
     def _prepare(self) -> None:
         self._kernel.call.factor_mass(self._cells, self._at_weights, self._kernel.known(self._kept), self._factors)

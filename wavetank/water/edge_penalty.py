@@ -18,9 +18,11 @@ import ufl
 from dolfinx import fem
 
 from wavetank.arrays import Vector
+from wavetank.fe.kinks import KinkSmoothing
+from wavetank.fe.mass import BandedMass
 from wavetank.stateful import Held
 from wavetank.water.seldom import Seldom
-from wavetank.water.smoothing import Smoothing
+from wavetank.water.smoothing import Smoother, Smoothing
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
@@ -61,7 +63,8 @@ class EdgePenalty(Smoothing):
     ):
         plane, k = waves.plane, shortest_wave_number(waves, cell_size)
         rate, n = shortest_wave_frequency(waves, cell_size), ufl.FacetNormal(plane.mesh)
-        kappa = fem.Constant(plane.mesh, strength * abs(dt) * rate * cell_size**3 / plane.order**4)
+        self._kappa = strength * abs(dt) * rate * cell_size**3 / plane.order**4
+        kappa = fem.Constant(plane.mesh, self._kappa)
         facets = ufl.dS(domain=plane.mesh, metadata={"quadrature_degree": 2 * plane.order})
 
         def penalty(u: Any, v: Any) -> ufl.Form:
@@ -72,6 +75,13 @@ class EdgePenalty(Smoothing):
         self._flow = flow
         self._fast = float(np.sqrt(threshold * waves.gravity / k))  # from which velocity on it is needed
         self._seldom, self._needed = Seldom(), False
+
+    def _made(self) -> Smoother:
+        """Return it written out along a slice on one rank, unless the wall's shape stretches what it carries."""
+        plane, mass, wall = self._waves.plane, self._waves.mass, self._waves.wall
+        if not isinstance(mass, BandedMass) or plane.mesh.geometry.dim > 1 or wall.leans:
+            return super()._made()
+        return KinkSmoothing(plane, mass, strength=self._kappa, shift=wall.shift)
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective.

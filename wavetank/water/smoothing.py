@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import ufl
@@ -12,6 +12,22 @@ from wavetank.arrays import Vector
 from wavetank.fe.mass import FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
 from wavetank.stateful import Held
 from wavetank.water.waves import NonlinearWaves
+
+
+class Smoother(Protocol):
+    """N, and what is done with it: see ``Smoothing``; values are owned, shape (owned,), and all of it is collective."""
+
+    def update(self) -> None:
+        """Take over M_J and N as they are."""
+
+    def apply(self, values: Vector) -> Vector:
+        """Return N v."""
+
+    def taken(self, values: Vector, start: Vector) -> Vector:
+        """Return v - v', found from a start value."""
+
+    def moved(self, values: Vector, taken: Vector) -> Vector:
+        """Return N v' of what is taken of v; its sum is 0 to round-off."""
 
 
 class Smoothing:
@@ -45,8 +61,12 @@ class Smoothing:
         self._last = dict[str, Vector]()  # what has been taken of a state's points, until all are smoothed
 
     @cached_property
-    def _smoother(self) -> FactoredSmoothing | RaisedSmoothing:
+    def _smoother(self) -> Smoother:
         """N, and what is done with it, made where it is first needed; collective."""
+        return self._made()
+
+    def _made(self) -> Smoother:
+        """Return it of the form; collective."""
         plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
             changing = self._carried() if self._by_wall and self._waves.wall.moves else None
