@@ -324,7 +324,7 @@ class NonlinearWaves:
         """Return what is seen of a state from a point; collective."""
         if self._whole is None or self.wall.leans:
             return seen_from(self, q, p, t, at=at)
-        by = self.H_q(*at, t), self.H_p(*at, t)
+        by = self.H_q(*at, t), self._H_p
         (eta, rise), (potential, change, lift) = self._whole.see((q, p), at, by, self.bed.still)
         lift *= self.gravity
         energies = self._kinetic + change - lift, self.gravity * potential + lift, self._wall_terms.energy()

@@ -225,12 +225,12 @@ class PistonTerms:
             "wall_flux": energy.wall_flux(phi.function, vertical, shape.share, degree=shape.degree),
         }
         work = wall.flux(travel.speed, **parts)
-        self.hamiltonian, self._mu = {wall.part: work}, plane.function("mu")
+        self.hamiltonian = {wall.part: work}
         self._work: Work
         self.along: tuple[Along, ...] | None = None
         self._power: Power
         alone = plane.mesh.topology.dim == 1 and plane.comm.size == 1
-        water: dict[str, Any] = {"mu": self._mu, "bed": bed, "plane": plane, "vertical": vertical}
+        water: dict[str, Any] = {"bed": bed, "plane": plane, "vertical": vertical}
         if alone and not wall.leans:
             share, columns = wall.flux(travel.share, **parts), np.unique(plane.V.dofmap.list[wall.cells])
             self._work = kept = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
@@ -267,20 +267,20 @@ class PistonTerms:
 
     def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
         """Return dH/dX_p and dH/dX_p' at fixed (Q, psi), positive into the water; collective."""
-        self._mu.set(mu())
+        by_column = mu()
         self._rated, travel = np.nan, self._wall.travel  # what the rate depends on is to be found again
         with travel.going(1.0):
             self._bed.follow_on(self._wall)
             travel.accelerate(0.0)
-            by_position = self._power.value()
+            by_position = self._power.value(by_column)
             travel.accelerate(1.0)
-            return [(by_position, self._power.value() - by_position)]
+            return [(by_position, self._power.value(by_column) - by_position)]
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
-        self._mu.set(mu())
+        by_column = mu()
         if self._rated != self._wall.travel.t:
             self._rated = self._wall.travel.t
             self._wall.travel.set_acceleration()
             self._bed.follow_on(self._wall)
-        return self._power.value()
+        return self._power.value(by_column)

@@ -23,7 +23,7 @@ from wavetank.arrays import Vector
 from wavetank.fe.cell_places import tabulate
 from wavetank.fe.forms import ScalarForm, taylor_coefficients
 from wavetank.fe.kernels import Kernel, defined
-from wavetank.fe.plane import Field, LayeredField, Plane
+from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.water.bed import Bed
 from wavetank.water.energy import WaterEnergy
@@ -50,8 +50,8 @@ FOUR = 4  # points at a time, and numbers
 class Power(Protocol):
     """dH/dt at fixed (Q, psi) of the fields as they are."""
 
-    def value(self) -> float:
-        """Return it; collective."""
+    def value(self, mu: Vector) -> float:
+        """Return it for M_J^-1 H_h, shape (owned,); collective."""
 
 
 class Going(Protocol):
@@ -82,8 +82,6 @@ class AssembledPower:
         W with accelerations in the place of velocities.
     R
         int f dz over the column.
-    mu
-        M_J^-1 H_h.
     """
 
     def __init__(
@@ -94,7 +92,6 @@ class AssembledPower:
         *,
         flux: ufl.Form,
         R: Any,
-        mu: Field,
         bed: Bed,
         plane: Plane,
         vertical: VerticalBasis,
@@ -104,11 +101,13 @@ class AssembledPower:
             return later.kinetic(phi.function, vertical) + later.potential()
 
         self._travel, (_, rate) = wall.travel, taylor_coefficients(density, 1, plane.mesh)
-        moved = rate - wall.speeding.stretching(lambda shape: R) * mu.function
+        self._mu = plane.function("mu")
+        moved = rate - wall.speeding.stretching(lambda shape: R) * self._mu.function
         self._form = ScalarForm(moved * wall.carried + flux, plane.comm)
 
-    def value(self) -> float:
-        """Return it; collective."""
+    def value(self, mu: Vector) -> float:
+        """Return it for M_J^-1 H_h, shape (owned,); collective."""
+        self._mu.set(mu)
         self._travel.show_acceleration()
         return self._form.assemble()
 
@@ -122,8 +121,6 @@ class PowerAlong:
         Those that are carried.
     paddle
         The degree of freedom at which it stands.
-    mu
-        M_J^-1 H_h.
     """
 
     def __init__(
@@ -133,7 +130,6 @@ class PowerAlong:
         *,
         cells: NDArray[np.int32],
         paddle: int,
-        mu: Field,
         travel: Travel,
         bed: Bed,
         plane: Plane,
@@ -176,7 +172,7 @@ class PowerAlong:
             "stretch": stretch,
         }
         self._strip = self._kernel.struct("Strip", {**parts, **self._at_bed})
-        self._fields = [self._kernel.pointer(field) for field in (phi.rows, energy.h.x.array, mu.owned)]
+        self._fields = [self._kernel.pointer(field) for field in (phi.rows, energy.h.x.array)]
 
     def _at_points(self, rows: Vector) -> tuple[Vector, Vector]:
         """Return values and slopes of a field, shape (dofs,), at the points, shape (cells, points)."""
@@ -191,12 +187,12 @@ class PowerAlong:
             self._at_bed[name][:] = of_bed
         return of_bed
 
-    def value(self) -> float:
-        """Return it."""
+    def value(self, mu: Vector) -> float:
+        """Return it for M_J^-1 H_h, shape (owned,)."""
         travel, bed = self._travel, self._bed
         if self._depth is not bed.still:
             self._depth = self._take("depth", bed.still)
         if self._sinking is not bed.sinking:
             self._sinking = self._take("sinking", bed.sinking)
         moves = travel.offsets[0], travel.velocities[0], travel.accelerations[0]
-        return float(self._kernel.call.power(self._strip, *moves, *self._fields))
+        return float(self._kernel.call.power(self._strip, *moves, *self._fields, self._kernel.pointer(mu)))
