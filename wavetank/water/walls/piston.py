@@ -172,8 +172,10 @@ class Piston:
 
     def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
         """See ``Placed``: X_p."""
-        (here,) = stood or self.stood
-        return self.travel.positions(self.side.along(places), here)[None]
+        ((t, whole),) = stood or self.stood
+        if whole is not None:
+            return np.full((1, len(places)), whole)
+        return self.travel.positions(t, self.side.along(places))[None]
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return X with X + a f s(X) X_p = x, places of shape (N, 2) [m]."""

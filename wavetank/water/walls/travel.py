@@ -111,10 +111,9 @@ class Travel:
         """Return X_p, X_p' and X_p'' at t [s] and places y along the paddle; what is known is not found again."""
         return [self._rate(order, y) for order in range(3)] if one_time(t, self.t) else self._motion.rates(t, y)
 
-    def positions(self, y: Vector, stood: tuple[float, float | None]) -> Vector:
-        """Return X_p at places y along the paddle [m], shape (N,), as it stood once."""
-        t, whole = stood
-        return np.full(y.shape, self._motion.derivative(t, 0, y) if whole is None else whole)
+    def positions(self, t: float, y: Vector) -> Vector:
+        """Return X_p at t [s] and places y along the paddle [m], shape (N,)."""
+        return np.full(y.shape, self._motion.derivative(t, 0, y))
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
