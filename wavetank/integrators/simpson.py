@@ -6,10 +6,11 @@ With z = (q, p), dz/dt = f(z, t) and the traces z± = z ± d/2 about their mean 
     z' = z  + dt/6 (f₀ + 4 f½ + f₁)                                           Simpson's rule for the mean
     d' = -d + dt/3 (f₀ - 2 f½ + f₁)                                           the jump alternates
 
-with f₀ and f½ the two above and f₁ = f(z + d/2 + dt f½; t + dt) at the new minus trace. The mean is of **fourth** order
-(docs/integrators.md proves it), and it is what this scheme reports. A smooth solution has the jump dt³/24 d³z/dt³;
-whatever else there is changes its sign from step to step, and can grow on nonlinear motions. It is damped by a
-difference in time of the jump alone, as Robert and Asselin damp the computational mode of the leapfrog scheme,
+with f₀ and f½ the two above and f₁ = f(z + d/2 + dt f½; t + dt) at the new minus trace: z' = z + dt f½ + s and
+d' = 2 s - d with the smooth jump s = dt/6 (f₀ - 2 f½ + f₁). The mean is of **fourth** order (docs/integrators.md proves
+it), and it is what this scheme reports. A smooth solution has the jump dt³/24 d³z/dt³; whatever else there is changes
+its sign from step to step, and can grow on nonlinear motions. It is damped by a difference in time of the jump alone,
+as Robert and Asselin damp the computational mode of the leapfrog scheme,
 
     d' <- d' - kappa/8 (d' - 3 d_n + 3 d_n-1 - d_n-2),     kappa = 0.1:
 
@@ -113,14 +114,12 @@ class Simpson4:
             return z_half - known - dt / 4 * f(z_half, t + dt / 2)
 
         stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4)
-        z_half = system.stages.pair.solve(stage, residual, plus + dt / 2 * f_0, near=Near(known, plus, f_0))
-        f_half = (z_half - known) / (dt / 4)
-        minus = plus + dt * f_half
-        f_1 = f(minus, t + dt)
-        smooth = dt / 6 * (f_0 - 2 * f_half + f_1)
-        jumps = (2 * smooth - d, d, *earlier)
-        mean = z + dt / 6 * (f_0 + 4 * f_half + f_1)
-        return MeanAndJumps.of(mean, self.settled(jumps, smooth), d, earlier[0], minus)
+        z_half = system.stages.pair.solve(stage, residual, plus, near=Near(known, plus, f_0))
+        moved = 4 * (z_half - known)  # dt f½
+        minus = plus + moved
+        smooth = dt / 6 * (f_0 + f(minus, t + dt)) - moved / 3
+        jump = self.settled((2 * smooth - d, d, *earlier), smooth)
+        return MeanAndJumps.of(z + moved + smooth, jump, d, earlier[0], minus)
 
     def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
         """Return the new jump, jumps[0], less kappa of what alternates; ``smooth`` is that of a smooth solution."""
