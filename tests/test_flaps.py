@@ -27,6 +27,7 @@ from wavetank.theory.wavemaker import PISTON, Flap, Profile, modes, norm
 from wavetank.verify.measured_flap import waves
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.short_waves import Quickened
 from wavetank.water.still_water import largest_frequency
 from wavetank.water.surface_points import SurfacePoints
 from wavetank.water.walls import LinearPaddle, Polynomial
@@ -208,6 +209,7 @@ def test_the_step_knows_how_far_a_flap_leans(degrees):
     run, waves = build_run(case, MPI.COMM_SELF)
     leant = largest_frequency(waves, 1.0) / waves.largest_frequency
     assert 0.85 * case.quickened < leant < case.quickened
+    assert Quickened(waves).by() == pytest.approx(case.quickened, rel=1e-3)
     limit = run.integrator.stability_limit / waves.largest_frequency
     assert run.clock.dt == pytest.approx(limit * min(0.6, 0.8 / case.quickened), rel=0.02)
     longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=5, duration=4.0, dt=0.85 * limit)
@@ -223,6 +225,7 @@ def test_the_step_knows_how_far_a_piston_narrows_its_cells():
     run, waves = build_run(case, MPI.COMM_SELF)
     assert case.quickened == pytest.approx(1 / (1 - 1.2 / 1.5), rel=0.01)
     assert 0.85 * case.quickened < largest_frequency(waves, 1.0) / waves.largest_frequency < case.quickened
+    assert Quickened(waves).by() == pytest.approx(case.quickened, rel=1e-3)
     limit = run.integrator.stability_limit / waves.largest_frequency
     assert run.clock.dt == pytest.approx(limit * 0.8 / case.quickened, rel=0.02)
 

@@ -10,13 +10,12 @@ from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
 from wavetank.motions import Array
 from wavetank.motions.extent import Extent
-from wavetank.motions.mapping import STEEPEST, TOP, largest_stroke, share
+from wavetank.motions.mapping import STEEPEST, TOP, largest_stroke, quickened
 from wavetank.theory.absorption import sudden_mass
 from wavetank.theory.wavemaker import PISTON, Flap, Wavemaker
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Acceleration, Coordinate, Length, Speed, metres
 
-NARROWEST = 0.01  # J, at which a mapping is looked at
 SIZES = (  # of a motion: keys by which the paddle goes far
     *("paddle_amplitude", "wave_amplitude", "linear_crest", "significant_height", "height", "heights"),
     *("position", "velocity", "file"),
@@ -70,16 +69,12 @@ class MovingWall(Noun):
     def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
         """Return how much faster the mesh's shortest waves get, at most, where it leans or its mapping narrows cells.
 
-        Given are the mapping's reach and the paddle's largest distance from rest [m]. It is the largest
-        1 / (J cos(theta)), theta the angle from upright of what goes with the paddle. Of waves too short for the
-        vertical order the energy is that of the velocity along x, k² |P|² / J of a potential psi P(zeta), and
-        tan²(theta) as much upwards, and g J eta² of the surface; of those that it resolves it is 1 / J^(1/2).
+        Given are the mapping's reach and the paddle's largest distance from rest [m].
         """
-        z, r = tank.depth * np.linspace(-1.0, 0.0, 1001), np.linspace(0.0, 1.0, 101, dtype=np.float64)
+        z = tank.depth * np.linspace(-1.0, 0.0, 1001)
         shares = self.maker.share(z, tank.depth)
-        tangents = share(r) * float(np.abs(np.diff(shares) / np.diff(z)).max()) * excursion
-        J = 1.0 + np.gradient(share(r), r) * float(np.abs(shares).max()) * excursion / reach
-        return float((np.sqrt(1.0 + tangents**2) / np.maximum(J, NARROWEST)).max())
+        lean = float(np.abs(np.diff(shares) / np.diff(z)).max()) * excursion
+        return quickened(lean, float(np.abs(shares).max()) * excursion / reach)
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""

@@ -14,12 +14,27 @@ Array = npt.NDArray[np.float64]
 TOP = 0.5  # depths above still water, up to which a paddle's shape is looked at
 LITTLE = 0.1  # reaches
 SETTLED = 1e-8  # reaches; the square is round-off
+NARROWEST = 0.01  # J, at which a mapping is looked at
+SAMPLES = np.linspace(0.0, 1.0, 101, dtype=np.float64)  # r, at which it is
 STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
 
 
 def largest_stroke(reach: float) -> float:
     """Return how far a paddle can go into the water, from rest, before the mapping folds [m]: J = 1 + s' X_p > 0."""
     return reach / STEEPEST
+
+
+def quickened(lean: float, moved: float) -> float:
+    """Return how much faster the shortest waves of a mesh get, at most, where a mapping leans or narrows its cells.
+
+    It is the largest 1 / (J cos(theta)), theta the angle from upright of what goes with the paddle, whose own has the
+    tangent ``lean``, and J = 1 + s' ``moved``, in reaches. Of waves too short for the vertical order the energy is that
+    of the velocity along x, k² |P|² / J of a potential psi P(zeta), and tan²(theta) as much upwards, and g J eta² of
+    the surface; of those that it resolves it is 1 / J^(1/2).
+    """
+    slope = (1.0 - SAMPLES) * (-1.0 - 3.0 * SAMPLES)
+    across = np.sqrt(1.0 + (_inside(SAMPLES) * lean) ** 2)
+    return float((across / np.maximum(1.0 + slope * moved, NARROWEST)).max())
 
 
 def share(r: Array) -> Array:

@@ -1,13 +1,13 @@
 """Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
 
-from math import atan, cos, degrees, isfinite, radians
+from math import atan, degrees, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.stage_solver import ITERATES
-from wavetank.water.short_waves import ShortWaves
+from wavetank.water.short_waves import HEIGHTS, ShortWaves
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
@@ -16,10 +16,8 @@ GENTLE = 0.3  # slope, of waves that break nowhere by themselves
 FLAT = 0.05  # slope, of waves that no theory calls steep
 LEANING = 40.0  # degrees; beside paddles that lean more the surface may fold (docs/waves.md)
 NARROW = 0.75  # of a cell's width: what a mapping leaves less of is said
-NARROWEST = 0.01  # of it, that is reckoned with
 BESIDE = 2.0  # depths
 STEP = 1e-3  # of the depth, over which a paddle's lean is looked at
-HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # depths, at which it is looked how far it goes
 
 
 class _Stand(NamedTuple):
@@ -42,11 +40,6 @@ class _Stand(NamedTuple):
     place: float
     lean: float
     width: float
-
-    @property
-    def faster(self) -> float:
-        """How much faster the mesh's shortest waves are for it, at most, as ``MovingWall.quickened`` of a case."""
-        return 1.0 / (cos(radians(self.lean)) * max(self.width, NARROWEST))
 
 
 def _stands(waves: NonlinearWaves) -> list[_Stand]:
@@ -103,7 +96,7 @@ def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, l
     flow = waves.surface
     flow.update(q, p, t)
     stands, limit = _stands(waves), min(limit, ITERATES)
-    frequency = max((one.faster for one in stands), default=1.0) * ShortWaves(waves).largest_frequency(flow)
+    frequency = ShortWaves(waves).largest_frequency(flow)
     narrow = [one for one in stands if one.width < NARROW]
     if flow.largest_slope < FLAT and dt * frequency <= limit and not narrow:
         return (

@@ -1,14 +1,21 @@
 """The shortest waves that the cells carry, and how fast they oscillate where the surface moves.
 
 A current u shifts the frequency of a wave of wave number k by u k at most: under a steep crest the shortest waves of
-the cells there oscillate faster than on still water, and it is there that a step gets too long for them.
+the cells there oscillate faster than on still water, and it is there that a step gets too long for them. So they do
+where a paddle has narrowed cells, or leans.
 """
+
+from typing import Any
 
 import numpy as np
 
 from wavetank.arrays import Vector, largest
+from wavetank.motions.mapping import quickened
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
+
+LITTLE = 0.02  # of a lean's tangent, or of the reach: nothing that is seen
+HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # depths, at which it is looked where a paddle is
 
 
 class ShortWaves:
@@ -19,7 +26,7 @@ class ShortWaves:
 
     def __init__(self, waves: NonlinearWaves):
         plane = waves.plane
-        self._comm = plane.comm
+        self._comm, self._quickened = plane.comm, Quickened(waves)
         self._k = np.pi * plane.order / _widths(waves)
         highest = largest(self._comm, float(self._k.max(initial=0.0)))
         self._still = waves.largest_frequency * np.sqrt(self._k / highest)
@@ -27,11 +34,40 @@ class ShortWaves:
 
     def largest_frequency(self, flow: SurfaceVelocity, *, least: float = 0.0) -> float:
         """Return the largest frequency [rad/s] on the surface as it moves, ``least`` if that is more; collective."""
-        still, k = self._highest
-        if still + k * flow.largest_velocity <= least:
+        (still, k), faster = self._highest, self._quickened.by()
+        if faster * (still + k * flow.largest_velocity) <= least:
             return least
         shifted = float((self._still + self._k * flow.speeds).max(initial=0.0))
-        return max(least, largest(self._comm, shifted))
+        return max(least, faster * largest(self._comm, shifted))
+
+
+class Quickened:
+    """How much faster the mesh's shortest waves are, at most, for where paddles stand.
+
+    As ``MovingWall.quickened`` has it of a case.
+    """
+
+    def __init__(self, waves: NonlinearWaves):
+        plane, depth = waves.plane, waves.depth
+        self._wall, self._comm, self._paddles = waves.wall, plane.comm, list[tuple[float, Vector, float]]()
+        self._places = plane.places[:1] if plane.mesh.topology.dim == 1 else plane.places  # beside all it stands alike
+        paddles: Any = waves.wall.paddles
+        for paddle in paddles:
+            shares = paddle.shape.at(depth * HEIGHTS)
+            slope = float(np.abs(np.diff(shares)).max()) / (depth * (HEIGHTS[1] - HEIGHTS[0]))
+            self._paddles.append((slope, np.array([shares.min(), shares.max()]), paddle.reach))
+
+    def by(self) -> float:
+        """Return the factor, for paddles as they stand now; collective."""
+        faster = 1.0
+        for (slope, shares, reach), stand in zip(self._paddles, self._wall.stand(self._places), strict=True):
+            ends = np.array([-stand.min(initial=np.inf), stand.max(initial=-np.inf)])
+            least, most = largest(self._comm, ends) * [-1.0, 1.0]
+            into = max(0.0, *(shares * most), *(shares * least))
+            lean = slope * max(abs(most), abs(least))
+            if max(lean, into / reach) > LITTLE:
+                faster = max(faster, quickened(float(lean), float(into / reach)))
+        return faster
 
 
 def _widths(waves: NonlinearWaves) -> Vector:
