@@ -8,16 +8,22 @@ typedef double stored __attribute__((vector_size(32), aligned(8)));
 
 #define EACH(i, most) _Pragma("GCC unroll 16") for (int i = 0; i < (most); ++i)
 
-/* Slopes in the reference tank of a field, given at the degrees of freedom, at the points of a cell. */
-static inline void along(const Lines *s, int cell, const double *rows, v *found)
+/* A field, given at the degrees of freedom, at the points of a cell, by a table of values or slopes, times a factor. */
+static inline void at_points(const Lines *s, int cell, const double *table, const double *rows, double factor, v *found)
 {
     EACH(g, GROUPS)
         found[g] = (v){0.0};
     EACH(i, NODES) {
-        const double one = rows[s->dofs[cell * NODES + i]] * s->stretched[cell];
+        const double one = rows[s->dofs[cell * NODES + i]] * factor;
         EACH(g, GROUPS)
-            found[g] += ((const stored *)s->slopes)[i * GROUPS + g] * one;
+            found[g] += ((const stored *)table)[i * GROUPS + g] * one;
     }
+}
+
+/* Its slope in the reference tank. */
+static inline void along(const Lines *s, int cell, const double *rows, v *found)
+{
+    at_points(s, cell, s->slopes, rows, s->per_metre[cell], found);
 }
 
 /* What two such slopes are multiplied by where the wall has carried the water: x = X + shift, 1 / x_X. */
@@ -39,14 +45,19 @@ static inline void both(const Lines *s, int cell, const double *eta, const doubl
         carried(s, cell, slope, psi_x);
 }
 
-/* Slope and d psi / dx at the points, [cell][point] each. */
-void slopes(const Lines *s, const double *eta, const double *psi, double *slope, double *psi_x)
+/* Place, height, slope and d psi / dx at the points, [quantity][cell][point]. */
+void surface(const Lines *s, const double *eta, const double *psi, double *found)
 {
     for (int cell = 0; cell < s->cells; ++cell) {
-        v of_eta[GROUPS], of_psi[GROUPS];
-        both(s, cell, eta, psi, of_eta, of_psi);
-        memcpy(slope + cell * POINTS, of_eta, sizeof(double) * POINTS);
-        memcpy(psi_x + cell * POINTS, of_psi, sizeof(double) * POINTS);
+        v of[4][GROUPS] = {{{0.0}}};
+        if (s->carried[cell])
+            at_points(s, cell, s->values, s->shift, 1.0, of[0]);
+        at_points(s, cell, s->values, eta, 1.0, of[1]);
+        both(s, cell, eta, psi, of[2], of[3]);
+        EACH(k, 4)
+            memcpy(found + ((long)k * s->cells + cell) * POINTS, of[k], sizeof(double) * POINTS);
+        EACH(q, POINTS)
+            found[cell * POINTS + q] += s->places[cell * POINTS + q];
     }
 }
 

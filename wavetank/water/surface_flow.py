@@ -26,11 +26,11 @@ LINES = """
 typedef struct {
     int cells;
     const int *dofs, *carried;
-    const double *slopes, *stretched, *shift;
+    const double *values, *slopes, *per_metre, *places, *shift;
 } Lines;
 """
 DECLARATIONS = f"""{LINES}
-void slopes(const Lines *, const double *eta, const double *psi, double *slope, double *psi_x);
+void surface(const Lines *, const double *eta, const double *psi, double *found);
 void largest(const Lines *, const double *eta, const double *psi, double *found);
 """
 FOUR = 4  # points at a time
@@ -149,7 +149,7 @@ class SurfaceFlow(SurfaceVelocity):
     """
 
     _profile: Profile | None = None
-    _found = True  # slopes at the points; before the first look they are zero
+    _found: Vector | None = None
 
     def _set_up(self) -> None:
         plane = self._waves.plane
@@ -159,104 +159,108 @@ class SurfaceFlow(SurfaceVelocity):
         coordinates = np.zeros((len(places), 3))
         coordinates[:, : places.shape[1]] = places
         x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, len(points)))
-        self._dofs = plane.V.dofmap.list[: self._cells.size]
-        self._values, slopes = tabulate(plane.V.element.basix_element, 1, points).transpose(0, 2, 1)
+        ordered = np.argsort(x.mean(axis=1))  # this rank's cells, and below what is of each
+        self._ranks = np.argsort(ordered)
+        backwards = x[ordered, 0] > x[ordered, -1]
+        self._places = np.where(backwards[:, None], x[ordered, ::-1], x[ordered])
+        nodes = np.argsort(plane.V.element.basix_element.points[:, 0])
+        dofs = plane.V.dofmap.list[ordered][:, nodes]
+        dofs = np.where(backwards[:, None], dofs[:, ::-1], dofs)
         carried = plane.function("carried")
         carried.owned[self._waves.wall.carries] = 1.0
         carried.fetch()
-        is_carried = carried.rows[self._dofs, 0].any(axis=1)
-        self._leaning = self._expressed(self._cells[is_carried], points) if self._waves.wall.leans else None
-        self._slope, self._psi_x = np.zeros(x.shape), np.zeros(x.shape)  # at the points, shape (cells, points)
+        self._carried = np.flatnonzero(carried.rows[dofs, 0].any(axis=1))
+        self._leaning = None
+        if self._waves.wall.leans:
+            self._leaning = self._expressed(ordered[self._carried].astype(np.int32), points, backwards[self._carried])
         self._largest = np.zeros(2)
-        self._compile(slopes, np.asarray(1.0 / (x[:, -1] - x[:, 0])), is_carried)  # cells that run backwards: negative
-        forwards = np.where(x[:, :1] > x[:, -1:], np.arange(x.shape[1])[::-1], np.arange(x.shape[1]))
-        self._forwards = forwards + x.shape[1] * np.arange(x.shape[0])[:, None]  # this rank's points, cells forwards
-        self._order = np.argsort(np.concatenate(self._comm.allgather(x.mean(axis=1))))
-        self._alone = self._forwards[self._order].ravel() if self._comm.size == 1 else None
-        self._reference, moved = self._sorted(x, np.repeat(is_carried, len(points)).astype(np.float64))
-        self._moved = np.flatnonzero(moved)  # which of the places
-        self._rest = np.column_stack([self._reference, 0 * self._reference])[self._moved]
+        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes].transpose(0, 2, 1), dofs)
+        self._order = np.argsort(np.concatenate(self._comm.allgather(self._places.mean(axis=1))))  # all ranks' cells
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
-    def _expressed(self, cells: NDArray[np.int32], points: Vector) -> Callable[[], None]:
-        """Return what finds slopes at the points of cells that a wall carries which leans, shape (cells, points)."""
+    def _expressed(
+        self, cells: NDArray[np.int32], points: Vector, backwards: NDArray[np.bool_]
+    ) -> Callable[[], tuple[Vector, Vector]]:
+        """Return what finds slope and d psi / dx in cells that a wall carries which leans, shape (cells, points)."""
         plane, mapping, eta, psi = self._waves.plane, self._waves.wall.mapping, self._eta.function, self._psi.function
         ahead = plane.chart.direction(plane.mesh)
         slopes = ufl.as_vector([ufl.inner(mapping.gradient(field, eta), ahead) for field in (eta, psi)])
         expression = compile_expression(slopes, points, self._comm)
 
-        def find() -> None:
+        def find() -> tuple[Vector, Vector]:
             found = expression.eval(plane.mesh, cells).reshape(len(cells), -1, 2)
-            self._slope[cells], self._psi_x[cells] = found[..., 0], found[..., 1]
+            found[backwards] = found[backwards, ::-1]
+            return found[..., 0], found[..., 1]
 
         return find
 
-    def _compile(self, slopes: Vector, stretched: Vector, carried: NDArray[np.bool_]) -> None:
-        """Compile what finds slopes at the points of cells, given those of the basis, shape (nodes, points)."""
-        nodes, points = slopes.shape
-        groups, shift = -(-points // FOUR), self._waves.wall.shift
+    def _compile(self, tables: Vector, dofs: NDArray[np.int32]) -> None:
+        """Compile what finds the surface at the points of cells, given values and slopes of the basis there."""
+        _, nodes, points = tables.shape
+        groups, shift, carried = -(-points // FOUR), self._waves.wall.shift, np.zeros(len(dofs), dtype=np.int32)
+        if shift is not None:
+            carried[self._carried] = 1
         code = defined({"NODES": nodes, "POINTS": points, "GROUPS": groups}) + LINES + SOURCE
         self._kernel = Kernel("surface_flow", DECLARATIONS, key=code, source=lambda: code, comm=self._comm)
+        values, slopes = np.pad(tables, ((0, 0), (0, 0), (0, FOUR * groups - points)), mode="edge")
         parts = {
             "cells": self._cells.size,
-            "dofs": self._dofs,
-            "carried": (carried & (shift is not None)).astype(np.int32),
-            "slopes": np.pad(slopes, ((0, 0), (0, FOUR * groups - points)), mode="edge"),
-            "stretched": stretched,
+            "dofs": dofs,
+            "carried": carried,
+            "values": values,
+            "slopes": slopes,
+            "per_metre": 1.0 / (self._places[:, -1] - self._places[:, 0]),
+            "places": self._places,
         }
         at = self._kernel.pointer
         self._lines = self._kernel.struct("Lines", parts)
         if shift is not None:
             self._lines.shift = self._kernel.known(shift)
-        self._fields = at(self._eta.rows), at(self._psi.rows)
-        self._at_points, self._at_largest = (at(self._slope), at(self._psi_x)), at(self._largest)
-
-    def _sorted(self, *fields: Vector) -> list[Vector]:
-        """Return fields at the points of all ranks in the order of x, shape (all,), of those at this rank's."""
-        if self._alone is not None:
-            return [np.take(field, self._alone) for field in fields]
-        mine = np.stack([np.take(field, self._forwards) for field in fields], axis=-1)
-        rows = np.concatenate(self._comm.allgather(mine))[self._order]
-        return [*np.ascontiguousarray(rows.reshape(-1, len(fields)).T)]
+        self._fields, self._at_largest = (at(self._eta.rows), at(self._psi.rows)), at(self._largest)
 
     def _look(self) -> Vector:
-        self._profile, self._found = None, False
+        self._profile = self._found = None
         if self._leaning:
             return np.array([self.speeds.max(initial=0.0), self.slopes.max(initial=0.0)])
         self._kernel.call.largest(self._lines, *self._fields, self._at_largest)
         return self._largest
 
-    def _find(self) -> tuple[Vector, Vector]:
-        """Return slope and d psi / dx at the points, shape (cells, points), found where they are asked for."""
-        if not self._found:
-            self._found = True
-            self._waves.set_time(self._t)
-            self._kernel.call.slopes(self._lines, *self._fields, *self._at_points)
+    def _find(self) -> Vector:
+        """Return place, height, slope and d psi / dx at this rank's points in the order of x, found when asked for.
+
+        Shape (4, cells, points).
+        """
+        if self._found is None:
+            self._found = found = np.zeros((4, *self._places.shape))
+            if self._q is not None:
+                self._waves.set_time(self._t)
+            self._kernel.call.surface(self._lines, *self._fields, self._kernel.pointer(found))
             if self._leaning:
-                self._leaning()
-        return self._slope, self._psi_x
+                found[2:, self._carried] = self._leaning()
+                places, heights = found[:2, self._carried].reshape(2, -1)
+                moved = self._waves.wall.to_physical(np.column_stack([places, 0 * places]), heights)
+                found[0, self._carried] = moved[:, 0].reshape(len(self._carried), -1)
+        return self._found
 
     @property
     def speeds(self) -> Vector:
         """See ``SurfaceVelocity``."""
-        slope, psi_x = self._find()
-        return np.asarray((np.abs(psi_x) / (1 + slope**2)).max(axis=1, initial=0.0))
+        _, _, slope, psi_x = self._find()
+        return np.asarray((np.abs(psi_x) / (1 + slope**2)).max(axis=1, initial=0.0))[self._ranks]
 
     @property
     def slopes(self) -> Vector:
         """See ``SurfaceVelocity``."""
-        return np.asarray(np.abs(self._find()[0]).max(axis=1, initial=0.0))
+        return np.asarray(np.abs(self._find()[2]).max(axis=1, initial=0.0))[self._ranks]
 
     @property
     def profile(self) -> Profile:
         """The surface last taken, the same on all ranks, found where it is asked for."""
         if self._profile is None:
-            self._waves.set_time(self._t)
-            heights = self._eta.rows[self._dofs, 0] @ self._values
-            height, slope, psi_x = self._sorted(heights, *self._find())
-            x = self._reference.copy()
-            x[self._moved] = self._waves.wall.to_physical(self._rest, height[self._moved])[:, 0]
-            self._profile = Profile(x, height, slope, psi_x)
+            mine = self._find()
+            if self._comm.size > 1:
+                mine = np.concatenate(self._comm.allgather(mine.transpose(1, 0, 2)))[self._order].transpose(1, 0, 2)
+            self._profile = Profile(*mine.reshape(4, -1))
         return self._profile
 
     def crests(self) -> list[Crest]:
