@@ -6,6 +6,7 @@ Oracles: still water, which stays still; the decay of linear waves by diffusion;
 import re
 from io import StringIO
 from itertools import count as counted
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from wavetank.case import Scene
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
 from wavetank.fe.plane import Plane
+from wavetank.observers.breaking import StopAtBreaking
 from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
@@ -297,3 +299,15 @@ def test_no_sound_wave_is_taken_for_a_breaking_one_and_no_breaking_one_is_missed
         if ("a wave breaks" in found.stopped) != case.breaks:
             wrong.append(found)
     assert not wrong
+
+
+@pytest.mark.parametrize(
+    ("speed", "said"),
+    [(2.0, "95 % of the crest's speed (limit 85 %)"), (0.02, "the crest itself at 0.02 m/s (limit 85 % of it)")],
+)
+def test_of_a_crest_that_hardly_travels_its_speed_is_told(speed, said):
+    """Beside a flap that leans far water falls off crests that stand: thousands of per cent say nothing."""
+    crest = SteepCrest(x=1.0, height=0.1, velocity=1.9, current=0.0, speed=speed, mean=1.0, front=0.5)
+    moment = SimpleNamespace(q=None, p=None, t=1.0)
+    with pytest.raises(RunError, match=re.escape(f"moves at 1.9 m/s, {said}")):
+        StopAtBreaking(SimpleNamespace(look=lambda q, p, t: [crest])).observe(moment)

@@ -8,6 +8,8 @@ from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
 from wavetank.water.breaking import ONSET, BreakingDissipation, BreakingWatch, breaks
 
+HARDLY = 2.0  # of the crest's speed, at which water moves where a crest hardly travels: how much more says nothing
+
 
 class StopAtBreaking:
     """Stops a run at the first breaking crest.
@@ -26,10 +28,12 @@ class StopAtBreaking:
         for crest in filter(breaks, self.watch.look(moment.q, moment.p, moment.t)):
             moves = abs(crest.current) > 0.02 * abs(crest.speed)
             seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
+            part = f"{100 * crest.overtaking:.0f} % of the crest's speed"
+            told = part if crest.overtaking < HARDLY else f"the crest itself at {crest.speed:.3g} m/s"
             raise RunError(
                 f"t = {moment.t:.6g} s, x = {crest.x:.4g} m: a wave breaks: the water in its crest, "
                 f"{crest.height:.3g} m above its trough, moves at {crest.velocity:.3g} m/s, "
-                f"{100 * crest.overtaking:.0f} % of the crest's speed{seen} (limit {100 * ONSET:.0f} %)"
+                f"{told}{seen} (limit {100 * ONSET:.0f} %{'' if told is part else ' of it'})"
             )
 
     def held(self) -> Held:
