@@ -20,7 +20,7 @@ from wavetank.case.seas import (
 )
 from wavetank.case.tanks import AnyTank
 from wavetank.errors import InputError
-from wavetank.motions.record_file import read_record, says_metres
+from wavetank.motions.record_file import ColumnError, read_record, says_metres
 from wavetank.theory.wavemaker import Wavemaker
 from wavetank.values.formula import Formula
 from wavetank.values.noun import FilePath, Problem, SceneError, about, one_of
@@ -105,7 +105,8 @@ class RecordedMotion(PaddleNoun):
         try:
             t, *values = read_record(data.resolve(reference, Path()), column=column, named=self.column)
         except InputError as error:
-            raise SceneError([Problem(("wall", "motion", key), reference, str(error).removesuffix("."))]) from None
+            of, received = ("column", self.column) if isinstance(error, ColumnError) else (key, reference)
+            raise SceneError([Problem(("wall", "motion", of), received, str(error).removesuffix("."))]) from None
         return t, *(self.gain * one for one in values)
 
 

@@ -245,9 +245,10 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
         case "extra_forbidden":
             yield _unknown(place.key, received, holder)
         case "union_tag_not_found":
-            yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
-            unknown = {*received} - {*place.fields} if isinstance(received, dict) else set()
-            yield from (_unknown((*place.key, name), received[name], place) for name in sorted(unknown))
+            unknown = sorted({*received} - {*place.fields} if isinstance(received, dict) else ())
+            if not (unknown and len(unknown) == len(received) and all(_whole((*place.key, one)) for one in unknown)):
+                yield Problem((*place.key, "type"), None, f"is missing{choice('', place.tags)}")
+            yield from (_unknown((*place.key, name), received[name], place) for name in unknown)
         case "union_tag_invalid":
             tag = str(context["tag"])
             yield Problem((*place.key, "type"), tag, _unknown_type(tag, place))
@@ -276,9 +277,17 @@ def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
     if now := holder.renamed(name):
         meaning = next(noun.model_fields[now].description for noun in holder.nouns if now in noun.model_fields)
         return Problem(key, None, f"is called {now} now ({meaning})")
+    if whole := _whole(key):
+        return Problem(key, received, f"is an unknown key; the table is called [{whole}]")
     if where := homes(name):
         return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_known(holder)}")
     return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
+
+
+def _whole(key: Key) -> str:
+    """Return the table of a case whose name's words a key has, apart or in another order; empty if there is none."""
+    words = sorted("_".join(map(str, key)).split("_"))
+    return next((name for name in Scene.model_fields if sorted(name.split("_")) == words), "")
 
 
 def _known(holder: _Place) -> str:

@@ -10,6 +10,10 @@ TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]"
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 
 
+class ColumnError(InputError):
+    """A file that has no column of a name."""
+
+
 def says_metres(path: Path, *, named: str | None = None) -> bool:
     """Return whether a file's first line, or the name of its column, says that its values are positions or velocities.
 
@@ -29,13 +33,13 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
     the times in the first.
 
     Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not as many finite numbers, if
-    times do not ascend, if there are fewer than four rows, or no such column.
+    times do not ascend, if there are fewer than four rows; ``ColumnError`` if it has no such column.
     """
     names, values, lines = read_columns(path, allowed=_ALLOWED)
     if named is not None:
         if named not in names[1:]:
             there = f"allowed are {', '.join(names[1:])}" if names else "its columns have no names"
-            raise InputError(f"{path}: has no column {named!r}, as motion.column says; {there}.")
+            raise ColumnError(f"{path} has no such column; {there}.")
         names, values = (TIME, column), values[:, [0, names.index(named)]]
     if not names and values.shape[1] > 2:
         raise InputError(f"{path}: {values.shape[1]} columns received; {_ALLOWED}, or columns with names above.")

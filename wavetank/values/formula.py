@@ -96,9 +96,10 @@ class Formula:
         trees = {name: _parsed(helper, f"helper {name!r}") for name, helper in helpers.items()}
         self._helpers: dict[str, _Part] = {}
         for name in _in_order(trees):
-            part = _Translator(f"helper {name!r}", helpers[name], kinds).visit(trees[name])
+            part = _Translator(f"helper {name!r}", helpers[name], kinds, helped=True).visit(trees[name])
             self._helpers[name], kinds[name] = part, part.kind
-        self._part = _Translator("formula", self.text, kinds).number(_parsed(self.text, "formula"))
+        translator = _Translator("formula", self.text, kinds, helped=where is not None)
+        self._part = translator.number(_parsed(self.text, "formula"))
 
     def __call__(self, *coordinates: ArrayLike) -> Array:
         """Return the values, float64 of the coordinates' common shape; raise ``InputError`` where one is not finite."""
@@ -198,10 +199,12 @@ class _Translator(ast.NodeVisitor):
         What the tree was parsed from.
     kinds
         The names it may hold, and what they stand for.
+    helped
+        Whether others may be given in ``where``.
     """
 
-    def __init__(self, label: str, text: str, kinds: Mapping[str, Kind]):
-        self._label, self._text, self._kinds, self._depth = label, text, kinds, 0
+    def __init__(self, label: str, text: str, kinds: Mapping[str, Kind], *, helped: bool):
+        self._label, self._text, self._kinds, self._helped, self._depth = label, text, kinds, helped, 0
 
     def refuse(self, node: ast.AST, what: str) -> NoReturn:
         """Raise the ``InputError`` on a node."""
@@ -246,7 +249,8 @@ class _Translator(ast.NodeVisitor):
         if name in FUNCTIONS:
             self.refuse(node, f"is a function and needs its arguments, {name}(...)")
         if name not in self._kinds:
-            self.refuse(node, f"is an unknown name{choice(name, sorted([*self._kinds, *FUNCTIONS]))}")
+            own = f"; what it stands for is said by where = {{ {name} = ... }}" if self._helped else ""
+            self.refuse(node, f"is an unknown name{choice(name, sorted([*self._kinds, *FUNCTIONS]))}{own}")
         return _Part(lambda values: values[name], self._kinds[name])
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> _Part:
