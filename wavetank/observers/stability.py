@@ -32,6 +32,7 @@ from wavetank.water.waves import NonlinearWaves
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
 OFTEN = 16  # steps between looks at what would help
+TOGETHER = 16  # moments that are judged together: arrays of more do not stay in the caches
 CALM = 1e-6  # of the depth: lower waves are not looked at
 # what a watch remembers beside the last steps:
 SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency", "_next"
@@ -61,12 +62,17 @@ class Alternating:
         return self.order + 3
 
     def lower(self, values: Vector) -> Vector:
-        """Return the difference about each but the first and last of enough values, from (K + length - 1, ...)."""
-        return np.asarray(np.diff(values[1:-1], n=self.order, axis=0) / 2**self.order)
+        """Return the differences of enough values, of (K + length - 1, ...), shape (K + 2, ...)."""
+        found = np.diff(values, n=self.order, axis=0)
+        found /= 2**self.order
+        return np.asarray(found)
 
-    def higher(self, values: Vector) -> Vector:
-        """Return that two orders higher, about the same, shape (K, ...)."""
-        return np.asarray(np.diff(values, n=self.order + 2, axis=0) / 2 ** (self.order + 2))
+    @staticmethod
+    def higher(lower: Vector) -> Vector:
+        """Return those two orders higher about all but the first and last of these, shape (K, ...)."""
+        found = np.diff(lower, n=2, axis=0)
+        found /= 4
+        return np.asarray(found)
 
 
 IN_ELEVATION = Alternating(order=6, noise=5e-3, driven=4.0)
@@ -76,6 +82,11 @@ IN_JUMP = Alternating(order=3, noise=1e-2, driven=16.0)
 def _heights(values: Vector) -> Vector:
     """Return the largest of each row, as a height; zeros where there are no columns."""
     return np.asarray(np.abs(values).max(axis=1, initial=0.0))
+
+
+def _so_far(before: float, values: Vector) -> Vector:
+    """Return the largest before, and with each of the values, shape (K + 1,)."""
+    return np.maximum.accumulate(np.append(before, values))
 
 
 class StabilityWatch(Keeping):
@@ -136,33 +147,39 @@ class StabilityWatch(Keeping):
             self._flow.update(q, p, t)
             self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
 
-    def _jump(self, moment: Moment) -> Vector:
-        """Return the jump of the elevation [m], shape (owned,).
-
-        Half of it lies between a mean of two traces and the later of these, which is the last point known.
-        """
-        return 2 * moment.look(self._waves).rise if moment.is_mean else self._jumps.pop(moment.step)
-
     def work_off(self, moments: Sequence[Moment]) -> None:
         """See whether what alternates has grown; collective."""
-        look, known, surfaces = self._look, len(self._last), [one.elevation(self._waves) for one in moments]
-        self._last += surfaces if look is IN_ELEVATION else map(self._jump, moments)
-        self._wall += [self._dt * one.velocities(self._waves) for one in moments]
-        unjudged = max(0, look.length - 1 - known)  # with too few before
+        for first in range(0, len(moments), TOGETHER):
+            self._judge_each(moments[first : first + TOGETHER])
+
+    def _judge_each(self, moments: Sequence[Moment]) -> None:
+        look, known, eta = self._look, len(self._last), np.array([one.elevation(self._waves) for one in moments])
+        self._last += list(eta if look is IN_ELEVATION else self._jumps_at(moments))
+        self._wall += list(self._dt * np.array([one.velocities(self._waves) for one in moments]))
+        unjudged = min(len(moments), max(0, look.length - 1 - known))  # with too few before
         begin = max(0, known + unjudged - look.length + 1)
         values, ways = np.array(self._last[begin:]), np.array(self._wall[begin:])
-        highest = self._largest(_heights(np.array(surfaces)))
-        lower, driven = (self._largest(_heights(look.lower(each))) for each in (values, ways))
+        differences, ways = look.lower(values), look.lower(ways)
+        highest, lower, ways = (self._largest(_heights(each)) for each in (eta, differences[1:-1], ways[1:-1]))
         looks_grown = (lower > look.noise / 10 * self._highest).any()
-        higher = self._largest(_heights(look.higher(values))) if looks_grown else lower
-        for n, moment in enumerate(moments):
-            self._highest, noise, m = max(self._highest, highest[n]), 0.0, n - unjudged
-            if m >= 0:
-                self._driven = max(self._driven, look.driven * driven[m])
-            if m >= 0 and higher[m] > SHORT * lower[m]:
-                noise = max(0.0, lower[m] - self._driven) / self._highest
-            self._judge(moment, noise, values[m : m + look.length])
+        higher = self._largest(_heights(look.higher(differences))) if looks_grown else lower
+        highest, driven = _so_far(self._highest, highest), _so_far(self._driven, look.driven * ways)
+        self._highest, self._driven = float(highest[-1]), float(driven[-1])
+        noise = np.where(higher > SHORT * lower, np.maximum(0.0, lower - driven[1:]), 0.0) / highest[1 + unjudged :]
+        for moment in moments[:unjudged]:
+            self._judge(moment, 0.0, values)
+        for n, moment in enumerate(moments[unjudged:]):
+            self._judge(moment, float(noise[n]), values[n : n + look.length])
         del self._last[: -IN_ELEVATION.length], self._wall[: -IN_ELEVATION.length]
+
+    def _jumps_at(self, moments: Sequence[Moment]) -> Vector:
+        """Return the jumps of the elevation [m], shape (K, owned).
+
+        Half of one lies between a mean of two traces and the later of these, which is the last point known.
+        """
+        if moments[0].is_mean:
+            return np.asarray(2 * np.array([moment.look(self._waves).rise for moment in moments]))
+        return np.array([self._jumps.pop(moment.step) for moment in moments])
 
     def _judge(self, moment: Moment, noise: float, values: Vector) -> None:
         """Take note of the noise at a moment, in the last values, and warn; collective."""
@@ -172,7 +189,7 @@ class StabilityWatch(Keeping):
         self._steps = self._steps + 1 if noise > self._look.noise else 0
         if self._steps == IN_A_ROW and self.noise <= self._look.noise:
             self.since = moment.t
-            self._warn(self._sentence(moment.t, noise, self._place(np.abs(self._look.lower(values)[0]))))
+            self._warn(self._sentence(moment.t, noise, self._place(np.abs(self._look.lower(values)[1]))))
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
 
