@@ -352,6 +352,12 @@ class BandedMass(MassMatrix):
         address = self._kernel.address
         return {"multiply": address("multiply"), "mass_cells": address(self._cells), "weights": self.weights}
 
+    def apply(self, values: Vector) -> Vector:
+        """Return the product with owned values x, shape (owned,)."""
+        found, at = np.zeros(values.shape), self._kernel.pointer
+        self._kernel.call.multiply(self._cells, self._at_weights, at(np.ascontiguousarray(values)), at(found))
+        return found
+
     def _prepare(self) -> None:
         self._kernel.call.factor_mass(self._cells, self._at_weights, self._kernel.known(self._kept), self._factors)
 

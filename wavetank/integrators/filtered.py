@@ -61,9 +61,9 @@ class Filtered(Wrapper[S]):
                 passed.append(passed[-1].mapped(one.coordinate, one.momentum))
         if acting:
             self._ended(passed[0].known[0], t + dt)
-            ways = [_way(*ends) for ends in itertools.pairwise(passed)]
+            ways = [_way(*ends) for ends in itertools.pairwise(passed)] if len(acting) > 1 else []
             begin, end = (_look(system, passed[n], passed[n].known[n], ways, t + dt) for n in (0, -1))
-            taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)]
+            taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)] or [0.0]
             taken[int(np.argmax(np.abs(taken)))] += begin.energy - end.energy - sum(taken)
             for one, part in zip(acting, taken, strict=True):
                 one.account(part, of=begin.energy)

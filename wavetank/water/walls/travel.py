@@ -95,7 +95,8 @@ class Travel:
         self._set(2, self.accelerations)
 
     def _set(self, order: int, values: Vector) -> None:
-        self._fields[order].set(self._s * values)
+        np.multiply(self._s, values, out=self._fields[order].owned)
+        self._fields[order].fetch()
 
     @property
     def whole(self) -> float | None:
