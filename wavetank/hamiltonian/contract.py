@@ -10,7 +10,7 @@ and costs nothing; whatever couples the ranks (norms, ghosts, solves) happens in
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 from wavetank.arrays import Vector
 
@@ -104,3 +104,11 @@ class HamiltonianSystem(Protocol):
 
     def inner(self, a: Vector, b: Vector) -> float:
         """Return the sum of a b over the unknowns of all ranks: what H changes by along b, a being its derivative."""
+
+
+@runtime_checkable
+class Seeing(Protocol):
+    """A system that can tell the energy of a point from one near to it in less than from its derivatives there."""
+
+    def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
+        """Return H(q, p, t) from ``at``, to the square of what lies between; None where it cannot; collective."""

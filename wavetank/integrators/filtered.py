@@ -4,10 +4,8 @@ import itertools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-import numpy as np
-
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem
+from wavetank.hamiltonian.contract import HamiltonianSystem, Seeing
 from wavetank.integrators.contract import Evaluated, Integrator, S, State
 from wavetank.integrators.wrapper import Wrapper
 from wavetank.stateful import Held, carry_over, give_back, held_by, named
@@ -60,11 +58,13 @@ class Filtered(Wrapper[S]):
                 acting.append(one)
                 passed.append(passed[-1].mapped(one.coordinate, one.momentum))
         if acting:
-            self._ended(passed[0].known[0], t + dt)
-            ways = [_way(*ends) for ends in itertools.pairwise(passed)] if len(acting) > 1 else []
-            begin, end = (_look(system, passed[n], passed[n].known[n], ways, t + dt) for n in (0, -1))
+            ends = passed[0].known[0], passed[-1].known[-1]
+            self._ended(ends[0], t + dt)
+            ways = [_way(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
+            begin, end = (_look(system, passed[n], ends[n], ways, t + dt) for n in (0, -1))
             taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)] or [0.0]
-            taken[int(np.argmax(np.abs(taken)))] += begin.energy - end.energy - sum(taken)
+            most = max(range(len(taken)), key=lambda n: abs(taken[n]))
+            taken[most] += begin.energy - end.energy - sum(taken)
             for one, part in zip(acting, taken, strict=True):
                 one.account(part, of=begin.energy)
         return passed[-1]
@@ -100,11 +100,16 @@ class _Look(NamedTuple):
 
 
 def _look(system: HamiltonianSystem, state: State, at: Evaluated, ways: Sequence[Way], t: float) -> _Look:
-    """Return how a state and some ways look from a point known of it; collective.
+    """Return how a state and some ways look from a point known of it; collective."""
+    return _Look(_energy(system, state, at, t), [_change(system, at, way, t) for way in ways])
 
-    The energy is right to the square of what lies between its (q, p) and that point, whose derivatives are asked for
-    once.
-    """
-    by_q, by_p = system.H_q(*at, t), system.H_p(*at, t)
-    own, *changes = (system.inner(by_q, q) + system.inner(by_p, p) for q, p in (_way(at, state), *ways))
-    return _Look(system.energy(*at, t) + own, changes)
+
+def _energy(system: HamiltonianSystem, state: State, at: Evaluated, t: float) -> float:
+    """Return the energy of a state to the square of what lies between its (q, p) and a point; collective."""
+    near = system.energy_near(state.q, state.p, t, at=at) if isinstance(system, Seeing) else None
+    return system.energy(*at, t) + _change(system, at, _way(at, state), t) if near is None else near
+
+
+def _change(system: HamiltonianSystem, at: Evaluated, way: Way, t: float) -> float:
+    """Return what the energy changes by on a way, as seen from a point; collective."""
+    return system.inner(system.H_q(*at, t), way[0]) + system.inner(system.H_p(*at, t), way[1])

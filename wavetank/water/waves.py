@@ -144,6 +144,7 @@ class NonlinearWaves:
         self._kinetic = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
+        self._seen: tuple[Vector, Vector, float, Seen] | None = None  # last, of a state (q, p) at t
         self._whole = self._compiled(minimum)
         self._set_up_stages(tolerances)
 
@@ -321,14 +322,26 @@ class NonlinearWaves:
         return Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
 
     def seen_from(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
-        """Return what is seen of a state from a point; collective."""
+        """Return what is seen of a state from a point that is known of it; collective."""
         if self._whole is None or self.wall.leans:
             return seen_from(self, q, p, t, at=at)
+        self.set_time(t)
+        if self._seen is not None and q is self._seen[0] and p is self._seen[1] and one_time(t, self._seen[2]):
+            return self._seen[3]
         by = self.H_q(*at, t), self._H_p
         (eta, rise), (potential, change, lift) = self._whole.see((q, p), at, by, self.bed.still)
         lift *= self.gravity
         energies = self._kinetic + change - lift, self.gravity * potential + lift, self._wall_terms.energy()
-        return Seen(Energies(*energies), eta, rise, self.wall.stood, self.wall.velocities)
+        seen = Seen(Energies(*energies), eta, rise, self.wall.stood, self.wall.velocities)
+        self._seen = q, p, t, seen
+        return seen
+
+    def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
+        """Return H of a state from a point that is known of it, along a slice on one rank; see ``Seeing``."""
+        if self._whole is None or self.wall.leans:
+            return None
+        energies = self.seen_from(q, p, t, at=at).energies
+        return energies.total + energies.wall
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""
