@@ -55,6 +55,20 @@ def test_derivatives_are_those_of_the_energy(make_tank, motion):
     assert np.all(errors[:, 1] < 1e-9)  # H is quadratic in psi: central differences are exact
 
 
+def test_the_energy_of_a_state_is_told_from_a_point_near_to_it(make_tank):
+    """To the square of what lies between, W included; what is told again is the same."""
+    tank, t = make_tank(length=2.0, cells=8, n=5, motion=piston()), 3.3
+    q, p = steep_state(tank)
+    smooth = np.cos(np.outer(tank.plane.coordinates()[:, 0], [1, 2]))
+    steps, errors = np.array([4e-2, 2e-2, 1e-2]), []
+    for e in steps:
+        state = q + e * tank.mass.apply(smooth[:, 0]), p + e * smooth[:, 1]
+        told = tank.energy_near(*state, t, at=(q, p))
+        errors.append(abs(tank.energy(*state, t) - told))
+        assert tank.energy_near(*state, t, at=(q, p)) == told
+    assert fitted_slope(steps, errors) == pytest.approx(2, abs=0.1)
+
+
 def test_a_stage_s_preconditioner_knows_the_current(make_tank):
     """Short waves on water of 0.3 m/s: linear waves on still water alone take twice the evaluations, 16 of 8."""
     tank, a = make_tank(length=2.0, cells=24, n=5, tolerance=1e-5), 0.01
