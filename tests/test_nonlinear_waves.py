@@ -1,5 +1,7 @@
 """Nonlinear waves: the discrete gradient, invariants, reversal, and the energy balance with a moving paddle."""
 
+from dataclasses import astuple
+
 import numpy as np
 import pytest
 from conftest import fitted_slope
@@ -18,6 +20,7 @@ from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.runs.build import build_run
 from wavetank.water.carried_waves import CarriedWaves
+from wavetank.water.seen import seen_from
 from wavetank.water.still_water import StillWaterWaves, scales
 
 SCHEMES = sorted(INTEGRATORS)
@@ -99,6 +102,26 @@ def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
     form = ScalarForm(tank.hamiltonian[tank.wall.part], tank.plane.comm)
     assert found == pytest.approx(form.assemble(), rel=1e-12)
     assert abs(found) > 1e-3
+
+
+def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between(make_tank):
+    """Oracle: the state's own, evaluated there, at three distances; and of the elevation to round-off.
+
+    What is compiled of it is what its formulae give.
+    """
+    tank, t = make_tank(length=2.0, cells=8, n=5, motion=piston()), 3.3
+    q, p = steep_state(tank)
+    tank.set_time(t)
+    bump, errors, sizes = np.cos(2 * np.pi * tank.plane.x), [], [2e-3, 1e-3, 5e-4]
+    for size in sizes:
+        at = q + size * tank.mass.apply(bump), p + size * bump
+        seen, told = tank.seen_from(q, p, t, at=at), seen_from(tank, q, p, t, at=at)
+        assert np.abs(np.subtract(astuple(seen.energies), astuple(told.energies))).max() < 1e-13
+        assert np.abs(seen.eta - told.eta).max() < 1e-14 and np.abs(seen.rise - told.rise).max() < 1e-14
+        assert seen.stood == tank.wall.stood and seen.rise == pytest.approx(size * bump, abs=1e-12)
+        exact = tank.energies(q, p, t)
+        errors.append([abs(seen.energies.kinetic - exact.kinetic), abs(seen.energies.potential - exact.potential)])
+    assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0, 2.0], abs=0.1)
 
 
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "simpson-4"])

@@ -5,7 +5,7 @@ import pytest
 from conftest import recorded
 
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError
+from wavetank.errors import InputError, RunError
 from wavetank.records.directory import RunDirectory
 from wavetank.records.paddle_table import columns
 from wavetank.records.surface import SurfaceWriter, snapshots
@@ -144,6 +144,21 @@ def test_a_surface_that_is_gone_on_with_is_whole_before_its_next_snapshot(tmp_pa
     assert path.with_suffix(".xdmf").read_text() == index
     np.testing.assert_array_equal(snapshots(path.read_bytes()).eta, [x])
     later.close()
+
+
+def test_of_many_snapshots_those_before_one_that_is_no_number_are_kept(tmp_path):
+    """And told: file and index have as many, and a later one follows them."""
+    x, t, path = np.linspace(0.0, 1.0, 5), np.array([0.0, 0.1, 0.2]), tmp_path / "surface.nc"
+    record, eta = SurfaceWriter(path, {}), np.outer([1.0, 2.0, np.nan], x)
+    record.open()
+    with pytest.raises(RunError, match=r"t = 0.2 s: a value for surface.nc is not a finite number"):
+        record.extend(t, np.tile(x, (3, 1)), eta, eta)
+    record.append(0.3, x, 4 * x, x)
+    record.close()
+    found = snapshots(path.read_bytes())
+    np.testing.assert_array_equal(found.t, [0.0, 0.1, 0.3])
+    np.testing.assert_array_equal(found.eta, np.outer([1.0, 2.0, 4.0], x))
+    assert path.with_suffix(".xdmf").read_text().count("<Time") == 3
 
 
 def test_where_a_basins_surface_is_is_said(tmp_path):
