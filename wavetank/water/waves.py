@@ -144,7 +144,7 @@ class NonlinearWaves:
         self._kinetic = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
-        self._seen: tuple[Vector, Vector, float, Seen] | None = None  # last, of a state (q, p) at t
+        self._seen: tuple[Vector, Vector, Seen] | None = None  # from the point last evaluated, of a state (q, p)
         self._whole = self._compiled(minimum)
         self._set_up_stages(tolerances)
 
@@ -238,7 +238,7 @@ class NonlinearWaves:
 
     def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
         """Keep that the potential is that of a state."""
-        self._H_p, self._H_q, self._t = H_p, None, t
+        self._H_p, self._H_q, self._t, self._seen = H_p, None, t, None
         self._point = q.tobytes(), p.tobytes()
         self._q, self._p = map(np.frombuffer, self._point)
 
@@ -325,15 +325,14 @@ class NonlinearWaves:
         """Return what is seen of a state from a point that is known of it; collective."""
         if self._whole is None or self.wall.leans:
             return seen_from(self, q, p, t, at=at)
-        self.set_time(t)
-        if self._seen is not None and q is self._seen[0] and p is self._seen[1] and one_time(t, self._seen[2]):
-            return self._seen[3]
         by = self.H_q(*at, t), self._H_p
+        if self._seen is not None and q is self._seen[0] and p is self._seen[1]:
+            return self._seen[2]
         (eta, rise), (potential, change, lift) = self._whole.see((q, p), at, by, self.bed.still)
         lift *= self.gravity
         energies = self._kinetic + change - lift, self.gravity * potential + lift, self._wall_terms.energy()
         seen = Seen(Energies(*energies), eta, rise, self.wall.stood, self.wall.velocities)
-        self._seen = q, p, t, seen
+        self._seen = q, p, seen
         return seen
 
     def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
