@@ -7,8 +7,8 @@ The paddle's power is exact for the discrete Hamiltonian: along the flow dH/dt =
 integrated over all steps (``supply.py``), however few of them are recorded. What is dissipated
 between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then the error of the time
 integrator. A scheme that reports the mean of two traces evaluates these, not the mean: power is the mean of theirs,
-and the energies of the mean are those of the plus trace and their derivatives times what lies between; both are right
-to the square of the jump. Where something acts between steps, the mean is that of before and after.
+and H of the mean is that of the plus trace and its derivatives times what lies between (``water/seen.py``); both are
+right to the square of the jump. Where something acts between steps, the mean is that of before and after.
 """
 
 from collections.abc import Sequence

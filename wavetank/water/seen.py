@@ -18,7 +18,8 @@ class Seen(NamedTuple):
     Attributes
     ----------
     energies
-        Those of the state, to the square of what lies between; W is that of the point.
+        Those of the state: H, and the potential energy, to the square of what lies between. W is that of the point, so
+        that what it changes by is in the kinetic energy.
     eta
         The elevation [m], shape (owned,).
     rise
