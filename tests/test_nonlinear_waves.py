@@ -58,20 +58,6 @@ def test_derivatives_are_those_of_the_energy(make_tank, motion):
     assert np.all(errors[:, 1] < 1e-9)  # H is quadratic in psi: central differences are exact
 
 
-def test_the_energy_of_a_state_is_told_from_a_point_near_to_it(make_tank):
-    """To the square of what lies between, W included; what is told again is the same."""
-    tank, t = make_tank(length=2.0, cells=8, n=5, motion=piston()), 3.3
-    q, p = steep_state(tank)
-    smooth = np.cos(np.outer(tank.plane.coordinates()[:, 0], [1, 2]))
-    steps, errors = np.array([4e-2, 2e-2, 1e-2]), []
-    for e in steps:
-        state = q + e * tank.mass.apply(smooth[:, 0]), p + e * smooth[:, 1]
-        told = tank.energy_near(*state, t, at=(q, p))
-        errors.append(abs(tank.energy(*state, t) - told))
-        assert tank.energy_near(*state, t, at=(q, p)) == told
-    assert fitted_slope(steps, errors) == pytest.approx(2, abs=0.1)
-
-
 def test_a_stage_s_preconditioner_knows_the_current(make_tank):
     """Short waves on water of 0.3 m/s: linear waves on still water alone take twice the evaluations, 16 of 8."""
     tank, a = make_tank(length=2.0, cells=24, n=5, tolerance=1e-5), 0.01
@@ -119,7 +105,8 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
         assert np.abs(np.subtract(astuple(seen.energies), astuple(told.energies))).max() < 1e-13
         assert np.abs(seen.eta - told.eta).max() < 1e-14 and np.abs(seen.rise - told.rise).max() < 1e-14
         assert seen.stood == tank.wall.stood and seen.rise == pytest.approx(size * bump, abs=1e-12)
-        H, potential = seen.energies.total + seen.energies.wall, seen.energies.potential
+        assert tank.seen_from(q, p, t, at=at) is seen  # for nothing
+        H, potential = tank.energy_near(q, p, t, at=at), seen.energies.potential
         errors.append([abs(H - tank.energy(q, p, t)), abs(potential - tank.energies(q, p, t).potential)])
     assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0, 2.0], abs=0.1)
 
