@@ -91,7 +91,7 @@ class Piston(Wavemaker):
         difference = K**2 - k**2
         near = np.abs(difference) < NEAR * np.abs(k) ** 2
         product = (K * np.tanh(_limited(K, depth)) - k * np.tanh(_limited(k, depth))) / np.where(near, 1.0, difference)
-        return -(k**2) * np.where(near, norm(k, depth), product)
+        return -(k**2) * (np.where(near, norm(k, depth), product) if near.any() else product)
 
 
 PISTON = Piston()
