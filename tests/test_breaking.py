@@ -27,7 +27,7 @@ from wavetank.runs.build import build_run
 from wavetank.theory.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.breaking import bore, cases, over_steep, row
 from wavetank.water.breaking import BreakingDissipation, BreakingWatch
-from wavetank.water.crests import Profile, SteepCrest, peaks, steep_crests
+from wavetank.water.crests import LEAST, Profile, SteepCrest, steep_crests
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.footprint import Ring, Slice
 from wavetank.water.smoothing import Smoothing
@@ -152,8 +152,11 @@ def test_peaks_are_those_of_scipy():
     random, x = np.random.default_rng(1), np.linspace(0.0, 40.0, 300)
     for trial in range(40):
         y = np.cumsum(random.normal(size=300)) if trial % 2 else np.sin(x) + 0.1 * random.normal(size=300)
-        y, ripple = np.repeat(y, random.integers(1, 3, size=300)), 0.05 * float(np.ptp(y))
-        assert [peak for _, peak, _ in peaks(y, ripple=ripple)] == list(find_peaks(y, prominence=ripple)[0])
+        y = np.repeat(y, random.integers(1, 3, size=300))
+        place, none = np.arange(float(y.size)), np.zeros(y.size)
+        still = Profile(place, y, none, none)
+        found = steep_crests(still, still, time=1.0, front=-1.0, cell=0.0)
+        assert [crest.x for crest in found] == list(find_peaks(y, prominence=LEAST * float(np.ptp(y)))[0])
 
 
 # ---------------------------------------------------------------- what is taken

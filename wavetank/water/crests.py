@@ -16,15 +16,32 @@ it is none under a periodic wave (whose mean is none), none under a lone one (wh
 the plateau for a ripple on it.
 """
 
+from functools import cache
+from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from mpi4py import MPI
 
 from wavetank.arrays import Vector
+from wavetank.fe.kernels import Kernel
 
 LEAST = 0.05  # of all that lies between the lowest and the highest surface: less is a ripple, neither crest nor trough
-SAME = 1e-9  # of that: so little apart is one height, computed twice
+SAME = 1e-9  # of that: so little apart is one height, computed twice, where cells meet
+DECLARATIONS = """
+typedef struct {
+    int places;
+    const double *x, *height, *slope, *velocity;
+} Surface;
+typedef struct {
+    double x, height, velocity, current, speed, mean, front;
+} Crest;
+typedef struct {
+    double time, front, cell, ripple, same;
+} Asked;
+int steep_crests(const Surface *before, const Surface *after, const Asked *, double *found);
+"""
+SOURCE = DECLARATIONS.partition("int steep")[0] + files(__package__).joinpath("crests.c").read_text(encoding="utf-8")
 
 
 class Profile(NamedTuple):
@@ -94,90 +111,16 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
 
     What is narrower than a ``cell`` [m] in its upper half is the mesh's, not the water's.
     """
-    crests, ripple = list[SteepCrest](), LEAST * float(np.ptp(after.height))
-    above = _above(after.height, np.abs(after.slope) > front, ripple=ripple)
-    for left, peak, right in peaks(after.height, ripple=ripple, among=above):
-        part = _upper_half(after.height, peak, (left, right))
-        wide = np.ptp(after.x[part]) > cell
-        if wide and np.abs(after.slope[left : right + 1]).max() > front:
-            crests.append(_crest(before, after, peak, troughs=(left, right), part=part, time=time))
-    return [crest for crest in crests if crest.front > front]
+    kernel = _kernel()
+    surfaces = [kernel.struct("Surface", {"places": len(one.x), **one._asdict()}) for one in (before, after)]
+    found = np.empty((len(after.x) // 2 + 1, len(SteepCrest._fields)))
+    ripple = LEAST * float(np.ptp(after.height))
+    asked = {"time": time, "front": front, "cell": cell, "ripple": ripple, "same": SAME * ripple}
+    count = kernel.call.steep_crests(*surfaces, kernel.struct("Asked", asked), kernel.pointer(found))
+    return [SteepCrest(*map(float, crest)) for crest in found[:count]]
 
 
-def _above(height: Vector, steep: NDArray[np.bool_], *, ripple: float) -> NDArray[np.bool_]:
-    """Return where a crest can stand that has steep places between its troughs, shape (N,).
-
-    On the way up from such a place the surface falls no further than a ripple below where it has been.
-    """
-    above = steep.copy()
-    turns = np.flatnonzero(np.diff(steep))
-    for ahead, starts in ((1, turns[steep[turns]]), (-1, turns[~steep[turns]] + 1)):
-        for start in starts:
-            way = height[start::ahead]
-            fallen = way < np.maximum.accumulate(way) - (1.0 + SAME) * ripple
-            until = int(fallen.argmax()) or len(way)
-            above[start::ahead][:until] = True
-    return above
-
-
-def peaks(height: Vector, *, ripple: float, among: NDArray[np.bool_] | None = None) -> list[tuple[int, int, int]]:
-    """Return where the peaks are that stand out by a ``ripple`` on both sides: (trough, peak, trough) each.
-
-    Places that are not ``among`` those looked at have none.
-    """
-    found = list[tuple[int, int, int]]()
-    twice = np.abs(np.diff(height)) <= SAME * ripple  # where cells meet
-    distinct = np.flatnonzero(np.append(True, ~twice))
-    level = height[distinct]
-    tops = 1 + np.flatnonzero((level[1:-1] > level[:-2]) & (level[1:-1] > level[2:]))
-    places = distinct[tops] if among is None else distinct[tops][among[distinct[tops]]]
-    for peak in map(int, places):
-        left, right = (_trough(height, peak, step, ripple) for step in (-1, 1))
-        if height[peak] - max(height[left], height[right]) >= ripple:
-            found.append((left, peak, right))
-    return found
-
-
-def _trough(height: Vector, peak: int, step: int, ripple: float) -> int:
-    """Return where the trough beside a crest is: behind it the surface rises again, or is higher than the crest."""
-    side = height[peak:] if step > 0 else height[peak::-1]
-    until = int((side > side[0]).argmax()) or len(side)
-    lowest = np.minimum.accumulate(side[:until])
-    rising = (side[:until] > lowest + ripple) & (lowest < side[0] - ripple)
-    return peak + step * int(side[: int(rising.argmax()) or until].argmin())
-
-
-def _crest(
-    before: Profile, after: Profile, peak: int, *, troughs: tuple[int, int], part: slice, time: float
-) -> SteepCrest:
-    left, right = troughs
-    height = float(after.height[peak] - max(after.height[left], after.height[right]))
-    current = _current(after.x[left : right + 1], after.velocity[left : right + 1])
-    x, slope = after.x[part], after.slope[part]
-    rate = (after.height[part] - np.interp(x, before.x, before.height)) / time
-    middle = 0.5 * (slope + np.interp(x, before.x, before.slope))
-    speed = float(-_integral(rate * middle, x) / _integral(middle**2, x))
-    ahead = 1.0 if speed > current else -1.0
-    water = (after.velocity[part] - rate * slope) / (1.0 + slope**2)
-    fastest, mean = ahead * float(np.max(ahead * water)), float(_integral(water, x) / (x[-1] - x[0]))
-    side = slice(peak, right + 1) if ahead > 0.0 else slice(left, peak + 1)
-    front = float(np.abs(after.slope[side]).max())
-    return SteepCrest(float(after.x[peak]), height, fastest, current, speed, mean, front)
-
-
-def _integral(values: Vector, x: Vector) -> float:
-    """Return the integral of what is linear between places x."""
-    return float((np.diff(x) * (values[1:] + values[:-1]) / 2.0).sum())
-
-
-def _current(x: Vector, velocity: Vector) -> float:
-    """Return U from trough to trough."""
-    bounds = float(velocity[0]), float(velocity[-1]), float(_integral(velocity, x) / (x[-1] - x[0]))
-    return min(max(0.0, min(bounds)), max(bounds))
-
-
-def _upper_half(height: Vector, peak: int, troughs: tuple[int, int]) -> slice:
-    left, right = troughs
-    above = height > 0.5 * (height[peak] + max(height[left], height[right]))
-    before, behind = above[peak:left:-1].argmin(), above[peak : right + 1].argmin()
-    return slice(int(peak - before) if before else left, int(peak + behind) + 1 if behind else right + 1)
+@cache
+def _kernel() -> Kernel:
+    """Return what is compiled, the same for all surfaces."""
+    return Kernel("crests", DECLARATIONS, key=SOURCE, source=lambda: SOURCE, comm=MPI.COMM_SELF)
