@@ -15,7 +15,7 @@ from pydantic_core import ErrorDetails
 
 from wavetank.case import Scene
 from wavetank.case.at_hand import cases_at_hand
-from wavetank.case.keys import homes, homes_of_type, nouns, tag
+from wavetank.case.keys import homes, homes_of_type, nouns, table_at, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.files import regular
 from wavetank.values.noun import Noun, Problem, SceneError
@@ -277,8 +277,10 @@ def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
     if now := holder.renamed(name):
         meaning = next(noun.model_fields[now].description for noun in holder.nouns if now in noun.model_fields)
         return Problem(key, None, f"is called {now} now ({meaning})")
-    if whole := _whole(key):
-        return Problem(key, received, f"is an unknown key; the table is called [{whole}]")
+    if header := _whole(key) or (_table(name) if _holds_keys(received) else ""):
+        return Problem(key, received, f"is an unknown key; the table is called {header}")
+    if _holds_keys(received) and len(key) == 1 and get_close_matches(name, holder.fields):
+        return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
     if where := homes(name):
         return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_known(holder)}")
     return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
@@ -287,7 +289,19 @@ def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
 def _whole(key: Key) -> str:
     """Return the table of a case whose name's words a key has, apart or in another order; empty if there is none."""
     words = sorted("_".join(map(str, key)).split("_"))
-    return next((name for name in Scene.model_fields if sorted(name.split("_")) == words), "")
+    return next((_table(name) for name in Scene.model_fields if sorted(name.split("_")) == words), "")
+
+
+def _table(name: str) -> str:
+    """Return the header of a table that stands in no other; empty of any other key."""
+    field = Scene.model_fields.get(name)
+    found = table_at((name,), field) if field else None
+    return found._replace(path=(name,)).header if found else ""
+
+
+def _holds_keys(received: Any) -> bool:
+    """Return whether what was received is a table, or several."""
+    return isinstance(received, dict) or (isinstance(received, list) and any(isinstance(one, dict) for one in received))
 
 
 def _known(holder: _Place) -> str:
