@@ -13,8 +13,9 @@ from test_checkpoint import same, scene
 from test_faults import forked
 from test_stateful import BASIN, FLAP, SLICE, Observed, differing
 
+from wavetank.arrays import Vector
 from wavetank.case import Scene
-from wavetank.errors import PaddleError, RunError, StoppedError
+from wavetank.errors import BreakdownError, PaddleError, RunError, StoppedError
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
 from wavetank.observers.contract import Moment
@@ -24,9 +25,11 @@ from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.stability import StabilityWatch
 from wavetank.recording import record_run
-from wavetank.records.directory import ENERGY, GAUGES, PADDLE, RunDirectory
+from wavetank.records.directory import ENERGY, GAUGES, PADDLE, SURFACE, RunDirectory
+from wavetank.records.surface import snapshots
 from wavetank.runs import run as running
 from wavetank.water.surface_flow import surface_of
+from wavetank.water.waves import NonlinearWaves
 
 BESIDE = {"gauges": [0.4, 1.0, 1.5, 2.5]}  # places that the paddle carries, of which two are where cells meet
 
@@ -72,6 +75,13 @@ def test_so_it_is_on_several_ranks(parts, on_ranks):
     assert found == [[]] * len(found)
 
 
+def looked_at(tank: NonlinearWaves, step: int, t: float, eta: Vector) -> Moment:
+    """Return a moment of an elevation [m] at which the water has been looked at, as a run does when it comes."""
+    moment = Moment(step, t, *tank.state(eta, 0 * eta, t), seen={})
+    moment.look(tank)
+    return moment
+
+
 def test_a_paddle_that_reaches_a_gauge_is_told_of_at_once_by_name_and_rows_before_are_kept(make_tank):
     """At the moment itself, though moments are worked off together, so that the run ends there."""
     tank, rows = make_tank(length=6.0, cells=12, n=2, motion=Ramped(Sinusoid(0.4, 4.0), 1.0), reach=3.0), Memory()
@@ -80,35 +90,34 @@ def test_a_paddle_that_reaches_a_gauge_is_told_of_at_once_by_name_and_rows_befor
     times, kept = [0.1 * step for step in range(20)], list[Moment]()
     reached = next(t for t in times if tank.wall.motion.position(t) > 0.2)
 
-    def looked_at(t: float) -> Moment:
-        moment = Moment(0, t, *tank.state(0.01 * np.cos(tank.plane.x), 0 * tank.plane.x, t), seen={})
-        moment.look(tank)
-        return moment
-
     told = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.0, x = 0.2 m: it must stand farther"
     with pytest.raises(PaddleError, match=told):
         for t in times:
-            gauges.keep(moment := looked_at(t))
+            gauges.keep(moment := looked_at(tank, 0, t, 0.01 * np.cos(tank.plane.x)))
             kept.append(moment)
     gauges.work_off(kept)
     assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
 
 
 @pytest.mark.parametrize("together", [1, 5, 16])
-def test_a_watch_warns_of_the_same_time_however_many_moments_it_judges_together(make_tank, together):
-    """Of a surface that alternates from the 13th step on: the 15th is the first, the 24th the tenth that shows it."""
-    tank, said = make_tank(length=2.0, cells=4, n=2), list[str]()
+def test_a_watch_warns_of_the_same_time_and_place_however_many_moments_it_judges_together(make_tank, together):
+    """Of a surface that alternates from the 13th step on: the 15th is the first, the 24th the tenth that shows it.
+
+    It does so most at the paddle, where that stands then.
+    """
+    motion = Sinusoid(0.2, 4.0)
+    tank, said = make_tank(length=2.0, cells=4, n=2, motion=motion, reach=1.0), list[str]()
     watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=said.append)
     kept = list[Moment]()
     for step in range(48):
         height = 0.01 * (1 + (step > 12) * 0.1 * (-1) ** step)
-        state = tank.state(height * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
-        kept.append(Moment(step, 0.02 * step, *state))
+        kept.append(looked_at(tank, step, 0.02 * step, height * np.exp(-tank.plane.x)))
         watch.keep(kept[-1])
         if len(kept) == together:
             watch.work_off(kept)
             kept.clear()
     assert len(said) == 1 and said[0].startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
+    assert f"most at x = {motion.position(watch.since):.4g} m" in said[0]
 
 
 # ---------------------------------------------------------------- runs that end
@@ -175,6 +184,26 @@ def test_a_run_that_an_observer_breaks_off_between_has_all_its_rows(tmp_path):
     with pytest.raises(RunError, match="a mistake"):
         record(tmp_path / "run", end=lambda: fail(RunError))
     assert rows(tmp_path / "run") == [8, 8, 8]
+
+
+class Spoiling:
+    """Changes a state that it is to look at."""
+
+    schedule = EverySteps()
+
+    def observe(self, moment):
+        if moment.step == 6:
+            moment.p[:] = np.nan
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_snapshot_is_of_its_moment_though_somebody_changes_the_state_then(tmp_path):
+    """So that it is the next step that tells what is wrong."""
+    parts = {"comm": MPI.COMM_SELF, "console": Console(file=io.StringIO()), "observers": [lambda waves: Spoiling()]}
+    with pytest.raises(BreakdownError, match="the surface's potential is no longer a number"):
+        record_run(scene(SLICE), tmp_path, **parts)
+    surface = snapshots((tmp_path / SURFACE).read_bytes())
+    assert surface.t == pytest.approx([0.0, 0.1, 0.2, 0.3]) and np.isfinite(surface.psi).all()
 
 
 @pytest.mark.usefixtures("patient")

@@ -30,6 +30,13 @@ def test_cubics_are_evaluated_exactly_anywhere_walls_and_vertices_included():
     assert np.allclose(values, 1 + where - 0.3 * where**2 + 0.05 * where**3, rtol=1e-12)
 
 
+def test_values_of_many_fields_are_bit_for_bit_those_of_each():
+    """Of so many degrees of freedom in a cell that numpy sums them in another order where they do not lie in a row."""
+    plane, rng = Plane(FOOTPRINT.mesh, 8), np.random.default_rng(3)
+    points, fields = Points(plane, at(np.array([3.14159]))), rng.normal(size=(64, len(plane.coordinates())))
+    assert np.array_equal(points.of_all(fields), np.concatenate([points.of_all(field[None]) for field in fields]))
+
+
 def test_a_point_outside_is_refused_with_its_place():
     with pytest.raises(InputError, match=r"x = 7\.5 m"):
         Points(PLANE, at(np.array([1.0, 7.5])))

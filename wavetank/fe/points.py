@@ -103,9 +103,13 @@ class Points:
         return summed(self._plane.comm, found)
 
     def of_all(self, values: Vector) -> Vector:
-        """Return values at the points of K fields at all degrees of freedom, (K, rows), shape (K, N); collective."""
+        """Return values at the points of K fields at all degrees of freedom, (K, rows), shape (K, N); collective.
+
+        Each bit for bit what it is alone.
+        """
         found, (mine, *_) = np.zeros((len(values), len(self._points))), self._found
-        found[:, mine] = (self._weights * values[:, self._dofs]).sum(axis=-1)
+        each = np.multiply(self._weights, values[:, self._dofs], order="C")  # summed alike, however many there are
+        found[:, mine] = each.sum(axis=-1)
         return summed(self._plane.comm, found)
 
     def of(self, rows: Vector) -> Vector:

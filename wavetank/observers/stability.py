@@ -189,7 +189,7 @@ class StabilityWatch(Keeping):
         self._steps = self._steps + 1 if noise > self._look.noise else 0
         if self._steps == IN_A_ROW and self.noise <= self._look.noise:
             self.since = moment.t
-            self._warn(self._sentence(moment.t, noise, self._place(np.abs(self._look.lower(values)[1]))))
+            self._warn(self._sentence(moment.t, noise, self._place(moment, np.abs(self._look.lower(values)[1]))))
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
 
@@ -209,9 +209,11 @@ class StabilityWatch(Keeping):
         """Return the largest of all ranks' values, one by one; collective."""
         return largest(self._waves.plane.comm, values)
 
-    def _place(self, heights: Vector) -> str:
-        """Return in words where heights are largest; collective."""
-        places = self._waves.wall.to_physical(self._waves.plane.places)
+    def _place(self, moment: Moment, heights: Vector) -> str:
+        """Return in words where heights were largest then; collective."""
+        places, wall = self._waves.plane.places, self._waves.wall
+        stand = wall.stand(places, moment.stood(self._waves))
+        places = wall.to_physical(places, moment.elevation(self._waves), stand)
         own = max(
             ((float(height), *map(float, at)) for height, at in zip(heights, places, strict=True)), default=(0.0,)
         )

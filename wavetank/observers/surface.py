@@ -8,7 +8,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.fe.by_place import SAME
 from wavetank.fe.points import Points
-from wavetank.observers.contract import Moment, ObservedWaves, Patient
+from wavetank.observers.contract import Keeping, Moment, ObservedWaves
 from wavetank.observers.schedule import Schedule
 from wavetank.stateful import Held
 
@@ -20,7 +20,7 @@ class SurfaceRecord(Protocol):
         """Append K snapshots: times [s], shape (K,), and places [m], elevations [m] and potentials [m²/s], (K, N)."""
 
 
-class SurfaceSnapshots(Patient):
+class SurfaceSnapshots(Keeping):
     """Elevation [m] and surface potential [m²/s] against x [m], at the places of the mesh on which the run began.
 
     Parameters
@@ -36,6 +36,7 @@ class SurfaceSnapshots(Patient):
         self._order = np.argsort(reference, kind="stable")
         self._look_at(comm.bcast(reference[self._order]))
         self._points: Points | None = None  # where those are not the places of this mesh
+        self._potentials = dict[int, Vector]()  # of steps that are not worked off, on the first rank [m²/s]
 
     def _look_at(self, x: Vector) -> None:
         """Take the places in the mesh [m] in the order of x."""
@@ -47,11 +48,15 @@ class SurfaceSnapshots(Patient):
         parts = self._waves.plane.comm.gather(owned)
         return np.concatenate(parts) if parts else np.zeros(0)
 
+    def keep(self, moment: Moment) -> None:
+        """Keep the potential, which somebody's own observer may change; collective."""
+        self._potentials[moment.step] = self._sorted(moment.p)
+
     def work_off(self, moments: Sequence[Moment]) -> None:
         """Append the snapshots; collective."""
         waves, places, wall = self._waves, self._places, self._waves.wall
         eta = np.array([self._sorted(moment.elevation(waves)) for moment in moments])
-        psi = np.array([self._sorted(moment.p) for moment in moments])
+        psi = np.array([self._potentials.pop(moment.step) for moment in moments])
         if self._record is not None:
             stand = np.concatenate([wall.stand(places, moment.stood(waves)) for moment in moments], axis=1)
             x = wall.to_physical(np.tile(places, (len(moments), 1)), eta.ravel(), stand)[:, 0]
