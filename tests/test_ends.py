@@ -244,7 +244,7 @@ def test_another_run_begins_where_both_walls_stand(run, case):
     walls = [f"{key}.motion={{type='formula', position='{stood!r}+0*t'}}" for key in ("wall", "far_wall")]
     for cells in (4, 8):
         going_on, waves = build_run(read_case(case, [begin, *walls, f"numerics.cells={cells}"]), MPI.COMM_SELF)
-        found = waves.elevation(*going_on.state[:2], 0.0)[np.argsort(waves.plane.x)]
+        found = waves.elevation(going_on.state.q, going_on.state.p, 0.0)[np.argsort(waves.plane.x)]
         assert found[[0, -1]] == pytest.approx(eta[[0, -1]], abs=1e-7)
     with pytest.raises(InputError, match="the far wall stood at .* m when t = 0.4 s, and begins at 0 m"):
         build_run(read_case(case, [begin, walls[0]]), MPI.COMM_SELF)

@@ -61,8 +61,8 @@ def floquet_multiplier(q: float, p: float) -> float:
 def alternating_jumps(orbits: Orbits, *, steps: int, scheme: Simpson4 = UNDAMPED) -> Array:
     """Return the size of what alternates of the jumps, from their second differences, shape (steps - 2, orbits)."""
 
-    def both(state: MeanAndJumps, step: int) -> tuple[Array, Array]:
-        return state.q_jump, state.p_jump
+    def both(state: MeanAndJumps, step: int) -> Array:
+        return state.jump
 
     jump = np.array(watched(orbits, scheme, both, start=(orbits.q, orbits.p), dt=1.0, steps=steps))[1:]
     return np.asarray(np.hypot(*(jump[2:] - 2 * jump[1:-1] + jump[:-2]).swapaxes(0, 1)) / 4)

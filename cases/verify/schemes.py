@@ -28,6 +28,7 @@ from wavetank.integrators import (
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.discontinuous_verlet import JumpInP, JumpInQ
 from wavetank.integrators.simpson import MeanAndJumps
+from wavetank.integrators.states import rows
 from wavetank.verify.watched import watched
 
 
@@ -67,7 +68,7 @@ class Scheme:
 
     def vector(self, state: Any) -> Vector:
         """Return a state as a vector, shape (width,)."""
-        return np.concatenate(state[: self.width])
+        return rows(state[: self.width]).ravel()[: self.width]
 
     def step(self, system: HamiltonianSystem, z: Vector, t: float, dt: float) -> Vector:
         """Return the vector of the state at t + dt."""
@@ -140,7 +141,8 @@ def simpson(integrator: Simpson4 | None = None) -> Scheme:
     """
 
     def state(*values: Vector) -> MeanAndJumps:
-        return MeanAndJumps(*values, *values[:2])
+        pairs = np.reshape(values, (4, 2, 1))
+        return MeanAndJumps._make([*pairs, pairs[0]])
 
     form, reverse = two_form(8, (0, 1, 1.0), (2, 3, -0.25)), np.diag([1.0, -1.0, -1.0, 1.0] + 4 * [0.0])
     scheme = integrator or Simpson4()

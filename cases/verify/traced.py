@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.kernels import Kernel
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.oscillators import NonSeparable, OscillatorStages
 from wavetank.integrators.contract import Integrator
+from wavetank.integrators.states import like, rows
 
 ITERATIONS = 20
 FLAGS = ["-O2", "-march=native", "-Wno-unused-variable"]
@@ -102,14 +102,14 @@ class Unrolled:
 def source(integrator: Integrator[Any]) -> str:
     """Return the code of a scheme's steps; states are theirs, one number after the other."""
     lines: list[str] = []
-    kind = type(integrator.start(np.zeros(1), np.zeros(1)))
-    names = [f"s{i}" for i in range(len(kind._fields))]
+    start = integrator.start(np.zeros(1), np.zeros(1))
+    names = [f"s{i}" for i in range(len(rows(start)))]
     lines += [f"const double before_{name} = {name};" for name in names]
-    state = kind(*(np.array([Traced(f"before_{name}", lines)]) for name in names))
+    state = like(start, np.array([[Traced(f"before_{name}", lines)] for name in names]))
     dt: Any = np.array([Traced("dt", lines)])
     new = integrator.step(NonSeparable(OscillatorStages(pair=Unrolled())), state, 0.0, dt)
     energy = 0.5 * (new.q[0] ** 2 + 1) * (new.p[0] ** 2 + 1)
-    after = [f"{name} = {value[0]};" for name, value in zip(names, new, strict=True)]
+    after = [f"{name} = {value[0]};" for name, value in zip(names, rows(new), strict=True)]
     return SOURCE % {
         "begin": "\n".join(f"    double {name} = state[{i}];" for i, name in enumerate(names)),
         "step": "\n".join([*lines, *after, f"sum += {energy};"]),
@@ -119,7 +119,7 @@ def source(integrator: Integrator[Any]) -> str:
 
 def energies(integrator: Integrator[Any], *, q: float, p: float, steps: int, periods: int) -> Vector:
     """Return the mean energy over each period of the orbit through (q, p), shape (periods,)."""
-    state: NDArray[Any] = np.concatenate(integrator.start(np.array([q]), np.array([p])))
+    state = rows(integrator.start(np.array([q]), np.array([p])))
     found, code = np.empty(periods), source(integrator)
     orbit = Kernel("orbit", DECLARATION, key=code, source=lambda: code, comm=MPI.COMM_SELF, flags=FLAGS)
     dt = NonSeparable().period(q, p) / steps

@@ -32,50 +32,53 @@ KAPPA = 0.1
 
 
 class MeanAndJumps(NamedTuple):
-    """The mean (q, p) of the traces at t; their jumps there and after the two steps before; what was evaluated last.
+    """Pairs (q, p), shape (2, n) each: the mean of the traces at t; their jumps there and after the two steps before.
 
     Attributes
     ----------
-    q_minus, p_minus
+    minus
         The minus trace as the step found it; the plus trace once the state has been mapped.
     """
 
-    q: Vector
-    p: Vector
-    q_jump: Vector
-    p_jump: Vector
-    q_jump_1: Vector
-    p_jump_1: Vector
-    q_jump_2: Vector
-    p_jump_2: Vector
-    q_minus: Vector
-    p_minus: Vector
-
-    @classmethod
-    def of(cls, *pairs: Vector) -> Self:
-        """Return the state of mean, jumps and minus trace, (q, p) as one vector each."""
-        return cls(*(part for pair in pairs for part in pair.reshape(2, -1)))
+    mean: Vector
+    jump: Vector
+    jump_1: Vector
+    jump_2: Vector
+    minus: Vector
 
     @property
-    def pairs(self) -> tuple[Vector, ...]:
-        """Mean, jumps and minus trace, (q, p) as one vector each."""
-        return tuple(np.concatenate(self[i : i + 2]) for i in range(0, len(self), 2))
+    def q(self) -> Vector:
+        """The mean of the coordinates."""
+        q: Vector = self.mean[0]
+        return q
+
+    @property
+    def p(self) -> Vector:
+        """The mean of the momenta."""
+        p: Vector = self.mean[1]
+        return p
+
+    @property
+    def q_jump(self) -> Vector:
+        """The jump of the coordinates."""
+        jump: Vector = self.jump[0]
+        return jump
+
+    @property
+    def plus(self) -> Vector:
+        """The plus trace."""
+        return self.mean + self.jump / 2
 
     @property
     def known(self) -> tuple[Evaluated, ...]:
         """Both traces, that before the jump as it was evaluated last, and that after it."""
-        return Evaluated(self.q_minus, self.p_minus), self._trace(0.5)
-
-    def _trace(self, side: float) -> Evaluated:
-        return Evaluated(self.q + side * self.q_jump, self.p + side * self.p_jump)
+        return Evaluated(*self.minus), Evaluated(*self.plus)
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
-        plus, q, p = self._trace(0.5), coordinate(self.q), momentum(self.p)
-        q_jump, p_jump = 2 * (coordinate(plus.q) - q), 2 * (momentum(plus.p) - p)
-        mapped = self._replace(q=q, p=p, q_jump=q_jump, p_jump=p_jump)
-        q_minus, p_minus = mapped._trace(0.5)
-        return mapped._replace(q_minus=q_minus, p_minus=p_minus)
+        mean, plus = (np.stack([coordinate(q), momentum(p)]) for q, p in (self.mean, self.plus))
+        mapped = self._replace(mean=mean, jump=2 * (plus - mean))
+        return mapped._replace(minus=mapped.plus)
 
 
 @dataclass(frozen=True)
@@ -95,8 +98,9 @@ class Simpson4:
 
     def start(self, q: Vector, p: Vector) -> MeanAndJumps:
         """Return the state of a start without jumps."""
-        none = 0 * q, 0 * p
-        return MeanAndJumps(q, p, *none, *none, *none, q, p)
+        pair = np.stack([q, p])
+        none = 0 * pair
+        return MeanAndJumps(pair, none, none, none, pair)
 
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
@@ -105,7 +109,7 @@ class Simpson4:
             q, p = z.reshape(2, -1)
             return np.concatenate(flow(system, q, p, t))
 
-        z, d, *earlier, _ = state.pairs
+        z, d, *earlier, _ = (pair.ravel() for pair in state)
         plus = z + d / 2
         f_0 = f(plus, t)
         known = z - d / 4 + dt / 4 * f_0
@@ -119,7 +123,8 @@ class Simpson4:
         minus = plus + moved
         smooth = dt / 6 * (f_0 + f(minus, t + dt)) - moved / 3
         jump = self.settled((2 * smooth - d, d, *earlier), smooth)
-        return MeanAndJumps.of(z + moved + smooth, jump, d, earlier[0], minus)
+        pairs = z + moved + smooth, jump, d, earlier[0], minus
+        return MeanAndJumps._make(pair.reshape(2, -1) for pair in pairs)
 
     def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
         """Return the new jump, jumps[0], less kappa of what alternates; ``smooth`` is that of a smooth solution."""

@@ -1,6 +1,9 @@
 """What the schemes carry from step to step: values continuous in time, or the traces on both sides of a jump."""
 
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.integrators.contract import Evaluated, Map
@@ -61,3 +64,14 @@ class Traces(NamedTuple):
         return self._replace(
             q_minus=coordinate(q_minus), q_plus=coordinate(q_plus), p_minus=momentum(p_minus), p_plus=momentum(p_plus)
         )
+
+
+def rows(state: Any) -> Vector:
+    """Return the vectors that a state consists of, one below the other, shape (m, n)."""
+    return np.concatenate([part.reshape(-1, part.shape[-1]) for part in state])
+
+
+def like(state: Any, rows: NDArray[Any]) -> Any:
+    """Return a state of that kind of other vectors, shape (m, ...), which ``rows`` would return."""
+    parts = np.split(rows, np.cumsum([part.size // part.shape[-1] for part in state])[:-1])
+    return type(state)(*(part if one.ndim > 1 else part[0] for part, one in zip(parts, state, strict=True)))

@@ -89,7 +89,7 @@ class Tabulated(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative."""
-        if np.ndim(t) == 0:
+        if isinstance(t, float) or np.ndim(t) == 0:
             return self._block(int(t // self._span)).derivative(t, order)
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()

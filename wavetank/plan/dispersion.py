@@ -29,6 +29,7 @@ from wavetank.fe.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_le
 from wavetank.hamiltonian.affine_stages import AffineStage
 from wavetank.hamiltonian.oscillators import OnOneRank, OscillatorStages
 from wavetank.integrators.contract import Integrator
+from wavetank.integrators.states import like, rows
 from wavetank.theory import airy
 
 POINTS = 64  # of Gauss' rule over a cell: exact for waves of a tenth of it, and longer
@@ -211,9 +212,9 @@ class _Oscillators(OnOneRank):
 def amplification(scheme: Integrator[Any], x: Vector) -> Vector:
     """Return the matrices by which a step maps the state of an oscillator with omega dt = x, shape (N, m, m)."""
     start = scheme.start(np.zeros_like(x), np.zeros_like(x))
-    size = len(start)
-    units = type(start)(*np.repeat(np.eye(size), x.size, axis=1))  # one after the other, each of all oscillators
-    columns = np.array(scheme.step(_Oscillators(np.tile(x, size)), units, 0.0, 1.0))
+    size = len(rows(start))
+    units = like(start, np.repeat(np.eye(size), x.size, axis=1))  # one after the other, each of all oscillators
+    columns = rows(scheme.step(_Oscillators(np.tile(x, size)), units, 0.0, 1.0))
     return columns.reshape(size, size, x.size).transpose(2, 0, 1)
 
 
@@ -237,13 +238,13 @@ def step_errors(scheme: Integrator[Any], x: ArrayLike) -> StepErrors:
     flat = np.asarray(x, dtype=float).ravel()
     factors, modes = np.linalg.eig(amplification(scheme, flat))
     principal = np.argmin(np.abs(factors - np.exp(-1j * flat)[:, None]), axis=1)
-    rows = np.arange(flat.size)
-    angle = -np.angle(factors[rows, principal])
+    each = np.arange(flat.size)
+    angle = -np.angle(factors[each, principal])
     stable = (np.abs(factors).max(axis=1) < 1 + 1e-7) & (flat < np.pi)  # double roots at x -> 0 split by round-off
     start = _start(scheme)
     amplitudes = np.linalg.solve(modes, np.broadcast_to(start[:, None], (flat.size, start.size, 1)))[..., 0]
     results = _reported(scheme, modes) * amplitudes
-    main = results[rows, principal]
+    main = results[each, principal]
     shape = np.abs(main - 1.0) + np.abs(results).sum(axis=1) - np.abs(main)
     frequency = np.where(stable, angle / flat - 1.0, np.nan)
     return StepErrors(frequency.reshape(np.shape(x)), shape.reshape(np.shape(x)))
@@ -252,13 +253,12 @@ def step_errors(scheme: Integrator[Any], x: ArrayLike) -> StepErrors:
 def _start(scheme: Integrator[Any]) -> Complex:
     """Return the state that begins exp(-i omega t): q = 1, p = -i, shape (m,)."""
     zero, one = np.zeros(1), np.ones(1)
-    return np.asarray(np.array(scheme.start(one, zero)) - 1j * np.array(scheme.start(zero, one)))[:, 0]
+    return np.asarray(rows(scheme.start(one, zero)) - 1j * rows(scheme.start(zero, one)))[:, 0]
 
 
 def _reported(scheme: Integrator[Any], modes: Complex) -> Complex:
     """Return the coordinate that a scheme reports of each mode, shape (N, m)."""
-    kind = type(scheme.start(np.zeros(1), np.zeros(1)))
-    return np.asarray(kind(*modes.transpose(1, 0, 2)).q)
+    return np.asarray(like(scheme.start(np.zeros(1), np.zeros(1)), modes.transpose(1, 0, 2)).q)
 
 
 # ---------------------------------------------------------------------------------------------------- together
