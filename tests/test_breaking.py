@@ -115,26 +115,37 @@ def test_velocity_over_speed_is_that_of_the_exact_wave_on_any_current(current, n
 
 
 def passing(speed, *, plateau=0.0):
-    """Return a lone crest, twice as long ahead as behind, before and after 0.01 s at a speed; a current everywhere."""
-    x = np.linspace(0.0, 12.0, 1201)
+    """Return a lone crest, twice as long ahead as behind, before and after 0.01 s at a speed; a current everywhere.
 
-    def at(t):
-        s = x - 6.0 - speed * t
-        w = np.where(s < 0.0, 0.5, 1.0)
-        eta = 0.4 * np.exp(-((s / w) ** 2))
-        return Profile(x, eta, -2 * s / w**2 * eta, speed * eta + plateau)
+    And the velocities of its water in the upper half, by the kinematic condition. Places are not equally far apart.
+    """
+    share = np.linspace(0.0, 1.0, 1201)
+    x = 12.0 * share + 0.3 * np.sin(6 * np.pi * share)
 
-    return at(0.0), at(0.01)
+    def at(x):
+        w = np.where(x < 6.0, 0.5, 1.0)
+        eta = 0.4 * np.exp(-(((x - 6.0) / w) ** 2))
+        return eta, -2 * (x - 6.0) / w**2 * eta, speed * eta + plateau
+
+    reach = np.sqrt(np.log(2.0))
+    _, slope, psi_x = at(np.linspace(6.0 - 0.5 * reach, 6.0 + reach, 2001))
+    water = (psi_x + speed * slope**2) / (1.0 + slope**2)
+    return *(Profile(x, *at(x - speed * t)) for t in (0.0, 0.01)), water
 
 
 @pytest.mark.parametrize(("speed", "steepest"), [(2.0, 1.0), (-2.0, 0.5)])
 def test_the_front_is_the_side_ahead_and_the_current_that_of_the_water_around(speed, steepest):
-    """Oracles: a Gaussian's steepest slope, (2/e)^(1/2) of height over width; still water around, or a plateau's."""
+    """Oracles: a Gaussian's steepest slope, (2/e)^(1/2) of height over width; still water around, or a plateau's.
+
+    And how its water moves.
+    """
     for plateau in (0.0, 0.35 * speed):
-        before, after = passing(speed, plateau=plateau)
+        before, after, water = passing(speed, plateau=plateau)
+        fastest = max(water, key=lambda one: one * speed)
         (one,) = steep_crests(before, after, time=0.01, front=0.1, cell=0.1)
         assert one.front == pytest.approx(np.sqrt(2 / np.e) * 0.4 / steepest, rel=0.01)
         assert one.current == pytest.approx(plateau, abs=1e-3) and one.speed == pytest.approx(speed, rel=0.01)
+        assert one.velocity == pytest.approx(fastest, rel=0.02) and one.mean == pytest.approx(water.mean(), rel=0.02)
         assert not steep_crests(before, after, time=0.01, front=0.1, cell=1.5)  # its upper half is 1.25 m wide
 
 
