@@ -11,14 +11,19 @@ from wavetank.fe.kernels import Kernel, source
 from wavetank.stateful import Held
 
 SHORTEST = 1e-13  # squared, of directions against the longest
-DECLARATIONS = """
-void add(long size, int known, int place, const double *scale, const double *z, const double *image, double *points,
-         double *images, double *products);
-void aim(long size, int known, const double *scale, const double *c, const double *images, double *away,
-         double *products);
-void combine(long size, int known, int stride, const double *gram, const double *products, double wrong,
-             double shortest, const double *scale, const double *away, const double *points, const double *images,
-             double *z, double *missed);
+POINTS = """
+typedef struct {
+    long size;
+    int most;
+    double shortest;
+    const double *scale;
+    double *newest, *image, *ways, *differences, *gram, *products, *away;
+} Points;
+"""
+DECLARATIONS = f"""{POINTS}
+void add(const Points *, int known, int place, const double *z, const double *image);
+void aim(const Points *, int known, const double *c);
+void combine(const Points *, int known, double wrong, double *z, double *missed);
 """
 
 
@@ -58,15 +63,16 @@ class Combination:
     def __init__(
         self, comm: MPI.Comm, scale: Vector, shape: tuple[int, ...], *, most: int = 12, shortest: float = SHORTEST
     ):
-        self._comm, self._shape, self._shortest = comm, shape, shortest
-        code = source("nearest.c") + source("combination.c")
+        self._comm, self._shape = comm, shape
+        code = POINTS + source("nearest.c") + source("combination.c")
         self._kernel = Kernel("combination", DECLARATIONS, key=code, source=lambda: code, comm=comm)
         self._points, self._images = np.zeros((2, most, scale.size))  # the newest, and differences to it and before
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
-        self._products, self._away = np.zeros(most), np.zeros(scale.size)
-        self._recorded, self._weight = 0, np.nan
-        kept = self._points, self._images, self._gram, self._products, self._away, np.ascontiguousarray(scale)
-        self._at = [self._kernel.pointer(array) for array in kept]
+        self._products, self._recorded, self._weight = np.zeros(most), 0, np.nan
+        parts = {"size": scale.size, "most": most - 1, "shortest": shortest, "scale": np.ascontiguousarray(scale)}
+        parts |= {"newest": self._points[0], "ways": self._points[1:], "image": self._images[0]}
+        parts |= {"differences": self._images[1:], "gram": self._gram, "products": self._products}
+        self._kept = self._kernel.shared("Points", {**parts, "away": np.zeros(scale.size)})
 
     def begin(self, weight: float) -> None:
         """Forget what is known for another factor than this: images depend on it."""
@@ -80,25 +86,20 @@ class Combination:
 
     def add(self, z: Vector, image: Vector) -> None:
         """Take over a point and its image; collective."""
-        at, (points, images, _, products, _, scale) = self._kernel.pointer, self._at
-        if not self._recorded:
-            self._points[0], self._images[0] = z, image
-        else:
-            place, known = (self._recorded - 1) % len(self._gram), min(self._recorded, len(self._gram))
-            self._kernel.call.add(z.size, known, place, scale, at(z), at(image), points, images, products)
-            self._gram[place, :known] = self._gram[:known, place] = summed(self._comm, self._products[:known])
+        at, most = self._kernel.pointer, len(self._gram)
+        place, known = (self._recorded - 1) % most, min(self._recorded, most)
+        self._kernel.call.add(self._kept, known, place, at(z), at(image))
+        self._gram[place, :known] = self._gram[:known, place] = summed(self._comm, self._products[:known])
         self._recorded += 1
 
     def guess(self, c: Vector, *, wrong: float = 0.0) -> Guess:
         """Return the combination for c, of images that are wrong by so much, a root of squares, scaled; collective."""
-        at, call, (points, images, gram, products, away, scale) = self._kernel.pointer, self._kernel.call, self._at
-        known, stride = min(self._recorded - 1, len(self._gram)), len(self._gram)
-        call.aim(c.size, known, scale, at(c), images, away, products)
+        at, call, known = self._kernel.pointer, self._kernel.call, min(self._recorded - 1, len(self._gram))
+        call.aim(self._kept, known, at(c))
         if self._comm.size > 1:
             self._products[: known + 1] = summed(self._comm, self._products[: known + 1])
         z, missed = np.empty_like(c), np.empty_like(c)
-        how = gram, products, wrong**2, self._shortest
-        call.combine(c.size, known, stride, *how, scale, away, points, images, at(z), at(missed))
+        call.combine(self._kept, known, wrong**2, at(z), at(missed))
         return Guess(z, missed, sqrt(self._products[known]))
 
     def held(self) -> Held:

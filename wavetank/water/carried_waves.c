@@ -1,6 +1,5 @@
 /* What carried_waves.py does, where all of it is along a slice or ring on this rank: functions of other kernels one after the
 other, which are known by where they are. */
-#include <math.h>
 #include <string.h>
 
 typedef void Solve(const void *chain, const double *b, double *x, double *work);
@@ -43,7 +42,7 @@ static double look(const Inverse *w, double most, const double *eta, const doubl
     const double fastest = ((Move *)w->move)(w->cells, most, surface, w->velocity, B);
     solve(w, B, B);
     EACH(i, n)
-        B[i] = fmin(fmax(B[i], -most), most);
+        B[i] = B[i] > most ? most : B[i] < -most ? -most : B[i];
     return fastest;
 }
 
