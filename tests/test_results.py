@@ -1,12 +1,18 @@
 """A run's results as xarray, its surface as CF-NetCDF, and that as a line that ParaView and pyvista open."""
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from conftest import recorded
 
 from wavetank.case.reading import read_case
-from wavetank.errors import InputError, RunError
+from wavetank.errors import InputError, RecordError, RunError
 from wavetank.records.directory import RunDirectory
+from wavetank.records.growing import TableWriter
 from wavetank.records.paddle_table import columns
 from wavetank.records.surface import SurfaceWriter, snapshots
 from wavetank.records.writer import RunWriter
@@ -159,6 +165,46 @@ def test_of_many_snapshots_those_before_one_that_is_no_number_are_kept(tmp_path)
     np.testing.assert_array_equal(found.t, [0.0, 0.1, 0.3])
     np.testing.assert_array_equal(found.eta, np.outer([1.0, 2.0, 4.0], x))
     assert path.with_suffix(".xdmf").read_text().count("<Time") == 3
+
+
+@contextmanager
+def room_for(size: int) -> Iterator[None]:
+    """Let no file grow beyond a size [bytes], as on a disk that gets full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize("points", [2, 200], ids=["for the index", "for the surface"])
+def test_of_many_snapshots_as_many_are_kept_as_there_is_room_for(tmp_path, points):
+    """And told: file and index have as many, whichever is full, and when there is room again another follows."""
+    t, x, path = np.arange(40.0), np.ones((40, points)), tmp_path / "surface.nc"
+    record = SurfaceWriter(path, {})
+    record.open()
+    with room_for(20000), pytest.raises(RecordError, match=r"surface\.(nc|xdmf): cannot be written"):
+        record.extend(t, x, t[:, None] * x, x)
+    kept = len(snapshots(path.read_bytes()).t)
+    record.append(50.0, *x[:3])
+    found, index = snapshots(path.read_bytes()), path.with_suffix(".xdmf").read_text()
+    assert 1 < kept < 40
+    np.testing.assert_array_equal(found.t, [*t[:kept], 50.0])
+    np.testing.assert_array_equal(found.eta[:kept, -1], t[:kept])
+    assert index.count("<Time") == kept + 1 and ElementTree.fromstring(index).tag == "Xdmf"
+    record.close()
+
+
+def test_of_many_rows_as_many_are_kept_as_there_is_room_for(tmp_path):
+    rows, record = np.arange(2000.0).reshape(1000, 2), TableWriter(tmp_path / "table.csv", ("t [s]", "eta [m]"))
+    record.open()
+    with room_for(4000), pytest.raises(RecordError, match=r"table\.csv: cannot be written"):
+        record.extend(rows)
+    record.close()
+    found = np.loadtxt(tmp_path / "table.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(found, rows[: record.held()["rows"]])
+    assert (tmp_path / "table.csv").read_bytes().endswith(b"\n") and len(found) > 200
 
 
 def test_where_a_basins_surface_is_is_said(tmp_path):

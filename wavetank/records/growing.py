@@ -68,7 +68,7 @@ class GrowingFile:
     def open(self) -> None:
         """Make the file, or go on where it was when that was held; raises ``RecordError``."""
         try:
-            self._file = self._path.open("r+b" if self._kept else "wb")
+            self._file = self._path.open("r+b" if self._kept else "w+b")
             self._file.truncate(self._kept)
             self._size, self._is = self._kept, _identity(os.fstat(self._file.fileno()))
         except OSError as error:
@@ -95,12 +95,15 @@ class GrowingFile:
     def write(self, content: bytes, *, at: int | None = None, over: int = 0) -> None:
         """Hand bytes to the operating system at once: that costs microseconds, and a kill loses nothing.
 
-        They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place.
+        They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place. Of those that follow
+        all are there, or, where they cannot be written, none.
         """
+        last = b""
         try:
             if _identity(os.stat(self._path)) != self._is:
                 raise FileNotFoundError(errno.ENOENT, "replaced by another file")
             place = self._size - over if at is None else at
+            last = os.pread(self._file.fileno(), over, place) if over else b""
             while content:  # rarely more than once
                 written = os.pwrite(self._file.fileno(), content, place)
                 content, place = content[written:], place + written
@@ -108,7 +111,15 @@ class GrowingFile:
         except FileNotFoundError:
             raise RecordError(f"{self._path}: is no longer there; moved or deleted during the run.") from None
         except OSError as error:
+            self.shorten(self._size, last)
             raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
+
+    def shorten(self, size: int, last: bytes = b"") -> None:
+        """Leave so many bytes, of which the last are others, and take none of what was to follow."""
+        with suppress(OSError):
+            os.pwrite(self._file.fileno(), last, size - len(last))
+            os.ftruncate(self._file.fileno(), size)
+        self._size = size
 
     def close(self) -> None:
         """End the record; nothing is held back."""
@@ -179,5 +190,11 @@ class TableWriter(GrowingFile):
             self._add([",".join(["" if value is None else repr(float(value)) for value in row])])
 
     def _add(self, lines: Sequence[str]) -> None:
-        self.write("".join(f"{line}\n" for line in lines).encode())
+        """Append lines, all of them or as many as there is room for; raises ``RecordError``."""
+        try:
+            self.write("".join(f"{line}\n" for line in lines).encode())
+        except RecordError:
+            for line in lines if len(lines) > 1 else ():
+                self._add([line])
+            raise
         self._rows += len(lines)

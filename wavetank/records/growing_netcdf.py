@@ -38,8 +38,7 @@ class GrowingNetCDF(GrowingFile):
     def open(self) -> None:
         """Make the file, or go on with it; raises ``RecordError``."""
         super().open()
-        if self._records:
-            self._tell()
+        self._tell()
 
     def held(self) -> Held:
         """Return how far it has grown, and where its records stand."""
@@ -55,17 +54,15 @@ class GrowingNetCDF(GrowingFile):
         """Append records, (K, numbers) in the order of the variables, time first; ``first`` are those of the first one.
 
         Raises ``RunError`` for a number that is not finite, before anything of its record is written, but those before;
-        and for a file that cannot be written.
+        and for a file that cannot be written, which has none of them then.
         """
         finite = np.isfinite(rows).all(axis=1)
         whole = rows if finite.all() else rows[: finite.argmin()]
+        head, after = b"", whole
         if not self._records and len(whole):
-            content = netcdf(first(), self._attributes, growing="time")
-            self._begin = len(content) - rows.shape[1] * NUMBER.itemsize
-            self.write(content)
-        after = whole if self._records else whole[1:]
-        if len(after):
-            self.write(after.astype(NUMBER).tobytes())
+            head, after = netcdf(first(), self._attributes, growing="time"), whole[1:]
+            self._begin = len(head) - rows.shape[1] * NUMBER.itemsize
+        self.write(head + after.astype(NUMBER).tobytes())
         self._records += len(whole)
         self._tell()
         for row in rows[len(whole) :]:
@@ -73,7 +70,8 @@ class GrowingNetCDF(GrowingFile):
 
     def _tell(self) -> None:
         """Write into the header how many records there are."""
-        self.write(self._records.to_bytes(4, "big"), at=COUNT.start)
+        if self._size:
+            self.write(self._records.to_bytes(4, "big"), at=COUNT.start)
 
 
 def whole(content: bytes) -> bytes:

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from wavetank.errors import RecordError
 from wavetank.records.growing import INDEX, GrowingFile
 from wavetank.records.growing_netcdf import NUMBER, GrowingNetCDF
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable
@@ -93,18 +94,34 @@ class SurfaceWriter(GrowingNetCDF):
         Raises ``RunError`` for a number that is not finite, before anything of its snapshot is written, but those
         before; and for a file that cannot be written; ``ValueError`` for arrays of another length than the first.
         """
-        points, before = self._points or x.shape[1], self._records
+        points = self._points or x.shape[1]
         if not x.shape[1:] == eta.shape[1:] == psi.shape[1:] == (points,):
             shapes = ", ".join(str(one.shape[1:]) for one in (x, eta, psi))
             raise ValueError(f"{self._path.name}: x, eta, psi of shapes {shapes}; it has {points} points.")
         self._points = points
         rows = np.column_stack([t, x, eta, psi])
         try:
+            self._append(rows)
+        except RecordError:
+            for row in rows if len(rows) > 1 else ():  # as many as there is room for
+                self._append(row[None])
+            raise
+
+    def _append(self, rows: Array) -> None:
+        """Append snapshots, and to the index where they stand: all or, where there is no room, none."""
+        before, size = self._records, self._size
+        try:
             self.append_records(rows, lambda: _first(rows[0]))
         finally:
-            if told := [self._found(t[n], before + n) for n in range(self._records - before)]:
+            if told := [self._found(rows[n, 0], before + n) for n in range(self._records - before)]:
                 head = "" if before else HEAD
-                self._index.write("".join([head, *told, TAIL]).encode(), over=len(TAIL) if before else 0)
+                try:
+                    self._index.write("".join([head, *told, TAIL]).encode(), over=len(TAIL) if before else 0)
+                except RecordError:
+                    self._records = before
+                    self.shorten(size)
+                    self._tell()
+                    raise
 
     def _found(self, t: float, number: int) -> str:
         """Return where a snapshot stands, by its number, for XDMF."""
