@@ -225,7 +225,7 @@ class StabilityWatch(Keeping):
         if product > self._limit:
             step = 0.8 * self._limit / product * self._dt
             cure = f"under the crests dt omega_max = {product:.3g}, for a scheme stable below {self._limit:.4g}"
-            cure = f"{cure}: a step of {step:.2g} s would do"
+            cure = f"{cure}: a step of {step:.2g} s would have done so far"
         return (
             f"t = {t:.6g} s: short waves that alternate from step to step have grown to {100 * noise:.2g} % of the "
             f"highest elevation, most at {place}: from here on the run is not to be trusted; {cure}"
