@@ -19,6 +19,7 @@ the fraction kappa of what alternates, of a smooth jump something of order dt³ 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
@@ -31,7 +32,7 @@ from wavetank.integrators.flow import flow
 KAPPA = 0.1
 
 
-class MeanAndJumps(NamedTuple):
+class Pairs(NamedTuple):
     """Pairs (q, p), shape (2, n) each: the mean of the traces at t; their jumps there and after the two steps before.
 
     Attributes
@@ -46,30 +47,34 @@ class MeanAndJumps(NamedTuple):
     jump_2: Vector
     minus: Vector
 
-    @property
+
+class MeanAndJumps(Pairs):
+    """The state, with what is asked of it, found once: who asks again knows by the array that it is the same."""
+
+    @cached_property
     def q(self) -> Vector:
         """The mean of the coordinates."""
         q: Vector = self.mean[0]
         return q
 
-    @property
+    @cached_property
     def p(self) -> Vector:
         """The mean of the momenta."""
         p: Vector = self.mean[1]
         return p
 
-    @property
+    @cached_property
     def q_jump(self) -> Vector:
         """The jump of the coordinates."""
         jump: Vector = self.jump[0]
         return jump
 
-    @property
+    @cached_property
     def plus(self) -> Vector:
         """The plus trace."""
         return self.mean + self.jump / 2
 
-    @property
+    @cached_property
     def known(self) -> tuple[Evaluated, ...]:
         """Both traces, that before the jump as it was evaluated last, and that after it."""
         return Evaluated(*self.minus), Evaluated(*self.plus)
