@@ -37,7 +37,7 @@ MIXED = 5  # earlier iterates that take part in an iteration
 SHORTEST = 1e-15  # squared, of their steps against the longest
 SAFETY = 30.0  # on what an iteration is known to leave: errors of stages that repeat from step to step take energy
 WRONG = 10.0  # of what residuals are to have: what may be wrong of points that start values are combined of
-CONFIRMED = 8  # solves after which what is known is measured anew
+CONFIRMED = 16  # solves after which what is known is measured anew
 
 
 def identity(stage: Stage, residual: Vector) -> Vector:
