@@ -208,6 +208,20 @@ def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):
     assert np.abs(after - there).max() < 1e-13 < 1e-3 * np.abs(after - before).max()
 
 
+def test_the_mass_matrix_is_inverted_as_it_is_wherever_the_paddle_has_been(make_tank):
+    """Its product with the solution, which is to the bit that of one that has come another way: runs go on so."""
+    one = {"length": 20.0, "cells": 40, "n": 2, "motion": Sinusoid(0.5, 4.0), "reach": 2.0}
+    tank, other = make_tank(**one), make_tank(**one)
+    right, solutions = np.cos(tank.plane.x), []
+    for t in (0.3, 0.7, 1.0):
+        tank.set_time(t)
+        solutions.append(tank.mass.solve(right))
+        assert np.abs(tank.mass.apply(solutions[-1]) - right).max() < 1e-13
+    other.set_time(1.0)
+    assert np.array_equal(other.mass.solve(right), solutions[-1])
+    assert np.abs(solutions[-1] - solutions[0]).max() > 0.1
+
+
 def test_a_penalty_of_which_the_wall_changes_a_part_is_that_of_all_cells(make_tank):
     """Oracle: that matrix, where the paddle has gone to. While it is needed by far it is not looked again."""
     tank = make_tank(length=4.0, cells=8, n=2, motion=Sinusoid(0.5, 4.0), reach=2.0)
