@@ -69,8 +69,9 @@ def differences(parts: dict) -> list[str]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("parts", [SLICE | BESIDE, BASIN], ids=["slice", "basin"])
+@pytest.mark.parametrize("parts", [SLICE | BESIDE, FLAP | BESIDE, BASIN], ids=["slice", "flap", "basin"])
 def test_so_it_is_on_several_ranks(parts, on_ranks):
+    """Of which the flap carries no water of the last."""
     found = on_ranks(differences, parts)
     assert found == [[]] * len(found)
 

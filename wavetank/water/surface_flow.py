@@ -188,7 +188,7 @@ class SurfaceFlow(SurfaceVelocity):
         expression = compile_expression(slopes, points, self._comm)
 
         def find() -> tuple[Vector, Vector]:
-            found = expression.eval(plane.mesh, cells).reshape(len(cells), -1, 2)
+            found = expression.eval(plane.mesh, cells).reshape(len(cells), len(points), 2)
             found[backwards] = found[backwards, ::-1]
             return found[..., 0], found[..., 1]
 
@@ -239,7 +239,7 @@ class SurfaceFlow(SurfaceVelocity):
                 found[2:, self._carried] = self._leaning()
                 places, heights = found[:2, self._carried].reshape(2, -1)
                 moved = self._waves.wall.to_physical(np.column_stack([places, 0 * places]), heights)
-                found[0, self._carried] = moved[:, 0].reshape(len(self._carried), -1)
+                found[0, self._carried] = moved[:, 0].reshape(-1, self._places.shape[1])
         return self._found
 
     @property
