@@ -35,7 +35,7 @@ class Seen(NamedTuple):
     velocities: Vector
 
 
-class Standing(Protocol):
+class SeenWall(Protocol):
     """What is asked of a wall."""
 
     @property
@@ -47,7 +47,7 @@ class Standing(Protocol):
         """How it moves now [m/s]."""
 
 
-class Evaluated(Protocol):
+class Evaluable(Protocol):
     """Water of which points can be evaluated; all methods are collective.
 
     Attributes
@@ -59,7 +59,7 @@ class Evaluated(Protocol):
     gravity: float
 
     @property
-    def wall(self) -> Standing:
+    def wall(self) -> SeenWall:
         """The wall."""
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
@@ -78,7 +78,7 @@ class Evaluated(Protocol):
         """Return the sum of a b over the degrees of freedom of all ranks."""
 
 
-def seen_from(water: Evaluated, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
+def seen_from(water: Evaluable, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
     """Return what is seen of a state at t [s] from a point; collective."""
     wall, energies, eta = water.wall, water.energies(*at, t), water.elevation(*at, t)
     if at[0] is q and at[1] is p:
