@@ -316,6 +316,24 @@ def test_a_short_record_of_gauges_far_apart_sees_no_reflection_where_there_is_no
     assert reflected_spectra(record, depth=DEPTH).attrs["coefficient"] < 0.05
 
 
+def test_a_group_counts_wherever_it_lies_in_the_record():
+    """Oracle: Parseval's: of components df apart that pass once, m0 times the record's length is Σ a² / (2 df)."""
+    f, t = np.linspace(0.3, 1.3, 101), np.arange(0, 60, 0.05)
+    a = 5e-3 * np.exp(-(((f - 0.7) / 0.12) ** 2))
+    k, length = k_of(f)[:, None], t.size * 0.05
+    hm0 = 4 * np.sqrt((a**2).sum() / (2 * (f[1] - f[0]) * length))
+    for passes in (20.0, 33.0):
+        comes, returns = (2 * np.pi * f[:, None] * (t - at) for at in (passes, passes + 8.0))
+
+        def group(x, _, comes=comes, returns=returns):
+            return a @ (np.cos(k * (x - 4) - comes) + 0.2 * np.cos(k * (x - 4) + returns))
+
+        found = reflected_spectra(recorded(group, GAUGES[3], t), depth=DEPTH).attrs
+        assert found["hm0_incident"] == pytest.approx(hm0, rel=0.01)  # what counts has above 2 % of the density
+        assert found["coefficient"] == pytest.approx(0.2, rel=1e-3)
+        assert found["hm0_reflected"] / found["hm0_incident"] == pytest.approx(found["coefficient"], rel=1e-12)
+
+
 def test_gauges_half_a_wave_length_apart_tell_nothing():
     f = 0.7
     x = (3.0, 3.0 + np.pi / float(k_of(f)))

@@ -15,7 +15,7 @@ from wavetank.postprocess.analysis.exceedance import (
     rayleigh_crests,
     rayleigh_heights,
 )
-from wavetank.postprocess.analysis.reflection import ENERGETIC, Reflection
+from wavetank.postprocess.analysis.reflection import Reflection
 from wavetank.postprocess.style import BLUE, CM, COMPUTED, GREEN, INK, ORANGE, PURPLE, VERMILION, picture
 from wavetank.theory.airy import wave_number
 from wavetank.theory.wave import Array
@@ -165,14 +165,13 @@ def groups_figure(eta: DataArray, envelope: DataArray, groupiness: DataArray, pa
 def reflection_figure(found: Dataset, path: Path, *, title: str) -> Path:
     """Draw incident and reflected spectra, and the ratio of their amplitudes where the waves are; return ``path``."""
     density = found.incident.fillna(0.0) + found.reflected.fillna(0.0)
-    there = density > ENERGETIC * density.max()
-    ratio = np.sqrt(found.reflected / found.incident.where(found.incident > 0))
+    ratio = np.sqrt(found.reflected / found.incident.where(found.incident > 0)).where(found.counted)
     with picture(path, 9, 7) as figure:
         spectra, below = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         spectra.plot(found.frequency, CM**2 * found.incident, color=BLUE, label="incident")
         spectra.plot(found.frequency, CM**2 * found.reflected, color=VERMILION, label="reflected")
         spectra.set(ylabel="variance density [cm²/Hz]", ylim=(0, None), xlim=(0, _highest(density)))
-        below.plot(found.frequency, ratio.where(there), ".-", color=GREEN, label="reflected over incident amplitude")
+        below.plot(found.frequency, ratio, ".-", color=GREEN, label="reflected over incident amplitude")
         below.set(xlabel="frequency [Hz]", ylabel="reflection [-]", ylim=(0, None))
         figure.legend(**LEGEND)
         said = f"{title}: reflection {found.attrs['coefficient']:.3g}"

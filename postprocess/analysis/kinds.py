@@ -175,12 +175,12 @@ def _regular(record: Record) -> Result:
 
 def _irregular(record: Record) -> Result:
     found = reflected_spectra(record.on_its_way, depth=record.depth, gravity=record.gravity)
-    df = float(found.frequency[1] - found.frequency[0])
-    incident, back = (4 * float(np.sqrt(found[name].sum() * df)) for name in ("incident", "reflected"))
+    of = ("hm0_incident", "hm0_reflected", "coefficient", "told_apart")
     return Result(
         ("Hm0 incident [m]", "Hm0 reflected [m]", "reflection [-]", "variance told apart [-]"),
-        [(incident, back, found.attrs["coefficient"], found.attrs["told_apart"])],
-        f"{record.eta.sizes['gauge']} gauges{record.told_way}",
+        [tuple(float(found.attrs[name]) for name in of)],
+        f"{record.eta.sizes['gauge']} gauges; of frequencies that they tell apart and that have above "
+        f"{100 * ENERGETIC:g} % of the largest density{record.told_way}",
         lambda path: figures.reflection_figure(found, path, title=record.title),
     )
 

@@ -17,10 +17,11 @@ from xarray import DataArray, Dataset
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis.along import told_apart
 from wavetank.postprocess.analysis.records import places, time_step
-from wavetank.postprocess.analysis.spectra import peak_frequency, samples, spectrum
+from wavetank.postprocess.analysis.spectra import mean_period, peak_frequency, samples, spectrum
 from wavetank.theory.airy import group_velocity, wave_number
 
 WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
+LOW = 0.25  # of the highest: where waves at the ends of a record are lower, no window is needed
 ENERGETIC = 0.02  # of the largest incident density: of less, no reflection is told
 
 
@@ -78,10 +79,11 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
 
     By the gauges' cross spectra (Welch's, segments of ``spectrum``, in Hann windows that go along with the incident
     waves at the group velocity of their peak, lest what passes one gauge in a window and the next outside it counts as
-    reflected). Not numbers where the gauges cannot tell them apart, by half wave lengths between them or because these
-    are much longer than their row (``condition`` above 6.3). The attribute ``coefficient`` is the root of reflected
-    over incident variance, where the waves are. Raises ``InputError`` for fewer than two gauges, and where no frequency
-    of the waves can be told apart.
+    reflected; a single segment has none where its waves are low at either end, as a group's are). Not numbers where the
+    gauges cannot tell them apart, by half wave lengths between them or because these are much longer than their row
+    (``condition`` above 6.3). ``counted`` is where they can and the waves are, which is what the attributes are of:
+    ``hm0_incident`` and ``hm0_reflected`` [m], ``coefficient``, their ratio, and ``told_apart``, the share of the
+    variance. Raises ``InputError`` for fewer than two gauges, and where no frequency of the waves can be told apart.
     """
     x, dt = places(eta), time_step(eta)
     _check(x.size, 2)
@@ -89,7 +91,8 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     length = eta.time.size - int(late.max())
     values = np.array([one[n : n + length] for n, one in zip(late, eta.transpose("gauge", "time").values, strict=True)])
     size = min(samples(eta, segment), length)
-    f, cross = signal.csd(values[:, None], values[None], 1 / dt, nperseg=size, detrend="constant")
+    window = "boxcar" if size == length and _ends_low(values, round(mean_period(eta) / dt)) else "hann"
+    f, cross = signal.csd(values[:, None], values[None], 1 / dt, window, nperseg=size, detrend="constant")
     f, cross = f[1:], np.moveaxis(cross, -1, 0)[1:]
     turned = np.exp(2j * np.pi * dt * f[:, None] * late)
     cross = turned[:, :, None] * cross * turned[:, None].conj()
@@ -105,15 +108,25 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     there = usable & (density > ENERGETIC * density.max())
     if not there.any():
         raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
-    coefficient = float(np.sqrt(back[there].sum() / max(incident[there].sum(), np.finfo(float).tiny)))
+    variances = {"incident": incident, "reflected": back}
+    hm0 = {name: 4 * float(np.sqrt(S[there].sum() * f[0])) for name, S in variances.items()}
     at = {"frequency": ("frequency", f, {"units": "Hz"})}
-    found = {"incident": incident, "reflected": back}
     return Dataset(
-        {name: ("frequency", S, {"units": "m2 Hz-1"}) for name, S in found.items()}
-        | {"condition": ("frequency", condition, {"units": "1"})},
+        {name: ("frequency", S, {"units": "m2 Hz-1"}) for name, S in variances.items()}
+        | {"condition": ("frequency", condition, {"units": "1"}), "counted": ("frequency", there)},
         at,
-        {"coefficient": coefficient, "told_apart": float(density[there].sum() / density.sum())},
+        {f"hm0_{name}": height for name, height in hm0.items()}
+        | {
+            "coefficient": hm0["reflected"] / max(hm0["incident"], np.finfo(float).tiny),
+            "told_apart": float(density[there].sum() / density.sum()),
+        },
     )
+
+
+def _ends_low(values: NDArray[np.float64], period: int) -> bool:
+    """Return whether the first and last waves of records, in that many samples, are low beside their highest."""
+    high = np.abs(values - values.mean(axis=1, keepdims=True))
+    return bool(max(high[:, :period].max(), high[:, -period:].max()) < LOW * high.max())
 
 
 def _delays(eta: DataArray, x: NDArray[np.float64], depth: float, gravity: float) -> NDArray[np.intp]:
