@@ -40,7 +40,7 @@ from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
 from wavetank.theory import airy
 from wavetank.theory.plane_waves import waves_along
-from wavetank.theory.second_order import Strokes, _Water, second_order
+from wavetank.theory.second_order import MANY, Strokes, _Water, second_order
 from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.theory.wavemaker import PISTON
 from wavetank.values.formula import Formula
@@ -593,6 +593,15 @@ def test_pairs_of_many_frequencies_are_those_of_few(monkeypatch):
     many, sums = added(omega, b).b, slice(0, 210)
     assert np.abs(many - few)[sums].max() < 1e-4 * np.abs(few[sums]).max()
     assert np.abs(many - few)[210:].max() < 1e-2 * np.abs(few[210:]).max()
+
+
+def test_second_order_is_the_same_to_the_last_bit_whenever_it_is_found():
+    """The oracle is itself, found before, of numbers that stand elsewhere in memory: a run goes on bit for bit."""
+    omega, b = 2 * np.pi * np.linspace(0.3, 1.5, MANY + 1), np.exp(1j * np.arange(MANY + 1))
+    first = added(omega, b, evanescent=1)
+    for words in (1, 2, 3):
+        shifted = (np.concatenate([np.zeros(words, one.dtype), one])[words:] for one in (omega, b))
+        np.testing.assert_array_equal(added(*shifted, evanescent=1).b, first.b)
 
 
 def test_what_makes_second_order_is_found_once(monkeypatch):

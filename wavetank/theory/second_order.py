@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from wavetank.theory import airy
 from wavetank.theory.wave import Array
@@ -94,12 +95,19 @@ def second_order(
 
 def _interpolated(water: "_Water", omega: Array) -> Complex:
     """Return ``_Water.left`` of the sums of many frequencies from that of few: it is a smooth function of both."""
-    from scipy.interpolate import BarycentricInterpolator  # loads long; few motions have so many frequencies
+    middle, half = 0.5 * (omega.max() + omega.min()), 0.5 * (omega.max() - omega.min())
+    nodes = [chebyshev.chebpts1(count) for count in (FEW, FEW + 1)]
+    first, second = (_cardinal((omega - middle) / half, one) for one in nodes)
+    return np.asarray(first @ water.left_between(*(middle + half * one for one in nodes)) @ second.T)
 
-    low, high = omega.min(), omega.max()
-    nodes = [0.5 * (low + high) - 0.5 * (high - low) * np.cos(np.pi * (np.arange(c) + 0.5) / c) for c in (FEW, FEW + 1)]
-    first, second = (BarycentricInterpolator(one, np.eye(one.size))(omega) for one in nodes)
-    return np.asarray(first @ water.left_between(*nodes) @ second.T)
+
+def _cardinal(x: Array, nodes: Array) -> Array:
+    """Return the polynomials that are 1 at one of Chebyshev's nodes and 0 at the others, shape (x, nodes).
+
+    They are (2 sum_j T_j(x) T_j(node) - 1) / nodes: always the same, where scipy's interpolator shuffles its nodes.
+    """
+    at_x, at_nodes = (chebyshev.chebvander(points, nodes.size - 1) for points in (x, nodes))
+    return np.asarray((2.0 * at_x @ at_nodes.T - 1.0) / nodes.size)
 
 
 class _Water:
