@@ -33,7 +33,8 @@ def analyse(
         str | None, typer.Option(metavar="X,X,NUMBER", help="a slice's surface at so many places from x to x [m]")
     ] = None,
     period: Annotated[
-        float | None, typer.Option(help="of regular waves [s]; default: found, and for reflection a sea", min=1e-6)
+        float | None,
+        typer.Option(help="of regular waves [s]; default: the paddle's, or found, and for reflection a sea", min=1e-6),
     ] = None,
     depth: Annotated[float | None, typer.Option(help="of still water [m]; a run's is known", min=1e-6)] = None,
     out: Annotated[Path | None, typer.Option(help="folder; default: the run's, or runs/ and the data's name")] = None,

@@ -208,6 +208,7 @@ def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
         found = breaking.follow([crest((11.3 + 2.0 * t) % 12.0, B), crest((5.3 + 2.0 * t) % 12.0, 0.8)], t)
         assert len(found) == count
     assert [t for t, _ in breaking.began] == pytest.approx([0.2, 1.6])
+    assert breaking.story == "waves broke 2 times, the first time at t = 0.2 s, x = 11.7 m"
 
 
 @pytest.mark.parametrize(("moving", "seen"), [(0.0, 0), (1.0, 4)])

@@ -24,6 +24,7 @@ from wavetank.theory.airy import wave_number
 from wavetank.theory.wave import Array
 
 COHERENT = 0.9  # less has no phase speed
+DOUBTFUL = 0.1  # of the variance: more that is not of the period is told
 STEEP = 0.05  # of the wave number: within which that of regular waves is looked for, where gauges allow
 
 Value = str | float
@@ -165,12 +166,20 @@ def _regular(record: Record) -> Result:
     said = f"rest {found.rest:.3g} m (rms); condition {found.condition:.3g}" + (
         ": gauges stand badly" if found.condition > WORST else ""
     )
+    if (share := _of_other_periods(record)) > DOUBTFUL:
+        said += f"; {100 * share:.2g} % of the variance is not of this period, but of other waves or of growing ones"
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
         [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
         said + record.told_way,
         lambda path: figures.regular_reflection_figure(component, found, path, title=record.title),
     )
+
+
+def _of_other_periods(record: Record) -> float:
+    """Return the share of the variance that is neither of the waves' frequency nor of its harmonics."""
+    rest = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency)).rest
+    return float((rest**2).sum() / record.eta.var("time").sum())
 
 
 def _irregular(record: Record) -> Result:

@@ -82,7 +82,7 @@ class Tried:
     cpu
         CPU time of all its runs [s].
     broke
-        How many waves broke in them, and were damped.
+        How often waves broke in them, and were damped.
     found
         What came of it; nothing of runs that have not finished.
     cause

@@ -27,7 +27,7 @@ def told(one: Tried) -> str:
     found = one.found
     if one.cause:
         return one.cause
-    broke = f"; {one.broke} waves break" if one.broke else ""
+    broke = f"; waves break {one.broke} times" if one.broke > 1 else "; a wave breaks" if one.broke else ""
     other = found.rival
     rival = f"; another of {other.height:.4g} m at {other.x:.4g} m, {other.t:.4g} s" if other else ""
     nrms = "" if np.isnan(found.nrms) else f"nrms {found.nrms:.3g}, "

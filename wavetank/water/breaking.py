@@ -201,12 +201,12 @@ class BreakingDissipation(Smoothing):
 
     @property
     def story(self) -> str:
-        """How many waves broke, and where the first did, as the beginning of a sentence; nothing if none has."""
+        """How often waves broke, and where the first did, as the beginning of a sentence; nothing if none has."""
         if not self.began:
             return ""
         count, (t, x) = len(self.began), self.began[0]
-        first = f"the first at t = {t:.6g} s, x = {x:.4g} m" if count > 1 else f"at t = {t:.6g} s, x = {x:.4g} m"
-        return f"{count} wave{'s' if count > 1 else ''} broke, {first}"
+        at = f"at t = {t:.6g} s, x = {x:.4g} m"
+        return f"waves broke {count} times, the first time {at}" if count > 1 else f"1 wave broke, {at}"
 
     @property
     def part_taken(self) -> float:
@@ -215,7 +215,7 @@ class BreakingDissipation(Smoothing):
 
     @property
     def figures(self) -> dict[str, object]:
-        """How many waves broke, when and where each began to, and what was taken of the energy there was."""
+        """How often waves broke, when and where each began to, and what was taken of the energy there was."""
         began = [{"t": t, "x": x} for t, x in self.began]
         return {"waves": len(began), "began": began, "energy_taken": self.energy_taken, "part_taken": self.part_taken}
 
