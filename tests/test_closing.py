@@ -31,7 +31,8 @@ def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on
     assert together.manifest["highest_crest"] == pytest.approx(crest, rel=1e-6)
     for run, ranks in ((alone, "1 rank"), (together, "3 ranks")):
         *lines, last = (run.path / "run.log").read_text().splitlines()[-6:]
-        assert lines[0] == f"highest crest: {crest['height']:.4g} m, at x = {crest['x']:.4g} m, t = {crest['t']:.4g} s"
+        place = f"at the node x = {crest['x']:.4g} m, t = {crest['t']:.4g} s"
+        assert lines[0] == f"highest crest: {crest['height']:.4g} m, {place}"
         assert lines[1].startswith("errors: ") and lines[1].endswith(" of the energy; no warnings")
         assert lines[2].startswith("cost: ") and f" CPU s on {ranks}, 20 steps, " in lines[2]
         assert lines[3:] == [
@@ -44,7 +45,7 @@ def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on
 def test_a_place_at_the_origin_is_told_as_that(tmp_path):
     outcome = Outcome(Crest(0.1, -1e-17, 1.4e-17, 2.0), 0.0, 0.0)
     line, *_ = closing(outcome, SPENT, warnings=[], path=tmp_path, flat=False)
-    assert line == "highest crest: 0.1 m, at x = 0 m, y = 0 m, t = 2 s"
+    assert line == "highest crest: 0.1 m, at the node x = 0 m, y = 0 m, t = 2 s"
 
 
 @pytest.mark.parametrize(("anew", "said"), [(True, "next: anew from the start"), (False, "next: wavetank resume")])
@@ -66,7 +67,7 @@ def test_the_closing_lines_say_what_is_to_be_known(tmp_path, warnings, said):
     outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
     path = tmp_path / "a run"
     assert closing(outcome, SPENT, warnings=warnings, path=path, flat=False) == [
-        "highest crest: 0.1131 m, at x = 10.46 m, y = -2 m, t = 20.18 s",
+        "highest crest: 0.1131 m, at the node x = 10.46 m, y = -2 m, t = 20.18 s",
         f"errors: 2e-15 of the mass, 3e-05 of the energy; {said}",
         "cost: 12 CPU s on 3 ranks, 100 steps, 4.6 interior solves a step, 0.5 s for a second of waves",
         f"records: {path}",

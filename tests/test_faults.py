@@ -6,7 +6,7 @@ import random
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -21,7 +21,7 @@ from test_stateful import BASIN, SLICE
 
 from wavetank.case import Scene
 from wavetank.errors import BreakdownError, InputError
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.recording import record_run
 from wavetank.records.checkpoint import read_checkpoint
@@ -99,6 +99,34 @@ def readable(out: Path) -> float:
         return 0.0
     assert not damaged
     return float(kept.about["t"])
+
+
+class Divides:
+    """A user's observer with a mistake."""
+
+    def __init__(self, waves: object) -> None:
+        self.schedule = EverySteps()
+
+    def observe(self, moment: Moment) -> None:
+        raise ZeroDivisionError("division by zero")
+
+
+class DividesLater(Divides, Patient):
+    """The same, of moments that are worked off together."""
+
+    def work_off(self, moments: Sequence[Moment]) -> None:
+        self.observe(moments[0])
+
+
+@pytest.mark.parametrize("observer", [Divides, DividesLater])
+def test_of_an_observer_that_fails_the_class_is_said(observer, tmp_path):
+    with pytest.raises(ZeroDivisionError):
+        record_run(
+            scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), observers=[observer]
+        )
+    said = f"division by zero; ZeroDivisionError in the observer {observer.__name__}"
+    assert RunDirectory(tmp_path).manifest["cause"] == said
+    assert (tmp_path / "run.log").read_text().endswith(f"failed: {said}\n")
 
 
 @pytest.mark.slow

@@ -268,6 +268,7 @@ def test_a_scene_is_frozen():
         ("tank=3", "tank = 3: must be a table; allowed are: bed, density, depth, gravity, layout, length, type"),
         ("tank.type=pond", 'tank.type = "pond": is an unknown type; allowed are: slice, ring, basin'),
         ("beach.length=3", 'beach = {"length": 3}: is an unknown key; allowed are: far_wall, gauge_lines, gauges'),
+        ("wall.type=fixed", 'are: type; set the whole table, wall={type="fixed"}, to drop what is of another type'),
         ("wall.type=crane", 'wall.type = "crane": is an unknown type; allowed are: fixed, piston, flap, profile'),
         ("wall={reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
         ("wall={far={}}", ".toml, overridden: wall.far = {}: is an unknown key; the table is called [far_wall]."),

@@ -82,6 +82,11 @@ class ConvergenceError(BreakdownError):
     """A linear or nonlinear solve did not reach its tolerance."""
 
 
+def worded(error: BaseException) -> str:
+    """Return why something ended, in words: what an error says, or its type, and what was noted of it."""
+    return "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())])
+
+
 def choice(received: str, allowed: Sequence[str]) -> str:
     """Return the end of a sentence: what may have been meant, and what is allowed."""
     begun = [one for one in allowed if len(received) > 2 and one.startswith(received)]

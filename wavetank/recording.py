@@ -13,7 +13,7 @@ from rich.console import Console
 from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.windows import Window
-from wavetank.errors import BreakdownError, InputError, PaddleError, RunError
+from wavetank.errors import BreakdownError, InputError, PaddleError, RunError, worded
 from wavetank.fe.agreed import agreed, from_first, on_first
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.breaking import BreakingNews
@@ -334,7 +334,7 @@ def _said(writer: RunWriter, log: RunLog, *, draw: Draw | None) -> Iterator[None
         yield
         log.note("finished")
     except BaseException as error:
-        log.note(f"failed: {str(error) or type(error).__name__}")
+        log.note(f"failed: {worded(error)}")
         raise
     finally:
         try:

@@ -50,7 +50,7 @@ class ActiveAbsorption(Noun):
         at_face = face(maker, omega, tank.depth, tank.gravity)
         most = np.abs(self.build(tank, maker, paddles=paddles).reflection(at_face, omega)).max()
         band = f"waves from {shortest:.3g} to {longest:.3g} s"
-        return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band}"
+        return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band} at short steps"
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a band that is none."""

@@ -52,7 +52,7 @@ def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[s
         return scene
     except ValidationError as error:
         found = error.errors(include_url=False)
-        problems = [problem for details in found for problem in _problems(details)]
+        problems = [_left(problem, overridden, details) for details in found for problem in _problems(details)]
     except SceneError as error:
         problems = list(error.problems)
     raise InputError(_sentences(path, text, problems, overridden))
@@ -260,6 +260,18 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield Problem(place.key, received, str(context["error"]))
         case _:
             yield Problem(place.key, received, _in_words(details["msg"], place.meaning))
+
+
+def _left(problem: Problem, overridden: Sequence[Key], details: ErrorDetails) -> Problem:
+    """Return a problem; of a key that is left of another type than the command line's, with how to drop it."""
+    table = problem.key[:-1]
+    changed = details["type"] == "extra_forbidden" and (*table, "type") in overridden
+    if not changed or any(problem.key[: len(key)] == key for key in overridden):
+        return problem
+    name, holder = ".".join(map(str, table)), _place(details["loc"][:-1])
+    more = ", ..." if any(field.is_required() for noun in holder.nouns for field in noun.model_fields.values()) else ""
+    whole = f'{name}={{type="{holder.tags[0]}"{more}}}'
+    return problem._replace(allowed=f"{problem.allowed}; set the whole table, {whole}, to drop what is of another type")
 
 
 def _unknown_type(name: str, place: _Place) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Self, TypeVar
 from uuid import uuid4
 
 from wavetank.arrays import Vector
-from wavetank.errors import InputError, RecordError, RunError, WavetankError
+from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded
 from wavetank.records.checkpoint import Checkpoint, kept, read_checkpoint, write_checkpoint
 from wavetank.records.directory import (
     BROKEN,
@@ -130,7 +130,7 @@ class RunWriter:
         """Close all files and write the manifest's last word, that this is why the run has ended."""
         status = error.status if isinstance(error, RunError) else "failed"
         with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
-            self.finish(status, {"cause": str(error) or type(error).__name__})
+            self.finish(status, {"cause": worded(error)})
 
     def tell(self) -> None:
         """Write the manifest with what has been noted so far; on a full disk that waits."""

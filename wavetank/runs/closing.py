@@ -90,7 +90,7 @@ def closing(
     directory = shlex.quote(str(path))
     broken = _of_breakdown(spent, path, untrue=outcome.untrue, drawn=drawn)
     return [
-        f"highest crest: {crest.height:.4g} m, at {place}, t = {crest.t:.4g} s",
+        f"highest crest: {crest.height:.4g} m, at the node {place}, t = {crest.t:.4g} s",
         f"errors: {outcome.mass:.1g} of the mass{follows}, {outcome.energy:.1g} of the energy; {_told(warnings)}",
         f"cost: {', '.join(costs)}",
         f"records: {path}",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import RunError
+from wavetank.errors import RunError, WavetankError
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
@@ -108,6 +108,9 @@ class Run:
                     observer.work_off(due)
             except RunError as error:
                 failures.append(error)
+            except Exception as error:
+                _name(error, observer)
+                raise
         if failures:
             self.observed = False  # not by all
             raise failures[0]
@@ -177,9 +180,13 @@ class Run:
         for waves in self._seen:
             moment.look(waves)
         self._moments.append(moment)
-        for schedule, act in self._acts:
-            if schedule is None or schedule.due(step, t, before):
-                act(moment)
+        try:
+            for schedule, act in self._acts:
+                if schedule is None or schedule.due(step, t, before):
+                    act(moment)
+        except Exception as error:
+            _name(error, getattr(act, "__self__", act))
+            raise
         self.observed = True
 
     def _due(self, schedule: Schedule, moments: list[Moment]) -> list[Moment]:
@@ -192,6 +199,12 @@ class Run:
 def _when(one: Observer) -> Schedule | None:
     """Return when an observer acts, None being at every step."""
     return None if one.schedule == EverySteps() else one.schedule
+
+
+def _name(error: Exception, observer: object) -> None:
+    """Note of an error that is none of this package's, such as a user's own, in which observer it arose: one alone."""
+    if not isinstance(error, WavetankError) and not hasattr(error, "__notes__"):
+        error.add_note(f"{type(error).__name__} in the observer {type(observer).__name__}")
 
 
 def _values(state: Any) -> Held:
