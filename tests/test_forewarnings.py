@@ -24,6 +24,7 @@ from wavetank.plan.defaults import resolved
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import planned, told_of_rule
+from wavetank.plan.waves_held import waves_missed
 from wavetank.recording import Warnings, record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.records.log import RunLog
@@ -89,6 +90,23 @@ DOUBTFUL = {
         {"wall": FLAP, "water": {"type": "linear"}, "numerics": {"cell_size": 1.0, "vertical_order": 4}},
         r"the paddle of wall moves at up to 0\.[234].* and goes 1\.\d* m from rest in water 1 m deep; water\.type",
     ),
+    "a ramp as long as the run": (
+        {"wall": piston(1.8), "numerics": {"cells": 20}},
+        r"^the ramp of wall\.motion is over after 3\.6 s, the run of 2 s before: its waves do not get their height$",
+    ),
+    "a sponge of a quarter of a wave": (
+        {"wall": piston(1.8), "numerics": {"cells": 20}, "sponge": {"type": "end", "length": 1.0}},
+        r"^sponge\.length = 1 m is less than half of the paddle's waves of T = 1\.8 s, 4\.\d* m long: the sponge sends",
+    ),
+    "a basin's sponge of a quarter of a wave": (
+        {
+            "tank": BASIN | {"layout": BASIN["layout"] | {"sponge_length": 1.0}},
+            "wall": piston(1.8),
+            "numerics": {"cell_size": 0.5, "vertical_order": 4},
+            "sponge": {"type": "group"},
+        },
+        r"^tank\.layout\.sponge_length = 1 m is less than half of the paddle's waves",
+    ),
     "too deep for any vertical order": (
         {"tank": {"length": 0.0209, "depth": 1.0}, "initial": standing() | {"wave_amplitude": 1e-6}, "duration": 1.0},
         r"predicted .* waves as short against the depth \(k d = 150\) are the same in a tank that is less deep",
@@ -124,13 +142,59 @@ def test_a_case_cut_short_is_what_it_was(case):
         cut = read_case(CHECKOUT / "cases" / f"{case}.toml", [f"run.duration={duration}"])
         chosen, doubts = planned(cut, MPI.COMM_SELF)
         assert chosen.numerics.vertical_order == 8  # as that of 24 s
-        assert [*doubts, *said_of(chosen)] == []
+        (only,) = [*doubts, *said_of(chosen)]
+        assert re.fullmatch(rf"the ramp of wall\.motion is over .* the run of {duration:g} s before: .*", only)
 
 
 def test_a_motion_of_two_steps_is_judged_as_it_goes_on():
     """Of the first two alone a step would miss 0.13: a ramp begins like t^4, which Simpson's rule has not."""
     cut = read_case(CHECKOUT / "cases" / "wavemaker.toml", ["run.duration=0.02", "numerics.dt=0.01"])
-    assert said_of(planned(cut, MPI.COMM_SELF).scene) == []
+    (only,) = said_of(planned(cut, MPI.COMM_SELF).scene)
+    assert only.startswith("the ramp of wall.motion is over after 4 s")
+
+
+def on_a_slope(period, **numerics):
+    """A piston before a slope from 1 m of water to 0.5 m: the usual cells, but for what is named."""
+    bed = {"type": "formula", "depth": "1 - 0.025 * x"}
+    return resolved(scene(tank=SLICE | {"bed": bed}, wall=piston(period, 1e-4), duration=20.0, numerics=numerics))
+
+
+def test_cells_that_miss_a_paddle_s_waves_over_a_bed_are_told():
+    """By linear elements' waves, mu = 6 (1 - cos k h) / (h² (2 + cos k h)), in deep water, omega² = g mu^(1/2)."""
+    one = on_a_slope(0.5, cell_size=0.08, order=1, dt=0.01)
+    (said,) = waves_missed(one, 0.08)
+    cosine = np.cos((k := 16 * np.pi**2 / 9.81) * 0.08)
+    speed = (6 * (1 - cosine) / (0.08**2 * (2 + cosine)) / k**2) ** 0.25
+    assert said.startswith("cells of 0.08 m and order 1 leave 4.9 nodes to the paddle's waves, T = 0.5 s, 0.39 m long")
+    missed, enough = map(float, re.search(r"their speed by (\S+)%: cells of (\S+) m hold them", said).groups())
+    assert missed / 100 == pytest.approx(speed - 1, abs=1e-3)
+    assert not [*waves_missed(one, enough)] and not [*waves_missed(on_a_slope(0.5), on_a_slope(0.5).cell_size)]
+
+
+def test_waves_that_cells_do_not_carry_are_told_in_a_basin():
+    one = resolved(scene(tank=BASIN, wall=piston(0.5), duration=20.0, numerics={"cell_size": 1.0, "order": 2}))
+    assert re.search("leave 0.78 nodes to .*, and carry none as short: cells of 0.056 m", *waves_missed(one, 1.0))
+
+
+def test_a_vertical_order_that_misses_a_paddle_s_waves_is_told():
+    """By hand: one linear function makes of tanh(x) / x, x = k d, 1 - 3/4 x² / (x² + 3)."""
+    one = on_a_slope(2.0, vertical_order=1)
+    x = float(wave_number(np.pi, 1.0, 9.81))
+    speed = np.sqrt(x / np.tanh(x) * (1 - 0.75 * x**2 / (x**2 + 3)))
+    (said,) = waves_missed(one, one.cell_size)
+    told = re.fullmatch(r"numerics.vertical_order = 1 misses .* by (\S+)%: an order of (\d) holds them", said)
+    assert float(told[1]) / 100 == pytest.approx(speed - 1, abs=1e-3)
+    enough = on_a_slope(2.0, vertical_order=int(told[2]))
+    assert not [*waves_missed(enough, enough.cell_size)]
+
+
+def test_the_shortest_waves_are_told_though_most_are_held():
+    """Of two as strong in one motion, T = 1.6 s and 0.5 s, the longer ones have just over half of the power."""
+    motion = {"type": "formula", "position": "1e-4 * (1.05 * sin(2*pi*t/1.6) / 1.25 + sin(4*pi*t) / 4)", "ramp": 2.0}
+    one = scene(tank=BASIN, wall={"type": "piston", "motion": motion}, duration=32.0, numerics={"cell_size": 0.4})
+    (said,) = waves_missed(resolved(one), 0.4)
+    found = re.search(r"nodes to the shortest 10% of the paddle's waves, T = (\S+) s, (\S+) m long", said)
+    assert np.array(found.groups(), dtype=float) == pytest.approx([0.5, 0.39], rel=0.03)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,7 @@ from wavetank.runs.clock import Clock
 from wavetank.runs.waters import build_waves, told_energy
 from wavetank.theory import airy
 from wavetank.theory.wavemaker import PISTON
+from wavetank.values.noun import SceneError
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.walls import StillWall
@@ -479,8 +480,27 @@ def test_a_scene_that_asks_for_an_accuracy_is_the_same_after_a_dump():
 
 
 def test_settings_that_cannot_reach_the_accuracy_are_refused_by_name():
-    with pytest.raises(InputError, match=r"must be above .*, cells = 4 being set"):
-        make_plan(asking({"cells": 4, "order": 2}), 1e-4, costs=COSTS)
+    with pytest.raises(InputError, match=r"must be above .*, vertical_order = 2 being set"):
+        make_plan(asking({"vertical_order": 2}), 1e-4, costs=COSTS)
+    with pytest.raises(InputError, match=r"= 0\.0001: nothing that p <= 2, .* order = 2 being set.* is accurate\.$"):
+        make_plan(asking({"order": 2, "vertical_order": 2, "integrator": "simpson-4"}, kd=40.0), 1e-4, costs=COSTS)
+
+
+@pytest.mark.parametrize(
+    ("named", "allowed"),
+    [
+        ({"cells": 4}, r"numerics\.cells = 4: must be more for an accuracy of 0\.01: (\S+) would do\."),
+        ({"cell_size": 2.0}, r".*\.cell_size = 2\.0: must be smaller for an accuracy of 0\.01: (\S+) m would do\."),
+    ],
+    ids=["cells", "cell_size"],
+)
+def test_of_cells_too_large_for_the_accuracy_it_is_told_which_would_do(named, allowed):
+    kept = {"order": 3, "vertical_order": 7}
+    with pytest.raises(SceneError) as said:
+        make_plan(asking(kept | named), 1e-2, costs=COSTS)
+    ((key, _),) = named.items()
+    would = float(re.fullmatch(allowed, str(said.value))[1])
+    assert make_plan(asking(kept | {key: int(would) if key == "cells" else would}), 1e-2, costs=COSTS).error <= 1e-2
 
 
 def test_a_step_too_long_for_the_accuracy_is_told_the_longest():

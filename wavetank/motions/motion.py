@@ -40,6 +40,11 @@ class Motion(ABC):
         return None
 
     @property
+    def risen(self) -> float:
+        """When its ramp is over [s]; 0 where it has none."""
+        return 0.0
+
+    @property
     def power_period(self) -> float | None:
         """The period that halves the power of its velocity [s], where that is known of it for all times."""
         return None

@@ -49,6 +49,11 @@ class Ramped(Motion):
         self.motion.check(times)
 
     @property
+    def risen(self) -> float:
+        """When the ramp is over [s]."""
+        return self.start + self.ramp
+
+    @property
     def power_period(self) -> float | None:
         """That of S [s]."""
         return self.motion.power_period

@@ -39,6 +39,11 @@ class PiecewiseLinear(SegmentedMotion):
         return self.motion.duration
 
     @property
+    def risen(self) -> float:
+        """When the ramp of S is over [s]."""
+        return self.motion.risen
+
+    @property
     def power_period(self) -> float | None:
         """That of S [s]."""
         return self.motion.power_period

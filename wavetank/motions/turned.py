@@ -50,6 +50,11 @@ class Turned(Motion):
             raise InputError(f"the flap turns by {largest:.4g} rad; its angle {ANGLES}.")
 
     @property
+    def risen(self) -> float:
+        """When the angle's ramp is over [s]."""
+        return self.angle.risen
+
+    @property
     def power_period(self) -> float | None:
         """That of the angle [s]."""
         return self.angle.power_period

@@ -32,7 +32,7 @@ SOLVED, LOOSEST = 1e-3, 1e-5  # of the accuracy, and at most: tolerances of a st
 POINTS, LINES = 8192, 5  # at which surface and bed are looked at, along each of so many lines
 
 
-class _Shape(NamedTuple):
+class BedShape(NamedTuple):
     """The bed: its shortest wave [rad/m], and the smallest depth, but for a few places, and the largest [m]."""
 
     k: float
@@ -43,15 +43,15 @@ class _Shape(NamedTuple):
 def resolved(scene: Scene) -> Scene:
     """Return the scene with cells and vertical order that its shortest wave requires, where the case names none."""
     named, changes = scene.numerics.model_fields_set, dict[str, float | int]()
-    bed = _bed(scene)
+    bed = bed_shape(scene)
     omega = max(_of_motion(scene), float(airy.angular_frequency(max(_of_start(scene), 1e-12), bed.deep, _g(scene))))
     k = max(bed.k, float(airy.wave_number(omega, bed.shallow, _g(scene))))
-    size = 2 * np.pi / k / PER_WAVE.get(scene.numerics.order, OF_HIGHER_ORDER)
+    size = cell_size_for(k, scene.numerics.order)
     if not named & {"cells", "cell_size"} and size < scene.numerics.cell_size_in(scene.tank):
         changes["cell_size"] = float(size)
     if "vertical_order" not in named:
         kd = float(airy.wave_number(omega, bed.deep, _g(scene))) * bed.deep
-        changes["vertical_order"] = max(scene.numerics.vertical_order, _vertical_order(kd))
+        changes["vertical_order"] = max(scene.numerics.vertical_order, vertical_order_for(kd))
     if scene.numerics.open:
         changes |= solved_to(DEFAULT, scene)
         changes["order"] = scene.numerics.order  # none is left to be planned
@@ -70,7 +70,12 @@ def _g(scene: Scene) -> float:
     return scene.tank.gravity
 
 
-def _vertical_order(kd: float) -> int:
+def cell_size_for(k: float, order: int) -> float:
+    """Return the size [m] of cells of an order that hold waves of k [rad/m]."""
+    return 2 * np.pi / k / PER_WAVE.get(order, OF_HIGHER_ORDER)
+
+
+def vertical_order_for(kd: float) -> int:
     """Return the least vertical order that holds waves of k d."""
     orders = range(1, HIGHEST_VERTICAL_ORDER)
     return next((n for n in orders if relative_frequency_error(kd, n) <= VERTICAL), HIGHEST_VERTICAL_ORDER)
@@ -78,11 +83,14 @@ def _vertical_order(kd: float) -> int:
 
 def _of_motion(scene: Scene) -> float:
     """Return the frequency below which the paddles move [rad/s]; 0 if they stand still."""
-    return max(map(_of_paddle, scene.paddles), default=0.0)
+    return max((frequency_below(seen, POWER) for seen in scene.paddles), default=0.0)
 
 
-def _of_paddle(scene: Scene) -> float:
-    """Return the same of the wall that the scene is seen from."""
+def frequency_below(scene: Scene, share: float) -> float:
+    """Return that below which a share of the power of a paddle's motion lies [rad/s]; 0 if it stands still.
+
+    It is the paddle of the wall that the scene is seen from.
+    """
     motion = scene.motion()
     if not motion.moves:
         return 0.0
@@ -91,7 +99,7 @@ def _of_paddle(scene: Scene) -> float:
     def ending(t: Vector) -> Vector:  # gently: a motion that is cut has all frequencies
         return np.asarray((velocity(t).T * tapered(np.asarray(t / duration))).T)
 
-    period = paddle_period(ending, duration=duration, tank=scene.tank, share=POWER)
+    period = paddle_period(ending, duration=duration, tank=scene.tank, share=share)
     return 0.0 if period is None else min(2 * np.pi / period, highest_frequency(scene, DEFAULT))
 
 
@@ -104,14 +112,15 @@ def _of_start(scene: Scene) -> float:
     return max((_shortest(eta, x, missing=1 - POWER) for x, eta in lines), default=0.0)
 
 
-def _bed(scene: Scene) -> _Shape:
+def bed_shape(scene: Scene) -> BedShape:
+    """Return what waves know of a bed; a flat one is as deep everywhere."""
     depth = scene.depths()
     if not callable(depth):
-        return _Shape(0.0, depth, depth)
+        return BedShape(0.0, depth, depth)
     lines = _lines(scene, depth)
     depths = np.concatenate([d for _, d in lines] or [np.array([scene.tank.depth])])
     shortest = max((_shortest(d, x, missing=_of_variation(d)) for x, d in lines), default=0.0)
-    return _Shape(shortest, max(float(np.quantile(depths, 0.05)), 1e-3 * scene.tank.depth), float(depths.max()))
+    return BedShape(shortest, max(float(np.quantile(depths, 0.05)), 1e-3 * scene.tank.depth), float(depths.max()))
 
 
 def _of_variation(depths: Vector) -> float:

@@ -10,30 +10,35 @@ from wavetank.case import Scene
 from wavetank.case.initial import StillWater
 from wavetank.case.initial_run import RunState
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.case.sponges import EndSponge, GroupSponge
 from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.plan.defaults import DEFAULT
+from wavetank.plan.defaults import DEFAULT, bed_shape
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.plan import own_plan
-from wavetank.plan.requirements import looked_at, requirements
+from wavetank.plan.requirements import looked_at, requirements, unplanned
 from wavetank.plan.stroke_held import stroke_missed
+from wavetank.plan.waves_held import HELD, waves_missed
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.waters import AnyWaves
 from wavetank.theory.airy import wave_number
 
 LARGE = 0.1  # predicted relative error of the elevation
-HELD = 0.01  # what mesh and step may miss
+SHORT = 0.5  # of a wave: a sponge that absorbs little of it
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
 def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
     """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective.
 
-    Of an integrator of a user's ``own``, in place of the scene's, no error is predicted.
+    Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made:
+    of both it is said what mesh and vertical order miss of the paddle's waves.
     """
-    before = [*(_predicted(scene) if own is None else ()), *_of_walls(scene, waves), *_strokes(scene)]
+    planless = own is not None or unplanned(scene) is not None
+    mesh = waves_missed(scene, waves.plane.cell_size) if planless else _predicted(scene)
+    before = [*mesh, *_of_walls(scene, waves), *_strokes(scene), *_ramps(scene), *_sponge(scene)]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *_bed(scene, waves), *_start(scene, waves), *of_step]
@@ -59,6 +64,35 @@ def _strokes(scene: Scene) -> Iterator[str]:
             moves = f"the paddle of {seen.key} moves at up to {share:.2g} of its waves' speed"
             far = f"goes {seen.excursion(motion):.3g} m from rest in water {tank.depth:.3g} m deep"
             yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes any'
+
+
+def _ramps(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle whose ramp takes the whole run."""
+    for seen in scene.paddles:
+        if (risen := seen.motion().risen) >= scene.run.duration:
+            key, end = f"{seen.key}.motion", f"the run of {scene.run.duration:.4g} s"
+            yield f"the ramp of {key} is over after {risen:.4g} s, {end} before: its waves do not get their height"
+
+
+def _sponge(scene: Scene) -> Iterator[str]:
+    """Yield a sentence if the sponge is too short for the paddle's waves, by their length where it is shallow."""
+    key, length = _length(scene)
+    if length is None or not scene.paddle_periods:
+        return
+    period, depth = max(scene.paddle_periods), bed_shape(scene).shallow
+    waves = 2 * np.pi / float(wave_number(2 * np.pi / period, depth, scene.tank.gravity))
+    if length < SHORT * waves:
+        of = f"the paddle's waves of T = {period:.3g} s, {waves:.3g} m long"
+        back = "the sponge sends back much of them; it needs one wave length or more"
+        yield f"{key} = {length:.4g} m is less than half of {of}: {back}"
+
+
+def _length(scene: Scene) -> tuple[str, float | None]:
+    """Return how long the sponge is [m], if the case names that, and by which key."""
+    if isinstance(scene.sponge, EndSponge):
+        return "sponge.length", scene.sponge.length
+    layout = getattr(scene.tank, "layout", None) if isinstance(scene.sponge, GroupSponge) else None
+    return "tank.layout.sponge_length", getattr(layout, "sponge_length", None)
 
 
 def _predicted(scene: Scene) -> Iterator[str]:

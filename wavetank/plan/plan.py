@@ -12,7 +12,7 @@ water's inverse, converge to larger or smaller steps: ``SOLVABLE``.
 """
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import product
 from math import ceil
 from typing import Any
@@ -153,10 +153,20 @@ def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> 
     if not found and (longest := search.longest()) is not None:
         allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
         raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+    if not found and (fewest := search.fewest()) is not None:
+        raise SceneError([_too_large(scene, fewest, accuracy)])
     if not found:
-        best = f"must be above {search.best():.2g}, the best that {search.what} with a stable step"
-        raise UnreachableError(f"accuracy = {accuracy:g}: {best}.")
+        raise UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
     return search.plan(min(found, key=lambda one: one[0].cpu)[1], costs)
+
+
+def _too_large(scene: Scene, fewest: int, accuracy: float) -> Problem:
+    """Return that a scene's cells are too large for an accuracy, by the key that names them, and so many that do."""
+    numerics, known = scene.numerics, f"for an accuracy of {accuracy:g}"
+    if numerics.cells is not None:
+        return Problem(("numerics", "cells"), numerics.cells, f"must be more {known}: {fewest} would do")
+    would = f"{scene.tank.length / fewest:.4g} m would do"
+    return Problem(("numerics", "cell_size"), numerics.cell_size, f"must be smaller {known}: {would}")
 
 
 def own_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
@@ -168,8 +178,8 @@ def own_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> P
 class _Search:
     """All discretisations of a scene."""
 
-    def __init__(self, scene: Scene, accuracy: float):
-        self._scene, self._given = scene, Given.by(scene)
+    def __init__(self, scene: Scene, accuracy: float, *, given: Given | None = None):
+        self._scene, self._given = scene, given or Given.by(scene)
         self._required, self._quickened = requirements(scene, accuracy), scene.quickened
         self._errors = ErrorModel(self._required)
         self._scheme = self._given.integrator or SCHEME
@@ -216,12 +226,25 @@ class _Search:
         """Return the longest step that would do where the one that is given does not; None if none is given or does."""
         if self._given.dt is None:
             return None
-        self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=None)
-        return max((settings.dt for settings in self.candidates()), default=None)
+        return max((settings.dt for settings in self._without("dt").candidates()), default=None)
 
-    def best(self) -> float:
-        """Return the best accuracy that all meshes reach."""
-        return min((self._errors.total(self._errors.space(mesh)) for mesh in self._meshes()), default=np.inf) / AIM
+    def fewest(self) -> int | None:
+        """Return the fewest cells that would do where those that are given do not; None if none are given or do."""
+        if self._given.cells is None:
+            return None
+        return min((settings.cells for settings in self._without("cells").candidates()), default=None)
+
+    def _without(self, name: str) -> "_Search":
+        """Return the search of the same scene, but for one thing that is given."""
+        free: dict[str, Any] = {name: None}
+        return _Search(self._scene, self._required.accuracy, given=replace(self._given, **free))
+
+    @property
+    def reached(self) -> str:
+        """The best accuracy that all meshes reach, in words."""
+        best = min((self._errors.total(self._errors.space(mesh)) for mesh in self._meshes()), default=np.inf) / AIM
+        what = f"{self.what} with a stable step"
+        return f"must be above {best:.2g}, the best that {what}" if best < 1.0 else f"nothing that {what} is accurate"
 
     def _longest_step(self, mesh: Mesh) -> float:
         stable = INTEGRATORS[self._scheme].stability_limit
