@@ -265,10 +265,10 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
 def _left(problem: Problem, overridden: Sequence[Key], details: ErrorDetails) -> Problem:
     """Return a problem; of a key that is left of another type than the command line's, with how to drop it."""
     table = problem.key[:-1]
-    changed = details["type"] == "extra_forbidden" and (*table, "type") in overridden
-    if not changed or any(problem.key[: len(key)] == key for key in overridden):
-        return problem
+    changed = details["type"] == "extra_forbidden" and (*table, "type") in overridden and homes(str(problem.key[-1]))
     name, holder = ".".join(map(str, table)), _place(details["loc"][:-1])
+    if not changed or not any(holder.tags) or any(problem.key[: len(key)] == key for key in overridden):
+        return problem
     more = ", ..." if any(field.is_required() for noun in holder.nouns for field in noun.model_fields.values()) else ""
     whole = f'{name}={{type="{holder.tags[0]}"{more}}}'
     return problem._replace(allowed=f"{problem.allowed}; set the whole table, {whole}, to drop what is of another type")
