@@ -231,7 +231,7 @@ def test_a_warning_is_printed_once():
     assert warnings.sentences == ["now", "at the end"]
 
 
-def test_a_run_says_so_at_its_end_and_in_its_manifest(wavetank, tmp_path):
+def test_a_run_says_so_before_it_at_its_end_and_in_its_manifest(wavetank, tmp_path):
     case, out = tmp_path / "case.toml", tmp_path / "run"
     case.write_text(
         "[tank]\nlength = 2.0\ndepth = 1.0\n[initial]\ntype = 'standing-wave'\nwave_amplitude = 0.1\n"
@@ -243,6 +243,8 @@ def test_a_run_says_so_at_its_end_and_in_its_manifest(wavetank, tmp_path):
     worst, *_, sentence = RunDirectory(out).manifest["warnings"]
     assert sentence.startswith("the energy balance is off by 0.0")
     assert f"\nwarning: {sentence}\nhighest crest: " in result.stdout
+    before, _ = result.stdout.split("\nt = ", maxsplit=1)
+    assert before.endswith(f"\nwarning: {worst}")
     assert f" of the energy; 2 warnings, the worst: {worst}\n" in result.stdout  # no advice is in it
 
 

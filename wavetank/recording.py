@@ -69,7 +69,7 @@ class Warnings:
         self._log = log
 
     def add(self, sentence: str) -> None:
-        """Keep a sentence, to be printed after the run."""
+        """Keep a sentence, to be printed before the first step, or, if it is found later, after the run."""
         if sentence not in self.sentences:
             self.sentences.append(sentence)
 
@@ -196,6 +196,7 @@ def record_run(
             for line in (*at_first, *told_of_windows(scene, run.clock)):
                 if line:
                     log.say(line)
+            warnings.show()
             with _failure_kept(writer), _progress(run, waves, log, writer) as progress:
                 interruption.before = keeping.write_last
                 run.observers += [keeping.from_time_to_time(scene.run.checkpoint_every), *progress, interruption]
