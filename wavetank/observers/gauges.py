@@ -33,12 +33,11 @@ class Gauges(Keeping):
         places = np.asarray(places, dtype=np.float64)
         self._waves, self._record, self.schedule = waves, record, schedule
         self._elevation, self.sees = waves.plane.function("elevation"), waves
-        place, wall = waves.plane.chart.place, waves.wall
-        Points(waves.plane, place(wall.to_reference(places)))  # refuses what is outside
+        wall = waves.wall
+        self._points = Points(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
         reached = wall.reaches(places)
-        self._near, self._far = np.flatnonzero(reached), np.flatnonzero(~reached)
+        self._near = np.flatnonzero(reached)
         self._beside = SurfacePoints(waves.plane, wall, places[reached])
-        self._points = Points(waves.plane, place(places[~reached]))
         called = called or Called.unnamed(wall, "gauge", places)
         names = [called.places[n] for n in self._near]
         self._passing = Passing(wall, places[reached], called._replace(places=names))
@@ -50,8 +49,8 @@ class Gauges(Keeping):
 
     def work_off(self, moments: Sequence[Moment]) -> None:
         """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
-        rows, elevations = self._rows(moments), np.empty((len(moments), self._near.size + self._far.size))
-        elevations[:, self._far] = self._points.of_all(rows)
+        rows = self._rows(moments)
+        elevations = self._points.of_all(rows)
         try:
             if self._near.size:
                 elevations[:, self._near] = self._over_the_near(moments, rows)
