@@ -3,11 +3,12 @@
 import csv
 import errno
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from io import StringIO
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,19 @@ def _end(path: Path, rows: int) -> int | None:
     with path.open("rb") as file:
         ends = [len(line) for line in islice(file, 1 + rows) if line.endswith(b"\n")]
     return sum(ends) if len(ends) == 1 + rows else None
+
+
+def as_many_as_fit(append: Callable[[Any], None], parts: Any) -> None:
+    """Append the parts of a sequence or an array together, or, where that fails, one by one up to that which does.
+
+    What is appended together is there as a whole or not at all. Raises the ``RecordError`` that was met.
+    """
+    try:
+        append(parts)
+    except RecordError:
+        for n in range(len(parts) if len(parts) > 1 else 0):
+            append(parts[n : n + 1])
+        raise
 
 
 class GrowingFile:
@@ -191,10 +205,8 @@ class TableWriter(GrowingFile):
 
     def _add(self, lines: Sequence[str]) -> None:
         """Append lines, all of them or as many as there is room for; raises ``RecordError``."""
-        try:
-            self.write("".join(f"{line}\n" for line in lines).encode())
-        except RecordError:
-            for line in lines if len(lines) > 1 else ():
-                self._add([line])
-            raise
+        as_many_as_fit(self._write_lines, lines)
+
+    def _write_lines(self, lines: Sequence[str]) -> None:
+        self.write("".join(f"{line}\n" for line in lines).encode())
         self._rows += len(lines)

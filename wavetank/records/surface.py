@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import RecordError
-from wavetank.records.growing import INDEX, GrowingFile
+from wavetank.records.growing import INDEX, GrowingFile, as_many_as_fit
 from wavetank.records.growing_netcdf import NUMBER, GrowingNetCDF
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable
 from wavetank.stateful import Held
@@ -99,13 +99,7 @@ class SurfaceWriter(GrowingNetCDF):
             shapes = ", ".join(str(one.shape[1:]) for one in (x, eta, psi))
             raise ValueError(f"{self._path.name}: x, eta, psi of shapes {shapes}; it has {points} points.")
         self._points = points
-        rows = np.column_stack([t, x, eta, psi])
-        try:
-            self._append(rows)
-        except RecordError:
-            for row in rows if len(rows) > 1 else ():  # as many as there is room for
-                self._append(row[None])
-            raise
+        as_many_as_fit(self._append, np.column_stack([t, x, eta, psi]))
 
     def _append(self, rows: Array) -> None:
         """Append snapshots, and to the index where they stand: all or, where there is no room, none."""
