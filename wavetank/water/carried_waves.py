@@ -53,7 +53,7 @@ class Surface(NamedTuple):
 class Waves(WavesOverStillWater, Protocol):
     """What is asked of waves beyond their space and matrices."""
 
-    def seen(self) -> Surface | None:
+    def last_surface(self) -> Surface | None:
         """Return the surface of the point last evaluated, if that is known."""
 
 
@@ -118,7 +118,7 @@ class CarriedWaves:
 
     def _look(self, compiled: Compiled | None, most: float) -> None:
         """Find the velocities at the surface of the point last evaluated, cut off at so much [m/s]; collective."""
-        surface = self._waves.seen()
+        surface = self._waves.last_surface()
         self._known = surface is not None
         if surface is None:
             return

@@ -272,7 +272,7 @@ class NonlinearWaves:
         np.divide(self.phi.owned[:, -1], self._speed, out=self._rows[1])
         return self._row
 
-    def seen(self) -> Surface | None:
+    def last_surface(self) -> Surface | None:
         """Return the surface of the point last evaluated, unless the wall has moved since."""
         return None if np.isnan(self._t) else Surface(self.h.owned - self.bed.still, self._p, self._H_p)
 
