@@ -100,6 +100,18 @@ def test_a_paddle_that_reaches_a_gauge_is_told_of_at_once_by_name_and_rows_befor
     assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
 
 
+def test_gauges_within_a_paddles_reach_and_beyond_read_what_stands_over_them(make_tank):
+    """Of a plane surface, at two times together: oracle its height there, though the paddle carries the mesh."""
+    tank, rows = make_tank(length=6.0, cells=12, n=2, motion=Sinusoid(0.4, 4.0), reach=3.0), Memory()
+    places, moments = np.array([[0.7, 0.0], [5.0, 0.0], [2.0, 0.0]]), list[Moment]()
+    gauges = Gauges(tank, places, record=rows, schedule=EverySteps())
+    for step, t in enumerate((0.4, 1.3)):
+        tank.set_time(t)
+        moments.append(looked_at(tank, step, t, 0.01 * tank.wall.to_physical(tank.plane.places)[:, 0]))
+    gauges.work_off(moments)
+    assert rows.array()[:, 1:] == pytest.approx(0.01 * np.tile(places[:, 0], (2, 1)), abs=1e-12)
+
+
 @pytest.mark.parametrize("together", [1, 5, 16])
 def test_a_watch_warns_of_the_same_time_and_place_however_many_moments_it_judges_together(make_tank, together):
     """Of a surface that alternates from the 13th step on: the 15th is the first, the 24th the tenth that shows it.
