@@ -9,9 +9,11 @@ from mpi4py import MPI
 from numpy.typing import DTypeLike
 
 from wavetank.arrays import Vector
+from wavetank.fe.compiled import processor, vector_size
 from wavetank.fe.halo import Halo
 from wavetank.fe.plane import Plane
 
+BYTES = {"double": 8, "float": 4}
 SAME = 1e-12  # relative: so alike are the Jacobians of a cell whose geometry is the same everywhere
 DECLARATION = """
 typedef struct {
@@ -23,17 +25,19 @@ typedef struct {
 
 
 class Cells:
-    """Those of a rank, LANES to a batch; collective.
+    """Those of a rank, LANES to a batch: as many as the processor takes at a time; collective.
 
     Parameters
     ----------
     degree
         Up to which quadrature is exact.
-    lanes
-        Cells at a time.
+    real
+        What is calculated with: "double" or "float".
 
     Attributes
     ----------
+    lanes
+        Cells at a time.
     points
         Of the quadrature, in the cell's own coordinates.
     values, weights
@@ -42,8 +46,8 @@ class Cells:
         As ``cells.c`` has them.
     """
 
-    def __init__(self, plane: Plane, degree: int, *, lanes: int):
-        element, self._lanes = plane.V.element.basix_element, lanes
+    def __init__(self, plane: Plane, degree: int, *, real: str = "double"):
+        element, self.lanes = plane.V.element.basix_element, vector_size(processor()) // BYTES[real]
         dim = plane.mesh.topology.dim
         if element.cell_type == basix.CellType.quadrilateral:
             edge = basix.create_element(
@@ -75,7 +79,7 @@ class Cells:
             "batches": len(geometry["dofs"]),
         }
         self.sizes: dict[str, object] = {
-            "LANES": lanes,
+            "LANES": self.lanes,
             "NODES": element.dim,
             "POINTS": len(self.points),
             "PLACES": geometry["measure"].shape[1],
@@ -94,8 +98,8 @@ class Cells:
         mesh = plane.mesh
         cells = mesh.topology.index_map(mesh.topology.dim).size_local
         self._numbering, self._reached = plane.V.dofmap.index_map, plane.V.dofmap.list[:cells]
-        batches = -(-cells // self._lanes)
-        number = np.arange(batches * self._lanes).reshape(batches, self._lanes)  # near each other, and to one paddle
+        batches = -(-cells // self.lanes)
+        number = np.arange(batches * self.lanes).reshape(batches, self.lanes)  # near each other, and to one paddle
         chosen, there = np.minimum(number, cells - 1), number < cells
         corners = mesh.geometry.x[mesh.geometry.dofmap][:, :, : mesh.geometry.dim]
         slopes = mesh.ufl_domain().ufl_coordinate_element().basix_element.tabulate(1, self.points)[1:, :, :, 0]

@@ -70,6 +70,11 @@ def processor(cpuinfo: Path = CPUINFO) -> str:
     return "\n".join([platform.machine(), *(lines or [platform.processor(), platform.node()])])
 
 
+def vector_size(kind: str) -> int:
+    """Return how many bytes a kind of processor takes at a time: of more, gcc has each operation go through memory."""
+    return 64 if "avx512f" in kind.split() else 32
+
+
 def _python() -> list[str]:
     """Return what else decides how modules of this Python are compiled."""
     return [str(sysconfig.get_config_var(name)) for name in ("SOABI", "CC", "CFLAGS")]

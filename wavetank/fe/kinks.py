@@ -12,7 +12,7 @@ from wavetank.fe.cell_places import tabulate
 from wavetank.fe.cells import DECLARATION, Cells
 from wavetank.fe.chain import CHAIN, chain
 from wavetank.fe.kernels import Kernel, defined, source
-from wavetank.fe.mass import LANES, BandedMass
+from wavetank.fe.mass import BandedMass
 from wavetank.fe.plane import Plane
 
 KINKS = """
@@ -44,7 +44,7 @@ class KinkSmoothing:
     """
 
     def __init__(self, plane: Plane, mass: BandedMass, *, strength: float, shift: Vector | None):
-        cells, band = Cells(plane, plane.degree, lanes=LANES), 2 * plane.order
+        cells, band = Cells(plane, plane.degree), 2 * plane.order
         sizes = {"REAL": "double", **cells.sizes, "MOST": 1, "BAND": band, "ABREAST": 1, "GROUPS": 1}
         files = ("cells.c", "chain.c", "banded_mass.c", "kinks.c")
         code = defined(sizes) + "".join(map(source, files))

@@ -27,7 +27,6 @@ LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
 Indices = NDArray[np.intp]
 Array = NDArray[Any]  # of the operator's precision
 
-LANES = {"double": 8, "float": 16}  # cells at a time
 LAYERS = """
 typedef struct {
     const REAL *zeta, *weights, *P, *dP, *constants;
@@ -127,7 +126,7 @@ class LayerOperator:
         self.density = LayerDensity(energy, plane, column)
         self._owned, self.numbers = plane.owned, vertical.n + 1
         self.order = None if order is None else np.ascontiguousarray(order, dtype=np.int32)
-        cells, lanes = Cells(plane, plane.degree, lanes=LANES[real]), LANES[real]
+        cells = Cells(plane, plane.degree, real=real)
         if order is not None:
             cells.parts["dofs"] = np.argsort(order)[cells.parts["dofs"]]
         sizes = {
@@ -154,7 +153,7 @@ class LayerOperator:
         parts = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
         self._constants = self.density.constants().astype(self.kernel.real)
         self.layers = self.kernel.struct("Layers", {**parts, "constants": self._constants})
-        kept = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], lanes)
+        kept = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], cells.lanes)
         rows = self.density.rows()
         self.rows, self.least = np.empty(rows.shape, dtype=self.kernel.real), np.inf
         self.state = np.empty(kept, dtype=self.kernel.real) if stored else self.rows

@@ -24,7 +24,6 @@ from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import Plane
 from wavetank.fe.sparse_rows import SparseRows
 
-LANES = 8  # cells at a time
 ROUND_OFF, EIGHT_DIGITS = 1e-15, 1e-8  # of a solution, in its energy
 DECLARATIONS = """
 void weigh(const Cells *, const double *constants, const double *fields, double *weights);
@@ -221,7 +220,7 @@ class MassMatrix:
     more = "", ""  # C code, and its declarations
 
     def __init__(self, plane: Plane, J: Any):
-        cells = Cells(plane, plane.degree, lanes=LANES)
+        cells = Cells(plane, plane.degree)
         self._density = Density(ufl.as_ufl(J), plane)
         self._comm, self._halo = plane.comm, cells.halo(1)
         sizes = {"REAL": "double", **cells.sizes, "FIELDS": self._density.fields}
@@ -235,7 +234,7 @@ class MassMatrix:
             comm=plane.comm,
         )
         self._cells = self._kernel.struct("Cells", cells.parts)
-        self.weights = np.empty((cells.parts["batches"], len(cells.points), LANES))
+        self.weights = np.empty((cells.parts["batches"], len(cells.points), cells.lanes))
         self._constants, at = self._density.constants(), self._kernel.pointer
         self._at_weights, self._at_constants = at(self.weights), at(self._constants)
         of_cell = cells.values.T @ (cells.weights[:, None] * cells.values)

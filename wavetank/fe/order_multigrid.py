@@ -22,7 +22,6 @@ from wavetank.fe.plane import Plane
 
 Singles = NDArray[np.float32]
 
-LANES = 16  # cells at a time
 FEW = 4  # modes at a time
 NOTHING, NONE = 1e-30, 1e-3  # of single precision; of the largest eigenvalue: as small is as bad
 LEAVES = 0.12  # of an error: what a cycle of multigrid does, and smoothing alone has to where it is all that is done
@@ -54,7 +53,7 @@ class LayerMeans:
     def __init__(self, energy: LayerEnergy, density: LayerDensity, plane: Plane, *, vertical_order: int):
         self.plane, self._density = plane, density
         self.linear = LayerMatrices(energy, Plane(plane.mesh, 1))
-        cells = Cells(plane, 2 * plane.order + 1, lanes=LANES)
+        cells = Cells(plane, 2 * plane.order + 1, real="float")
         sizes = {
             "REAL": "float",
             **cells.sizes,
@@ -81,7 +80,7 @@ class LayerMeans:
         self._layers = self.kernel.struct("Layers", {**levels, "constants": self._constants})
         numbering = plane.V.dofmap.index_map
         self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
-        self._shape = cells.parts["batches"], len(cells.points), density.sizes["MEANS"], LANES
+        self._shape = cells.parts["batches"], len(cells.points), density.sizes["MEANS"], cells.lanes
 
     def assemble(self) -> "Means":
         """See ``Layer``."""

@@ -9,7 +9,6 @@ from wavetank.fe.cells import DECLARATION, Cells
 from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import Plane
 
-LANES = 8  # cells at a time
 DECLARATIONS = """
 double move(const Cells *, double most, const double *surface, double *velocity, double *y);
 void carry(const Cells *, const double *velocity, int slopes, const double *x, double *y);
@@ -20,13 +19,13 @@ class SurfacePoints:
     """The quadrature points of this rank's cells, and how the water moves there; collective throughout."""
 
     def __init__(self, plane: Plane):
-        cells = Cells(plane, 2 * plane.order + 1, lanes=LANES)
+        cells = Cells(plane, 2 * plane.order + 1)
         self._halo, self._of_surface, self._comm = cells.halo(1), cells.halo(3), plane.comm
         code = defined({"REAL": "double", "MOST": 3, **cells.sizes}) + source("cells.c") + source("points.c")
         declarations = DECLARATION + DECLARATIONS
         self._kernel = Kernel("points", declarations, key=code, source=lambda: code, comm=plane.comm)
         self._cells = self._kernel.struct("Cells", cells.parts)
-        self._velocity = np.zeros((cells.parts["batches"], len(cells.points), plane.mesh.geometry.dim, LANES))
+        self._velocity = np.zeros((cells.parts["batches"], len(cells.points), plane.mesh.geometry.dim, cells.lanes))
         self._at_velocity = self._kernel.pointer(self._velocity)
 
     @property
