@@ -48,11 +48,23 @@ def test_a_place_at_the_origin_is_told_as_that(tmp_path):
     assert line == "highest crest: 0.1 m, at the node x = 0 m, y = 0 m, t = 2 s"
 
 
-@pytest.mark.parametrize(("anew", "said"), [(True, "next: anew from the start"), (False, "next: wavetank resume")])
-def test_a_run_that_cannot_get_farther_is_not_to_be_resumed(tmp_path, anew, said):
-    outcome, spent = Outcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), SPENT | {"t": 4.0, "anew": anew}
+@pytest.mark.parametrize(
+    ("ended", "said"),
+    [
+        ({}, "wavetank resume {}"),
+        ({"anew": True}, "anew from the start, as the case has to be another"),
+        ({"unwritten": True}, "wavetank resume {}, once it can be written there again"),
+        ({"checkpoints": []}, "anew from the start: there is no checkpoint"),
+        (
+            {"unwritten": True, "checkpoints": []},
+            "anew from the start, once it can be written there again: there is no checkpoint",
+        ),
+    ],
+)
+def test_a_run_that_ends_early_is_resumed_where_it_can_be_and_gets_farther(tmp_path, ended, said):
+    outcome, spent = Outcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), SPENT | {"t": 4.0} | ended
     *_, last = closing(outcome, spent, warnings=[], path=tmp_path, flat=True)
-    assert last.startswith(said)
+    assert last == f"next: {said.format(tmp_path)}"
 
 
 @pytest.mark.parametrize(
