@@ -14,12 +14,13 @@ SPENT = {
     "timings": {"stepping_s": 5.0, "stepping_cpu_s": 12.0},
     "numerics": {"steps_taken": 100, "dt": 0.1},
     "counters": {"interior_solves": 456},
+    "checkpoints": [10.0, 9.0],
 }
 
 
 def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on_ranks):
     """The wave begins to run up at the tank's ends, where gauges are."""
-    start = 'initial={type="formula", eta="0.1*cos(pi*x)", psi="0.4*cos(pi*x)"}'
+    start = 'initial={type="formula", eta="0.1*cos(pi*x) + 0.001*x", psi="0.4*cos(pi*x)"}'  # one end higher
     alone, together = recorded_on_ranks("cases/standing-wave.toml", *SHORT, "water.type=linear", start)
     crest, errors = alone.manifest["highest_crest"], alone.manifest["errors"]
     at = {gauge.x: gauge for gauge in alone.gauge_series()}[crest["x"]]
@@ -87,18 +88,13 @@ def test_the_closing_lines_say_what_is_to_be_known(tmp_path, warnings, said):
     ]
 
 
-def test_of_a_run_that_was_stopped_it_is_told_how_it_goes_on(tmp_path):
-    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
-    lines = closing(outcome, SPENT | {"t": 9.9}, warnings=[], path=tmp_path, flat=True)
-    assert lines[-1] == f"next: wavetank resume {tmp_path}"
-
-
 @pytest.mark.parametrize("drawn", [True, False])
 def test_a_picture_of_what_broke_is_named_where_it_is_drawn(tmp_path, drawn):
     outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
     spent = SPENT | {"broke_down": {"t": 1.0, "crests": []}, "checkpoints": []}
     lines = closing(outcome, spent, warnings=[], path=tmp_path, flat=True, drawn=drawn)
-    assert str(tmp_path / "broken.csv") in lines[-1] and ("broken.png" in lines[-1]) == drawn
+    assert str(tmp_path / "broken.csv") in lines[-2] and ("broken.png" in lines[-2]) == drawn
+    assert lines[-1] == "next: anew from the start with --set numerics.dt=0.05: there is no checkpoint"
 
 
 @pytest.mark.parametrize(

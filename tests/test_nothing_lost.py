@@ -254,6 +254,7 @@ def test_on_a_full_disk_the_cause_has_its_place(tmp_path):
     assert rows.size > 50 and not useless and not kept.about["whole"] and kept.about["t"] > rows[-1] - 10 * 0.02
     assert not any("checkpoint.zip: cannot be written" in one for one in manifest["warnings"])
     assert "could not all be drawn" in done.stdout
+    assert "next: wavetank resume disk/run, once it can be written there again\n" in done.stdout
     assert not list((tmp_path / "run").glob(".*"))
 
 

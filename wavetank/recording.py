@@ -13,7 +13,7 @@ from rich.console import Console
 from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.windows import Window
-from wavetank.errors import BreakdownError, InputError, PaddleError, RunError, worded
+from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
 from wavetank.fe.agreed import agreed, from_first, on_first
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.breaking import BreakingNews
@@ -26,6 +26,7 @@ from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
 from wavetank.records.checkpoint import kept as checkpoints
+from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
 from wavetank.records.environment import environment
 from wavetank.records.load_table import columns as load_columns
@@ -165,10 +166,9 @@ def record_run(
             known.update(surface.figures)
             if writer is not None:
                 writer.broken(surface.columns)
-                known["checkpoints"] = [about["t"] for _, about in checkpoints(writer.path)]
-                writer.note({**surface.figures, "last_checkpoint": next(iter(known["checkpoints"]), None)})
+                writer.note({**surface.figures, "last_checkpoint": last_checkpoint(writer.path)})
 
-        def note(*, anew: bool = False) -> None:
+        def note(error: RunError | None = None) -> None:
             for judge in (one for one in run.observers if isinstance(one, Judge)):
                 for sentence in judge.verdict():
                     warnings.add(sentence)
@@ -180,9 +180,10 @@ def record_run(
                 writer.note(figures | outcome.figures)
                 if outcome.figures:
                     warnings.show()
-                    flat, costs = waves.plane.mesh.topology.dim == 1, known | figures | {"anew": anew}
-                    shown = {"flat": flat, "drawn": draw is not None}
-                    for line in closing(outcome, costs, warnings=warnings.sentences, path=writer.path, **shown):
+                    ended = {"anew": error and error.anew, "unwritten": isinstance(error, RecordError)}
+                    spent = known | figures | ended | {"checkpoints": [one["t"] for _, one in checkpoints(writer.path)]}
+                    shown = {"flat": waves.plane.mesh.topology.dim == 1, "drawn": draw is not None}
+                    for line in closing(outcome, spent, warnings=warnings.sentences, path=writer.path, **shown):
                         log.say(line)
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
@@ -378,7 +379,7 @@ def _execute(
                 look(surface)
                 if isinstance(error, BreakdownError) and (fold := folds(waves, run.state.q, run.state.p, run.t)):
                     error = PaddleError(f"{error}: {fold}")
-        note(anew=error.anew)
+        note(error)
         if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
             state, limit = run.state, run.integrator.stability_limit
             why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)

@@ -103,7 +103,10 @@ def _next(spent: dict[str, Any], directory: str) -> list[str]:
     if spent.get("anew"):
         return [ANEW]
     if spent["t"] < (1 - 1e-9) * spent["scene"]["run"]["duration"]:
-        return [f"wavetank resume {directory}"]
+        once = ", once it can be written there again" if spent.get("unwritten") else ""
+        if not spent["checkpoints"]:
+            return [f"anew from the start{once}: there is no checkpoint"]
+        return [f"wavetank resume {directory}{once}"]
     return [f"wavetank view {directory}", f"wavetank compare {directory} --with DATA"]
 
 
@@ -116,16 +119,16 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
     other = "run.on_breaking=dissipate" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
     files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
     lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
-    if not kept:
-        return lines
     sound = [t for t in kept if untrue is None or t < untrue]
-    good = "good " if kept[0] in sound else ""
-    before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
-    lines.append(f"the last {good}checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")
+    good = "good " if kept[:1] == sound[:1] else ""
+    if kept:
+        before = "".join(f"; the one before, t = {t:.6g} s: --at {t:.6g}" for t in kept[1:])
+        lines.append(f"the last {good}checkpoint, t = {kept[0]:.6g} s: {path / CHECKPOINT}{before}")
     if spent.get("anew"):
         return [*lines, f"next: {ANEW}"]
     if not sound:
-        return [*lines, f"next: anew from the start with --set {other}: no checkpoint is older than the warning"]
+        none = "no checkpoint is older than the warning" if kept else "there is no checkpoint"
+        return [*lines, f"next: anew from the start with --set {other}: {none}"]
     at = "" if good else f" --at {sound[0]:.6g}"
     return [*lines, f"next: wavetank resume {shlex.quote(str(path))}{at} --set {other}"]
 
