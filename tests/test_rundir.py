@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from wavetank.errors import InputError, RunError
 from wavetank.records.directory import RunDirectory
 from wavetank.records.environment import environment
+from wavetank.records.growing import csv_lines
 from wavetank.records.place import Place
 from wavetank.records.writer import RunWriter
 
@@ -87,6 +88,18 @@ def test_the_environment_is_recorded():
 
 NAMED = [("1", 10.0), ("at, the focus", 49.5), ("a@x=b", 0.1)]
 COLUMNS = ("t [s]", "total [m^4/s^2]")
+
+
+@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=1))
+def test_of_any_number_as_many_digits_are_written_as_reading_it_back_needs(row):
+    """Oracle: Python's own ``repr``, which has as few as that; it may count a power of ten otherwise."""
+
+    def digits(text):
+        return text.lower().partition("e")[0].replace(".", "").strip("-0")
+
+    *cells, empty = csv_lines([[*row, None]]).decode().removesuffix("\n").split(",")
+    assert [np.float64(cell).tobytes() for cell in cells] == [np.float64(value).tobytes() for value in row]
+    assert [*map(digits, cells)] == [digits(repr(value)) for value in row] and not empty
 
 
 def snapshot(number, points=5):
