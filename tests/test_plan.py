@@ -571,7 +571,9 @@ def test_of_a_basin_the_command_says_what_its_own_steps_cost(wavetank, tmp_path)
         for pattern in (r"([\d.]+) interior solves", r"a step: ([\d.e-]+) CPU s", r"run: (\d+) seconds")
     )
     assert wavetank("run", *short, "--no-plots", "--out", str(tmp_path / "run")).returncode == 0
-    counters = RunDirectory(tmp_path / "run").manifest["counters"]
+    manifest = RunDirectory(tmp_path / "run").manifest
+    counters = manifest["counters"]
+    assert manifest["warnings"] and re.findall("^warning: (.*)$", tried.stdout, re.M) == manifest["warnings"]
     assert 0.5 < 12 * solves / counters["interior_solves"] < 1.5  # the run's are those of a paddle that starts
     assert step > 0 and whole == pytest.approx(12 * step, abs=0.7)  # of two digits, and whole seconds
 

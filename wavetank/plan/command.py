@@ -51,11 +51,12 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
 
     from wavetank.console import spelt
     from wavetank.plan.affordable import check_affordable
+    from wavetank.plan.forewarnings import forewarnings
     from wavetank.plan.planned import planned
     from wavetank.plan.trial import trial
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
-    scene = planned(scene, MPI.COMM_WORLD).scene
+    scene, doubts = planned(scene, MPI.COMM_WORLD)
     check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     seen = trial(scene, MPI.COMM_WORLD)
     ranks = "1 rank" if MPI.COMM_WORLD.size == 1 else f"{MPI.COMM_WORLD.size} ranks"
@@ -69,6 +70,13 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
         *(f"  {line}" for line in _energy(scene)),
     ):
         terminal.print(line, highlight=False)
+    _warn(terminal, *doubts, *forewarnings(scene, seen.clock, seen.waves))
+
+
+def _warn(terminal: "Console", *sentences: str) -> None:
+    """Print what a run of the scene warns of before its first step."""
+    for sentence in sentences:
+        terminal.print(f"warning: {sentence}", style="bold red", highlight=False)
 
 
 def _energy(scene: "Scene") -> list[str]:
@@ -87,7 +95,7 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
     from wavetank.plan.cost_model import known_costs, measured_costs
     from wavetank.plan.defaults import DEFAULT
     from wavetank.plan.plan import make_plan
-    from wavetank.plan.planned import default_plan
+    from wavetank.plan.planned import default_plan, planned
 
     if MPI.COMM_WORLD.size > 1:
         raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a plan is made without mpirun.")
@@ -97,9 +105,28 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
     terminal.print(f"{name}, to a relative error of the elevation of {proposed.accuracy:g}:", highlight=False)
     for reason in (*proposed.reasons, *_energy(proposed.applied_to(scene))):
         terminal.print(f"  {reason}", highlight=False)
-    terminal.print(_table(proposed, _own(scene, wanted), costs))
+    own = _own(scene, wanted)
+    terminal.print(_table(proposed, own, costs))
     for line in (_use(scene, accuracy, wanted), f"CPU seconds are those of {costs.machine}{_elsewhere(costs)}."):
         terminal.print(line, highlight=False)
+    as_it_stands = accuracy is None or own is not None
+    used, doubts = planned(scene, MPI.COMM_WORLD) if as_it_stands else (proposed.applied_to(scene), ())
+    _warn(terminal, *doubts, *_forewarned(used))
+
+
+def _forewarned(scene: "Scene") -> list[str]:
+    """Return what is doubtful of a run of a scene; raises ``InputError`` as the run does."""
+    from math import inf
+
+    from mpi4py import MPI
+
+    from wavetank.plan.affordable import check_affordable
+    from wavetank.plan.forewarnings import forewarnings
+    from wavetank.runs.build import build_run
+
+    check_affordable(scene, MPI.COMM_WORLD, longest=inf)
+    run, waves = build_run(scene, MPI.COMM_WORLD)
+    return forewarnings(scene, run.clock, waves)
 
 
 def _use(scene: "Scene", accuracy: float | None, wanted: float) -> str:

@@ -33,8 +33,8 @@ class Trial(NamedTuple):
     ----------
     summary
         What the run is, in a line.
-    steps
-        Of the whole run.
+    clock, waves
+        The whole run's steps, and the waves in it.
     step
         CPU time of a step, of the rank that takes longest, without snapshots [s].
     solves
@@ -48,7 +48,8 @@ class Trial(NamedTuple):
     """
 
     summary: str
-    steps: int
+    clock: Clock
+    waves: AnyWaves
     step: float
     solves: float
     memory: float
@@ -58,7 +59,7 @@ class Trial(NamedTuple):
     @property
     def duration(self) -> float:
         """CPU time of the whole run on each rank, if all its steps take as long [s]."""
-        return self.steps * self.step + self.watching
+        return self.clock.steps * self.step + self.watching
 
 
 class PerStep(NamedTuple):
@@ -91,18 +92,18 @@ def trial(scene: Scene, comm: MPI.Comm) -> Trial:
     """Return what some steps of a run show, with its waves in the tank; collective. Raises what a run raises."""
     going_on = scene.model_copy(update={"run": scene.run.model_copy(update={"on_breaking": "dissipate"})})
     run, waves = build_run(going_on, comm)
-    steps, line = run.clock.steps, summary(scene, run, waves)
+    clock, line = run.clock, summary(scene, run, waves)
     watch = Stopwatch(lambda: waves.potential.counters.solves)
     records = Records(Memory(), Memory(), None)
     run.observers += [*build_observers(scene, waves, records, sinks=run.sinks), watch]
-    run.clock = Clock(run.clock.dt, min(steps, WARM_UP + STEPS))
+    run.clock = Clock(clock.dt, min(clock.steps, WARM_UP + STEPS))
     _fill(run, scene, waves)
     run.execute()
     each = watch.per_step(after=WARM_UP)
-    step, looks = comm.allreduce(each.cpu, op=MPI.MAX), Looks.of(scene, run.clock.dt)
+    step, looks = comm.allreduce(each.cpu, op=MPI.MAX), Looks.of(scene, clock.dt)
     of_operator = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
     watching = looks.in_basin(step) if waves.plane.mesh.topology.dim == 2 else looks.in_slice(of_operator)
-    return Trial(line, steps, step, each.solves, comm.allreduce(peak_memory()), looks, watching)
+    return Trial(line, clock, waves, step, each.solves, comm.allreduce(peak_memory()), looks, watching)
 
 
 def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:
