@@ -267,6 +267,8 @@ def test_a_scene_is_frozen():
         ),
         ("tank=3", "tank = 3: must be a table; allowed are: bed, density, depth, gravity, layout, length, type"),
         ("tank.type=pond", 'tank.type = "pond": is an unknown type; allowed are: slice, ring, basin'),
+        ("motion.spectrum.gamma=3", "gamma = 3: is an unknown key; the whole key is wall.motion.spectrum.gamma."),
+        ("length=3", "length = 3: is an unknown key; the whole key is tank.length."),
         ("beach.length=3", 'beach = {"length": 3}: is an unknown key; allowed are: far_wall, gauge_lines, gauges'),
         ("wall.type=fixed", 'are: type; set the whole table, wall={type="fixed"}, to drop what is of another type'),
         ("wall.type=crane", 'wall.type = "crane": is an unknown type; allowed are: fixed, piston, flap, profile'),

@@ -64,7 +64,7 @@ def test_a_sweep_is_parsed_and_short_names_are_keys_of_the_case():
         (["n=4,40"], [], "overridden: numerics.vertical_order = 40: must be less than or equal to 16"),
         (["integrator=third-order,euler"], [], 'numerics.integrator = "euler"'),
         (["nn=4,6"], [], "nn = 4: is an unknown key"),
-        (["mode=1,2"], [], "sweep of mode received, an unknown key; did you mean initial.mode?"),
+        (["mode=1,2"], [], "overridden: mode = 1: is an unknown key; the whole key is initial.mode."),
     ],
 )
 def test_a_bad_sweep_is_refused_in_one_sentence_before_anything_runs(tmp_path, sweeps, overrides, sentence):

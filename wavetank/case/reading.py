@@ -43,9 +43,9 @@ def changed_scene(path: Path, content: dict[str, Any], overrides: Sequence[str])
 
 
 def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[str]) -> Scene:
-    overridden = [set_key(content, override) for override in overrides]
+    overridden, context = [set_key(content, override) for override in overrides], {"folder": path.resolve().parent}
     try:
-        scene = Scene.model_validate(content, context={"folder": path.resolve().parent})
+        scene = Scene.model_validate(content, context=context)
         for seen in (scene, *scene.paddles):
             seen.motion()
         scene.depths()
@@ -53,6 +53,7 @@ def _scene(path: Path, text: str, content: dict[str, Any], overrides: Sequence[s
     except ValidationError as error:
         found = error.errors(include_url=False)
         problems = [_left(problem, overridden, details) for details in found for problem in _problems(details)]
+        problems = _whole_keys(problems, overridden, content, context)
     except SceneError as error:
         problems = list(error.problems)
     raise InputError(_sentences(path, text, problems, overridden))
@@ -272,6 +273,35 @@ def _left(problem: Problem, overridden: Sequence[Key], details: ErrorDetails) ->
     more = ", ..." if any(field.is_required() for noun in holder.nouns for field in noun.model_fields.values()) else ""
     whole = f'{name}={{type="{holder.tags[0]}"{more}}}'
     return problem._replace(allowed=f"{problem.allowed}; set the whole table, {whole}, to drop what is of another type")
+
+
+def _whole_keys(
+    problems: list[Problem], overridden: Sequence[Key], content: dict[str, Any], context: dict[str, Any]
+) -> list[Problem]:
+    """Return the problems; of keys of the command line that are the ends of keys of the case, with which those are."""
+    ends = [key for key in overridden if key[0] not in Scene.model_fields]
+    known = {name: value for name, value in content.items() if name in Scene.model_fields}
+    try:
+        keys = [*_keys(Scene.model_validate(known, context=context))] if ends else []
+    except (ValidationError, SceneError):
+        return problems
+    for end in ends:
+        dotted = ".".join(map(str, end))
+        if meant := [key for key in keys if key.endswith(f".{dotted}")]:
+            received: Any = content
+            for part in end:
+                received = received[part]
+            said = Problem(end, received, f"is an unknown key; the whole key is {' or '.join(meant)}")
+            problems = [said if problem.key == end[:1] else problem for problem in problems]
+    return problems
+
+
+def _keys(noun: Noun) -> Iterator[str]:
+    """Yield the dotted keys of all that a noun may hold, and of the nouns in it."""
+    for name in type(noun).model_fields:
+        yield name
+        if isinstance(inside := getattr(noun, name), Noun):
+            yield from (f"{name}.{key}" for key in _keys(inside))
 
 
 def _unknown_type(name: str, place: _Place) -> str:

@@ -146,28 +146,12 @@ def combinations(case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()
 
     Raises ``InputError`` for a case or a value that cannot be used, and for two combinations that are the same run.
     """
-    _check_whole(case, axes, overrides)
     found = [combination(case, dict(zip(axes, values, strict=True)), overrides) for values in _product(axes)]
     for n, one in enumerate(found):
         same = next((other for other in found[:n] if other.scene == one.scene), None)
         if same:
             raise InputError(f"the combinations {same.name} and {one.name} are the same run; values must be different.")
     return found
-
-
-def _check_whole(case: Path, axes: Sequence[Axis], overrides: Sequence[str]) -> None:
-    """Raise ``InputError`` for the last part of a key of the case as it is."""
-    for key in (axis.key for axis in axes if axis.key.partition(".")[0] not in Scene.model_fields):
-        if meant := [one for one in _keys(read_case(case, overrides)) if one.endswith(f".{key}")]:
-            raise InputError(f"sweep of {key} received, an unknown key; did you mean {' or '.join(meant)}?")
-
-
-def _keys(noun: Noun) -> Iterator[str]:
-    """Yield the dotted keys of all that a noun may hold, and of the nouns in it."""
-    for name in type(noun).model_fields:
-        yield name
-        if isinstance(inside := getattr(noun, name), Noun):
-            yield from (f"{name}.{key}" for key in _keys(inside))
 
 
 def _product(axes: Sequence[Axis]) -> Iterator[tuple[str, ...]]:
