@@ -106,6 +106,21 @@ def test_what_is_no_integrator_or_observer_is_a_sentence_before_anything_is_writ
     assert not (folder / "run").exists()
 
 
+class Fails(Watch):
+    """One that is not made."""
+
+    def __init__(self, waves):
+        raise ZeroDivisionError("division by zero")
+
+
+def test_of_an_observer_that_is_not_made_it_is_said_which_before_anything_is_written(folder):
+    written(folder)
+    with pytest.raises(ZeroDivisionError) as error:
+        wt.run(wt.read_case("case.toml"), "run", observers=[Fails], quiet=True)
+    assert error.value.__notes__ == ["ZeroDivisionError in observers[0], Fails"]
+    assert not (folder / "run").exists()
+
+
 def test_a_run_may_be_quiet(folder, capfd):
     written(folder)
     run = wt.run(wt.read_case("case.toml", ["run.duration=0.1"]), "run", quiet=True)

@@ -87,6 +87,12 @@ def worded(error: BaseException) -> str:
     return "; ".join([str(error) or type(error).__name__, *getattr(error, "__notes__", ())])
 
 
+def locate(error: Exception, where: str) -> None:
+    """Note where an error has come from that is none of this package's, such as one of a user's code: one note."""
+    if not isinstance(error, WavetankError) and not hasattr(error, "__notes__"):
+        error.add_note(f"{type(error).__name__} in {where}")
+
+
 def choice(received: str, allowed: Sequence[str]) -> str:
     """Return the end of a sentence: what may have been meant, and what is allowed."""
     begun = [one for one in allowed if len(received) > 2 and one.startswith(received)]

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from wavetank.errors import InputError
+from wavetank.errors import InputError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.contract import Observer
 from wavetank.runs.waters import AnyWaves
@@ -36,10 +36,17 @@ def own_observers(given: Sequence[Callable[[AnyWaves], Observer]], waves: AnyWav
         if not callable(one):
             what = f"a {type(one).__name__} received; needed is a function of the waves that returns one, or its class"
             raise InputError(f"observers[{n}]: {what} ({PAGE}).")
-    made = [one(waves) for one in given]
-    for n, observer in enumerate(made):
-        _hold(observer, OBSERVER, f"observers[{n}]", f"what {_name(given[n])} returns")
-    return made
+    return [_made(one, waves, f"observers[{n}]") for n, one in enumerate(given)]
+
+
+def _made(own: Callable[[AnyWaves], Observer], waves: AnyWaves, where: str) -> Observer:
+    try:
+        observer = own(waves)
+    except Exception as error:
+        locate(error, f"{where}, {_name(own)}")
+        raise
+    _hold(observer, OBSERVER, where, f"what {_name(own)} returns")
+    return observer
 
 
 def _hold(given: Any, needed: Sequence[str], where: str, what: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import RunError, WavetankError
+from wavetank.errors import RunError, locate
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
@@ -109,7 +109,7 @@ class Run:
             except RunError as error:
                 failures.append(error)
             except Exception as error:
-                _name(error, observer)
+                locate(error, f"the observer {type(observer).__name__}")
                 raise
         if failures:
             self.observed = False  # not by all
@@ -185,7 +185,7 @@ class Run:
                 if schedule is None or schedule.due(step, t, before):
                     act(moment)
         except Exception as error:
-            _name(error, getattr(act, "__self__", act))
+            locate(error, f"the observer {type(getattr(act, '__self__', act)).__name__}")
             raise
         self.observed = True
 
@@ -199,12 +199,6 @@ class Run:
 def _when(one: Observer) -> Schedule | None:
     """Return when an observer acts, None being at every step."""
     return None if one.schedule == EverySteps() else one.schedule
-
-
-def _name(error: Exception, observer: object) -> None:
-    """Note of an error that is none of this package's, such as a user's own, in which observer it arose: one alone."""
-    if not isinstance(error, WavetankError) and not hasattr(error, "__notes__"):
-        error.add_note(f"{type(error).__name__} in the observer {type(observer).__name__}")
 
 
 def _values(state: Any) -> Held:
