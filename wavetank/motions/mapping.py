@@ -38,7 +38,7 @@ def quickened(lean: float, moved: float) -> float:
 
 
 def share(r: Array) -> Array:
-    """Return s(r), shape (N,); before the wall the line that it begins with, for places that the wall has passed."""
+    """Return s(r), of any shape; before the wall the line that it begins with, for places that the wall has passed."""
     within = _between(r, 0.0)
     return np.where(r < 0.0, 1.0 - r, _inside(within))
 
@@ -52,7 +52,7 @@ def _between(r: Array, lowest: Array | float) -> Array:
 
 
 def unmapped(r: Array, moved: Array) -> Array:
-    """Return R with R + s(R) moved = r, lengths in reaches, all of shape (N,), for moved < 3/4.
+    """Return R with R + s(R) moved = r, lengths in reaches, r of shape (N,) and all else (..., N), for moved < 3/4.
 
     Newton's method, started where it converges from one side: at an end where the map is flattest inside, at r = 1/3,
     or at that place where it is steepest there. Where little is moved it converges from anywhere, and starts where what
@@ -75,7 +75,7 @@ def unmapped(r: Array, moved: Array) -> Array:
 
 
 def _one_sided(inside: Array, moved: Array) -> Array:
-    """Return whence Newton's method converges from one side, shape (N,)."""
+    """Return whence Newton's method converges from one side, of the shape of both."""
     third = 1 / 3
     end = inside > third + _inside(np.asarray(third)) * moved
     return np.where(moved > 0.0, end, third)

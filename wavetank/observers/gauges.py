@@ -12,6 +12,7 @@ from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.water.surface_points import SurfacePoints
+from wavetank.water.walls.contract import stands
 
 
 class Gauges(Keeping):
@@ -62,13 +63,13 @@ class Gauges(Keeping):
 
     def _over_the_near(self, moments: Sequence[Moment], rows: Vector) -> Vector:
         """Return the elevation over gauges within the paddles' reach, shape (K, N); raises as ``work_off``."""
-        stands = [self._beside.stand(moment.stood(self._waves)) for moment in moments]
+        stand = stands(self._waves.wall.stand, self._beside.places, [moment.stood(self._waves) for moment in moments])
         try:
-            return self._beside.each(rows, stands)
+            return self._beside.each(rows, stand)
         except (OutsideError, ConvergenceError) as error:
             t = moments[0].t
             if isinstance(error, OutsideError):
-                raise self._passing.error(t, error.index, stands[0]) from None
+                raise self._passing.error(t, error.index, stand[:, 0]) from None
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
 
     def _rows(self, moments: Sequence[Moment]) -> Vector:

@@ -11,6 +11,7 @@ from wavetank.fe.points import Points
 from wavetank.observers.contract import Keeping, Moment, ObservedWaves
 from wavetank.observers.schedule import Schedule
 from wavetank.stateful import Held
+from wavetank.water.walls.contract import stands
 
 
 class SurfaceRecord(Protocol):
@@ -58,9 +59,9 @@ class SurfaceSnapshots(Keeping):
         eta = np.array([self._sorted(moment.elevation(waves)) for moment in moments])
         psi = np.array([self._potentials.pop(moment.step) for moment in moments])
         if self._record is not None:
-            stand = np.concatenate([wall.stand(places, moment.stood(waves)) for moment in moments], axis=1)
-            x = wall.to_physical(np.tile(places, (len(moments), 1)), eta.ravel(), stand)[:, 0]
-            self._record.extend(np.array([moment.t for moment in moments]), x.reshape(eta.shape), eta, psi)
+            stand = stands(wall.stand, places, [moment.stood(waves) for moment in moments])
+            x = np.broadcast_to(wall.to_physical(places, eta, stand)[..., 0], eta.shape)
+            self._record.extend(np.array([moment.t for moment in moments]), x, eta, psi)
 
     def _sorted(self, owned: Vector) -> Vector:
         """Return values at the places in the order of x, on the first rank, of values at the degrees of freedom."""

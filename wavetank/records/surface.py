@@ -107,34 +107,34 @@ class SurfaceWriter(GrowingNetCDF):
         try:
             self.append_records(rows, lambda: _first(rows[0]))
         finally:
-            if told := [self._found(rows[n, 0], before + n) for n in range(self._records - before)]:
+            if times := rows[: self._records - before, 0].tolist():
                 head = "" if before else HEAD
                 try:
-                    self._index.write("".join([head, *told, TAIL]).encode(), over=len(TAIL) if before else 0)
+                    told = f"{head}{self._told(times, before)}{TAIL}".encode()
+                    self._index.write(told, over=len(TAIL) if before else 0)
                 except RecordError:
                     self._records = before
                     self.shorten(size)
                     self._tell()
                     raise
 
-    def _found(self, t: float, number: int) -> str:
-        """Return where a snapshot stands, by its number, for XDMF."""
+    def _told(self, times: list[float], first: int) -> str:
+        """Return where snapshots at times [s] stand, from the number of the first on, for XDMF."""
         n, size = self._points, NUMBER.itemsize
-        here = self._begin + number * (1 + 3 * n) * size
-
-        def item(seek: int) -> str:
-            form = 'NumberType="Float" Precision="8" Format="Binary" Endian="Big"'
-            return f'<DataItem Dimensions="{n}" {form} Seek="{seek}">{self._path.name}</DataItem>'
-
-        x, eta, psi = (item(here + (1 + part * n) * size) for part in range(3))
-        y = item(self._begin - n * size)  # the last before the snapshots
-        return (
-            f'<Grid Name="surface"><Time Value="{float(t)!r}"/>'
-            f'<Topology TopologyType="Polyline" NumberOfElements="1" NodesPerElement="{n}"/>'
-            f'<Geometry GeometryType="X_Y_Z">{x}{y}{eta}</Geometry>'
-            f'<Attribute Name="elevation">{eta}</Attribute>'
-            f'<Attribute Name="surface potential">{psi}</Attribute></Grid>\n'
-        )
+        item = f'<DataItem Dimensions="{n}" NumberType="Float" Precision="8" Format="Binary" Endian="Big" Seek="'
+        end, told = f'">{self._path.name}</DataItem>', list[str]()
+        y = f"{item}{self._begin - n * size}{end}"  # the last before the snapshots
+        for number, t in enumerate(times, first):
+            here = self._begin + (number * (1 + 3 * n) + 1) * size
+            x, eta, psi = (f"{item}{here + part * n * size}{end}" for part in range(3))
+            told.append(
+                f'<Grid Name="surface"><Time Value="{t!r}"/>'
+                f'<Topology TopologyType="Polyline" NumberOfElements="1" NodesPerElement="{n}"/>'
+                f'<Geometry GeometryType="X_Y_Z">{x}{y}{eta}</Geometry>'
+                f'<Attribute Name="elevation">{eta}</Attribute>'
+                f'<Attribute Name="surface potential">{psi}</Attribute></Grid>\n'
+            )
+        return "".join(told)
 
 
 def _first(row: NDArray[np.float64]) -> dict[str, Variable]:

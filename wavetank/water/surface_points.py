@@ -4,7 +4,6 @@ Beside a wall that leans, what stands over a place depends on the height of the 
 that is found by repetition, each time with the height last found.
 """
 
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -43,6 +42,8 @@ class SurfacePoints:
 
     Attributes
     ----------
+    places
+        Those.
     points
         Where they are in the mesh.
 
@@ -50,36 +51,33 @@ class SurfacePoints:
     """
 
     def __init__(self, plane: Plane, wall: Standing, places: Vector):
-        self._plane, self._wall, self._places = plane, wall, places
+        self._plane, self._wall, self.places = plane, wall, places
         self.points = Points(plane, plane.chart.place(wall.to_reference(places)))
-
-    def stand(self, stood: Stood | None = None) -> Vector:
-        """Return how the wall stands, or stood, as ``each`` asks for it, shape (paddles, N)."""
-        return self._wall.stand(self._places, stood)
 
     def elevations(self, field: Field) -> Vector:
         """Return the elevation over the places [m], shape (N,), of the field of it, for the wall as it stands."""
-        (eta,) = self.each(field.rows[None, :, 0], [self.stand()])
+        (eta,) = self.each(field.rows[None, :, 0], self._wall.stand(self.places)[:, None])
         return np.asarray(eta)
 
-    def each(self, eta: Vector, stands: Sequence[Vector]) -> Vector:
+    def each(self, eta: Vector, stand: Vector) -> Vector:
         """Return the elevation over the places [m], shape (K, N), at K times, each as at that time alone.
 
-        Of ``eta`` [m] at all degrees of freedom of this rank, shape (K, rows), and how the wall stood at each.
+        Of ``eta`` [m] at all degrees of freedom of this rank, shape (K, rows), and how the wall stood, (paddles, K, N).
         """
-        places, stand = np.tile(self._places, (len(eta), 1)), np.concatenate(stands, axis=1)
 
         def coordinates(z: Heights) -> Vector:
-            return self._plane.chart.place(self._wall.to_reference(places, z, stand))
+            places = self._wall.to_reference(self.places, z, stand)
+            return self._plane.chart.place(np.broadcast_to(places, (len(eta), *self.places.shape)).reshape(-1, 2))
 
-        last, going = coordinates(0.0), np.full(len(places), self._wall.leans)
+        last = coordinates(0.0)
+        going = np.full(len(last), self._wall.leans)
         for _ in range(MOST):
             self.points.move(last)
             found = self.points.each(eta)
             going &= np.isfinite(found)
             if not going.any():
                 return found.reshape(len(eta), -1)
-            now = np.where(going[:, None], coordinates(found), last)
+            now = np.where(going[:, None], coordinates(found.reshape(len(eta), -1)), last)
             going &= np.abs(now - last).max(axis=1, initial=0.0) > NEAR * self._plane.cell_size
             last = now
         raise ConvergenceError("where the surface stands over a place beside the paddle could not be found")

@@ -26,7 +26,7 @@ from wavetank.water.energy import Mapping, Part, WaterEnergy
 from wavetank.water.walls.shape import Shape
 from wavetank.water.walls.side import Side
 
-Heights = Vector | float  # of places, shape (N,), or all alike [m]
+Heights = Vector | float  # of places, shape (N,) or at K times (K, N), or all alike [m]
 Stood = tuple[tuple[float, float | None], ...]  # of each paddle, when [s], and how far from rest [m] if all of it is so
 
 
@@ -130,7 +130,7 @@ class Placed(Protocol):
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands.
 
-        Or as it stood when it was asked how it did beside them; each may be of another time.
+        Or as it stood; of K times, see ``stands``, these are of shape (K, N, 2), or (N, 2) where nothing moves.
         """
 
     def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
@@ -138,6 +138,14 @@ class Placed(Protocol):
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return how fast the wall carries reference places [m/s], shape (N, 2)."""
+
+
+def stands(stand: Callable[[Vector, Stood], Vector], places: Vector, stood: Sequence[Stood]) -> Vector:
+    """Return how far from rest paddles stood beside places [m] at K times, (paddles, K, N), by their ``stand``."""
+    whole = np.array([[x for _, x in one] for one in stood], dtype=np.float64).T  # nan at None
+    if np.isnan(whole).any():
+        return np.stack([stand(places, one) for one in stood], axis=1)
+    return np.broadcast_to(whole[..., None], (*whole.shape, len(places)))
 
 
 class Wall(Placed, Protocol):

@@ -198,13 +198,15 @@ class Piston:
         self, places: Vector, z: Heights, shift: Callable[[Vector, Vector], Vector], *, stand: Vector | None = None
     ) -> Vector:
         """Return places moved along the normal by a shift [m] of their distances and f X_p; none beyond reach."""
-        moved, distances = places.copy(), self.side.distances(places)
-        near = np.flatnonzero(self.reaches(places))
+        distances = self.side.distances(places)
+        near = np.flatnonzero(np.atleast_2d(distances < self.reach).any(axis=0))
         if not near.size:
-            return moved
-        shares = self.shape.at(np.asarray(z)[near] if np.ndim(z) else np.asarray(z))
-        positions = shares * (self.stand(places[near]) if stand is None else stand[:, near])[0]
-        moved[near] += shift(distances[near], positions)[:, None] * self.side.normal
+            return places.copy()
+        shares = self.shape.at(np.asarray(z)[..., near] if np.ndim(z) else np.asarray(z))
+        stood = self.stand(places[near]) if stand is None else stand[..., near]
+        shifts = shift(distances[..., near], shares * stood[0])
+        moved = np.broadcast_to(places, (*shifts.shape[:-1], *places.shape[-2:])).copy()
+        moved[..., near, :] += shifts[..., None] * self.side.normal
         return moved
 
     def mesh_velocities(self, places: Vector) -> Vector:

@@ -31,14 +31,14 @@ class Side(NamedTuple):
         return -1.0 if self.normal[0] < 0.0 else 1.0
 
     def distances(self, places: Vector) -> Vector:
-        """Return the distances of places (x, y) from the rest position [m], shape (N,)."""
+        """Return the distances of places (x, y) from the rest position [m], shape (..., N)."""
         return self._part(places, *self.normal)
 
     def along(self, places: Vector) -> Vector:
-        """Return the coordinates y of places (x, y) along the paddle [m], shape (N,), counted as the tank's y."""
+        """Return the coordinates y of places (x, y) along the paddle [m], shape (..., N), counted as the tank's y."""
         return self._part(places, *(self.sign * np.array([-self.normal[1], self.normal[0]])))
 
     def _part(self, places: Vector, x: float, y: float) -> Vector:
         """Return the parts of places, seen from the point, along a direction: of each as of it alone."""
         away = places - self.point
-        return np.asarray(x * away[:, 0] + y * away[:, 1])
+        return np.asarray(x * away[..., 0] + y * away[..., 1])
