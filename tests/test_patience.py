@@ -18,7 +18,7 @@ from wavetank.case import Scene
 from wavetank.errors import BreakdownError, PaddleError, RunError, StoppedError
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, Moments
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.passing import Called
 from wavetank.observers.record import Memory
@@ -96,7 +96,7 @@ def test_a_paddle_that_reaches_a_gauge_is_told_of_at_once_by_name_and_rows_befor
         for t in times:
             gauges.keep(moment := looked_at(tank, 0, t, 0.01 * np.cos(tank.plane.x)))
             kept.append(moment)
-    gauges.work_off(kept)
+    gauges.work_off(Moments(kept))
     assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
 
 
@@ -108,7 +108,7 @@ def test_gauges_within_a_paddles_reach_and_beyond_read_what_stands_over_them(mak
     for step, t in enumerate((0.4, 1.3)):
         tank.set_time(t)
         moments.append(looked_at(tank, step, t, 0.01 * tank.wall.to_physical(tank.plane.places)[:, 0]))
-    gauges.work_off(moments)
+    gauges.work_off(Moments(moments))
     assert rows.array()[:, 1:] == pytest.approx(0.01 * np.tile(places[:, 0], (2, 1)), abs=1e-12)
 
 
@@ -127,7 +127,7 @@ def test_a_watch_warns_of_the_same_time_and_place_however_many_moments_it_judges
         kept.append(looked_at(tank, step, 0.02 * step, height * np.exp(-tank.plane.x)))
         watch.keep(kept[-1])
         if len(kept) == together:
-            watch.work_off(kept)
+            watch.work_off(Moments(kept))
             kept.clear()
     assert len(said) == 1 and said[0].startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
     assert f"most at x = {motion.position(watch.since):.4g} m" in said[0]

@@ -60,7 +60,9 @@ def unmapped(r: Array, moved: Array) -> Array:
     is that of a single one.
     """
     inside = _between(r, moved)  # places beyond both ends are found without
-    R = np.where(np.abs(moved) < LITTLE, inside - _inside(inside) * moved, _one_sided(inside, moved))
+    R, far = inside - _inside(inside) * moved, np.abs(moved) >= LITTLE
+    if far.any():
+        R = np.where(far, _one_sided(inside, moved), R)
     going = np.ones_like(R, dtype=np.bool_)
     for _ in range(100):
         left = 1.0 - R

@@ -1,7 +1,7 @@
 """The contract of an observer, and what observers ask of waves."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -12,7 +12,7 @@ from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
 from wavetank.water.energy import Energies
 from wavetank.water.seen import Seen
-from wavetank.water.walls.contract import Heights, Paddle, Stood
+from wavetank.water.walls.contract import Heights, Paddle, Stood, stands
 
 
 class Moment(NamedTuple):
@@ -67,6 +67,29 @@ class Moment(NamedTuple):
         return waves.wall.velocities if self.seen is None else self.look(waves).velocities
 
 
+class Moments(list[Moment]):
+    """Moments that are worked off together: what several observers ask of all of them is found once."""
+
+    def __init__(self, moments: Iterable[Moment] = ()):
+        super().__init__(moments)
+        self._elevations = dict[int, Vector]()
+
+    @property
+    def times(self) -> Vector:
+        """When they are [s], shape (K,)."""
+        return np.array([moment.t for moment in self])
+
+    def elevations(self, waves: "ObservedWaves") -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (K, owned); collective."""
+        if id(waves) not in self._elevations:
+            self._elevations[id(waves)] = np.array([moment.elevation(waves) for moment in self])
+        return self._elevations[id(waves)]
+
+    def stands(self, waves: "ObservedWaves", places: Vector) -> Vector:
+        """Return how far from rest the wall's paddles stood beside places [m], shape (paddles, K, N)."""
+        return stands(waves.wall.stand, places, [moment.stood(waves) for moment in self])
+
+
 class Observer(Protocol):
     """Something that is recorded when its schedule says so."""
 
@@ -93,12 +116,12 @@ class Patient(ABC):
     sees: "ObservedWaves | None" = None
 
     @abstractmethod
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """Record moments, in their order: those since the last time, one at least; collective."""
 
     def observe(self, moment: Moment) -> None:
         """Record the moment; collective."""
-        self.work_off([moment])
+        self.work_off(Moments([moment]))
 
 
 class Keeping(Patient):

@@ -1,11 +1,10 @@
 """The highest crest of a run: how high, where and when."""
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from wavetank.observers.contract import Moment, ObservedWaves, Patient
+from wavetank.observers.contract import Moments, ObservedWaves, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
 
@@ -27,10 +26,10 @@ class HighestCrest(Patient):
         self._waves, self._own = waves, Crest()
         self.sees = waves
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """See whether the surface was higher than ever; collective."""
-        surfaces = [moment.elevation(self._waves) for moment in moments]
-        heights = np.array(surfaces).max(axis=1, initial=-np.inf)
+        surfaces = moments.elevations(self._waves)
+        heights = surfaces.max(axis=1, initial=-np.inf)
         heights[np.isnan(heights)] = -np.inf  # of a surface that is none any more
         first = int(heights.argmax())
         if heights[first] > self._own.height:

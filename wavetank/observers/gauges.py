@@ -1,18 +1,15 @@
 """Wave gauges: the elevation at fixed places of the laboratory."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError, OutsideError, RunError
 from wavetank.fe.points import Points
-from wavetank.observers.contract import Keeping, Moment, ObservedWaves
+from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
 from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.water.surface_points import SurfacePoints
-from wavetank.water.walls.contract import stands
 
 
 class Gauges(Keeping):
@@ -46,9 +43,9 @@ class Gauges(Keeping):
     def keep(self, moment: Moment) -> None:
         """Look at once at those that a paddle is near to; raises as ``work_off``; collective."""
         if self._near.size and self._passing.near(moment.stood(self._waves)):
-            self._over_the_near([moment], self._rows([moment]))
+            self._over_the_near(alone := Moments([moment]), self._rows(alone))
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
         rows = self._rows(moments)
         elevations = self._points.of_all(rows)
@@ -57,13 +54,13 @@ class Gauges(Keeping):
                 elevations[:, self._near] = self._over_the_near(moments, rows)
         except RunError:
             for moment in moments if len(moments) > 1 else ():  # up to the one where that is
-                self.work_off([moment])
+                self.work_off(Moments([moment]))
             raise
-        self._record.extend(np.column_stack([[moment.t for moment in moments], elevations]))
+        self._record.extend(np.column_stack([moments.times, elevations]))
 
-    def _over_the_near(self, moments: Sequence[Moment], rows: Vector) -> Vector:
+    def _over_the_near(self, moments: Moments, rows: Vector) -> Vector:
         """Return the elevation over gauges within the paddles' reach, shape (K, N); raises as ``work_off``."""
-        stand = stands(self._waves.wall.stand, self._beside.places, [moment.stood(self._waves) for moment in moments])
+        stand = moments.stands(self._waves, self._beside.places)
         try:
             return self._beside.each(rows, stand)
         except (OutsideError, ConvergenceError) as error:
@@ -72,11 +69,11 @@ class Gauges(Keeping):
                 raise self._passing.error(t, error.index, stand[:, 0]) from None
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
 
-    def _rows(self, moments: Sequence[Moment]) -> Vector:
+    def _rows(self, moments: Moments) -> Vector:
         """Return the elevations at all degrees of freedom, those of other ranks among them, (K, rows); collective."""
-        surfaces = [moment.elevation(self._waves) for moment in moments]
+        surfaces = moments.elevations(self._waves)
         if self._waves.plane.comm.size == 1:
-            return np.array(surfaces)
+            return surfaces
         rows = list[Vector]()
         for eta in surfaces:
             self._elevation.set(eta)

@@ -1,6 +1,5 @@
 """Snapshots of the surface along the tank, at the degrees of freedom, in the laboratory's x."""
 
-from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -8,10 +7,9 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.fe.by_place import SAME
 from wavetank.fe.points import Points
-from wavetank.observers.contract import Keeping, Moment, ObservedWaves
+from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
 from wavetank.observers.schedule import Schedule
 from wavetank.stateful import Held
-from wavetank.water.walls.contract import stands
 
 
 class SurfaceRecord(Protocol):
@@ -53,15 +51,14 @@ class SurfaceSnapshots(Keeping):
         """Keep the potential, which somebody's own observer may change; collective."""
         self._potentials[moment.step] = self._sorted(moment.p)
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """Append the snapshots; collective."""
         waves, places, wall = self._waves, self._places, self._waves.wall
         eta = np.array([self._sorted(moment.elevation(waves)) for moment in moments])
         psi = np.array([self._potentials.pop(moment.step) for moment in moments])
         if self._record is not None:
-            stand = stands(wall.stand, places, [moment.stood(waves) for moment in moments])
-            x = np.broadcast_to(wall.to_physical(places, eta, stand)[..., 0], eta.shape)
-            self._record.extend(np.array([moment.t for moment in moments]), x, eta, psi)
+            x = wall.to_physical(places, eta, moments.stands(waves, places))[..., 0]
+            self._record.extend(moments.times, np.broadcast_to(x, eta.shape), eta, psi)
 
     def _sorted(self, owned: Vector) -> Vector:
         """Return values at the places in the order of x, on the first rank, of values at the degrees of freedom."""

@@ -107,7 +107,8 @@ class SurfaceWriter(GrowingNetCDF):
         try:
             self.append_records(rows, lambda: _first(rows[0]))
         finally:
-            if times := rows[: self._records - before, 0].tolist():
+            times = rows[: self._records - before, 0]
+            if times.size:
                 head = "" if before else HEAD
                 try:
                     told = f"{head}{self._told(times, before)}{TAIL}".encode()
@@ -118,13 +119,13 @@ class SurfaceWriter(GrowingNetCDF):
                     self._tell()
                     raise
 
-    def _told(self, times: list[float], first: int) -> str:
+    def _told(self, times: Array, first: int) -> str:
         """Return where snapshots at times [s] stand, from the number of the first on, for XDMF."""
         n, size = self._points, NUMBER.itemsize
         item = f'<DataItem Dimensions="{n}" NumberType="Float" Precision="8" Format="Binary" Endian="Big" Seek="'
         end, told = f'">{self._path.name}</DataItem>', list[str]()
         y = f"{item}{self._begin - n * size}{end}"  # the last before the snapshots
-        for number, t in enumerate(times, first):
+        for number, t in enumerate(map(float, times), first):
             here = self._begin + (number * (1 + 3 * n) + 1) * size
             x, eta, psi = (f"{item}{here + part * n * size}{end}" for part in range(3))
             told.append(

@@ -12,7 +12,7 @@ from wavetank.errors import RunError, locate
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
-from wavetank.observers.contract import Ending, Keeping, Moment, Observer, Patient
+from wavetank.observers.contract import Ending, Keeping, Moment, Moments, Observer, Patient
 from wavetank.observers.energy import Sink
 from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.runs.clock import Clock
@@ -55,7 +55,7 @@ class Run:
         self.step = clock.first
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
-        self._moments, self._most = list[Moment](), 1  # that are not worked off, and how many these may be
+        self._moments, self._most = Moments(), 1  # that are not worked off, and how many these may be
 
     @property
     def t(self) -> float:
@@ -99,7 +99,7 @@ class Run:
 
     def settle(self) -> None:
         """Let patient observers work off their moments; raises what the first of them raises; collective."""
-        failures, moments, self._moments = list[RunError](), self._moments, []
+        failures, moments, self._moments = list[RunError](), self._moments, Moments()
         if not moments:
             return
         for observer in self._patient:
@@ -189,11 +189,11 @@ class Run:
             raise
         self.observed = True
 
-    def _due(self, schedule: Schedule, moments: list[Moment]) -> list[Moment]:
+    def _due(self, schedule: Schedule, moments: Moments) -> Moments:
         """Return the moments at which to act."""
         if schedule == EverySteps():
             return moments
-        return [one for one in moments if schedule.due(one.step, one.t, self.clock.time(one.step - 1))]
+        return Moments(one for one in moments if schedule.due(one.step, one.t, self.clock.time(one.step - 1)))
 
 
 def _when(one: Observer) -> Schedule | None:

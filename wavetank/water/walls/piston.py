@@ -204,10 +204,10 @@ class Piston:
             return places.copy()
         shares = self.shape.at(np.asarray(z)[..., near] if np.ndim(z) else np.asarray(z))
         stood = self.stand(places[near]) if stand is None else stand[..., near]
-        shifts = shift(distances[..., near], shares * stood[0])
-        moved = np.broadcast_to(places, (*shifts.shape[:-1], *places.shape[-2:])).copy()
-        moved[..., near, :] += shifts[..., None] * self.side.normal
-        return moved
+        carried = shift(distances[..., near], shares * stood[0])
+        shifts = np.zeros((*carried.shape[:-1], places.shape[-2]))
+        shifts[..., near] = carried
+        return np.stack([places[..., axis] + shifts * part for axis, part in enumerate(self.side.normal)], axis=-1)
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return a s X_p' at reference places [m/s], shape (N, 2)."""
