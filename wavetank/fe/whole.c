@@ -14,6 +14,7 @@ typedef void Multiply(const void *cells, const double *weights, const double *x,
 typedef void Factor(const void *cells, const double *weights, double *kept, const void *chain);
 typedef void ByPotential(const void *work, double speed, const double *column, double *y);
 typedef void ByColumn(const void *work, double speed, const double *column, const double *phi, double *y);
+typedef void Push(const void *strip, double position, double speed, const double *mu, double *found);
 typedef void Aim(long size, int known, const float *ways, const double *last, const double *x, double *away,
                  double *products);
 typedef int Start(long rows, int numbers, int stride, int known, int most, const double *gram, const double *products,
@@ -155,16 +156,28 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
     return iterations;
 }
 
+/* The power of walls that move, by mu = M^-1 of the energy's derivative by the column: dH/dt, and their part of H. */
+static void push(const Whole *w, const double *mu, double *found)
+{
+    found[0] = found[1] = 0.0;
+    EACH_PADDLE(one) {
+        double pushed[2];
+        ((Push *)one->push)(one->strip, one->position, one->speed, mu, pushed);
+        found[0] += pushed[0] + one->acceleration * pushed[1];
+        found[1] += one->speed * pushed[1];
+    }
+}
+
 /* See masses q and surface potential p from the point near them, (at_q, at_p), that was found last, by the derivatives
-   of the energy there. Sets the elevation and, behind it, how much higher that of the point is; 1/2 eta M eta there; what
-   lies between times these derivatives, and that of q times the elevation there. */
+   of the energy there. Sets the elevation and, behind it, how much higher that of the point is. Finds 1/2 eta M eta
+   there; what lies between times these derivatives, and that of q times the elevation there; the mass; what ``push`` does. */
 static void see(Whole *w, const double *q, const double *p, const double *at_q, const double *at_p, const double *by_q,
                 const double *by_p, const double *still, double *eta, double *found)
 {
     const long n = w->dofs;
-    double *rise = eta + n, *by_mass = w->image, twice = 0.0, change = 0.0, lift = 0.0;
+    double *rise = eta + n, *by_mass = w->image, twice = 0.0, change = 0.0, lift = 0.0, mass = 0.0;
     EACH(i, n)
-        eta[i] = w->column[i] - still[i], rise[i] = at_q[i] - q[i];
+        eta[i] = w->column[i] - still[i], rise[i] = at_q[i] - q[i], mass += q[i];
     memset(by_mass, 0, sizeof(double) * n);
     CALL(Multiply, multiply)(w->mass_cells, w->weights, eta, by_mass);
     EACH(i, n) {
@@ -175,5 +188,6 @@ static void see(Whole *w, const double *q, const double *p, const double *at_q, 
     CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
     EACH(i, n)
         eta[i] -= rise[i];
-    found[0] = 0.5 * twice, found[1] = change, found[2] = lift;
+    found[0] = 0.5 * twice, found[1] = change, found[2] = lift, found[3] = mass;
+    push(w, by_q, found + 4);
 }

@@ -30,8 +30,8 @@ typedef struct {
     double *rows, *weights;
 } Weighed;
 typedef struct Paddle {
-    double speed;
-    void *by_potential, *by_column, *paddle, *paddle_by_column;
+    double position, speed, acceleration;
+    void *by_potential, *by_column, *paddle, *paddle_by_column, *push, *strip;
     double *wall, *by_wall;
     struct Paddle *next;
 } Paddle;
@@ -57,6 +57,7 @@ int find(Whole *, const double *q, const double *p, const double *still, int kno
          double *level);
 void see(Whole *, const double *q, const double *p, const double *at_q, const double *at_p, const double *by_q,
          const double *by_p, const double *still, double *eta, double *found);
+void push(const Whole *, const double *mu, double *found);
 """
 
 
@@ -68,11 +69,14 @@ class Along(Protocol):
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What its derivatives by potential and column are called with, for ``whole.c``."""
+        """What derivatives by potential and column are called with, and its power if it can be, for ``whole.c``."""
 
     @property
     def speed(self) -> float:
         """X_p' [m/s]."""
+
+    def pushing(self) -> tuple[float, float]:
+        """Return X_p and X_p'' [m, m/s²], and see to what else power depends on."""
 
 
 class Leaning(Protocol):
@@ -130,6 +134,11 @@ class Whole:
     inputs
         Numbers by which start values are found: elevation, potential over ``celerity`` [m/s], which are set here, and
         what tells how walls move.
+
+    Attributes
+    ----------
+    pushes
+        Whether the power of all walls is there.
     """
 
     def __init__(
@@ -157,6 +166,7 @@ class Whole:
         for wall in walls:
             before = self._paddles[-1] if self._paddles else None
             self._paddles.append(self._kernel.shared("Paddle", {**wall.compiled, "next": before}))
+        self.pushes = all("push" in wall.compiled for wall in walls)
         of_walls = [wall.compiled["wall"] for wall in walls] or [flat]
         parts = {
             "dofs": plane.size,
@@ -178,7 +188,7 @@ class Whole:
         self._struct = self._kernel.shared("Whole", parts)
         self._level = np.zeros(1)
         self._at_level = self._kernel.pointer(self._level)
-        self._seen: Vector = np.zeros(3)
+        self._seen: Any = np.zeros(6)
         self._at_seen = self._kernel.pointer(self._seen)
         self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
 
@@ -212,8 +222,20 @@ class Whole:
         self._minimum.last = self._struct.last_iterations
         return Solution(iterations, float(self._level[0]), found[0], found[1], self._struct.found.kinetic)
 
+    def push(self, mu: Vector) -> float:
+        """Return dH/dt at fixed (Q, psi) of the point last found, for ``mu``, dH/dQ there, shape (dofs,)."""
+        self._go()
+        self._kernel.call.push(self._struct, self._kernel.pointer(mu), self._at_seen)
+        return float(self._at_seen[0])
+
+    def _go(self) -> None:
+        """Take over how walls move."""
+        for paddle, wall in zip(self._paddles, self._walls, strict=True):
+            paddle.speed = wall.speed
+            paddle.position, paddle.acceleration = wall.pushing()
+
     def see(self, state: Pair, at: Pair, by: Pair, still: Vector | float) -> tuple[Vector, list[float]]:
-        """See masses and surface potential from the point last found, which is near, between vertical walls.
+        """See masses and surface potential from the point last found, which is near, where all walls ``push``.
 
         Parameters
         ----------
@@ -225,13 +247,15 @@ class Whole:
             The column of still water [m].
 
         Returns the elevation and how much higher that of the point is, shape (2, dofs) [m]; of the point 1/2 eta M eta,
-        these derivatives times what lies between, and the elevation times what lies between the masses.
+        these derivatives times what lies between, and the elevation times what lies between the masses; the state's
+        mass; of the point dH/dt at fixed (Q, psi), and the walls' part of H.
         """
         self._mass.make_ready()
+        self._go()
         pointer, eta = self._kernel.pointer, np.empty((2, state[0].size))
         fields = map(pointer, (*state, *at, *by))
         self._kernel.call.see(self._struct, *fields, self._of_still(still, state[0].size), pointer(eta), self._at_seen)
-        return eta, [*map(float, self._seen)]
+        return eta, self._seen.tolist()
 
     def _of_still(self, still: Vector | float, size: int) -> Any:
         """Return where the column of still water is."""

@@ -12,7 +12,9 @@ right to the square of the jump. Where something acts between steps, the mean is
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.observers.contract import Keeping, Moment, ObservedWaves
@@ -20,7 +22,6 @@ from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.supply import Power, Supply
 from wavetank.stateful import Held
-from wavetank.water.energy import Energies
 
 
 def columns(dimensions: int, *, absorbed: bool = False) -> tuple[str, ...]:
@@ -57,19 +58,9 @@ class Sink(Protocol):
     energy_taken: float
 
 
-class _Kept(NamedTuple):
-    """What is kept of a moment: energies, what has been put in and absorbed by then, what each sink had taken.
-
-    The mass, where a row is due.
-    """
-
-    step: int
-    t: float
-    energies: Energies
-    supplied: float
-    absorbed: float | None
-    taken: list[float]
-    mass: float | None
+def _most(before: float, values: Vector) -> float:
+    """Return the largest so far of what is a number."""
+    return float(np.fmax.reduce(values, initial=before))
 
 
 class EnergyBudget(Keeping):
@@ -100,7 +91,7 @@ class EnergyBudget(Keeping):
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self.sees = waves
         self._sinks = {type(sink).__name__: sink for sink in sinks}
-        self._kept = list[_Kept]()
+        self._kept = list[tuple[float, ...]]()  # steps, times, energies, the mass, and what each sink had taken
         self._before: list[Any] = []  # what was seen where the step ended, if something has acted since
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
@@ -115,42 +106,41 @@ class EnergyBudget(Keeping):
 
     def keep(self, moment: Moment) -> None:
         """Add to the paddle's work, and keep what there was of energy; collective."""
-        points, t = moment.points[-1:] if self._before else moment.points, moment.t
-        seen = self._before + [self._supply.look(self._waves, *point, t) for point in points]
-        self._before = []
-        self._supply.go_on(t, sum(seen) / len(seen))
+        waves, t, look, (*before, after) = self._waves, moment.t, self._supply.look, moment.points
+        seen = self._before or [look(waves, *point, t) for point in before]
+        its, self._before = moment.look(waves), []  # which evaluates the point after
+        self._supply.keep(t, sum(seen, start=look(waves, *after, t)) / (len(seen) + 1))
         taken = [sink.energy_taken for sink in self._sinks.values()]
-        mass = self._waves.total_mass(moment.q) if self._recorded.due(moment.step) else None
-        energies, put_in = moment.look(self._waves).energies, (self._supply.done, self._supply.absorbed)
-        self._kept.append(_Kept(moment.step, t, energies, *put_in, taken, mass))
+        self._kept.append((moment.step, t, *its.energies, its.mass, *taken))
 
     def work_off(self, moments: Sequence[Moment]) -> None:
         """See how far off the balance has been, and append the rows that are due."""
-        kept, self._kept = self._kept, []
-        if rows := [row for one in kept if (row := self._judged(one))]:
-            self._record.extend(rows)
-
-    def _judged(self, kept: "_Kept") -> list[float]:
-        """Take note of how far off the balance is; return the row, if one is due."""
-        step, t, energies, supplied, absorbed, of_sinks, mass = kept
-        total = energies.total
-        if step == 0:
-            self._total, self._wall, self._mass = total, energies.wall, mass or 0.0
+        kept, put_in, self._kept = np.array(self._kept), self._supply.work_off(), []
+        step, t, kinetic, potential, wall, mass, *of_sinks = kept.T
+        total, (supplied, absorbed) = kinetic + potential, np.array(put_in, dtype=np.float64).T  # nan at None
+        if step[0] == 0:
+            self._total, self._wall, self._mass = (float(one[0]) for one in (total, wall, mass))
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
-        work = supplied - (energies.wall - self._wall)
-        self._dissipated = dissipated = self._earlier + sum(of_sinks)
+        work = supplied - (wall - self._wall)
+        dissipated = self._earlier + sum(of_sinks, start=np.zeros(len(t)))
         balance = total - self._total - work + dissipated
         for name, taken in zip(self._sinks, of_sinks, strict=True):
-            self._most[name] = most = max(self._most.get(name, taken), taken)
-            if most - taken > self._given.get(name, (0.0, 0.0))[0]:
-                self._given[name] = most - taken, t
-        gone = dissipated + max(absorbed or 0.0, 0.0)
-        self._energy, self._off = max(self._energy, total + gone), max(self._off, abs(balance))
-        if mass is None:
-            return []
-        self._lost = max(self._lost, abs(mass - self._mass))
-        row = [t, energies.kinetic, energies.potential, total, work, dissipated, balance, mass]
-        return row if absorbed is None else [*row, absorbed]
+            self._judge(name, t, taken)
+        self._dissipated, gone = float(dissipated[-1]), dissipated + np.fmax(absorbed, 0.0)
+        self._energy, self._off = _most(self._energy, total + gone), _most(self._off, np.abs(balance))
+        due = step % self._recorded.every == 0
+        if due.any():
+            self._lost = _most(self._lost, np.abs(mass - self._mass)[due])
+            columns = [t, kinetic, potential, total, work, dissipated, balance, mass, absorbed]
+            self._record.extend(np.column_stack(columns[: len(columns) - (put_in[0][1] is None)])[due])
+
+    def _judge(self, name: str, t: Vector, taken: Vector) -> None:
+        """Take note of the most that a sink had taken, and of what it has given back of it."""
+        most = np.fmax.accumulate(np.append(self._most.get(name, taken[0]), taken))[1:]
+        given = np.fmax(most - taken, 0.0)
+        worst, self._most[name] = int(np.argmax(given)), float(most[-1])
+        if given[worst] > self._given.get(name, (0.0, 0.0))[0]:
+            self._given[name] = float(given[worst]), float(t[worst])
 
     @property
     def mass_error(self) -> float:

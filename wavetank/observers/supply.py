@@ -59,50 +59,57 @@ class Moving(Protocol):
 class Supply(Stateful, Protocol):
     """What is put in: int dH/dt|explicit dt so far."""
 
-    @property
-    def done(self) -> float:
-        """What was put in."""
-
-    @property
-    def absorbed(self) -> float | None:
-        """What was not because of what absorbing adds to the motions, less its part of W; None: nothing absorbs."""
-
     def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Any:
         """Return what is to be known of a point, a number or an array; collective."""
 
-    def go_on(self, t: float, seen: Any) -> None:
-        """Take the step up to t [s], at whose end that has been seen, or the mean of several; the first time begin."""
+    def keep(self, t: float, seen: Any) -> None:
+        """Keep what has been seen where a step ends, at t [s], or the mean of several; the first is of the start."""
+
+    def work_off(self) -> list[tuple[float, float | None]]:
+        """Return what was put in by each of the times that have been kept since.
+
+        And what was not because of what absorbing adds to the motions, less its part of W; None: nothing absorbs.
+        """
 
 
 class Power:
     """Of paddles that move smoothly, by their power."""
 
-    absorbed = None
-
     def __init__(self) -> None:
-        self.done = self._t = self._dt = 0.0
+        self._done = self._t = self._dt = 0.0
         self._rates: list[float] = []
+        self._kept: list[tuple[float, float]] = []
 
     def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> float:
         """Return the power; collective."""
         return water.explicit_rate(q, p, t)
 
-    def go_on(self, t: float, seen: float) -> None:
+    def keep(self, t: float, seen: float) -> None:
         """See ``Supply``."""
+        self._kept.append((t, seen))
+
+    def work_off(self) -> list[tuple[float, float | None]]:
+        """See ``Supply``."""
+        kept, self._kept = self._kept, []
+        return [(self._go_on(*one), None) for one in kept]
+
+    def _go_on(self, t: float, seen: float) -> float:
+        """Take the step up to t [s]; return what has been put in by then."""
         dt = t - self._t
         known = KNOWN - 1 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
         self._rates = [seen, *self._rates[:known]]
         if len(self._rates) > 1:
-            self.done += dt * sum(map(mul, ADAMS_MOULTON[len(self._rates)], self._rates))
+            self._done += dt * sum(map(mul, ADAMS_MOULTON[len(self._rates)], self._rates))
         self._t, self._dt = t, dt
+        return self._done
 
     def held(self) -> Held:
         """Return what was put in, and the power at the last moments."""
-        return {"done": self.done, "t": self._t, "dt": self._dt, "rates": list(self._rates)}
+        return {"done": self._done, "t": self._t, "dt": self._dt, "rates": list(self._rates)}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self.done, self._t, self._dt, self._rates = held["done"], held["t"], held["dt"], list(held["rates"])
+        self._done, self._t, self._dt, self._rates = held["done"], held["t"], held["dt"], list(held["rates"])
 
 
 class AnsweredWork:
@@ -122,16 +129,7 @@ class AnsweredWork:
         self._known: list[Vector] = []  # dH/dX, dH/dX' and both u then, shape (4, paddles)
         self._done: Vector = np.zeros(2)  # by both u
         self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
-
-    @property
-    def done(self) -> float:
-        """See ``Supply``."""
-        return float(self._done[0])
-
-    @property
-    def absorbed(self) -> float:
-        """See ``Supply``."""
-        return float(self._known[-1][3] @ self._by_speed - self._done[1])
+        self._kept: list[tuple[float, float | None]] = []
 
     def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dX and dH/dX', shape (2, paddles); collective."""
@@ -139,8 +137,18 @@ class AnsweredWork:
         self._by_speed = seen[1]
         return seen
 
-    def go_on(self, t: float, seen: Vector) -> None:
+    def keep(self, t: float, seen: Vector) -> None:
+        """See ``Supply``: at once, as such motions forget."""
+        self._go_on(t, seen)
+        put_in, absorbed = self._done
+        self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
+
+    def work_off(self) -> list[tuple[float, float | None]]:
         """See ``Supply``."""
+        kept, self._kept = self._kept, []
+        return kept
+
+    def _go_on(self, t: float, seen: Vector) -> None:
         self._times = [*self._times[1 - KNOWN :], t]
         self._known = [*self._known[1 - KNOWN :], np.vstack([seen, self._speeds(t)])]
         if len(self._times) < 2:

@@ -45,8 +45,7 @@ KINETIC = Part("kinetic", "½ ∫∫ J h |v|² dζ dX,  v = (F⁻ᵀ(∇φ - (ζ
 POTENTIAL = Part("potential", "½ g ∫ J η² dX,  η = h - d")
 
 
-@dataclass(frozen=True)
-class Energies:
+class Energies(NamedTuple):
     """The parts of the Hamiltonian at one state, per unit of density [m^5/s²], of a slice per width [m^4/s²].
 
     That of the wall is not energy.

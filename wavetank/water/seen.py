@@ -24,6 +24,8 @@ class Seen(NamedTuple):
         The elevation [m], shape (owned,).
     rise
         How much higher that of the point is [m], shape (owned,).
+    mass
+        The water's volume, of a slice per width [m³, m²].
     stood, velocities
         How the wall stands then, and moves: see ``Placed`` and ``Wall``.
     """
@@ -31,6 +33,7 @@ class Seen(NamedTuple):
     energies: Energies
     eta: Vector
     rise: Vector
+    mass: float
     stood: Stood
     velocities: Vector
 
@@ -65,6 +68,9 @@ class Evaluable(Protocol):
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term."""
 
+    def total_mass(self, q: Vector) -> float:
+        """Return the water's volume, of a slice per width [m³, m²]."""
+
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,)."""
 
@@ -81,10 +87,11 @@ class Evaluable(Protocol):
 def seen_from(water: Evaluable, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
     """Return what is seen of a state at t [s] from a point; collective."""
     wall, energies, eta = water.wall, water.energies(*at, t), water.elevation(*at, t)
+    mass = water.total_mass(q)
     if at[0] is q and at[1] is p:
-        return Seen(energies, eta, np.zeros_like(eta), wall.stood, wall.velocities)
+        return Seen(energies, eta, np.zeros_like(eta), mass, wall.stood, wall.velocities)
     away = q - at[0]
     change = water.inner(water.H_q(*at, t), away) + water.inner(water.H_p(*at, t), p - at[1])
     lift, here = water.gravity * water.inner(eta, away), water.elevation(q, p, t)
     moved = Energies(energies.kinetic + change - lift, energies.potential + lift, energies.wall)
-    return Seen(moved, here, eta - here, wall.stood, wall.velocities)
+    return Seen(moved, here, eta - here, mass, wall.stood, wall.velocities)

@@ -144,6 +144,7 @@ class NonlinearWaves:
         self._kinetic = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
+        self._power: float | None = None  # dH/dt at that point, likewise
         self._seen: tuple[Vector, Vector, Seen] | None = None  # from the point last evaluated, of a state (q, p)
         self._whole = self._compiled(minimum)
         self._set_up_stages(tolerances)
@@ -238,7 +239,7 @@ class NonlinearWaves:
 
     def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
         """Keep that the potential is that of a state."""
-        self._H_p, self._H_q, self._t, self._seen = H_p, None, t, None
+        self._H_p, self._H_q, self._power, self._t, self._seen = H_p, None, None, t, None
         self._point = q.tobytes(), p.tobytes()
         self._q, self._p = map(np.frombuffer, self._point)
 
@@ -323,21 +324,22 @@ class NonlinearWaves:
 
     def seen_from(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
         """Return what is seen of a state from a point that is known of it; collective."""
-        if self._whole is None or self.wall.leans:
+        if self._whole is None or not self._whole.pushes:
             return seen_from(self, q, p, t, at=at)
         by = self.H_q(*at, t), self._H_p
         if self._seen is not None and q is self._seen[0] and p is self._seen[1]:
             return self._seen[2]
-        (eta, rise), (potential, change, lift) = self._whole.see((q, p), at, by, self.bed.still)
+        (eta, rise), found = self._whole.see((q, p), at, by, self.bed.still)
+        potential, change, lift, mass, self._power, of_wall = found
         lift *= self.gravity
-        energies = self._kinetic + change - lift, self.gravity * potential + lift, self._wall_terms.energy()
-        seen = Seen(Energies(*energies), eta, rise, self.wall.stood, self.wall.velocities)
+        energies = Energies(self._kinetic + change - lift, self.gravity * potential + lift, of_wall)
+        seen = Seen(energies, eta, rise, mass, self.wall.stood, self.wall.velocities)
         self._seen = q, p, seen
         return seen
 
     def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
         """Return H of a state from a point that is known of it, along a slice on one rank; see ``Seeing``."""
-        if self._whole is None or self.wall.leans:
+        if self._whole is None or not self._whole.pushes:
             return None
         energies = self.seen_from(q, p, t, at=at).energies
         return energies.total + energies.wall
@@ -358,7 +360,12 @@ class NonlinearWaves:
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
-        return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
+        if self._whole is None or not self._whole.pushes:
+            return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
+        mu = self.H_q(q, p, t)
+        if self._power is None:
+            self._power = self._whole.push(mu)
+        return self._power
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:

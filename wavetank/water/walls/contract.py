@@ -57,7 +57,10 @@ class WallTerms(Protocol):
     """
 
     hamiltonian: dict[Part, ufl.Form]
-    along: tuple[Along, ...] | None
+
+    @property
+    def along(self) -> tuple[Along, ...] | None:
+        """See above."""
 
     def vector(self) -> Vector:
         """Return dW/dphi, broadcastable to shape (owned, n+1); collective."""

@@ -231,14 +231,12 @@ class PistonTerms:
         work = wall.flux(travel.speed, **parts)
         self.hamiltonian = {wall.part: work}
         self._work: Work
-        self.along: tuple[Along, ...] | None = None
         self._power: Power
         alone = plane.mesh.topology.dim == 1 and plane.comm.size == 1
         water: dict[str, Any] = {"bed": bed, "plane": plane, "vertical": vertical}
         if alone and not wall.leans:
             share, columns = wall.flux(travel.share, **parts), np.unique(plane.V.dofmap.list[wall.cells])
-            self._work = kept = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
-            self.along = (kept,)
+            self._work = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
             self._power = PowerAlong(energy, phi, cells=wall.cells, paddle=wall.node, travel=travel, **water)
         else:
             self._power = AssembledPower(wall, energy, phi, R=R, flux=wall.flux(travel.acceleration, **parts), **water)
@@ -251,8 +249,7 @@ class PistonTerms:
                     "plane": plane,
                     "vertical": vertical,
                 }
-                self._work = leaning = LeaningWork(shape, phi, energy.h.x.array, travel=travel, **where)
-                self.along = (leaning,)
+                self._work = LeaningWork(shape, phi, energy.h.x.array, travel=travel, **where)
             else:
                 self._work = AssembledWork(work, phi, energy.h, plane=plane)
         self._rated = np.nan  # the time of what power depends on [s]
@@ -275,16 +272,39 @@ class PistonTerms:
         self._rated, travel = np.nan, self._wall.travel  # what the rate depends on is to be found again
         with travel.going(1.0):
             self._bed.follow_on(self._wall)
-            travel.accelerate(0.0)
-            by_position = self._power.value(by_column)
-            travel.accelerate(1.0)
-            return [(by_position, self._power.value(by_column) - by_position)]
+            self._power.follow()
+            return [self._power.push(by_column)]
 
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
         by_column = mu()
+        self._follow()
+        return self._power.value(by_column)
+
+    def _follow(self) -> None:
+        """See to it that the rate is found of what it depends on as it is now; collective."""
         if self._rated != self._wall.travel.t:
             self._rated = self._wall.travel.t
             self._wall.travel.set_acceleration()
             self._bed.follow_on(self._wall)
-        return self._power.value(by_column)
+            self._power.follow()
+
+    @property
+    def along(self) -> tuple[Along, ...] | None:
+        """See ``WallTerms``."""
+        return (self,) if self._work.compiled else None
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """See ``Along``."""
+        return {**self._work.compiled, **self._power.compiled}
+
+    @property
+    def speed(self) -> float:
+        """See ``Along``."""
+        return float(self._wall.travel.velocities[0])
+
+    def pushing(self) -> tuple[float, float]:
+        """See ``Along``."""
+        self._follow()
+        return float(self._wall.travel.offsets[0]), float(self._wall.travel.accelerations[0])

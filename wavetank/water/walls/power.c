@@ -27,12 +27,13 @@ static inline __attribute__((always_inline)) void over(const Strip *s, const int
             c[i].groups[z] = sums[i][z];
 }
 
-double power(const Strip *s, double position, double speed, double acceleration, const double *phi, const double *column,
-             const double *mu)
+/* Sets dH/dt as the paddle goes on at its velocity, and dH/dX'. */
+void push(const Strip *s, double position, double speed, const double *mu, double *found)
 {
+    const double *phi = s->phi, *column = s->column;
     const stored *values = (const stored *)s->values, *slopes = (const stored *)s->slopes;
     Column c[NODES];
-    v sum = {0.0};
+    v going = {0.0}, sped = {0.0};
     over(s, s->dofs, 1, phi, c + NODES - 1);
     for (int cell = 0; cell < s->cells; ++cell) {
         const int *dofs = s->dofs + cell * (NODES - 1);
@@ -63,12 +64,13 @@ double power(const Strip *s, double position, double speed, double acceleration,
             const v density = 0.5 * (up * per_column - h * along * per_J * per_J + s->gravity * eta * eta) - h * by_column;
             const v by_bed = both * ((const stored *)s->sinking_x)[at] * per_J
                              - s->gravity * J * eta * ((const stored *)s->sinking)[at];
-            const v sped = h * psi_x * (acceleration * ((const stored *)s->share)[at]);
-            sum += ((const stored *)s->measure)[at] * (J_t * density + by_bed - sped);
+            going += ((const stored *)s->measure)[at] * (J_t * density + by_bed);
+            sped -= ((const stored *)s->measure)[at] * (h * psi_x * ((const stored *)s->share)[at]);
         }
     }
     double mean = 0.0;      /* of the potential at the paddle, less that at the surface */
     for (int j = 0; j < NUMBERS - 1; ++j)
         mean += phi[(long)s->paddle * NUMBERS + j] * s->means[j];
-    return sum[0] + sum[1] + sum[2] + sum[3] + acceleration * column[s->paddle] * mean;
+    found[0] = going[0] + going[1] + going[2] + going[3];
+    found[1] = sped[0] + sped[1] + sped[2] + sped[3] + column[s->paddle] * mean;
 }

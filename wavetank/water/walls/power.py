@@ -12,7 +12,7 @@ the wall has carried it on.
 
 from dataclasses import replace
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import basix
 import numpy as np
@@ -37,21 +37,36 @@ typedef struct {
     double gravity;
     const int *dofs;
     const double *lengths, *values, *slopes, *measure, *zeta, *upwards, *means;
-    const double *share, *stretch, *depth, *depth_x, *sinking, *sinking_x;
+    const double *share, *stretch, *depth, *depth_x, *sinking, *sinking_x, *phi, *column;
 } Strip;
 """
 DECLARATIONS = f"""{STRIP}
-double power(const Strip *, double position, double speed, double acceleration, const double *phi, const double *column,
-             const double *mu);
+void push(const Strip *, double position, double speed, const double *mu, double *found);
 """
 FOUR = 4  # points at a time, and numbers
 
 
 class Power(Protocol):
-    """dH/dt at fixed (Q, psi) of the fields as they are."""
+    """dH/dt at fixed (Q, psi) of the fields as they are.
+
+    Attributes
+    ----------
+    compiled
+        What it is found with, for ``fe/whole.c``, if it can be.
+    """
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """See above."""
+
+    def follow(self) -> None:
+        """Take over acceleration and bed as they are; collective."""
 
     def value(self, mu: Vector) -> float:
         """Return it for M_J^-1 H_h, shape (owned,); collective."""
+
+    def push(self, mu: Vector) -> tuple[float, float]:
+        """Return it where the paddle goes on at its velocity, and dH/dX', for the same; collective."""
 
 
 class Going(Protocol):
@@ -84,6 +99,8 @@ class AssembledPower:
         int f dz over the column.
     """
 
+    compiled: ClassVar[dict[str, Any]] = {}
+
     def __init__(
         self,
         wall: Going,
@@ -105,11 +122,23 @@ class AssembledPower:
         moved = rate - wall.speeding.stretching(lambda shape: R) * self._mu.function
         self._form = ScalarForm(moved * wall.carried + flux, plane.comm)
 
+    def follow(self) -> None:
+        """Take over the acceleration as it is; forms know the bed; collective."""
+        self._travel.show_acceleration()
+
     def value(self, mu: Vector) -> float:
         """Return it for M_J^-1 H_h, shape (owned,); collective."""
         self._mu.set(mu)
-        self._travel.show_acceleration()
         return self._form.assemble()
+
+    def push(self, mu: Vector) -> tuple[float, float]:
+        """Return it where the paddle goes on at its velocity, and dH/dX', for the same; collective."""
+        values = list[float]()
+        for acceleration in (0.0, 1.0):
+            self._travel.accelerate(acceleration)
+            self.follow()
+            values.append(self.value(mu))
+        return values[0], values[1] - values[0]
 
 
 class PowerAlong:
@@ -170,9 +199,12 @@ class PowerAlong:
             "means": vertical.weights @ vertical.values,
             "share": share,
             "stretch": stretch,
+            "phi": phi.rows,
+            "column": energy.h.x.array,
         }
         self._strip = self._kernel.struct("Strip", {**parts, **self._at_bed})
-        self._fields = [self._kernel.pointer(field) for field in (phi.rows, energy.h.x.array)]
+        self._found = np.zeros(2)
+        self._at_found = self._kernel.pointer(self._found)
 
     def _at_points(self, rows: Vector) -> tuple[Vector, Vector]:
         """Return values and slopes of a field, shape (dofs,), at the points, shape (cells, points)."""
@@ -187,12 +219,26 @@ class PowerAlong:
             self._at_bed[name][:] = of_bed
         return of_bed
 
-    def value(self, mu: Vector) -> float:
-        """Return it for M_J^-1 H_h, shape (owned,)."""
-        travel, bed = self._travel, self._bed
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """See ``Power``."""
+        return {"push": self._kernel.address("push"), "strip": self._kernel.address(self._strip)}
+
+    def follow(self) -> None:
+        """Take over the bed as it is."""
+        bed = self._bed
         if self._depth is not bed.still:
             self._depth = self._take("depth", bed.still)
         if self._sinking is not bed.sinking:
             self._sinking = self._take("sinking", bed.sinking)
-        moves = travel.offsets[0], travel.velocities[0], travel.accelerations[0]
-        return float(self._kernel.call.power(self._strip, *moves, *self._fields, self._kernel.pointer(mu)))
+
+    def value(self, mu: Vector) -> float:
+        """Return it for M_J^-1 H_h, shape (owned,)."""
+        going, by_speed = self.push(mu)
+        return going + float(self._travel.accelerations[0]) * by_speed
+
+    def push(self, mu: Vector) -> tuple[float, float]:
+        """Return it where the paddle goes on at its velocity, and dH/dX', for the same."""
+        moves = self._travel.offsets[0], self._travel.velocities[0]
+        self._kernel.call.push(self._strip, *moves, self._kernel.pointer(mu), self._at_found)
+        return self._at_found[0], self._at_found[1]

@@ -5,7 +5,7 @@ both and goes with its velocity, W = X_p' phi . M h, so M is found once.
 """
 
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 import ufl
@@ -35,7 +35,17 @@ SOURCE = ENTRIES + files(__package__).joinpath("work.c").read_text(encoding="utf
 
 
 class Work(Protocol):
-    """W of the fields as they are; all of it is collective."""
+    """W of the fields as they are; all of it is collective.
+
+    Attributes
+    ----------
+    compiled
+        What derivatives are called with, for ``fe/whole.c``, if they can be.
+    """
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """See above."""
 
     def by_potential(self) -> Vector:
         """Return dW/dphi, shape (owned, n+1)."""
@@ -59,6 +69,8 @@ class AssembledWork:
     h
         The water column.
     """
+
+    compiled: ClassVar[dict[str, Any]] = {}
 
     def __init__(self, form: ufl.Form, phi: LayeredField, h: fem.Function, *, plane: Plane):
         self._components = phi.owned.shape[1]
@@ -100,7 +112,7 @@ class CompiledWork:
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What derivatives are called with, for ``fe/whole.c``."""
+        """See ``Work``."""
         address = self._kernel.address
         called = {"by_potential": address("by_potential"), "by_column": address("by_column")}
         of = {"paddle": address(self._for_potential), "paddle_by_column": address(self._for_column)}
