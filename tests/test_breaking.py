@@ -21,6 +21,7 @@ from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
 from wavetank.fe.plane import Plane
 from wavetank.observers.breaking import StopAtBreaking
+from wavetank.observers.contract import Moment
 from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
@@ -219,7 +220,7 @@ def test_crests_that_stand_are_not_looked_at_and_those_that_move_are(moving, see
     for t, a in ((0.0, 0.29), (0.01, 0.3)):
         eta = a * np.cos(k * (x - moving * c * t))
         psi = 0.3 * np.cos(k * x) if moving == 0.0 else 1.5 / k * np.sin(k * (x - c * t))
-        crests = watch.look(*waves.state(eta, psi), t)
+        crests = watch.look(t, waves.state(eta, psi))
     assert len(crests) == seen
 
 
@@ -323,6 +324,6 @@ def test_no_sound_wave_is_taken_for_a_breaking_one_and_no_breaking_one_is_missed
 def test_of_a_crest_that_hardly_travels_its_speed_is_told(speed, said):
     """Beside a flap that leans far water falls off crests that stand: thousands of per cent say nothing."""
     crest = SteepCrest(x=1.0, height=0.1, velocity=1.9, current=0.0, speed=speed, mean=1.0, front=0.5)
-    moment = SimpleNamespace(q=None, p=None, t=1.0)
+    moment = Moment(0, 1.0, np.zeros(1), np.zeros(1))
     with pytest.raises(RunError, match=re.escape(f"moves at 1.9 m/s, {said}")):
-        StopAtBreaking(SimpleNamespace(look=lambda q, p, t: [crest])).observe(moment)
+        StopAtBreaking(SimpleNamespace(look=lambda t, *points: [crest])).observe(moment)

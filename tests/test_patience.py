@@ -16,6 +16,7 @@ from test_stateful import BASIN, FLAP, SLICE, Observed, differing
 from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.errors import BreakdownError, PaddleError, RunError, StoppedError
+from wavetank.fe.differences import largest_differences
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
 from wavetank.observers.contract import Moment, Moments
@@ -131,6 +132,20 @@ def test_a_watch_warns_of_the_same_time_and_place_however_many_moments_it_judges
             kept.clear()
     assert len(said) == 1 and said[0].startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
     assert f"most at x = {motion.position(watch.since):.4g} m" in said[0]
+
+
+@pytest.mark.parametrize("columns", [0, 1, 15, 16, 37])
+def test_the_largest_differences_are_those_of_numpy_and_the_same_bits_of_any_rows(columns):
+    """What is no number is larger than all."""
+    values = np.random.default_rng(1).normal(size=(20, columns))
+    for order in (0, 3, 8):
+        found = largest_differences(values, order)
+        exact = np.abs(np.diff(values, order, axis=0)).max(axis=1, initial=0.0) / 2**order
+        assert found == pytest.approx(exact, rel=1e-13)
+        assert (largest_differences(values[5:17], order) == found[5 : 17 - order]).all()
+    assert largest_differences(values[:3], 3).size == 0
+    values[10, columns // 2 :] = np.nan
+    assert (np.isnan(largest_differences(values, 3)) == [columns > 0 and 7 <= row <= 10 for row in range(17)]).all()
 
 
 # ---------------------------------------------------------------- runs that end

@@ -59,7 +59,7 @@ class LargestB:
 
     def observe(self, moment: Moment) -> None:
         """Look at the surface; collective."""
-        for crest in self._watch.look(moment.q, moment.p, moment.t):
+        for crest in self._watch.look(moment.t, *moment.points):
             self.found = max(self.found, (crest.overtaking, moment.t, crest.x))
 
 

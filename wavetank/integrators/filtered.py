@@ -15,7 +15,7 @@ class Filter(Protocol):
     """What takes something out of a state; affine in the coordinates, linear in the momenta."""
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
-        """Return whether there is anything to do at t; collective, the same on all ranks."""
+        """Return whether there is anything to do where a step has ended, at t; collective, the same on all ranks."""
 
     def coordinate(self, q: Vector) -> Vector:
         """Return the coordinates afterwards; collective."""
@@ -52,21 +52,25 @@ class Filtered(Wrapper[S]):
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
-        acting, passed = list[Filter](), [self.scheme.step(system, state, t, dt)]
-        for one in self.filters:
-            if one.needed(passed[-1].q, passed[-1].p, t + dt):
-                acting.append(one)
-                passed.append(passed[-1].mapped(one.coordinate, one.momentum))
-        if acting:
-            ends = passed[0].known[0], passed[-1].known[-1]
-            self._ended(ends[0], t + dt)
-            ways = [_way(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
-            begin, end = (_look(system, passed[n], ends[n], ways, t + dt) for n in (0, -1))
-            taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)] or [0.0]
-            most = max(range(len(taken)), key=lambda n: abs(taken[n]))
-            taken[most] += begin.energy - end.energy - sum(taken)
-            for one, part in zip(acting, taken, strict=True):
-                one.account(part, of=begin.energy)
+        state, t = self.scheme.step(system, state, t, dt), t + dt
+        at = state.known[0]
+        acting = [one for one in self.filters if one.needed(*at, t)]
+        return self._filtered(system, state, t, acting) if acting else state
+
+    def _filtered(self, system: HamiltonianSystem, state: S, t: float, acting: Sequence[Filter]) -> S:
+        """Return the state at t after the filters that act then, one at least; collective."""
+        passed = [state]
+        for one in acting:
+            passed.append(passed[-1].mapped(one.coordinate, one.momentum))
+        ends = state.known[0], passed[-1].known[-1]
+        self._ended(ends[0], t)
+        ways = [_way(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
+        begin, end = (_look(system, passed[n], ends[n], ways, t) for n in (0, -1))
+        taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)] or [0.0]
+        most = max(range(len(taken)), key=lambda n: abs(taken[n]))
+        taken[most] += begin.energy - end.energy - sum(taken)
+        for one, part in zip(acting, taken, strict=True):
+            one.account(part, of=begin.energy)
         return passed[-1]
 
     def held(self) -> Held:

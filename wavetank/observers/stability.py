@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavetank.arrays import Vector, largest
+from wavetank.fe.differences import largest_differences
 from wavetank.observers.contract import Keeping, Moment
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
@@ -32,10 +33,9 @@ from wavetank.water.waves import NonlinearWaves
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
 OFTEN = 16  # steps between looks at what would help
-TOGETHER = 16  # moments that are judged together: arrays of more do not stay in the caches
 CALM = 1e-6  # of the depth: lower waves are not looked at
 # what a watch remembers beside the last steps:
-SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency", "_next"
+SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency"
 
 
 @dataclass(frozen=True)
@@ -62,26 +62,21 @@ class Alternating:
         return self.order + 3
 
     def lower(self, values: Vector) -> Vector:
-        """Return the differences of enough values, of (K + length - 1, ...), shape (K + 2, ...)."""
-        found = np.diff(values, n=self.order, axis=0)
-        found /= 2**self.order
-        return np.asarray(found)
+        """Return the largest of the differences of K + length - 1 rows, about the middle of so many, shape (K,)."""
+        return largest_differences(values, self.order)[1:-1]
 
-    @staticmethod
-    def higher(lower: Vector) -> Vector:
-        """Return those two orders higher about all but the first and last of these, shape (K, ...)."""
-        found = np.diff(lower, n=2, axis=0)
-        found /= 4
-        return np.asarray(found)
+    def higher(self, values: Vector) -> Vector:
+        """Return those of the differences two orders higher, shape (K,)."""
+        return largest_differences(values, self.order + 2)
 
 
 IN_ELEVATION = Alternating(order=6, noise=5e-3, driven=4.0)
 IN_JUMP = Alternating(order=3, noise=1e-2, driven=16.0)
 
 
-def _heights(values: Vector) -> Vector:
-    """Return the largest of each row, as a height; zeros where there are no columns."""
-    return np.asarray(np.abs(values).max(axis=1, initial=0.0))
+def _rows(arrays: Sequence[Vector]) -> Vector:
+    """Return arrays of one shape, one at least, as rows."""
+    return np.concatenate(arrays).reshape(len(arrays), arrays[0].size)
 
 
 def _so_far(before: float, values: Vector) -> Vector:
@@ -130,7 +125,6 @@ class StabilityWatch(Keeping):
         self._frequencies, self._jumps = dict[int, float](), dict[int, Vector]()
         self._last, self._wall = list[Vector](), list[Vector]()  # before what is kept, as many as are needed
         self._driven: float = 0.0  # the highest waves that alternate and are a paddle's [m]
-        self._next = 0  # when it is looked what would help
         self._highest: float = CALM * waves.depth
         self._steps, self._frequency = 0, waves.largest_frequency
         self.noise = 0.0
@@ -138,60 +132,55 @@ class StabilityWatch(Keeping):
 
     def keep(self, moment: Moment) -> None:
         """Look now and then how the surface moves, and at a jump that only the mass matrix tells; collective."""
-        q, p, t = moment.q, moment.p, moment.t
-        self._look = IN_ELEVATION if moment.jump is None else IN_JUMP
+        if moment.step % OFTEN == 0:
+            self._flow.near(moment.t, *moment.points)
+            self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
         if moment.jump is not None and not moment.is_mean:
             self._jumps[moment.step] = self._waves.mass.solve(moment.jump)
-        if moment.step >= self._next - self._flow.has(q, p, t) * OFTEN // 2:
-            self._next = moment.step + OFTEN
-            self._flow.update(q, p, t)
-            self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
 
     def work_off(self, moments: Sequence[Moment]) -> None:
         """See whether what alternates has grown; collective."""
-        for first in range(0, len(moments), TOGETHER):
-            self._judge_each(moments[first : first + TOGETHER])
-
-    def _judge_each(self, moments: Sequence[Moment]) -> None:
-        look, known, eta = self._look, len(self._last), np.array([one.elevation(self._waves) for one in moments])
-        self._last += list(eta if look is IN_ELEVATION else self._jumps_at(moments))
-        self._wall += list(self._dt * np.array([one.velocities(self._waves) for one in moments]))
-        unjudged = min(len(moments), max(0, look.length - 1 - known))  # with too few before
-        begin = max(0, known + unjudged - look.length + 1)
-        values, ways = np.array(self._last[begin:]), np.array(self._wall[begin:])
-        differences, ways = look.lower(values), look.lower(ways)
-        highest, lower, ways = (self._largest(_heights(each)) for each in (eta, differences[1:-1], ways[1:-1]))
-        looks_grown = (lower > look.noise / 10 * self._highest).any()
-        higher = self._largest(_heights(look.higher(differences))) if looks_grown else lower
-        highest, driven = _so_far(self._highest, highest), _so_far(self._driven, look.driven * ways)
+        self._look = look = IN_ELEVATION if moments[0].jump is None else IN_JUMP
+        last, wall = (kept[1 - look.length :] for kept in (self._last, self._wall))
+        eta = [one.elevation(self._waves) for one in moments]
+        values = _rows([*last, *(eta if look is IN_ELEVATION else self._jumps_at(moments))])
+        if look is IN_JUMP and moments[0].is_mean:
+            values[len(last) :] *= 2  # half of one lies between a mean of two traces and the later of these
+        ways = _rows([*wall, *(one.velocities(self._waves) for one in moments)])
+        ways[len(last) :] *= self._dt
+        self._last, self._wall = ([*kept[1 - look.length :].copy()] for kept in (values, ways))
+        found = largest_differences(_rows(eta), 0), look.lower(values), look.higher(values), look.lower(ways)
+        heights, lower, higher, ways = self._largest(*found)
+        unjudged = len(moments) - len(lower)  # with too few before
+        highest, driven = _so_far(self._highest, heights), _so_far(self._driven, look.driven * ways)
         self._highest, self._driven = float(highest[-1]), float(driven[-1])
-        noise = np.where(higher > SHORT * lower, np.maximum(0.0, lower - driven[1:]), 0.0) / highest[1 + unjudged :]
-        for moment in moments[:unjudged]:
-            self._judge(moment, 0.0, values)
-        for n, moment in enumerate(moments[unjudged:]):
-            self._judge(moment, float(noise[n]), values[n : n + look.length])
-        del self._last[: -IN_ELEVATION.length], self._wall[: -IN_ELEVATION.length]
+        noise = np.zeros(len(moments))
+        noise[unjudged:] = np.where(higher > SHORT * lower, np.maximum(0.0, lower - driven[1:]), 0.0)
+        noise /= highest[1:]
+        for n, (moment, one) in enumerate(zip(moments, noise.tolist(), strict=True)):
+            if self._grown(moment, one):
+                about = values[n - unjudged :][1 : look.order + 2]
+                heights = np.abs(np.diff(about, look.order, axis=0)[0])
+                self._warn(self._sentence(moment.t, one, self._place(moment, heights)))
 
-    def _jumps_at(self, moments: Sequence[Moment]) -> Vector:
-        """Return the jumps of the elevation [m], shape (K, owned).
-
-        Half of one lies between a mean of two traces and the later of these, which is the last point known.
-        """
+    def _jumps_at(self, moments: Sequence[Moment]) -> list[Vector]:
+        """Return the jumps of the elevation [m], or how much higher the later of two traces is than their mean."""
         if moments[0].is_mean:
-            return np.asarray(2 * np.array([moment.look(self._waves).rise for moment in moments]))
-        return np.array([self._jumps.pop(moment.step) for moment in moments])
+            return [moment.look(self._waves).rise for moment in moments]
+        return [self._jumps.pop(moment.step) for moment in moments]
 
-    def _judge(self, moment: Moment, noise: float, values: Vector) -> None:
-        """Take note of the noise at a moment, in the last values, and warn; collective."""
+    def _grown(self, moment: Moment, noise: float) -> bool:
+        """Take note of the noise at a moment; return whether that is when to warn."""
         frequency = self._frequencies.pop(moment.step, 0.0)
         if noise < self._look.noise / 10:  # what moves is still the water
             self._frequency = max(self._frequency, frequency)
         self._steps = self._steps + 1 if noise > self._look.noise else 0
-        if self._steps == IN_A_ROW and self.noise <= self._look.noise:
+        warns = self._steps == IN_A_ROW and self.noise <= self._look.noise
+        if warns:
             self.since = moment.t
-            self._warn(self._sentence(moment.t, noise, self._place(moment, np.abs(self._look.lower(values)[1]))))
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
+        return warns
 
     def held(self) -> Held:
         """Return the last steps' values, and the largest of what has been seen."""
@@ -205,9 +194,10 @@ class StabilityWatch(Keeping):
         for name in SEEN:
             setattr(self, name, held[name])
 
-    def _largest(self, values: Vector) -> Vector:
+    def _largest(self, *each: Vector) -> list[Vector]:
         """Return the largest of all ranks' values, one by one; collective."""
-        return largest(self._waves.plane.comm, values)
+        ends = np.cumsum([len(one) for one in each[:-1]])
+        return np.split(largest(self._waves.plane.comm, np.concatenate(each)), ends)
 
     def _place(self, moment: Moment, heights: Vector) -> str:
         """Return in words where heights were largest then; collective."""

@@ -64,20 +64,23 @@ class BreakingWatch:
         self._rests, self._fastest = 0, 0.0  # looks that are still left out, and the water's velocity before [m/s]
         self.crests: list[SteepCrest] = []
 
-    def look(self, q: Vector, p: Vector, t: float, *, front: float = STEEP) -> list[SteepCrest]:
-        """Return the crests of a state that are swift enough and have a steeper ``front``; collective.
+    def look(self, t: float, *points: tuple[Vector, Vector], front: float = STEEP) -> list[SteepCrest]:
+        """Return the crests of a state, seen at one of the points known of it, that are swift enough; collective.
 
-        The first look sees none.
+        They have a steeper ``front``. The first look sees none.
         """
-        if self._seldom.rests(free=self._flow.has(q, p, t)):
+        if self._seldom.rests():
             return []
-        self._flow.update(q, p, t)
+        self._flow.near(t, *points)
         last, self._last = self._last, None
         steepest, fastest = self._flow.largest_slope, self._flow.largest_velocity
-        self._seldom.saw(steepest / (NEAR * front))
+        if steepest < NEAR * front:
+            self._seldom.saw(steepest, matters=NEAR * front)
+            self._rests = 0
+            return []
         resting = self._rests > 0 and fastest < FASTER * self._fastest
         self._rests = self._rests - 1 if resting else 0
-        if steepest < NEAR * front or self._rests:
+        if self._rests:
             return []
         self._last = t, self._flow.profile
         if resting or last is None or steepest < front:
@@ -155,7 +158,7 @@ class BreakingDissipation(Smoothing):
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
         front = GENTLE if self._breaking else STEEP
-        breaking = self.follow(self.watch.look(q, p, t, front=front), t)
+        breaking = self.follow(self.watch.look(t, (q, p), front=front), t)
         if breaking:
             self.place(breaking)
         return bool(breaking)

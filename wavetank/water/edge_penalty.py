@@ -90,12 +90,11 @@ class EdgePenalty(Smoothing):
         """
         if self._waves.plane.order == 1:
             return False
-        if not self._seldom.rests(free=self._flow.has(q, p, t)):
+        if not self._seldom.rests():
             self._flow.update(q, p, t)
             fastest = self._flow.largest_velocity
-            self._needed = bool(fastest > self._fast)
-            slower, faster = sorted((fastest, self._fast))
-            self._seldom.saw(slower / faster if faster else 1.0)
+            self._needed = fastest > self._fast
+            self._seldom.saw(fastest, matters=self._fast)
         if self._needed and self._waves.wall.moves:
             self._waves.set_time(t)
             self.update()

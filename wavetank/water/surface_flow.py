@@ -103,18 +103,19 @@ class SurfaceVelocity:
         speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + square)
         self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
 
-    def has(self, q: Vector, p: Vector, t: float) -> bool:
-        """Return whether this state is the one last taken: to look at it costs nothing."""
-        return q is self._q and p is self._p and one_time(t, self._t)
-
     def update(self, q: Vector, p: Vector, t: float) -> None:
         """Take the surface of a state at t [s], known to round-off; nothing to do for the state last taken."""
-        if self.has(q, p, t):
+        if q is self._q and p is self._p and one_time(t, self._t):
             return
         self._q, self._p, self._t = q, p, t
         self._eta.set(self._waves.elevation(q, p, t))
         self._psi.set(p)
         self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._look()))
+
+    def near(self, t: float, *points: tuple[Vector, Vector]) -> None:
+        """Take the surface of one of the points known of a state at t [s]: that last taken, or the last of them."""
+        if not (one_time(t, self._t) and any(q is self._q and p is self._p for q, p in points)):
+            self.update(*points[-1], t)
 
     def _look(self) -> Vector:
         """Return the largest velocity and slope of this rank, shape (2,)."""
