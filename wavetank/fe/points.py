@@ -3,6 +3,8 @@
 What is found at a point does not depend, by a bit, on where it was before, nor on how many others there are.
 """
 
+from typing import NoReturn
+
 import numpy as np
 from dolfinx import geometry
 from mpi4py import MPI
@@ -18,6 +20,12 @@ Found = tuple[NDArray[np.intp], Cells, Vector]  # which points are evaluated her
 
 PADDING = 1e-9  # m; a point so near to the mesh is in it
 CURVED = 0.1  # of a curved cell's arch: so near is a wall to the curve it was drawn by
+
+
+def refuse(points: Vector, which: int) -> NoReturn:
+    """Raise ``OutsideError`` for one of the points [m], shape (N, 3)."""
+    x, y, _ = points[which]
+    raise OutsideError(f"the point x = {x:.6g} m, y = {y:.6g} m is outside the tank", which)
 
 
 class Points:
@@ -60,8 +68,7 @@ class Points:
         allowed = PADDING + CURVED * np.append(self._places.arches, 0.0)[cells]
         outside = np.flatnonzero(self._least(np.where(mine, allowed - distances, np.inf)) < 0)
         if outside.size:
-            x, y, _ = points[outside[0]]
-            raise OutsideError(f"the point x = {x:.6g} m, y = {y:.6g} m is outside the tank", int(outside[0]))
+            refuse(points, int(outside[0]))
         return np.flatnonzero(mine), cells[mine], local[mine]
 
     def _least(self, values: Vector) -> Vector:
