@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from conftest import CHECKOUT
 from killing import Stages, doom
 from mpi4py import MPI
 from ranks import begun, members
@@ -127,6 +128,41 @@ def test_of_an_observer_that_fails_the_class_is_said(observer, tmp_path):
     said = f"division by zero; ZeroDivisionError in the observer {observer.__name__}"
     assert RunDirectory(tmp_path).manifest["cause"] == said
     assert (tmp_path / "run.log").read_text().endswith(f"failed: {said}\n")
+
+
+DIVIDING = """
+import sys
+import wavetank as wt
+from wavetank import recording
+from wavetank.observers.schedule import EverySteps
+
+class Divides:
+    def __init__(self, waves):
+        self.schedule, self.fails = EverySteps(), str(waves.plane.comm.rank) in sys.argv[2]
+
+    def observe(self, moment):
+        if moment.step == 10 and self.fails:
+            1 / 0
+
+recording.ALIKE = recording.LATEST = 2.0
+wt.run(wt.read_case(sys.argv[1]), "run", observers=[Divides], quiet=True)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("failing", ["01", "1"])
+def test_of_a_mistake_that_all_ranks_meet_no_row_is_missing_and_none_waits_for_ever_for_one_that_fails_alone(
+    failing, tmp_path
+):
+    (tmp_path / "own.py").write_text(DIVIDING)
+    command = ["mpirun", "-n", "2", sys.executable, "own.py", str(CHECKOUT / "cases/standing-wave.toml"), failing]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=100)
+    assert done.returncode and done.stderr.count("ZeroDivisionError in the observer Divides") == len(failing)
+    run = RunDirectory(tmp_path / "run")
+    if failing == "01":
+        assert run.status == "failed" and run.gauge_series()[0].t.size == 11
+    else:
+        assert run.status == "killed"
 
 
 @pytest.mark.slow

@@ -4,7 +4,6 @@ import json
 import os
 import shlex
 import sys
-import time
 import traceback
 from contextlib import suppress
 from functools import cache
@@ -21,7 +20,7 @@ from wavetank.calibrate.command import calibrate
 from wavetank.case.new import KINDS, write_case
 from wavetank.console import console, drain
 from wavetank.errors import InputError, WavetankError, printable
-from wavetank.fe.agreed import on_first
+from wavetank.fe.agreed import all_here, on_first
 from wavetank.plan.command import plan
 from wavetank.plan.motion_command import motion
 from wavetank.postprocess.analyse_command import analyse
@@ -298,13 +297,10 @@ def _report(message: str, code: int, ranks: MPI.Comm) -> int:
     drain()
     if ranks.rank == 0:
         _print_error(message)
-    printed, give_up = ranks.Ibarrier(), time.monotonic() + LAST_RANK
-    while not printed.Test():
-        if time.monotonic() > give_up:
-            if ranks.rank:
-                _print_error(f"rank {ranks.rank}: {message}")
-            ranks.Abort(code)
-        time.sleep(0.01)
+    if not all_here(ranks, LAST_RANK):
+        if ranks.rank:
+            _print_error(f"rank {ranks.rank}: {message}")
+        ranks.Abort(code)
     return code
 
 

@@ -14,7 +14,7 @@ from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.windows import Window
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
-from wavetank.fe.agreed import agreed, from_first, on_first
+from wavetank.fe.agreed import agreed, all_here, ending_together, from_first, on_first
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.breaking import BreakingNews
 from wavetank.observers.contract import Judge, Observer
@@ -51,6 +51,7 @@ from wavetank.water.breakdown import cause, folds
 from wavetank.water.breaking import BreakingDissipation
 from wavetank.water.waves import NonlinearWaves
 
+ALIKE, LATEST = 5.0, 60.0  # s after a mistake in which all have met it, and in which the first rank has drawn pictures
 Draw = Callable[[RunDirectory], Iterable[Path]]
 
 
@@ -140,7 +141,7 @@ def record_run(
     known = {"scene": _said_of(scene, integrator), "files": contents(scene), "ranks": comm.size, **environment()}
     known["warnings"] = warnings.sentences  # found until its end
     writer = on_first(comm, lambda: RunWriter(place, known, resume=resume))
-    with ExitStack() as at_the_end:
+    with ending_together(comm, LATEST), ExitStack() as at_the_end:
         if writer is not None:
             at_the_end.callback(writer.release)
         kept = GoingOn(writer, comm, warn=warnings.add, at=at) if resume else None
@@ -388,7 +389,7 @@ def _execute(
             raise type(error)(f"{error}: {why}.") from None
         raise error from None
     except BaseException:
-        if waves.plane.comm.size == 1:  # others may not be here
+        if all_here(waves.plane.comm, ALIKE):  # of a mistake that one rank alone has met no other knows
             run.settle()
         raise
     note()

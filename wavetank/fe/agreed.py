@@ -1,7 +1,10 @@
 """What each rank does by itself, or the first one alone, but all must succeed in."""
 
 import time
-from collections.abc import Callable
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from math import inf
 from typing import TypeVar
 
 from mpi4py import MPI
@@ -24,7 +27,7 @@ def agreed(comm: MPI.Comm, evaluate: Callable[[], T]) -> T:
         found.append(evaluate())
     except WavetankError as error:
         failure = error
-    _wait_for_all(comm)
+    all_here(comm)
     for met in comm.allgather(failure):
         if met is not None:
             raise met
@@ -44,9 +47,27 @@ def from_first(comm: MPI.Comm, action: Callable[[], T]) -> T:
     return found
 
 
-def _wait_for_all(comm: MPI.Comm) -> None:
-    """Return when all ranks are here; collective."""
-    all_here, late = comm.Ibarrier(), time.monotonic() + SOON
-    while not all_here.Test():
-        if time.monotonic() > late:
+def all_here(comm: MPI.Comm, within: float = inf) -> bool:
+    """Return, once all ranks are here, that they are; or, after some seconds, that they are not; collective."""
+    here, began = comm.Ibarrier(), time.monotonic()
+    while not here.Test():
+        waited = time.monotonic() - began
+        if waited > within:
+            return False
+        if waited > SOON:
             time.sleep(PAUSE)
+    return True
+
+
+@contextmanager
+def ending_together(comm: MPI.Comm, within: float) -> Iterator[None]:
+    """End all ranks where the block fails on some by a mistake, and the others have not come after some seconds."""
+    try:
+        yield
+    except WavetankError:
+        raise
+    except Exception as error:
+        if not all_here(comm, within):
+            traceback.print_exception(error)
+            comm.Abort(1)
+        raise

@@ -22,8 +22,8 @@
 
 The first rank writes (``writer.py``), but for the fields. Snapshots are handed to the operating system at once, rows of
 tables together, within a second: a killed run keeps all but these, which it computes anew when it goes on, as does one
-on several ranks that ends by a mistake in the program; of one that ends in any other way none is missing. A reader
-leaves out what was cut. No number that is not finite is ever written.
+that ends by a mistake on some of its ranks; of one that ends in any other way none is missing. A reader leaves out
+what was cut. No number that is not finite is ever written.
 """
 
 import csv
