@@ -3,7 +3,7 @@
 A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
 motion over the run (of a short one, and beyond it: ``WINDOW``) and c the paddle's transfer function
 (``theory/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
-within the run; where there is no gauge, as far as it gets towards the far wall. At a gauge it is seen for the rest of
+within the run; where there is no gauge, or most is still on its way, as far as it gets towards the far wall. At a gauge it is seen for the rest of
 the run: that is its share in the error. Those of a far wall are found alike, as seen from it. A standing wave is
 followed for the whole run.
 
@@ -49,6 +49,7 @@ POINTS = 1024  # along a wave of permanent form
 TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths looked at
 BEYOND = 2  # harmonics of a standing wave beyond those of its expansion
 NEGLIGIBLE = 1e-5  # of its first harmonic
+REACHED = 0.9  # of the energy: of a run that ends before it gets to a gauge all that is in the tank counts
 PLACES = 33  # at which the highest crest is looked for
 
 
@@ -375,7 +376,7 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     waves = lines.omega <= _highest(motion, lines, accuracy)
     omega, amplitude = _gathered(lines.omega[waves], np.abs(lines.elevation[waves]), 0.05 * accuracy**2)
     k = airy.wave_number(omega, scene.tank.depth, scene.tank.gravity)
-    age, share = _age(scene, k)
+    age, share = _age(scene, k, amplitude**2)
     seen = share > 0.0
     parts = (k[seen], omega[seen], (amplitude * np.sqrt(share))[seen], age[seen])
     crest, duration = _crest(scene, lines), 2 * np.pi / float(lines.omega[0])
@@ -443,15 +444,16 @@ def _gathered(omega: Vector, amplitude: Vector, lost: float) -> tuple[Vector, Ve
     return mean, np.sqrt(energy)
 
 
-def _age(scene: Scene, k: Vector) -> tuple[Vector, Vector]:
+def _age(scene: Scene, k: Vector, energy: Vector) -> tuple[Vector, Vector]:
     """Return how long components travel to the farthest gauge they reach [s], and for what share of the run they do.
 
-    The share is 0 of those that reach none; where there is no gauge, or none is reached, it is 1 all along the tank.
+    The share is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the rest
+    being on its way to them, it is 1 of all, along the tank.
     """
     duration = scene.run.duration
     speed = airy.group_velocity(k, scene.tank.depth, scene.tank.gravity)
     times = np.divide.outer(np.array([gauge.x for gauge in scene.all_gauges]), speed)
-    if not np.any(times < duration):
+    if energy @ np.any(times < duration, axis=0) < REACHED * energy.sum():
         return np.asarray(np.minimum(duration, scene.tank.length / speed)), np.ones_like(k)
     age = np.where(times < duration, times, -np.inf).max(axis=0)
     return np.maximum(age, 0.0), np.where(age >= 0.0, 1.0 - np.maximum(age, 0.0) / duration, 0.0)
