@@ -69,6 +69,7 @@ def test_where_a_rule_stands_for_a_plan_the_run_says_so(tmp_path):
 TURNED = {"type": "sinusoid", "paddle_amplitude": 1.0, "period": 8.0, "ramp": 0.0}
 FLAP = {"type": "flap", "motion_as": "angle", "motion": TURNED}
 RIPPLES = {"bed": {"type": "formula", "depth": "1 + 0.1 * sin(200 * x)"}}
+FORMULA = {"type": "piston", "motion": {"type": "formula", "position": "0.01 * sin(pi * t)"}}
 DOUBTFUL = {
     "cells ten times too large": (
         {"wall": piston(1.8), "duration": 20.0, "numerics": {"cell_size": 10.0}},
@@ -93,6 +94,10 @@ DOUBTFUL = {
     "a ramp as long as the run": (
         {"wall": piston(1.8), "numerics": {"cells": 20}},
         r"^the ramp of wall\.motion is over after 3\.6 s, the run of 2 s before: its waves do not get their height$",
+    ),
+    "a paddle that moves at once": (
+        {"wall": FORMULA, "numerics": {"cells": 20}},
+        r"^the paddle of wall starts at t = 0 s from rest at 0\.0314 m/s, 1 of its largest speed: .*wall\.motion\.ramp",
     ),
     "a sponge of a quarter of a wave": (
         {"wall": piston(1.8), "numerics": {"cells": 20}, "sponge": {"type": "end", "length": 1.0}},
@@ -151,6 +156,15 @@ def test_a_motion_of_two_steps_is_judged_as_it_goes_on():
     cut = read_case(CHECKOUT / "cases" / "wavemaker.toml", ["run.duration=0.02", "numerics.dt=0.01"])
     (only,) = said_of(planned(cut, MPI.COMM_SELF).scene)
     assert only.startswith("the ramp of wall.motion is over after 4 s")
+
+
+@pytest.mark.parametrize("position", ["0.01 * (1 - cos(pi * t))", "0.01 * sin(pi * t)"])
+def test_a_paddle_that_starts_from_rest_is_not_told_to_begin_gently(position):
+    """By itself, or in water that moves as well: only what jumps in water at rest is a blow."""
+    still = position.endswith("cos(pi * t))")
+    motion = FORMULA["motion"] | {"position": position}
+    one = scene(wall=FORMULA | {"motion": motion}, numerics={"cells": 20}, **({} if still else {"initial": standing()}))
+    assert not any("from rest" in sentence for sentence in said_of(one))
 
 
 def on_a_slope(period, **numerics):

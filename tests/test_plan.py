@@ -532,11 +532,11 @@ def test_a_plan_can_be_made_where_no_gauge_is_reached():
 
 
 @pytest.mark.parametrize("duration", [3.0, 4.5])
-def test_a_plan_of_a_run_that_ends_early_holds_what_is_in_the_tank(duration):
-    """By the plan without gauges: that of the few long waves that came to one within 3 s missed it by 6 %."""
-    changes = f"run.duration={duration}", "numerics={accuracy=0.01}"
-    plans = [make_plan(read_case("cases/focusing.toml", [*changes, *more]), 1e-2) for more in ((), ("gauges=[]",))]
-    assert plans[0].settings == plans[1].settings
+def test_a_plan_of_a_run_that_ends_early_is_for_what_is_in_the_tank(duration):
+    """As if there were no gauges: the plan for the few long waves that came to one within 3 s missed it by 6 %."""
+    cases = [read_case("cases/focusing.toml", [f"run.duration={duration}", *more]) for more in ((), ("gauges=[]",))]
+    gauged, plain = (requirements(case, 1e-2).waves for case in cases)
+    assert np.array_equal(gauged.amplitude, plain.amplitude) and np.array_equal(gauged.k, plain.k)
 
 
 def test_the_command_proposes_and_judges(wavetank):

@@ -27,6 +27,7 @@ from wavetank.theory.airy import wave_number
 
 LARGE = 0.1  # predicted relative error of the elevation
 SHORT = 0.5  # of a wave: a sponge that absorbs little of it
+SUDDEN = 0.1  # of its largest speed: what a paddle starts with in water at rest
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
@@ -38,7 +39,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     """
     planless = own is not None or unplanned(scene) is not None
     mesh = waves_missed(scene, waves.plane.cell_size) if planless else _predicted(scene)
-    before = [*mesh, *_of_walls(scene, waves), *_strokes(scene), *_ramps(scene), *_sponge(scene)]
+    before = [*mesh, *_of_walls(scene, waves), *_strokes(scene), *_jolts(scene), *_ramps(scene), *_sponge(scene)]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *_bed(scene, waves), *_start(scene, waves), *of_step]
@@ -64,6 +65,20 @@ def _strokes(scene: Scene) -> Iterator[str]:
             moves = f"the paddle of {seen.key} moves at up to {share:.2g} of its waves' speed"
             far = f"goes {seen.excursion(motion):.3g} m from rest in water {tank.depth:.3g} m deep"
             yield f'linear theory is of small strokes: {moves}, and {far}; water.type = "nonlinear" takes any'
+
+
+def _jolts(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle that starts in water at rest with a speed."""
+    for seen in scene.paddles if isinstance(scene.initial, StillWater) else ():
+        motion = seen.motion()
+        begin = max(motion.start, 0.0)
+        if not motion.moves or begin >= scene.run.duration:
+            continue
+        speed = float(np.abs(seen.of_paddle(motion, "velocity")(np.array([begin]))).max())
+        if speed > SUDDEN * (largest := seen.extent(motion).speed):
+            jump = f"at {speed:.3g} m/s, {speed / largest:.2g} of its largest speed"
+            blow = f"that strikes the water and throws it up there; {seen.key}.motion.ramp begins gently"
+            yield f"the paddle of {seen.key} starts at t = {begin:.4g} s from rest {jump}: {blow}"
 
 
 def _ramps(scene: Scene) -> Iterator[str]:

@@ -3,9 +3,9 @@
 A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
 motion over the run (of a short one, and beyond it: ``WINDOW``) and c the paddle's transfer function
 (``theory/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
-within the run; where there is no gauge, or most is still on its way, as far as it gets towards the far wall. At a gauge it is seen for the rest of
-the run: that is its share in the error. Those of a far wall are found alike, as seen from it. A standing wave is
-followed for the whole run.
+within the run; where there is no gauge, or most is still on its way, as far as it gets towards the far wall. At a
+gauge it is seen for the rest of the run: that is its share in the error. Those of a far wall are found alike, as seen
+from it. A standing wave is followed for the whole run.
 
 Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma = tanh(k d):
 
