@@ -244,7 +244,7 @@ class MassMatrix:
 
     def update(self) -> None:
         """Take over the fields that J depends on as they are; a paddle's shape stays what it was."""
-        at_rows = self._kernel.pointer(self._density.rows())
+        at_rows = self._kernel.known(self._density.rows())
         self._kernel.call.weigh(self._cells, self._at_constants, at_rows, self._at_weights)
         self._ready = False
 

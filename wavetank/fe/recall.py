@@ -70,7 +70,8 @@ class Recall:
     @property
     def place(self) -> tuple[int, int] | None:
         """How many differences are known, and where the next one goes; None of what remembers nothing."""
-        return (self._known, (self._recorded - 1) % len(self._gram)) if self._recorded else None
+        before, most = self._recorded - 1, len(self._gram)
+        return (min(before, most), before % most) if self._recorded else None
 
     def kept(self) -> None:
         """Take note that there is one more."""

@@ -104,13 +104,14 @@ static void by_walls(Whole *w)
             w->wall[i] += one->wall[i];
 }
 
-/* Set the potential of masses q and surface potential p, as the walls move; its flow less its mean, and the wall's, and
-   behind that M^-1 of its energy's derivative by the column. Returns the iterations, or -1 of what is not as usual. */
+/* Set the potential of masses q and surface potential p, as the walls move. What is found, one behind the other: its flow
+   less its mean, and the wall's; the negative of M^-1 of its energy's derivative by the column, and that; q and p.
+   Returns the iterations, or -1 of what is not as usual. */
 static int find(Whole *w, const double *q, const double *p, const double *still, int known, int place, double *flow,
                 double *level)
 {
     const long n = w->dofs, inputs = (w->paddles ? 3 : 2) * n;
-    double *by_column = flow + n;
+    double *by_column = flow + 2 * n;
     int iterations = 0;
     if (!begin(w, q, p, still, level))
         return -1;
@@ -153,6 +154,10 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
             by_column[i] += one->by_wall[i];
     }
     CALL(Solve, solve_mass)(w->mass, by_column, by_column, w->mass_work);
+    EACH(i, n)
+        flow[n + i] = -by_column[i];
+    memcpy(flow + 3 * n, q, sizeof(double) * n);
+    memcpy(flow + 4 * n, p, sizeof(double) * n);
     return iterations;
 }
 

@@ -105,19 +105,17 @@ class Solution:
         That it took.
     level
         The mean of the surface potential, which is left out.
-    flow
-        (A phi)_n less its mean, and the wall's, shape (dofs,).
-    by_column
-        M^-1 of the derivative of the energy by the column, the wall's included, shape (dofs,).
     kinetic
         phi A phi.
+    rows
+        (A phi)_n less its mean, and the wall's; the negative of M^-1 of the derivative of the energy by the column, the
+        wall's included, and that; masses and surface potential that it is of: shape (5, dofs).
     """
 
-    __slots__ = "iterations", "level", "flow", "by_column", "kinetic"
+    __slots__ = "iterations", "kinetic", "level", "rows"
 
-    def __init__(self, iterations: int, level: float, flow: Vector, by_column: Vector, kinetic: float):
-        self.iterations, self.level, self.flow = iterations, level, flow
-        self.by_column, self.kinetic = by_column, kinetic
+    def __init__(self, iterations: int, level: float, kinetic: float, rows: Vector):
+        self.iterations, self.level, self.kinetic, self.rows = iterations, level, kinetic, rows
 
 
 class Whole:
@@ -211,7 +209,7 @@ class Whole:
         if place is None:
             return None
         self._mass.make_ready()
-        at, found = self._kernel.pointer, np.empty((2, p.size))
+        at, found = self._kernel.pointer, np.empty((5, p.size))
         for paddle, wall in zip(self._paddles, self._walls, strict=True):
             paddle.speed = wall.speed
         surface = at(q), at(p), self._of_still(still, p.size)
@@ -220,7 +218,7 @@ class Whole:
             return None
         self._recall.kept()
         self._minimum.last = self._struct.last_iterations
-        return Solution(iterations, float(self._level[0]), found[0], found[1], self._struct.found.kinetic)
+        return Solution(iterations, self._at_level[0], self._struct.found.kinetic, found)
 
     def push(self, mu: Vector) -> float:
         """Return dH/dt at fixed (Q, psi) of the point last found, for ``mu``, dH/dQ there, shape (dofs,)."""

@@ -107,6 +107,14 @@ class HamiltonianSystem(Protocol):
 
 
 @runtime_checkable
+class Flowing(Protocol):
+    """A system that tells both derivatives of a point as one."""
+
+    def flow(self, z: Vector, t: float) -> Vector:
+        """Return dz/dt of z = [q, p], one behind the other, in the same way; collective."""
+
+
+@runtime_checkable
 class Seeing(Protocol):
     """A system that can tell the energy of a point from one near to it in less than from its derivatives there."""
 

@@ -1,9 +1,20 @@
 """The flow dq/dt = H_p, dp/dt = -H_q at one point: one evaluation of a system that remembers it."""
 
+from collections.abc import Callable
+
+import numpy as np
+
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem
+from wavetank.hamiltonian.contract import Flowing, HamiltonianSystem
 
 
 def flow(system: HamiltonianSystem, q: Vector, p: Vector, t: float) -> tuple[Vector, Vector]:
     """Return (dq/dt, dp/dt) at one point."""
     return system.H_p(q, p, t), -system.H_q(q, p, t)
+
+
+def flow_of(system: HamiltonianSystem) -> Callable[[Vector, float], Vector]:
+    """Return f(z, t) = dz/dt of z = [q, p], one behind the other, shape (2n,)."""
+    if isinstance(system, Flowing):
+        return system.flow
+    return lambda z, t: np.concatenate(flow(system, *np.split(z, 2), t))

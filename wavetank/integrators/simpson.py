@@ -27,7 +27,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage
 from wavetank.integrators.contract import Evaluated, Map
-from wavetank.integrators.flow import flow
+from wavetank.integrators.flow import flow_of
 
 KAPPA = 0.1
 
@@ -109,11 +109,7 @@ class Simpson4:
 
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
-
-        def f(z: Vector, t: float) -> Vector:
-            q, p = z.reshape(2, -1)
-            return np.concatenate(flow(system, q, p, t))
-
+        f = flow_of(system)
         z, d, *earlier, _ = (pair.ravel() for pair in state)
         plus = z + d / 2
         f_0 = f(plus, t)

@@ -65,9 +65,9 @@ class Motion(ABC):
         """Raise ``InputError`` where a derivative is not that of X at times [s]; known motions' are exact."""
         return
 
-    def rates(self, t: Any, y: Any = None) -> list[Any]:
-        """Return X, dX/dt and d^2X/dt^2 at times t [s] and places y [m]."""
-        return [self.derivative(t, order, y) for order in range(3)]
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return X, dX/dt and so on, up to an order, at times t [s] and places y [m]."""
+        return [self.derivative(t, order, y) for order in range(up_to + 1)]
 
     def position(self, t: Any, y: Any = None) -> Any:
         """Return X [m] at times t [s] and places y [m]."""

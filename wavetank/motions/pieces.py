@@ -3,7 +3,6 @@
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
-from math import perm
 from typing import Any
 
 import numpy as np
@@ -29,20 +28,31 @@ class Pieces:
 
     def derivative(self, t: Any, order: int) -> Any:
         """Return the derivative of an order at times t, a number or of any shape; beyond the ends by the end pieces."""
+        return self.rates(t)[order]
+
+    def rates(self, t: Any) -> tuple[Any, Any, Any]:
+        """Return the value and its first two derivatives, by Horner's rule."""
+        c, s = self._piece(t)
+        value = slope = half_bend = 0.0
+        for one in c:
+            half_bend = half_bend * s + slope
+            slope = slope * s + value
+            value = value * s + one
+        return value, slope, 2.0 * half_bend
+
+    def _piece(self, t: Any) -> tuple[Any, Any]:
+        """Return the coefficients of the piece, or pieces, of times, and these less where it begins."""
         last = len(self.x) - 2
         if isinstance(t, float):
-            piece = min(max(bisect_right(self._breakpoints, t) - 1, 0), last)
-            s: Any = t - self._breakpoints[piece]
+            breakpoints = self._breakpoints
+            piece = min(max(bisect_right(breakpoints, t) - 1, 0), last)
+            s: Any = t - breakpoints[piece]
         else:
             piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), last)
             s = t - self.x[piece]
             s = np.expand_dims(s, -1) if self.c.ndim > 2 else s
         c: Any = self.c[:, piece]
-        c = c.tolist() if c.ndim == 1 else c  # numbers of Python's take a third of the time
-        value, highest = 0.0, len(c) - 1
-        for power in range(highest, order - 1, -1):
-            value = value * s + perm(power, order) * c[highest - power]
-        return value
+        return c.tolist() if c.ndim == 1 else c, s  # numbers of Python's take a third of the time
 
     @cached_property
     def _breakpoints(self) -> list[float]:

@@ -60,17 +60,38 @@ class Ramped(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the derivative of the product by Leibniz' rule; after the ramp that of S."""
-        if (t if isinstance(t, float) else np.min(t)) >= self.start + self.ramp:
+        if self._over(t):
             return self.motion.derivative(t, order, y)
-        return sum(self._term(t, order, n, y) for n in range(order + 1))
+        return self._product(t, order, self._both(t, order, y))
 
-    def _term(self, t: Any, order: int, n: int, y: Any) -> Any:
-        part, step = ((np.asarray(t) if np.ndim(t) else float(t)) - self.start) / self.ramp, 0.0
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the derivatives of the product; S is asked once."""
+        if self._over(t):
+            return self.motion.rates(t, y, up_to=up_to)
+        both = self._both(t, up_to, y)
+        return [self._product(t, order, both) for order in range(up_to + 1)]
+
+    def _over(self, t: Any) -> bool:
+        return bool((t if isinstance(t, float) else np.min(t)) >= self.start + self.ramp)
+
+    def _both(self, t: Any, up_to: int, y: Any) -> tuple[list[Any], list[Any]]:
+        """Return the derivatives of r and of S up to an order."""
+        part, steps = ((np.asarray(t) if np.ndim(t) else float(t)) - self.start) / self.ramp, []
         s = min(max(part, 0.0), 1.0) if isinstance(part, float) else np.clip(part, 0.0, 1.0)
-        for coefficient in _STEP[n]:
-            step = step * s + coefficient
-        factor, values = comb(order, n) * step / self.ramp**n, self.motion.derivative(t, order - n, y)
-        return (factor if np.ndim(values) == np.ndim(t) else np.asarray(factor)[..., None]) * values
+        for n, coefficients in enumerate(_STEP[: up_to + 1]):
+            step = 0.0
+            for coefficient in coefficients:
+                step = step * s + coefficient
+            steps.append(step / self.ramp**n)
+        return steps, self.motion.rates(t, y, up_to=up_to)
+
+    def _product(self, t: Any, order: int, both: tuple[list[Any], list[Any]]) -> Any:
+        steps, values = both
+        return sum(_times(t, comb(order, n) * steps[n], values[order - n]) for n in range(order + 1))
+
+
+def _times(t: Any, factor: Any, values: Any) -> Any:
+    return (factor if np.ndim(values) == np.ndim(t) else np.asarray(factor)[..., None]) * values
 
 
 def ramped(motion: Motion, ramp: float, *, start: float = 0.0) -> Motion:

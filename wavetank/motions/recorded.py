@@ -78,6 +78,13 @@ class Recorded(Motion):
         value = self.spline.derivative(np.maximum(t, self.start), order)
         return value if order == 0 else value * np.greater_equal(t, self.start)
 
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the spline's derivatives; raise ``InputError`` beyond the record."""
+        if not isinstance(t, float) or t < self.start:
+            return super().rates(t, y, up_to=up_to)
+        self._check(t)
+        return [*self.spline.rates(t)[: up_to + 1]]
+
     def _check(self, t: Any) -> None:
         # The last of many steps may end a rounding error late; the spline is smooth enough to go on that far.
         last = t if isinstance(t, float) else np.max(t)

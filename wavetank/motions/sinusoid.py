@@ -31,5 +31,5 @@ class Sinusoid(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return a omega^order sin(omega t + order pi / 2)."""
-        omega, sine = 2.0 * np.pi / self.period, math.sin if isinstance(t, float) else np.sin
-        return self.amplitude * omega**order * sine(omega * np.asarray(t) + order * np.pi / 2.0)
+        omega, (t, sine) = 2.0 * np.pi / self.period, (t, math.sin) if isinstance(t, float) else (np.asarray(t), np.sin)
+        return self.amplitude * omega**order * sine(omega * t + order * np.pi / 2.0)

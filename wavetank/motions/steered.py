@@ -100,6 +100,10 @@ class Steered(Motion):
         """Return the derivative of all of it."""
         return self.motion.derivative(t, order, y) + self.added(t, order)
 
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the derivatives of all of it."""
+        return [known + self.added(t, order) for order, known in enumerate(self.motion.rates(t, y, up_to=up_to))]
+
     def held(self) -> dict[str, Any]:
         """Return what has been added of late, as JSON has it."""
         return {"times": [*self._times], "knots": [[*one] for one in self._knots], "kept": {**self._kept}}

@@ -112,7 +112,7 @@ class NonlinearRates(NonlinearWaves):
         self.phi_rate.owned[:, -1] = p_rate - self.level_rate
         self.potential.minimiser.find(self.phi_rate.owned, residual_rate)
         self.phi_rate.fetch()
-        self._know(q, p, t, self._H_p)
+        self._know(q.copy(), p.copy(), t, self._H_p)
         self._has_rates = True
 
     def _nodes(self) -> Vector:

@@ -136,13 +136,13 @@ class NonlinearWaves:
         self._q: Vector = np.full(plane.owned, np.nan)
         self._p: Vector = self._q
         self._t = np.nan
-        self._point = b"", b""  # q and p, as they are compared
         self._stands = 0.0  # when the wall stands as it does
         self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
         self.level, self._speed = 0.0, float(np.sqrt(gravity * self.depth))  # the latter of long waves [m/s]
         self._H_p: Vector = self._q
         self._kinetic = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
+        self._flow: Vector | None = None  # both, once that has
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
         self._power: float | None = None  # dH/dt at that point, likewise
         self._seen: tuple[Vector, Vector, Seen] | None = None  # from the point last evaluated, of a state (q, p)
@@ -184,7 +184,7 @@ class NonlinearWaves:
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         self._kinetic = 0.5 * self.potential.minimiser.kinetic
-        self._know(q, p, t, flow + wall[:, -1])
+        self._know(q.copy(), p.copy(), t, flow + wall[:, -1])
 
     def _found(self, q: Vector, p: Vector, t: float) -> bool:
         """Find the same, where that is compiled as a whole, and all is as usual; return whether it was."""
@@ -196,8 +196,9 @@ class NonlinearWaves:
             return False
         self.potential.took(found.iterations)
         self.level, self._kinetic = found.level, 0.5 * found.kinetic
-        self._know(q, p, t, found.flow)
-        self._H_q = found.by_column
+        H_p, _, H_q, q, p = found.rows
+        self._know(q, p, t, H_p)
+        self._H_q, self._flow = H_q, found.rows[:2].reshape(-1)
         return True
 
     def _compiled(self, minimum: Minimiser) -> Whole | None:
@@ -238,14 +239,13 @@ class NonlinearWaves:
         return self._wall_terms.vector()
 
     def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
-        """Keep that the potential is that of a state."""
-        self._H_p, self._H_q, self._power, self._t, self._seen = H_p, None, None, t, None
-        self._point = q.tobytes(), p.tobytes()
-        self._q, self._p = map(np.frombuffer, self._point)
+        """Keep that the potential is that of a state, in arrays that nobody changes."""
+        self._H_p, self._H_q, self._flow, self._power, self._t, self._seen = H_p, None, None, None, t, None
+        self._q, self._p = q, p
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
-        return one_time(t, self._t) and self._all(q.tobytes() == self._point[0] and p.tobytes() == self._point[1])
+        return one_time(t, self._t) and self._all(q.tobytes() == self._q.tobytes() and p.tobytes() == self._p.tobytes())
 
     def _all(self, known: bool) -> bool:
         """Return whether it is so on all ranks; collective."""
@@ -316,6 +316,14 @@ class NonlinearWaves:
             derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
             self._H_q = self.mass.solve(derivative + self._wall_terms.by_column())
         return self._H_q
+
+    def flow(self, z: Vector, t: float) -> Vector:
+        """Return dz/dt of z = [Q, psi], one behind the other, shape (2 owned,); collective."""
+        q, p = z.reshape(2, -1)
+        self.evaluate(q, p, t)
+        if self._flow is None:
+            self._flow = np.concatenate([self._H_p, -self.H_q(q, p, t)])
+        return self._flow
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""

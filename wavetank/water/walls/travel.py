@@ -44,7 +44,7 @@ class Travel:
         self.position, self.speed, self.acceleration, self.share = (field.function for field in self._fields)
         self._fields[3].set(self._s)
         self.offsets: Vector = np.zeros(1)
-        self._whole: dict[int, Vector] = {}  # the derivatives of X_p now that are the same at all y
+        self._whole: dict[int, float] = {}  # the derivatives of X_p now that are the same at all y
         self.velocities: Vector = np.zeros(1)
         self.accelerations: Vector = np.zeros(1)
 
@@ -64,20 +64,20 @@ class Travel:
             return False
         self.t, before = t, self.offsets
         self._whole.clear()
-        self.offsets, self.velocities = self._here(0), self._here(1)
+        self.offsets, self.velocities = map(self._here, range(2), self._motion.rates(t, self._y, up_to=1))
         self._set(0, self.offsets)
         self._set(1, self.velocities)
         return summed(self._comm, float(before.tobytes() != self.offsets.tobytes())) > 0
 
     def set_acceleration(self) -> None:
         """Bring the acceleration to the time of the position."""
-        self.accelerations = self._here(2)
+        self.accelerations = self._here(2, self._rate(2, self._y))
 
     @contextmanager
     def going(self, speed: float) -> Iterator[None]:
         """Go, for a while, at another speed [m/s], positive into the water; collective."""
         before, velocities = self._whole.pop(1, None), self.velocities
-        self._whole[1], self.velocities = np.array(speed), np.array([speed])
+        self._whole[1], self.velocities = speed, np.array([speed])
         self._set(1, self.velocities)
         yield
         del self._whole[1]
@@ -101,7 +101,7 @@ class Travel:
     @property
     def whole(self) -> float | None:
         """X_p now [m]; None of a paddle that does not move as a whole."""
-        return float(self._whole[0]) if 0 in self._whole else None
+        return self._whole.get(0)
 
     @property
     def stood(self) -> tuple[float, float | None]:
@@ -120,16 +120,18 @@ class Travel:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
         return np.full(y.shape, self._rate(1, y))
 
-    def _here(self, order: int) -> Vector:
-        """Return a derivative of X_p at the owned degrees of freedom, shape (owned,), or (1,)."""
-        rate = self._rate(order, self._y)
-        return rate[self._place] if rate.ndim else rate.reshape(1)
+    def _here(self, order: int, rate: Vector | float) -> Vector:
+        """Return a derivative of X_p at the owned degrees of freedom, shape (owned,), or (1,) of what is known then."""
+        if not isinstance(rate, float) and np.ndim(rate):
+            return np.asarray(rate)[self._place]
+        self._whole[order] = whole = float(rate)
+        return np.array([whole])
 
-    def _rate(self, order: int, y: Vector | None) -> Vector:
+    def _rate(self, order: int, y: Vector | None) -> Vector | float:
         """Return a derivative of X_p at places y, shape (N,); of a paddle that moves as a whole found once a time."""
-        value = self._whole.get(order)
+        value: Vector | float | None = self._whole.get(order)
         if value is None:
-            value = np.asarray(self._motion.derivative(self.t, order, y))
-            if value.ndim == 0:
-                self._whole[order] = value
+            value = self._motion.derivative(self.t, order, y)
+            if not np.ndim(value):
+                self._whole[order] = value = float(value)
         return value
