@@ -14,7 +14,7 @@ static void multiply(const Points *p, int known, const double *restrict x)
     }
 }
 
-/* A point becomes the newest, the way to it the difference at a place; its image's products with those known. */
+/* A point becomes the newest, the way to it the difference at a place; its image's products with those known, here. */
 static void add(const Points *p, int known, int place, const double *restrict z, const double *restrict image)
 {
     double *restrict way = p->ways + place * p->size, *restrict difference = p->differences + place * p->size;
@@ -25,6 +25,8 @@ static void add(const Points *p, int known, int place, const double *restrict z,
         newest[i] = z[i], its_image[i] = image[i];
     }
     multiply(p, known, difference);
+    for (int k = 0; k < known; ++k)
+        p->gram[place * p->most + k] = p->gram[k * p->most + place] = p->products[k];
 }
 
 /* How far what is asked for is from the newest image, and the products of that with those known, and itself. */

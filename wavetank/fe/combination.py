@@ -1,7 +1,7 @@
 """Points combined as their images come closest to what is asked for, distributed over ranks (``combination.c``)."""
 
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
@@ -89,7 +89,8 @@ class Combination:
         at, most = self._kernel.pointer, len(self._gram)
         place, known = (self._recorded - 1) % most, min(self._recorded, most)
         self._kernel.call.add(self._kept, known, place, at(z), at(image))
-        self._gram[place, :known] = self._gram[:known, place] = summed(self._comm, self._products[:known])
+        if self._comm.size > 1:
+            self._gram[place, :known] = self._gram[:known, place] = summed(self._comm, self._products[:known])
         self._recorded += 1
 
     def guess(self, c: Vector, *, wrong: float = 0.0) -> Guess:
@@ -101,6 +102,21 @@ class Combination:
         z, missed = np.empty_like(c), np.empty_like(c)
         call.combine(self._kept, known, wrong**2, at(z), at(missed))
         return Guess(z, missed, sqrt(self._products[known]))
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What points are added and combined with, for ``whole.c``."""
+        address, kept = self._kernel.address, {"products": self._products, "most_mixed": len(self._gram)}
+        return {**{name: address(name) for name in ("add", "aim", "combine")}, "points": address(self._kept), **kept}
+
+    @property
+    def recorded(self) -> int:
+        """How many points have been added since all were forgotten."""
+        return self._recorded
+
+    def added(self) -> None:
+        """Take note that there is one more."""
+        self._recorded += 1
 
     def held(self) -> Held:
         """Return the newest point and the differences, where they stand in the arrays, and the products of these."""

@@ -26,9 +26,15 @@ typedef int Correct(const void *cells, const void *layers, const float *state, c
                     int stride, double *phi, double *image, double tolerance, int most, double *steps, void *found,
                     float *work);
 
+typedef void Precondition(const void *inverse, double a, int carried, const double *residual, double *found);
+typedef void Add(const void *points, int known, int place, const double *z, const double *image);
+typedef void AimAt(const void *points, int known, const double *c);
+typedef void Combine(const void *points, int known, double wrong, double *z, double *missed);
+
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 #define EACH_PADDLE(one) for (Paddle *one = w->paddles; one; one = one->next)
-#define CALL(Kind, which) ((Kind *)w->which)
+#define CALL_OF(Kind, which) ((Kind *)which)
+#define CALL(Kind, which) CALL_OF(Kind, w->which)
 
 /* Take over what a mass matrix depends on as it is. */
 static void weigh(const Weighed *m, long n)
@@ -158,6 +164,29 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
         flow[n + i] = -by_column[i];
     memcpy(flow + 3 * n, q, sizeof(double) * n);
     memcpy(flow + 4 * n, p, sizeof(double) * n);
+    return iterations;
+}
+
+/* Find the potential of a point z = [q, p] of the stage z = c + a f(z), as ``find`` does, and where it leads: by the residual
+   there, preconditioned, mixed with those of ``mixed`` points before. Returns the same as ``find``. */
+static int attempt(Attempt *s, const double *z, const double *c, double a, int carried, const double *still, int known,
+                   int place, int mixed, double *found, double *level, double *next)
+{
+    const long n = s->whole->dofs;
+    const int iterations = find(s->whole, z, z + n, still, known, place, found, level);
+    const int others = mixed < s->most_mixed ? mixed : s->most_mixed;
+    double *residual = s->residual, *image = s->image, *point = s->residual;
+    if (iterations < 0)
+        return iterations;
+    EACH(i, 2 * n)
+        residual[i] = z[i] - c[i] - a * found[i];
+    CALL_OF(Precondition, s->precondition)(s->inverse, a, carried, residual, image);
+    EACH(i, 2 * n)
+        point[i] = z[i] - image[i];
+    CALL_OF(Add, s->add)(s->points, others, mixed ? (mixed - 1) % s->most_mixed : s->most_mixed - 1, point, image);
+    CALL_OF(AimAt, s->aim)(s->points, others, s->nothing);
+    CALL_OF(Combine, s->combine)(s->points, others, 0.0, next, s->missed);
+    s->away = sqrt(s->products[others]);
     return iterations;
 }
 

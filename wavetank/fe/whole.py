@@ -12,6 +12,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fe.along import Minimum
+from wavetank.fe.combination import Combination
 from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.layers import LayerOperator
 from wavetank.fe.mass import BandedMass, MassMatrix
@@ -51,10 +52,19 @@ typedef struct {
     float *single_rows, *single_state, *work, *ways, *steps;
     Found *found;
 } Whole;
+typedef struct {
+    Whole *whole;
+    int most_mixed;
+    void *precondition, *inverse, *add, *aim, *combine, *points;
+    double *residual, *image, *nothing, *missed, *products;
+    double away;
+} Attempt;
 """
 DECLARATIONS = f"""{WHOLE}
 int find(Whole *, const double *q, const double *p, const double *still, int known, int place, double *flow,
          double *level);
+int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int known,
+            int place, int mixed, double *found, double *level, double *next);
 void see(Whole *, const double *q, const double *p, const double *at_q, const double *at_p, const double *by_q,
          const double *by_p, const double *still, double *eta, double *found);
 void push(const Whole *, const double *mu, double *found);
@@ -77,6 +87,21 @@ class Along(Protocol):
 
     def pushing(self) -> tuple[float, float]:
         """Return X_p and X_p'' [m, m/s²], and see to what else power depends on."""
+
+
+class Inverse(Protocol):
+    """The inverse of a stage's residual, nearly.
+
+    Attributes
+    ----------
+    compiled
+        What it is called with.
+    carried
+        Whether it takes account of the current.
+    """
+
+    compiled: dict[str, Any]
+    carried: bool
 
 
 class Leaning(Protocol):
@@ -188,6 +213,7 @@ class Whole:
         self._at_level = self._kernel.pointer(self._level)
         self._seen: Any = np.zeros(6)
         self._at_seen = self._kernel.pointer(self._seen)
+        self._trials: dict[tuple[int, int], Any] = {}
         self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
 
     def _leaning(self, leaning: Leaning) -> dict[str, Any]:
@@ -205,20 +231,57 @@ class Whole:
 
         ``still`` is the column of still water [m].
         """
-        place = self._recall.place
+        place = self._place()
         if place is None:
             return None
-        self._mass.make_ready()
         at, found = self._kernel.pointer, np.empty((5, p.size))
+        surface = at(q), at(p), self._of_still(still, p.size)
+        return self._solution(self._kernel.call.find(self._struct, *surface, *place, at(found), self._at_level), found)
+
+    def attempt(
+        self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination
+    ) -> tuple[Solution, Vector, float] | None:
+        """Return what belongs to a point z = [q, p] of a stage z = c + a f(z), and where it leads; None as ``find``.
+
+        ``known`` is c, ``weight`` a [s]. It leads to where ``mixing`` takes points by their residuals, of which the
+        ``inverse`` is taken; what is left of these there comes last, a root of squares, scaled.
+        """
+        place, mixed, size = self._place(), mixing.recorded, z.size // 2
+        if place is None:
+            return None
+        at, found, following = self._kernel.pointer, np.empty((5, size)), np.empty_like(z)
+        trial = self._trial(inverse, mixing, size)
+        how = weight, inverse.carried, self._of_still(still, size), *place, mixed
+        into = at(found), self._at_level, at(following)
+        solution = self._solution(self._kernel.call.attempt(trial, at(z), at(known), *how, *into), found)
+        if solution is None:
+            return None
+        mixing.added()
+        return solution, following, trial.away
+
+    def _place(self) -> tuple[int, int] | None:
+        """Make ready for a potential; return where it will be recorded, None where none has been."""
+        self._mass.make_ready()
         for paddle, wall in zip(self._paddles, self._walls, strict=True):
             paddle.speed = wall.speed
-        surface = at(q), at(p), self._of_still(still, p.size)
-        iterations = self._kernel.call.find(self._struct, *surface, *place, at(found), self._at_level)
+        return self._recall.place
+
+    def _solution(self, iterations: int, found: Vector) -> Solution | None:
+        """Return what has been found, which is recorded; None of what is not as usual."""
         if iterations < 0:
             return None
         self._recall.kept()
         self._minimum.last = self._struct.last_iterations
         return Solution(iterations, self._at_level[0], self._struct.found.kinetic, found)
+
+    def _trial(self, inverse: Inverse, mixing: Combination, size: int) -> Any:
+        """Return what attempts are made with, made once for an inverse and a mixing, which live as long as this."""
+        key = id(inverse.compiled), id(mixing)
+        if key not in self._trials:
+            room = {name: np.zeros(2 * size) for name in ("residual", "image", "nothing", "missed")}
+            parts = {"whole": self._struct, **inverse.compiled, **mixing.compiled, **room, "away": 0.0}
+            self._trials[key] = self._kernel.shared("Attempt", parts), inverse.compiled, mixing
+        return self._trials[key][0]
 
     def push(self, mu: Vector) -> float:
         """Return dH/dt at fixed (Q, psi) of the point last found, for ``mu``, dH/dQ there, shape (dofs,)."""

@@ -15,6 +15,7 @@ f need not have been evaluated; a scheme has its slope there from the stage itse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from math import isfinite, sqrt
 
 import numpy as np
 from mpi4py import MPI
@@ -29,6 +30,7 @@ from wavetank.stateful import Held, give_back, held_by
 
 Preconditioner = Callable[[Stage, Vector], Vector]
 Size = Callable[[], float]
+Attempt = Callable[[Stage, Vector, Vector, Combination], tuple[Vector, float] | None]
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 MEMORY = 0.95  # of the waves' size, from one step to the next: a standing wave has moments without elevation
@@ -43,6 +45,10 @@ CONFIRMED = 16  # solves after which what is known is measured anew
 def identity(stage: Stage, residual: Vector) -> Vector:
     """Return the residual itself: no preconditioning."""
     return residual
+
+
+def never(stage: Stage, known: Vector, z: Vector, mixing: Combination) -> None:
+    """Make no attempt."""
 
 
 @dataclass
@@ -81,6 +87,10 @@ class AndersonStageSolver:
         What round-off is a part of even where the solution is zero [scaled units].
     precondition
         Approximate inverse of the stage's derivative.
+    attempt
+        An iteration as one: evaluates a stage z = c + a f(z), of c, at z, adds z to the mixing with what is
+        preconditioned of the residual there, and returns where that leads and what is left of residuals, as a
+        ``Guess`` has it; or None, and nothing is done.
     """
 
     max_iterations = 25
@@ -94,11 +104,12 @@ class AndersonStageSolver:
         size: Size | None = None,
         floor: float = 1e-6,
         precondition: Preconditioner = identity,
+        attempt: Attempt = never,
     ):
         self._counters = StageCounters()
         self._comm, self._scale, self._shape = comm, scale.ravel(), scale.shape
         self._tolerance, self._size = tolerance, size
-        self._floor, self._precondition = floor, precondition
+        self._floor, self._precondition, self._attempt = floor, precondition, attempt
         self._extrapolations: dict[str, Extrapolation] = {}
         self._combinations: dict[str, Combination] = {}
         self._sizes: dict[str, float] = {}
@@ -139,7 +150,7 @@ class AndersonStageSolver:
 
     def _norm(self, z: Vector) -> float:
         scaled = z / self._scale
-        return float(np.sqrt(summed(self._comm, float(scaled @ scaled))) / self._root_of_length)
+        return sqrt(summed(self._comm, float(scaled @ scaled))) / self._root_of_length
 
     def solve(
         self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
@@ -148,7 +159,7 @@ class AndersonStageSolver:
 
         Raises ``ConvergenceError`` naming time, stage and residual.
         """
-        self._stage, self._residual = stage, residual
+        self._stage, self._residual, self._near = stage, residual, near
         if near is None:
             earlier = self._earlier(stage.name)
             solution = self._solved(earlier.predict(stage.t, stage.dt, start=start))
@@ -175,15 +186,13 @@ class AndersonStageSolver:
 
     def _iterated(self, z: Vector) -> Vector | None:
         """Return the solution by Anderson's mixing from z on, or None where it does not converge; collective."""
-        name, norm, mixing = self._stage.name, np.nan, self._mixing
-        mixing.forget()
+        name, norm = self._stage.name, np.nan
+        self._mixing.forget()
         left, age = self._left.get(name, (np.inf, 0))
         left = left if age < CONFIRMED else np.inf
         for iteration in range(self.max_iterations):
-            residual = self._evaluate(z)
-            mixing.add(z - residual, residual)
-            guess = mixing.guess(self._none)
-            before, norm = norm, guess.away / self._root_of_length
+            following, away = self._led_to(z)
+            before, norm = norm, away / self._root_of_length
             if iteration == 0:
                 if name not in self._sizes:
                     self._sizes[name] = self._distance(z)
@@ -192,14 +201,25 @@ class AndersonStageSolver:
                 left = norm / before if before else 0.0
             if iteration == 1:
                 self._left[name], age = (left, 0), 0
-            if not np.isfinite(norm):
+            if not isfinite(norm):
                 return None
-            z = guess.z
+            z = following
             if norm <= target or SAFETY * left * norm <= target:
                 if name in self._left:
                     self._left[name] = self._left[name][0], age
                 return z
         return None
+
+    def _led_to(self, z: Vector) -> tuple[Vector, float]:
+        """Return where the iterates so far and z lead, and what is left of residuals there; collective."""
+        mixing = self._mixing
+        if self._near is not None and (led := self._attempt(self._stage, self._near.known, z, mixing)) is not None:
+            self._counters.evaluations += 1
+            return led
+        residual = self._evaluate(z)
+        mixing.add(z - residual, residual)
+        guess = mixing.guess(self._none)
+        return guess.z, guess.away
 
     @cached_property
     def _mixing(self) -> Combination:

@@ -17,4 +17,9 @@ def flow_of(system: HamiltonianSystem) -> Callable[[Vector, float], Vector]:
     """Return f(z, t) = dz/dt of z = [q, p], one behind the other, shape (2n,)."""
     if isinstance(system, Flowing):
         return system.flow
-    return lambda z, t: np.concatenate(flow(system, *np.split(z, 2), t))
+
+    def both(z: Vector, t: float) -> Vector:
+        q, p = z.reshape(2, -1)
+        return np.concatenate(flow(system, q, p, t))
+
+    return both

@@ -11,6 +11,7 @@ needs more than some digits, so mass matrices are inverted roughly. Along a slic
 call (``carried_waves.c``).
 """
 
+from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any, NamedTuple, Protocol
 
@@ -38,8 +39,17 @@ DECLARATIONS = f"""{INVERSE}
 double look(const Inverse *, double most, const double *eta, const double *psi, const double *rate);
 void precondition(const Inverse *, double a, int carried, const double *residual, double *found);
 """
-Compiled = tuple[Kernel, Any]  # with what it is called with
 SOURCE = INVERSE + files(__package__).joinpath("carried_waves.c").read_text(encoding="utf-8")
+
+
+@dataclass
+class Compiled:
+    """An inverse along a slice on one rank: how it is called here, and by ``fe/whole.c``."""
+
+    kernel: Kernel
+    inverse: Any
+    compiled: dict[str, Any]
+    carried: bool = False
 
 
 class Surface(NamedTuple):
@@ -82,9 +92,9 @@ class CarriedWaves:
             self._t = stage.t
             self._look(compiled, LARGEST * self._shortest / abs(stage.weight))
         if compiled is not None:
-            (kernel, inverse), found = compiled, np.empty_like(residual)
+            kernel, found = compiled.kernel, np.empty_like(residual)
             given, wanted = kernel.pointer(residual), kernel.pointer(found)
-            kernel.call.precondition(inverse, stage.weight, self._known, given, wanted)
+            kernel.call.precondition(compiled.inverse, stage.weight, self._known, given, wanted)
             return found
         if not self._known:
             return self._still(stage, residual)
@@ -95,6 +105,13 @@ class CarriedWaves:
         chi -= a * solve(at.carried(chi, along=True))
         kept = self._still.keeping(q, mass.apply(eta) + carried)
         return np.concatenate([kept, chi + self._B * (eta + solve(carried))])
+
+    def along(self, stage: Stage) -> Compiled | None:
+        """Return what is compiled for a stage whose residuals have been preconditioned; None where nothing is."""
+        compiled = self._compiled.get(stage.weight) if stage.t == self._t else None
+        if compiled is not None:
+            compiled.carried = self._known
+        return compiled
 
     def _of_weight(self, weight: float) -> Compiled | None:
         """Return what is compiled for stages of a weight [s], along a slice on one rank, made once; else None."""
@@ -110,7 +127,9 @@ class CarriedWaves:
         numbers = {"dofs": waves.plane.size, "gravity": waves.gravity, "of_metre": self._still.of_metre}
         arrays = {"vertical": self._B, "uniform": self._still.uniform, "room": np.empty((3, waves.plane.size))}
         called = waves.mass.compiled | waves.mass.compiled_product | modes.compiled(shares) | self._points.compiled
-        return kernel, kernel.shared("Inverse", numbers | arrays | called)
+        inverse = kernel.shared("Inverse", numbers | arrays | called)
+        address = kernel.address
+        return Compiled(kernel, inverse, {"precondition": address("precondition"), "inverse": address(inverse)})
 
     def _solved(self, right: Vector) -> Vector:
         """Return what the mass matrix makes of that, roughly; collective."""
@@ -123,8 +142,8 @@ class CarriedWaves:
         if surface is None:
             return
         if compiled is not None:
-            kernel, inverse = compiled
-            fastest = kernel.call.look(inverse, most, *map(kernel.pointer, surface))
+            kernel = compiled.kernel
+            fastest = kernel.call.look(compiled.inverse, most, *map(kernel.pointer, surface))
         else:
             rise = self._solved(surface.rate)
             vertical, fastest = self._points.move(surface.eta, surface.psi, rise, most=most)

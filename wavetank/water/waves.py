@@ -11,7 +11,7 @@ stationary.
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from dolfinx import fem
@@ -20,11 +20,13 @@ from mpi4py import MPI
 from wavetank.arrays import Vector, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fe.along import Minimum
+from wavetank.fe.combination import Combination
 from wavetank.fe.forms import ScalarForm
 from wavetank.fe.mass import BandedMass, mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.fe.whole import Whole
+from wavetank.fe.whole import Solution, Whole
+from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
@@ -192,14 +194,31 @@ class NonlinearWaves:
             return False
         self.set_time(t)
         found = self._whole.find(q, p, self.bed.still)
-        if found is None:
-            return False
+        if found is not None:
+            self._take_over(found, t)
+        return found is not None
+
+    def _take_over(self, found: Solution, t: float) -> None:
+        """Know what has been found as a whole."""
         self.potential.took(found.iterations)
         self.level, self._kinetic = found.level, 0.5 * found.kinetic
         H_p, _, H_q, q, p = found.rows
         self._know(q, p, t, H_p)
         self._H_q, self._flow = H_q, found.rows[:2].reshape(-1)
-        return True
+
+    def _attempt(self, stage: Stage, known: Vector, z: Vector, mixing: Combination) -> tuple[Vector, float] | None:
+        """Make an iteration of a stage as a whole; see ``AndersonStageSolver``."""
+        inverse = self._inverse.along(stage)
+        if self._whole is None or self.potential.renews or inverse is None:
+            return None
+        self.set_time(stage.t)
+        how: dict[str, Any] = {"weight": stage.weight, "inverse": inverse, "mixing": mixing}
+        tried = self._whole.attempt(z, known, self.bed.still, **how)
+        if tried is None:
+            return None
+        found, following, away = tried
+        self._take_over(found, stage.t)
+        return following, away
 
     def _compiled(self, minimum: Minimiser) -> Whole | None:
         """Return what finds potentials as a whole, along a slice on one rank, or None."""
@@ -449,8 +468,8 @@ class NonlinearWaves:
             floor=self.depth,
         )
         coordinate, momentum = solver(column), solver(speed)
-        inverse = CarriedWaves(self, StillWaterWaves(self))
-        pair = solver(np.stack([column, speed]), precondition=inverse)
+        self._inverse = CarriedWaves(self, StillWaterWaves(self))
+        pair = solver(np.stack([column, speed]), precondition=self._inverse, attempt=self._attempt)
         self.stages = IteratedStages(coordinate, momentum, pair)
 
     @cached_property
