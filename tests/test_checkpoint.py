@@ -228,7 +228,7 @@ def test_what_cannot_be_held_is_told_and_the_run_goes_on(tmp_path):
 
 
 def test_another_scene_does_not_go_on_and_nothing_is_touched(tmp_path):
-    """What differs is named; so are a run without a checkpoint and none at all."""
+    """What differs is named; so are another version's checkpoint, a run without one and none at all."""
     record_until(SLICE, tmp_path, {}, 4, 5)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     deeper = SLICE | {"tank": {"length": 6.0, "depth": 0.7}}
@@ -244,6 +244,10 @@ def test_another_scene_does_not_go_on_and_nothing_is_touched(tmp_path):
     with pytest.raises(InputError, match="stepped by integrator 'simpson-4', and would be by 'third-order': must be"):
         record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=console(), integrator=ThirdOrder(), resume=True)
     assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    kept, _ = read_checkpoint(tmp_path)
+    write_checkpoint(tmp_path, kept._replace(held=kept.held.replace('"mean"', '"middle"', 1)))
+    with pytest.raises(InputError, match="^the checkpoint was written by another version of this program"):
+        record(SLICE, tmp_path, {}, resume=True)
     for name in (CHECKPOINT, CHECKPOINT_BEFORE):
         (tmp_path / name).unlink()
     with pytest.raises(InputError, match="holds no checkpoint"):

@@ -242,7 +242,15 @@ class GoingOn:
             self._before, self._chosen = (Scene.model_validate(self.about[name]) for name in ("scene", "chosen"))
             self._whole = bool(self.about["whole"])
         except (KeyError, ValidationError) as error:
-            raise _foreign(error) from None
+            raise self._foreign() from error
+
+    def _foreign(self) -> InputError:
+        """Return how a checkpoint is refused that holds other things than are asked for."""
+        by = f" ({self.about['git']})" if self.about.get("git") else ""
+        return InputError(
+            f"the checkpoint was written by another version of this program{by}, or of an integrator or observer of "
+            "your own: only that one can go on from it."
+        )
 
     def _read(self) -> Checkpoint:
         assert self._writer is not None
@@ -359,7 +367,7 @@ class GoingOn:
         try:
             told = self._carry(run, waves, scene) if self.anew else self._take(run, waves, scene)
         except (KeyError, TypeError, ValueError) as error:
-            raise _foreign(error) from None
+            raise self._foreign() from error
         for name, series in fields.items():
             if name in self.about["fields"]:
                 series.take(self.about["fields"][name])
@@ -395,10 +403,6 @@ class GoingOn:
 
 
 CHANGED = {*Numerics.model_fields, "on_breaking"}
-
-
-def _foreign(error: Exception) -> InputError:
-    return InputError(f"the checkpoint is of another run, or another version of this program: {error!r}.")
 
 
 def kept_scene(run: Path | str, changes: Sequence[str] = (), *, extend: float | None = None) -> Scene:

@@ -5,8 +5,8 @@
 
 Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
 
-    about.json    the run's id, as in its manifest; its scene and parts, where it stands, how far its records had grown;
-                  ``whole``: whether all is held that the run remembers
+    about.json    the run's id and the program's revision, as in its manifest; its scene and parts, where it stands, how
+                  far its records had grown; ``whole``: whether all is held that the run remembers
     held.json     the surface, and what the run holds (``wavetank/stateful.py``), {"array": n} in the place of its n-th
                   array
     places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...

@@ -184,7 +184,7 @@ class RunWriter:
                 record.take(held[record.name])
 
     def checkpoint(self, checkpoint: Checkpoint, *, last_room: int = 0, at_any_price: bool = False) -> int:
-        """Write a checkpoint, which is told the run's id; return its size in bytes.
+        """Write a checkpoint, which is told whose it is; return its size in bytes.
 
         The records are forced to the disk before. Raises ``RunError`` if it cannot be written, ``RecordError`` where
         the directory is another's by now.
@@ -199,7 +199,8 @@ class RunWriter:
             Whether this is the last one; see ``write_checkpoint``.
         """
         self._check_held()
-        told = checkpoint._replace(about=checkpoint.about | {"id": self._manifest["id"]})
+        of = {"id": self._manifest["id"], "git": self._manifest.get("git")}
+        told = checkpoint._replace(about=checkpoint.about | of)
         try:
             for record in self._records:
                 record.sync()
