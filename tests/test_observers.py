@@ -136,7 +136,7 @@ def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_diss
 @pytest.mark.parametrize(("unseen", "told"), [(-0.2, True), (-0.05, False), (0.2, True)])
 def test_waves_that_go_through_a_tank_are_energy_that_a_balance_is_judged_by(unseen, told):
     """Of 1 J that stays and 900 J that a paddle has absorbed by 100 s: what is unseen of its work is over 901 J."""
-    pulled = SimpleNamespace(look=lambda water, q, p, t: np.zeros(1), keep=lambda t, seen: None)
+    pulled = SimpleNamespace(look=lambda *_: np.zeros(1), keep=lambda t, seen: None)
     budget = EnergyBudget(Steady(), record=Memory(), supply=pulled)
     for step in range(201):
         pulled.work_off = lambda step=step: [(0.5 * step * unseen, 0.5 * step * 9.0)]

@@ -109,7 +109,7 @@ class EnergyBudget(Keeping):
         waves, t, look, (*before, after) = self._waves, moment.t, self._supply.look, moment.points
         seen = self._before or [look(waves, *point, t) for point in before]
         its, self._before = moment.look(waves), []  # which evaluates the point after
-        self._supply.keep(t, sum(seen, start=look(waves, *after, t)) / (len(seen) + 1))
+        self._supply.keep(t, sum(seen, start=look(waves, *after, t, its)) / (len(seen) + 1))
         taken = [sink.energy_taken for sink in self._sinks.values()]
         self._kept.append((moment.step, t, *its.energies, its.mass, *taken))
 

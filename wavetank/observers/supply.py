@@ -21,6 +21,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.stateful import Held, Stateful
+from wavetank.water.seen import Seen
 
 SAME = 1e-6  # of a step: so near are steps of one length
 KNOWN = 4  # values that a cubic goes through
@@ -59,8 +60,8 @@ class Moving(Protocol):
 class Supply(Stateful, Protocol):
     """What is put in: int dH/dt|explicit dt so far."""
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Any:
-        """Return what is to be known of a point, a number or an array; collective."""
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float, seen: Seen | None = None) -> Any:
+        """Return what is to be known of a point, a number or an array, from which that has been seen; collective."""
 
     def keep(self, t: float, seen: Any) -> None:
         """Keep what has been seen where a step ends, at t [s], or the mean of several; the first is of the start."""
@@ -80,9 +81,9 @@ class Power:
         self._rates: list[float] = []
         self._kept: list[tuple[float, float]] = []
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> float:
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float, seen: Seen | None = None) -> float:
         """Return the power; collective."""
-        return water.explicit_rate(q, p, t)
+        return water.explicit_rate(q, p, t) if seen is None or seen.power is None else seen.power
 
     def keep(self, t: float, seen: float) -> None:
         """See ``Supply``."""
@@ -131,11 +132,11 @@ class AnsweredWork:
         self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
         self._kept: list[tuple[float, float | None]] = []
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float, seen: Seen | None = None) -> Vector:
         """Return dH/dX and dH/dX', shape (2, paddles); collective."""
-        seen = np.array(water.slopes(q, p, t), dtype=np.float64).T
-        self._by_speed = seen[1]
-        return seen
+        slopes = np.array(water.slopes(q, p, t), dtype=np.float64).T
+        self._by_speed = slopes[1]
+        return slopes
 
     def keep(self, t: float, seen: Vector) -> None:
         """See ``Supply``: at once, as such motions forget."""

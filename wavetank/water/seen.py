@@ -28,6 +28,8 @@ class Seen(NamedTuple):
         The water's volume, of a slice per width [m³, m²].
     stood, velocities
         How the wall stands then, and moves: see ``Placed`` and ``Wall``.
+    power
+        dH/dt of the point at fixed (Q, psi), in energy a second, where that costs nothing.
     """
 
     energies: Energies
@@ -36,6 +38,7 @@ class Seen(NamedTuple):
     mass: float
     stood: Stood
     velocities: Vector
+    power: float | None = None
 
 
 class SeenWall(Protocol):

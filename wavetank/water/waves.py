@@ -146,7 +146,6 @@ class NonlinearWaves:
         self._H_q: Vector | None = None  # at that point, once it has been asked for
         self._flow: Vector | None = None  # both, once that has
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
-        self._power: float | None = None  # dH/dt at that point, likewise
         self._seen: tuple[Vector, Vector, Seen] | None = None  # from the point last evaluated, of a state (q, p)
         self._whole = self._compiled(minimum)
         self._set_up_stages(tolerances)
@@ -259,7 +258,7 @@ class NonlinearWaves:
 
     def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
         """Keep that the potential is that of a state, in arrays that nobody changes."""
-        self._H_p, self._H_q, self._flow, self._power, self._t, self._seen = H_p, None, None, None, t, None
+        self._H_p, self._H_q, self._flow, self._t, self._seen = H_p, None, None, t, None
         self._q, self._p = q, p
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
@@ -357,10 +356,10 @@ class NonlinearWaves:
         if self._seen is not None and q is self._seen[0] and p is self._seen[1]:
             return self._seen[2]
         (eta, rise), found = self._whole.see((q, p), at, by, self.bed.still)
-        potential, change, lift, mass, self._power, of_wall = found
+        potential, change, lift, mass, power, of_wall = found
         lift *= self.gravity
         energies = Energies(self._kinetic + change - lift, self.gravity * potential + lift, of_wall)
-        seen = Seen(energies, eta, rise, mass, self.wall.stood, self.wall.velocities)
+        seen = Seen(energies, eta, rise, mass, self.wall.stood, self.wall.velocities, power)
         self._seen = q, p, seen
         return seen
 
@@ -389,10 +388,7 @@ class NonlinearWaves:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
         if self._whole is None or not self._whole.pushes:
             return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
-        mu = self.H_q(q, p, t)
-        if self._power is None:
-            self._power = self._whole.push(mu)
-        return self._power
+        return self._whole.push(self.H_q(q, p, t))
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
