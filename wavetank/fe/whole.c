@@ -31,6 +31,8 @@ typedef void Add(const void *points, int known, int place, const double *z, cons
 typedef void AimAt(const void *points, int known, const double *c);
 typedef void Combine(const void *points, int known, double wrong, double *z, double *missed);
 
+enum { POSITION, SPEED, ACCELERATION };
+
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 #define EACH_PADDLE(one) for (Paddle *one = w->paddles; one; one = one->next)
 #define CALL_OF(Kind, which) ((Kind *)which)
@@ -101,7 +103,7 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
 static void by_walls(Whole *w)
 {
     EACH_PADDLE(one)
-        ((ByPotential *)one->by_potential)(one->paddle, one->speed, w->column, one->wall);
+        ((ByPotential *)one->by_potential)(one->paddle, one->moves[SPEED], w->column, one->wall);
     if (!w->paddles || !w->paddles->next)
         return;
     memset(w->wall, 0, sizeof(double) * w->dofs * NUMBERS);
@@ -155,7 +157,7 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
     memset(by_column, 0, sizeof(double) * n);
     CALL(Product, derivative)(w->cells, w->layers, w->rows, w->phi, by_column);
     EACH_PADDLE(one) {
-        ((ByColumn *)one->by_column)(one->paddle_by_column, one->speed, w->column, w->phi, one->by_wall);
+        ((ByColumn *)one->by_column)(one->paddle_by_column, one->moves[SPEED], w->column, w->phi, one->by_wall);
         EACH(i, n)
             by_column[i] += one->by_wall[i];
     }
@@ -196,9 +198,9 @@ static void push(const Whole *w, const double *mu, double *found)
     found[0] = found[1] = 0.0;
     EACH_PADDLE(one) {
         double pushed[2];
-        ((Push *)one->push)(one->strip, one->position, one->speed, mu, pushed);
-        found[0] += pushed[0] + one->acceleration * pushed[1];
-        found[1] += one->speed * pushed[1];
+        ((Push *)one->push)(one->strip, one->moves[POSITION], one->moves[SPEED], mu, pushed);
+        found[0] += pushed[0] + one->moves[ACCELERATION] * pushed[1];
+        found[1] += one->moves[SPEED] * pushed[1];
     }
 }
 

@@ -31,7 +31,7 @@ typedef struct {
     double *rows, *weights;
 } Weighed;
 typedef struct Paddle {
-    double position, speed, acceleration;
+    const double *moves;
     void *by_potential, *by_column, *paddle, *paddle_by_column, *push, *strip;
     double *wall, *by_wall;
     struct Paddle *next;
@@ -79,14 +79,13 @@ class Along(Protocol):
 
     @property
     def compiled(self) -> dict[str, Any]:
-        """What derivatives by potential and column are called with, and its power if it can be, for ``whole.c``."""
+        """What derivatives by potential and column are called with, and its power if it can be, for ``whole.c``.
 
-    @property
-    def speed(self) -> float:
-        """X_p' [m/s]."""
+        And X_p, X_p' and X_p'' [m, m/s, m/s²] as they are.
+        """
 
-    def pushing(self) -> tuple[float, float]:
-        """Return X_p and X_p'' [m, m/s²], and see to what else power depends on."""
+    def follow(self) -> None:
+        """See to it that its power is that of the bed as it is."""
 
 
 class Inverse(Protocol):
@@ -185,16 +184,15 @@ class Whole:
         self._kernel = Kernel("whole", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
         fields = self._kernel.pointers(operator.density.values)
         image, flat = np.zeros(phi.rows.shape), np.zeros((1, phi.rows.shape[1]))
-        self._paddles: list[Any] = []  # each knows the one before it
+        paddles = None  # each knows the one before it
         for wall in walls:
-            before = self._paddles[-1] if self._paddles else None
-            self._paddles.append(self._kernel.shared("Paddle", {**wall.compiled, "next": before}))
+            paddles = self._kernel.shared("Paddle", {**wall.compiled, "next": paddles})
         self.pushes = all("push" in wall.compiled for wall in walls)
         of_walls = [wall.compiled["wall"] for wall in walls] or [flat]
         parts = {
             "dofs": plane.size,
             "celerity": celerity,
-            "paddles": self._paddles[-1] if walls else None,
+            "paddles": paddles,
             "wall": of_walls[0] if len(of_walls) == 1 else np.zeros(phi.rows.shape),
             "fields": fields,
             "column": column.rows,
@@ -262,8 +260,6 @@ class Whole:
     def _place(self) -> tuple[int, int] | None:
         """Make ready for a potential; return where it will be recorded, None where none has been."""
         self._mass.make_ready()
-        for paddle, wall in zip(self._paddles, self._walls, strict=True):
-            paddle.speed = wall.speed
         return self._recall.place
 
     def _solution(self, iterations: int, found: Vector) -> Solution | None:
@@ -285,15 +281,13 @@ class Whole:
 
     def push(self, mu: Vector) -> float:
         """Return dH/dt at fixed (Q, psi) of the point last found, for ``mu``, dH/dQ there, shape (dofs,)."""
-        self._go()
+        self._follow()
         self._kernel.call.push(self._struct, self._kernel.pointer(mu), self._at_seen)
         return float(self._at_seen[0])
 
-    def _go(self) -> None:
-        """Take over how walls move."""
-        for paddle, wall in zip(self._paddles, self._walls, strict=True):
-            paddle.speed = wall.speed
-            paddle.position, paddle.acceleration = wall.pushing()
+    def _follow(self) -> None:
+        for wall in self._walls:
+            wall.follow()
 
     def see(self, state: Pair, at: Pair, by: Pair, still: Vector | float) -> tuple[Vector, list[float]]:
         """See masses and surface potential from the point last found, which is near, where all walls ``push``.
@@ -312,7 +306,7 @@ class Whole:
         mass; of the point dH/dt at fixed (Q, psi), and the walls' part of H.
         """
         self._mass.make_ready()
-        self._go()
+        self._follow()
         pointer, eta = self._kernel.pointer, np.empty((2, state[0].size))
         fields = map(pointer, (*state, *at, *by))
         self._kernel.call.see(self._struct, *fields, self._of_still(still, state[0].size), pointer(eta), self._at_seen)

@@ -278,14 +278,13 @@ class PistonTerms:
     def explicit_rate(self, mu: Callable[[], Vector]) -> float:
         """Return dH/dt at fixed (Q, psi); collective."""
         by_column = mu()
-        self._follow()
+        self.follow()
         return self._power.value(by_column)
 
-    def _follow(self) -> None:
-        """See to it that the rate is found of what it depends on as it is now; collective."""
+    def follow(self) -> None:
+        """See ``Along``; collective."""
         if self._rated != self._wall.travel.t:
             self._rated = self._wall.travel.t
-            self._wall.travel.set_acceleration()
             self._bed.follow_on(self._wall)
             self._power.follow()
 
@@ -297,14 +296,4 @@ class PistonTerms:
     @property
     def compiled(self) -> dict[str, Any]:
         """See ``Along``."""
-        return {**self._work.compiled, **self._power.compiled}
-
-    @property
-    def speed(self) -> float:
-        """See ``Along``."""
-        return float(self._wall.travel.velocities[0])
-
-    def pushing(self) -> tuple[float, float]:
-        """See ``Along``."""
-        self._follow()
-        return float(self._wall.travel.offsets[0]), float(self._wall.travel.accelerations[0])
+        return {"moves": self._wall.travel.moves, **self._work.compiled, **self._power.compiled}

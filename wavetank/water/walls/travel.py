@@ -34,7 +34,9 @@ class Travel:
         When it stands as it does [s].
     offsets, velocities, accelerations
         X_p, X_p' and X_p'' at the y of the owned degrees of freedom [m, m/s, m/s²], shape (owned,); of a paddle that
-        moves as a whole (1,). The last are of when they were asked for.
+        moves as a whole (1,).
+    moves
+        The same of one that moves as a whole, shape (3,), for good.
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
@@ -44,6 +46,7 @@ class Travel:
         self.position, self.speed, self.acceleration, self.share = (field.function for field in self._fields)
         self._fields[3].set(self._s)
         self.offsets: Vector = np.zeros(1)
+        self.moves: Vector = np.zeros(3)
         self._whole: dict[int, float] = {}  # the derivatives of X_p now that are the same at all y
         self.velocities: Vector = np.zeros(1)
         self.accelerations: Vector = np.zeros(1)
@@ -56,38 +59,31 @@ class Travel:
         return float(np.abs(self.offsets).max(initial=0.0))
 
     def set_time(self, t: float) -> bool:
-        """Move to where the paddle stands at t [s]; return whether its position has changed; collective.
-
-        The acceleration stays as it is.
-        """
+        """Move to where the paddle stands at t [s]; return whether its position has changed; collective."""
         if t == self.t:
             return False
         self.t, before = t, self.offsets
         self._whole.clear()
-        self.offsets, self.velocities = map(self._here, range(2), self._motion.rates(t, self._y, up_to=1))
+        self.offsets, self.velocities, self.accelerations = map(self._here, range(3), self._motion.rates(t, self._y))
         self._set(0, self.offsets)
         self._set(1, self.velocities)
         return summed(self._comm, float(before.tobytes() != self.offsets.tobytes())) > 0
 
-    def set_acceleration(self) -> None:
-        """Bring the acceleration to the time of the position."""
-        self.accelerations = self._here(2, self._rate(2, self._y))
-
     @contextmanager
     def going(self, speed: float) -> Iterator[None]:
-        """Go, for a while, at another speed [m/s], positive into the water; collective."""
-        before, velocities = self._whole.pop(1, None), self.velocities
+        """Go, for a while, at another speed [m/s], positive into the water, and acceleration; collective."""
+        before, velocities, accelerations = self._whole.pop(1, None), self.velocities, self.accelerations
         self._whole[1], self.velocities = speed, np.array([speed])
         self._set(1, self.velocities)
         yield
         del self._whole[1]
         if before is not None:
             self._whole[1] = before
-        self.velocities = velocities
+        self.velocities, self.accelerations = velocities, accelerations
         self._set(1, self.velocities)
 
     def accelerate(self, acceleration: float) -> None:
-        """Go with an acceleration [m/s²], positive into the water, until it is brought to a time again; collective."""
+        """Have an acceleration [m/s²], positive into the water, while it is ``going``."""
         self.accelerations = np.array([acceleration])
 
     def show_acceleration(self) -> None:
@@ -124,7 +120,7 @@ class Travel:
         """Return a derivative of X_p at the owned degrees of freedom, shape (owned,), or (1,) of what is known then."""
         if not isinstance(rate, float) and np.ndim(rate):
             return np.asarray(rate)[self._place]
-        self._whole[order] = whole = float(rate)
+        self._whole[order] = self.moves[order] = whole = float(rate)
         return np.array([whole])
 
     def _rate(self, order: int, y: Vector | None) -> Vector | float:
