@@ -6,6 +6,7 @@ All is of single precision: a correction to a potential, whose residual is of do
 #define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
 #define ENOUGH 1e-10            /* of a residual's energy: then it is found anew */
 #define ROUND_OFF 1e-13         /* of it: so much of single precision is left */
+#define FEW 256                 /* products whose sum is of single precision */
 #define CLOSING 8.0             /* what a correction by the preconditioner alone leaves, over what an iteration does */
 
 /* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
@@ -44,10 +45,11 @@ static void surface_within(const Cells *c, const Layers *layers, const REAL *sta
 static double inner(long size, const REAL *restrict a, const REAL *restrict b)
 {
     double sum = 0.0;
-    for (long i = 0; i < size; i += ROW) {
+    for (long begin = 0; begin < size; begin += FEW) {
+        const long end = begin + FEW < size ? begin + FEW : size;
         REAL part = 0.0;
-        EACH(j, ROW)
-            part += a[i + j] * b[i + j];
+        for (long i = begin; i < end; ++i)
+            part += a[i] * b[i];
         sum += part;
     }
     return sum;
@@ -69,26 +71,23 @@ static int correct(const Cells *cells, const Layers *layers, const REAL *state, 
                    Found *found, REAL *work)
 {
     const long size = (long)c->dofs * ROW;
-    REAL *restrict p = work, *restrict x = p + size, *restrict Ap = x + size, *restrict r = Ap + size;
-    REAL *restrict z = r + size, *restrict flow = z + size, *restrict by_surface = flow + c->dofs;
+    REAL *restrict r = work, *restrict p = r + size, *restrict x = p + size, *restrict flow = x + size;
+    REAL *restrict by_surface = flow + c->dofs, *restrict Ap = by_surface + c->dofs, *restrict z = Ap + size;
     double kinetic = 0.0, length = 0.0;
-    for (long i = 0; i < c->dofs; ++i) {
-        EACH(j, NUMBERS)
-            kinetic += phi[i * NUMBERS + j] * image[i * NUMBERS + j];
-        EACH(j, MODES) {
-            const double left = image[i * NUMBERS + j] + wall[i * stride + j];
-            length += left * left;
-        }
-    }
+    for (long i = 0; i < (long)c->dofs * NUMBERS; ++i)
+        kinetic += phi[i] * image[i];
+    memset(work, 0, sizeof(REAL) * (3 * size + c->dofs));    /* r, p, x, flow */
+    for (long i = 0; i < c->dofs; ++i)
+        EACH(j, MODES)
+            r[(long)c->row[i] * ROW + j] = -(image[i * NUMBERS + j] + wall[i * stride + j]);
+    for (long i = 0; i < size; ++i)
+        length += (double)r[i] * r[i];
     *found = (Found){kinetic, 0.0};
     if (length == 0.0)
         return 0;
     const double scale = 1.0 / sqrt(length), back = sqrt(length);
-    memset(p, 0, sizeof(REAL) * 2 * size);
-    memset(flow, 0, sizeof(REAL) * 2 * c->dofs);
-    for (long i = 0; i < c->dofs; ++i)
-        EACH(j, ROW)
-            r[(long)c->row[i] * ROW + j] = j < MODES ? -scale * (image[i * NUMBERS + j] + wall[i * stride + j]) : 0.0;
+    for (long i = 0; i < size; ++i)
+        r[i] *= (REAL)scale;
     double target = 0.0, before = 0.0, first = 0.0, rz, left;
     int iterations = 0, closes = 0;
     for (;; ++iterations) {
@@ -125,18 +124,21 @@ static int correct(const Cells *cells, const Layers *layers, const REAL *state, 
     if (closes)
         surface_within(cells, layers, state, z, by_surface);
     const double closing = closes ? back : 0.0;
+    double by_mode[MODES] = {0.0};
     kinetic = closing * closing * rz;   /* z A z, as z is nearly the inverse of A times r */
     for (long i = 0; i < c->dofs; ++i) {
         const long row = c->row[i];
         const double before_closing = image[i * NUMBERS + MODES] + back * flow[row];
         EACH(j, MODES) {
             const double x_now = phi[i * NUMBERS + j] + back * x[row * ROW + j], more = closing * z[row * ROW + j];
-            kinetic -= (x_now + 2.0 * more) * (back * r[row * ROW + j] + wall[i * stride + j]);
+            by_mode[j] += (x_now + 2.0 * more) * (back * r[row * ROW + j] + wall[i * stride + j]);
             phi[i * NUMBERS + j] = x_now + more;
         }
         kinetic += phi[i * NUMBERS + MODES] * before_closing;
         image[i * NUMBERS + MODES] = before_closing + closing * by_surface[row];
     }
+    EACH(j, MODES)
+        kinetic -= by_mode[j];
     const double floor = iterations ? ROUND_OFF * first : 0.0;
     *found = (Found){kinetic, (left > floor ? left : floor) / target};
     return iterations;

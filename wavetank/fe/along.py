@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
+from wavetank.fe.cells import lanes
 from wavetank.fe.chain import CHAIN, chain, followed
 from wavetank.fe.conjugate_gradients import condition_number
 from wavetank.fe.kernels import defined, source
@@ -21,7 +22,7 @@ from wavetank.fe.plane import Field, Plane
 from wavetank.fe.vertical import VerticalBasis
 
 MOST = 200  # iterations
-ABREAST = 8  # modes in a vector
+ABREAST = 8  # modes in a vector, at most
 NO_MINIMUM = "the interior potential has no minimum: the water column is not positive everywhere"
 DECLARATIONS = """
 void decouple(const Cells *, const Layers *, const REAL *fields, const REAL *lambda, const Chain *);
@@ -38,26 +39,30 @@ int correct(const Cells *, const Layers *, const REAL *state, const Chain *, con
 
 def along(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
     """Return the operator of a slice or ring, with its modes where layers are averaged; see ``LayerOperator``."""
-    more = _code(plane, vertical.n + 1, ordered=False), CHAIN + DECLARATIONS
+    more = _code(plane, vertical.n + 1, "double", ordered=False), CHAIN + DECLARATIONS
     return LayerOperator(energy, plane, vertical, column=column, more=more)
 
 
 def _single(energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field) -> LayerOperator:
     """Return the same in single precision, its rows as places follow each other, with what is compiled for solves."""
-    more = _code(plane, vertical.n, ordered=True) + source("along.c"), CHAIN + DECLARATIONS + CORRECTION
+    more = _code(plane, vertical.n, "float", ordered=True) + source("along.c"), CHAIN + DECLARATIONS + CORRECTION
     order = followed(plane)
     return LayerOperator(energy, plane, vertical, column=column, more=more, real="float", order=order, stored=True)
 
 
-def _code(plane: Plane, modes: int, *, ordered: bool) -> str:
-    sizes = {"MODES": modes, "BAND": plane.order, "ABREAST": ABREAST, "GROUPS": _room(modes) // ABREAST}
-    sizes["ORDERED"] = int(ordered)
+def _code(plane: Plane, modes: int, real: str, *, ordered: bool) -> str:
+    sizes = {"MODES": modes, "BAND": plane.order, "ABREAST": _abreast(real), "ORDERED": int(ordered)}
+    sizes["GROUPS"] = _room(modes, real) // sizes["ABREAST"]
     return defined(sizes) + source("chain.c") + source("decoupled.c")
 
 
-def _room(modes: int) -> int:
+def _abreast(real: str) -> int:
+    return min(ABREAST, lanes(real))
+
+
+def _room(modes: int, real: str) -> int:
     """Return how many there are with those that fill the last vector of some."""
-    return -(-modes // ABREAST) * ABREAST
+    return -(-modes // _abreast(real)) * _abreast(real)
 
 
 class Averaged:
@@ -79,7 +84,7 @@ class Averaged:
 
     def modes(self, eigenvalues: Vector) -> "AveragedModes":
         """See ``Layer``."""
-        return AveragedModes(self._operator, self._plane, eigenvalues, room=_room(self._operator.numbers))
+        return AveragedModes(self._operator, self._plane, eigenvalues, room=_room(self._operator.numbers, "double"))
 
 
 class AveragedModes:
@@ -157,8 +162,8 @@ class Minimum:
     ):
         self._operator, self._tolerance = operator, tolerance
         self._single = single = _single(energy, plane, vertical, column=column)
-        self._modes = AveragedModes(single, plane, vertical.eigenvalues, room=_room(vertical.n))
-        row = _room(vertical.n)
+        self._modes = AveragedModes(single, plane, vertical.eigenvalues, room=_room(vertical.n, "float"))
+        row = _room(vertical.n, "float")
         self._work = np.empty((plane.size, 5 * row + 2), dtype=np.float32)
         self._steps, self.last = np.empty((MOST + 1, 2)), 0
         kernel = single.kernel

@@ -24,6 +24,7 @@ typedef struct {
 
 #define EACH(i, most) for (int i = 0; i < (most); ++i)
 #define INLINE static inline __attribute__((always_inline))
+#define ROLLED _Pragma("GCC unroll 1") /* else much is kept for later, in memory, where registers are few */
 
 /* Whether some vectors are zero. */
 INLINE int nothing(const v *a, int count)
@@ -143,71 +144,91 @@ INLINE void in_space(const Cells *c, long b, int q, int fields, const v *u, int 
 /* What happens at a point: r[by value, by slopes ...][number] of u[value, slopes ...][number]. */
 typedef void Point(const void *what, const Cells *c, long b, int q, const v *u, v *r);
 
+/* Loops are evenly cut into parts of at most four: so many sums stand in registers, and each number is read once for all. */
+#define PARTS(count) (((count) + 3) / 4)
+#define PART(count) (((count) + PARTS(count) - 1) / PARTS(count))
+
+INLINE void contract_part(int part, int tables, const REAL *const *table, int nodes, const v *x, int stride, v *y, int apart)
+{
+    v sum[1 + DIM][4];
+    EACH(t, tables)
+        EACH(k, part)
+            sum[t][k] = zero;
+    ROLLED
+    EACH(i, nodes)
+        EACH(k, part)
+            EACH(t, tables)
+                sum[t][k] += table[t][i] * x[i * stride + k];
+    EACH(t, tables)
+        EACH(k, part)
+            y[t * apart + k] = sum[t][k];
+}
+
+/* y[table][number] = the sums of table[node] x[node][number]. */
+INLINE void contract(int tables, const REAL *const *table, int nodes, int numbers, const v *x, int stride, v *y, int apart)
+{
+    const int part = numbers ? PART(numbers) : 1, rest = numbers % part;
+    EACH(j, numbers / part)
+        contract_part(part, tables, table, nodes, x + j * part, stride, y + j * part, apart);
+    contract_part(rest, tables, table, nodes, x + numbers - rest, stride, y + numbers - rest, apart);
+}
+
+INLINE void spread_part(int part, int tables, const REAL *const *table, int nodes, const v *y, int apart, v *x, int stride)
+{
+    v from[1 + DIM][4];
+    EACH(t, tables)
+        EACH(k, part)
+            from[t][k] = y[t * apart + k];
+    ROLLED
+    EACH(i, nodes)
+        EACH(k, part)
+            EACH(t, tables)
+                x[i * stride + k] += table[t][i] * from[t][k];
+}
+
+/* The transpose: x[node][number] += the sums of table[node] y[table][number]. */
+INLINE void spread(int tables, const REAL *const *table, int nodes, int numbers, const v *y, int apart, v *x, int stride)
+{
+    const int part = numbers ? PART(numbers) : 1, rest = numbers % part;
+    EACH(j, numbers / part)
+        spread_part(part, tables, table, nodes, y + j * part, apart, x + j * part, stride);
+    spread_part(rest, tables, table, nodes, y + numbers - rest, apart, x + numbers - rest, stride);
+}
+
 /* Y[node][wanted] += what ``at`` makes of X[node][number] at the points; with ``axes`` = 0 of the values alone. */
 INLINE void through(const Cells *c, long b, int axes, int numbers, const v *X, int wanted, v *Y, Point at, const void *what)
 {
 #if SIDE
+    const int both = axes ? 2 : 1;
     EACH(a, RULE) {
-        /* at a along the first axis, at the nodes of the second */
-        v values[SIDE * MOST], slopes[SIDE * MOST], by_values[SIDE * MOST], by_slopes[SIDE * MOST];
-        EACH(k, SIDE * numbers) {
-            values[k] = slopes[k] = zero;
-            EACH(i, SIDE) {
-                values[k] += c->values[a * SIDE + i] * X[i * SIDE * numbers + k];
-                if (axes)
-                    slopes[k] += c->slopes[a * SIDE + i] * X[i * SIDE * numbers + k];
-            }
-        }
-        EACH(k, SIDE * wanted)
-            by_values[k] = by_slopes[k] = zero;
+        /* at a along the first axis, at the nodes of the second: values, slopes */
+        const int given = SIDE * numbers, found = SIDE * wanted;
+        const REAL *first[] = {c->values + a * SIDE, c->slopes + a * SIDE};
+        v on[2 * SIDE * MOST], by[2 * SIDE * MOST];
+        contract(both, first, SIDE, given, X, given, on, given);
+        clear(both * found, by);
         EACH(d, RULE) {
-            const REAL *value = c->values + d * SIDE, *slope = c->slopes + d * SIDE;
+            const REAL *second[] = {c->values + d * SIDE, c->slopes + d * SIDE};
             v u[3 * MOST], r[3 * MOST];
-            EACH(j, numbers) {
-                u[j] = u[numbers + j] = u[2 * numbers + j] = zero;
-                EACH(i, SIDE) {
-                    u[j] += value[i] * values[i * numbers + j];
-                    if (axes) {
-                        u[numbers + j] += value[i] * slopes[i * numbers + j];
-                        u[2 * numbers + j] += slope[i] * values[i * numbers + j];
-                    }
-                }
-            }
+            contract(both, second, SIDE, numbers, on, numbers, u, 2 * numbers);
+            if (axes)
+                contract(1, second, SIDE, numbers, on + given, numbers, u + numbers, 0);
             at(what, c, b, a * RULE + d, u, r);
-            EACH(i, SIDE)
-                EACH(j, wanted) {
-                    by_values[i * wanted + j] += value[i] * r[j];
-                    if (axes) {
-                        by_values[i * wanted + j] += slope[i] * r[2 * wanted + j];
-                        by_slopes[i * wanted + j] += value[i] * r[wanted + j];
-                    }
-                }
+            spread(both, second, SIDE, wanted, r, 2 * wanted, by, wanted);
+            if (axes)
+                spread(1, second, SIDE, wanted, r + wanted, 0, by + found, wanted);
         }
-        EACH(i, SIDE)
-            EACH(k, SIDE * wanted) {
-                Y[i * SIDE * wanted + k] += c->values[a * SIDE + i] * by_values[k];
-                if (axes)
-                    Y[i * SIDE * wanted + k] += c->slopes[a * SIDE + i] * by_slopes[k];
-            }
+        spread(both, first, SIDE, found, by, found, Y, found);
     }
 #else
     EACH(q, POINTS) {
         v u[(1 + DIM) * MOST], r[(1 + DIM) * MOST];
-        EACH(a, 1 + axes) {
-            const REAL *table = (a ? c->slopes + (a - 1) * POINTS * NODES : c->values) + q * NODES;
-            EACH(j, numbers) {
-                u[a * numbers + j] = zero;
-                EACH(i, NODES)
-                    u[a * numbers + j] += table[i] * X[i * numbers + j];
-            }
-        }
+        const REAL *table[1 + DIM] = {c->values + q * NODES};
+        EACH(a, axes)
+            table[1 + a] = c->slopes + (a * POINTS + q) * NODES;
+        contract(1 + axes, table, NODES, numbers, X, numbers, u, numbers);
         at(what, c, b, q, u, r);
-        EACH(a, 1 + axes) {
-            const REAL *table = (a ? c->slopes + (a - 1) * POINTS * NODES : c->values) + q * NODES;
-            EACH(i, NODES)
-                EACH(j, wanted)
-                    Y[i * wanted + j] += table[i] * r[a * wanted + j];
-        }
+        spread(1 + axes, table, NODES, wanted, r, wanted, Y, wanted);
     }
 #endif
 }

@@ -24,6 +24,11 @@ typedef struct {
 """
 
 
+def lanes(real: str) -> int:
+    """Return how many numbers the processor takes at a time: "double" or "float"."""
+    return vector_size(processor()) // BYTES[real]
+
+
 class Cells:
     """Those of a rank, LANES to a batch: as many as the processor takes at a time; collective.
 
@@ -47,7 +52,7 @@ class Cells:
     """
 
     def __init__(self, plane: Plane, degree: int, *, real: str = "double"):
-        element, self.lanes = plane.V.element.basix_element, vector_size(processor()) // BYTES[real]
+        element, self.lanes = plane.V.element.basix_element, lanes(real)
         dim = plane.mesh.topology.dim
         if element.cell_type == basix.CellType.quadrilateral:
             edge = basix.create_element(

@@ -4,6 +4,7 @@ STORED          whether second derivatives are kept from state to state of the f
                 or found anew in every product, of the fields themselves, state[dof][field] */
 #define MANY ((REAL)1e30)
 #define BESIDE (STORED ? 0 : FIELDS) /* numbers that go to the points beside the potential's */
+#define SOME PART(LEVELS) /* levels at a time */
 
 typedef struct {
     const Layers *layers;
@@ -46,47 +47,72 @@ typedef struct {
     const REAL *state;
 } Multiplied;
 
-/* The first numbers are ``given``, and then there may be fields; the others are nothing. Those from ``first`` on are wanted. */
-INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int given, int first, const v *u, v *r)
+/* The slopes and vertical derivatives at some levels, from z on, of the first numbers of ``width``, ``given``. */
+INLINE void at_levels(const Layers *layers, int z, int some, int given, int width, const v *u, v (*s)[SOME], v *w)
+{
+    const REAL *P = layers->P + z * NUMBERS, *dP = layers->dP + z * NUMBERS;
+    EACH(i, some) {
+        w[i] = zero;
+        EACH(a, DIM)
+            s[a][i] = zero;
+    }
+    ROLLED
+    EACH(j, given)
+        EACH(i, some) {
+            w[i] += dP[i * NUMBERS + j] * u[j];
+            EACH(a, DIM)
+                s[a][i] += P[i * NUMBERS + j] * u[(1 + a) * width + j];
+        }
+}
+
+/* r += the products at a point, of these levels. */
+INLINE void multiply_levels(const Multiplied *m, const Cells *c, long b, int q, int z, int some, int given, int first,
+                            const v *u, const v *f, v *r)
 {
     const Layers *layers = m->layers;
-    const stored *kept = (const stored *)m->state + (b * POINTS + q) * LEVELS * HESSIANS;
-    const int width = given + BESIDE, wanted = NUMBERS - first;
-    v f[OF_FIELDS];
-    if (!STORED)
-        in_space(c, b, q, FIELDS, u + given, width, f);
-    clear((1 + DIM) * wanted, r);
-    EACH(z, LEVELS) {
-        const REAL *P = layers->P + z * NUMBERS, *dP = layers->dP + z * NUMBERS;
-        v k[HESSIANS], s[DIM], w = zero, by_s[DIM];
+    const REAL *P = layers->P + z * NUMBERS + first, *dP = layers->dP + z * NUMBERS + first;
+    const int wanted = NUMBERS - first;
+    v s[DIM][SOME], w[SOME], by_s[DIM][SOME], by_w[SOME];
+    at_levels(layers, z, some, given, given + BESIDE, u, s, w);
+    EACH(i, some) {
+        v k[HESSIANS];
         if (STORED)
-            EACH(i, HESSIANS)
-                k[i] = kept[z * HESSIANS + i];
+            EACH(h, HESSIANS)
+                k[h] = ((const stored *)m->state)[((b * POINTS + q) * LEVELS + z + i) * HESSIANS + h];
         else
-            second(c, layers, b, q, z, f, k);
+            second(c, layers, b, q, z + i, f, k);
         const v *uu = k, *uw = k + DIM * (DIM + 1) / 2;
-        EACH(j, given)
-            w += dP[j] * u[j];
-        v by_w = uw[DIM] * w;
+        by_w[i] = uw[DIM] * w[i];
         EACH(a, DIM) {
-            s[a] = zero;
-            EACH(j, given)
-                s[a] += P[j] * u[(1 + a) * width + j];
-            by_s[a] = uw[a] * w;
-            by_w += uw[a] * s[a];
+            by_s[a][i] = uw[a] * w[i];
+            by_w[i] += uw[a] * s[a][i];
             EACH(d, a + 1) {
-                by_s[a] += *uu * s[d];
+                by_s[a][i] += *uu * s[d][i];
                 if (d < a)
-                    by_s[d] += *uu * s[a];
+                    by_s[d][i] += *uu * s[a][i];
                 ++uu;
             }
         }
-        EACH(j, wanted) {
-            r[j] += dP[first + j] * by_w;
-            EACH(a, DIM)
-                r[(1 + a) * wanted + j] += P[first + j] * by_s[a];
-        }
     }
+    ROLLED
+    EACH(j, wanted)
+        EACH(i, some) {
+            r[j] += dP[i * NUMBERS + j] * by_w[i];
+            EACH(a, DIM)
+                r[(1 + a) * wanted + j] += P[i * NUMBERS + j] * by_s[a][i];
+        }
+}
+
+/* The first numbers are ``given``, and then there may be fields; the others are nothing. Those from ``first`` on are wanted. */
+INLINE void multiply(const Multiplied *m, const Cells *c, long b, int q, int given, int first, const v *u, v *r)
+{
+    v f[OF_FIELDS];
+    if (!STORED)
+        in_space(c, b, q, FIELDS, u + given, given + BESIDE, f);
+    clear((1 + DIM) * (NUMBERS - first), r);
+    EACH(z, LEVELS / SOME)
+        multiply_levels(m, c, b, q, z * SOME, SOME, given, first, u, f, r);
+    multiply_levels(m, c, b, q, LEVELS - LEVELS % SOME, LEVELS % SOME, given, first, u, f, r);
 }
 
 INLINE void multiply_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
@@ -126,30 +152,20 @@ static void interior_product(const Cells *c, const Layers *layers, const REAL *s
     product_of(c, layers, state, NUMBERS - 1, within_at, x, y);
 }
 
-/* The derivative of the energy by the first field; x has the potential's numbers and the fields. */
-INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *x, v *r)
+INLINE void derive_levels(const Layers *layers, const Cells *c, long b, int q, int z, int some, const v *x, const v *f, v *r)
 {
-    const Layers *layers = what;
     const stored *inverse = inverse_at(c, b, q);
     const REAL *constants = layers->constants;
-    const v measure = measure_at(c, b, q);
-    v f[OF_FIELDS];
-    in_space(c, b, q, FIELDS, x + NUMBERS, MOST, f);
-    clear(1 + DIM, r);
-    EACH(z, LEVELS) {
-        const REAL zeta = layers->zeta[z];
-        const v weight = measure * layers->weights[z];
-        v u[GDIM], w = zero, by, by_slope[GDIM];
-        EACH(i, GDIM)
+    v s[DIM][SOME], ws[SOME];
+    at_levels(layers, z, some, NUMBERS, MOST, x, s, ws);
+    EACH(k, some) {
+        const REAL zeta = layers->zeta[z + k];
+        const v weight = measure_at(c, b, q) * layers->weights[z + k], w = ws[k];
+        v u[GDIM], by, by_slope[GDIM];
+        EACH(i, GDIM) {
             u[i] = zero;
-        EACH(j, NUMBERS)
-            w += layers->dP[z * NUMBERS + j] * x[j];
-        EACH(a, DIM) {
-            v s = zero;
-            EACH(j, NUMBERS)
-                s += layers->P[z * NUMBERS + j] * x[(1 + a) * MOST + j];
-            EACH(i, GDIM)
-                u[i] += inverse[i * DIM + a] * s;
+            EACH(a, DIM)
+                u[i] += inverse[i * DIM + a] * s[a][k];
         }
         DERIVATIVE
         r[0] += weight * by;
@@ -157,6 +173,17 @@ INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *
             EACH(i, GDIM)
                 r[1 + a] += weight * inverse[i * DIM + a] * by_slope[i];
     }
+}
+
+/* The derivative of the energy by the first field; x has the potential's numbers and the fields. */
+INLINE void derive_at(const void *what, const Cells *c, long b, int q, const v *x, v *r)
+{
+    v f[OF_FIELDS];
+    in_space(c, b, q, FIELDS, x + NUMBERS, MOST, f);
+    clear(1 + DIM, r);
+    EACH(z, LEVELS / SOME)
+        derive_levels(what, c, b, q, z * SOME, SOME, x, f, r);
+    derive_levels(what, c, b, q, LEVELS - LEVELS % SOME, LEVELS % SOME, x, f, r);
 }
 
 /* y += the derivative of the energy of x by the first field, [dof]. */
