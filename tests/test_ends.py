@@ -11,6 +11,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
+from wavetank.plan.forewarnings import beside, forewarnings
 from wavetank.plan.requirements import requirements
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
@@ -304,6 +305,24 @@ def test_what_is_looked_at_where_a_paddle_comes_is_refused_before_the_run(looked
     free = REACHED | {"absorb": {"type": "active"}}
     for other in (scene(free, free, **looked_at), scene(REACHED, REACHED, water={"type": "linear"}, **looked_at)):
         assert [seen.excursion(seen.motion()) > 0.03 for seen in other.paddles] == [True, True]
+
+
+def test_what_stands_where_a_paddle_that_absorbs_may_come_is_told_before_the_run():
+    """It goes as far as the other's waves take it, and as far again for its own where nothing else takes them."""
+    free = {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
+    own = REACHED | {"absorb": {"type": "active"}}
+    rows = [
+        (scene(REACHED, free, gauges=[3.95]), []),
+        (scene(REACHED, free, gauges=[3.965]), ["gauges.0 stands 0.035 m from the paddle of far_wall at rest"]),
+        (scene(own, gauges=[0.075]), ["gauges.0 stands 0.075 m from the paddle of wall at rest"]),
+        (scene(own, free, gauges=[0.075]), []),
+        (scene(REACHED, free, gauges=[3.965], water={"type": "linear"}), []),
+    ]
+    for one, said in rows:
+        assert [line.partition(", which absorbs, and is to go about 0.0")[0] for line in beside(one)] == said
+    one, (said,) = rows[1]
+    run, waves = build_run(one, MPI.COMM_SELF)
+    assert any(line.startswith(said) for line in forewarnings(one, run.clock, waves))
 
 
 def test_a_window_is_in_no_paddles_way_that_comes_there_before_or_after_it():

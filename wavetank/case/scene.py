@@ -257,7 +257,7 @@ class Scene(Noun):
         told = self.physics == "nonlinear" and getattr(wall, "absorb", None) is None
         if not told or (isinstance(self.tank, BasinTank) and self.tank.layout.type != "rectangle"):
             return  # of small strokes nothing travels
-        places, times, whole = [*self._looked_at()], self._times(motion), wall.places(self.tank) is None
+        places, times, whole = [*self.looked_at()], self._times(motion), wall.places(self.tank) is None
         farthest = wall.farther(self.tank) * self.excursion(motion) if places else 0.0
         for key, x, y, z, (begin, until) in places:
             away, t = x - self._left, times[(begin <= times) & (times <= until)]
@@ -271,7 +271,7 @@ class Scene(Noun):
                 yield Problem(key, None, f"{there} t = {t[np.argmax(into > away)]:.4g} s: {allowed}")
                 return
 
-    def _looked_at(self) -> Iterator[LookedAt]:
+    def looked_at(self) -> Iterator[LookedAt]:
         """Yield each gauge, probe and column of a window."""
         column, always = self.tank.depth * np.linspace(-1.0, 0.0, HEIGHTS), (0.0, np.inf)
         yield from (LookedAt(self.gauge_key(n), g.x, g.y, np.zeros(1), always) for n, g in enumerate(self.all_gauges))

@@ -42,7 +42,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     before = [*mesh, *_of_walls(scene, waves), *_strokes(scene), *_jolts(scene), *_ramps(scene), *_sponge(scene)]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
-    return [*before, *_bed(scene, waves), *_start(scene, waves), *of_step]
+    return [*before, *beside(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
 
 
 def _of_walls(scene: Scene, waves: AnyWaves) -> Iterator[str]:
@@ -108,6 +108,25 @@ def _length(scene: Scene) -> tuple[str, float | None]:
         return "sponge.length", scene.sponge.length
     layout = getattr(scene.tank, "layout", None) if isinstance(scene.sponge, GroupSponge) else None
     return "tank.layout.sponge_length", getattr(layout, "sponge_length", None)
+
+
+def beside(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle that absorbs, and is to go about as far as to where somebody looks.
+
+    It takes the others' waves by going as far as they do, and its own, where nothing else takes these, by going as far
+    again.
+    """
+    if scene.physics == "linear":
+        return  # nothing travels
+    told = [seen.excursion(seen.motion()) for seen in scene.paddles] if scene.absorbing else []
+    for n in scene.absorbing:
+        seen, back = scene.paddles[n], told[n] if scene.sponge is None and scene.absorbing == [n] else 0.0
+        for one in seen.looked_at():
+            far = (sum(told) + back) * float(np.abs(seen.wall.maker.share(one.z, seen.tank.depth)).max())
+            if one.x < far:
+                where = f"{'.'.join(map(str, one.key))} stands {one.x:.4g} m from the paddle of {seen.key} at rest"
+                yield f"{where}, which absorbs, and is to go about {far:.2g} m there: the run ends where it comes"
+                break
 
 
 def _predicted(scene: Scene) -> Iterator[str]:
