@@ -25,6 +25,8 @@ class StopAtBreaking:
 
     def observe(self, moment: Moment) -> None:
         """Raise ``RunError`` if a wave breaks; collective."""
+        if self.watch.rests():
+            return
         for crest in filter(breaks, self.watch.look(moment.t, *moment.points)):
             moves = abs(crest.current) > 0.02 * abs(crest.speed)
             seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""

@@ -150,7 +150,7 @@ class StabilityWatch(Keeping):
         ways[len(last) :] *= self._dt
         self._last, self._wall = ([*kept[1 - look.length :].copy()] for kept in (values, ways))
         found = largest_differences(_rows(eta), 0), look.lower(values), look.higher(values), look.lower(ways)
-        heights, lower, higher, ways = self._largest(*found)
+        heights, lower, higher, ways = (largest(self._waves.plane.comm, each) for each in found)
         unjudged = len(moments) - len(lower)  # with too few before
         highest, driven = _so_far(self._highest, heights), _so_far(self._driven, look.driven * ways)
         self._highest, self._driven = float(highest[-1]), float(driven[-1])
@@ -193,11 +193,6 @@ class StabilityWatch(Keeping):
         self._last, self._wall = [*held["last"]], [*map(np.asarray, held["wall"])]
         for name in SEEN:
             setattr(self, name, held[name])
-
-    def _largest(self, *each: Vector) -> list[Vector]:
-        """Return the largest of all ranks' values, one by one; collective."""
-        ends = np.cumsum([len(one) for one in each[:-1]])
-        return np.split(largest(self._waves.plane.comm, np.concatenate(each)), ends)
 
     def _place(self, moment: Moment, heights: Vector) -> str:
         """Return in words where heights were largest then; collective."""

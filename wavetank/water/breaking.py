@@ -32,7 +32,6 @@ STEEP, GENTLE = 0.3, 0.15  # slopes of the front without which it does not begin
 SWIFT = 0.25  # mean u - U of its upper half / (g H)^(1/2): 0.45 and more of what breaks, near 0 of what stands or meets
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
-NEAR = 0.8  # of the slope asked for: below it no crest gets so steep from one look to the next
 RESTS, FASTER = 3, 1.2  # looks that are left out where all B are below 0.6, unless water gets faster by so much
 
 
@@ -64,18 +63,20 @@ class BreakingWatch:
         self._rests, self._fastest = 0, 0.0  # looks that are still left out, and the water's velocity before [m/s]
         self.crests: list[SteepCrest] = []
 
+    def rests(self) -> bool:
+        """Return whether this step goes by without a look, of which there is one at most in each."""
+        return self._seldom.rests()
+
     def look(self, t: float, *points: tuple[Vector, Vector], front: float = STEEP) -> list[SteepCrest]:
         """Return the crests of a state, seen at one of the points known of it, that are swift enough; collective.
 
         They have a steeper ``front``. The first look sees none.
         """
-        if self._seldom.rests():
-            return []
         self._flow.near(t, *points)
         last, self._last = self._last, None
         steepest, fastest = self._flow.largest_slope, self._flow.largest_velocity
-        if steepest < NEAR * front:
-            self._seldom.saw(steepest, matters=NEAR * front)
+        if steepest < front:
+            self._seldom.saw(steepest, matters=front)
             self._rests = 0
             return []
         resting = self._rests > 0 and fastest < FASTER * self._fastest
@@ -83,7 +84,7 @@ class BreakingWatch:
         if self._rests:
             return []
         self._last = t, self._flow.profile
-        if resting or last is None or steepest < front:
+        if resting or last is None:
             return []
         self.crests = self._steep(last, self._last, front)
         swift = [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
@@ -157,6 +158,8 @@ class BreakingDissipation(Smoothing):
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
+        if self.watch.rests():
+            return False
         front = GENTLE if self._breaking else STEEP
         breaking = self.follow(self.watch.look(t, (q, p), front=front), t)
         if breaking:
