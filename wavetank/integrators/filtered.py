@@ -62,10 +62,10 @@ class Filtered(Wrapper[S]):
         passed = [state]
         for one in acting:
             passed.append(passed[-1].mapped(one.coordinate, one.momentum))
-        ends = state.known[0], passed[-1].known[-1]
-        self._ended(ends[0], t)
         ways = [_way(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
-        begin, end = (_look(system, passed[n], ends[n], ways, t) for n in (0, -1))
+        begin = _look(system, state, state.known[0], ways, t)
+        self._ended(state.known[0], t)  # of which more is known by now
+        end = _look(system, passed[-1], passed[-1].known[-1], ways, t)
         taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)] or [0.0]
         most = max(range(len(taken)), key=lambda n: abs(taken[n]))
         taken[most] += begin.energy - end.energy - sum(taken)

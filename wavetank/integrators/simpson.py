@@ -81,9 +81,9 @@ class MeanAndJumps(Pairs):
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
-        mean, plus = (np.stack([coordinate(q), momentum(p)]) for q, p in (self.mean, self.plus))
-        mapped = self._replace(mean=mean, jump=2 * (plus - mean))
-        return mapped._replace(minus=mapped.plus)
+        mean, plus = (np.array([coordinate(q), momentum(p)]) for q, p in (self.mean, self.plus))
+        jump = 2 * (plus - mean)
+        return self._replace(mean=mean, jump=jump, minus=mean + jump / 2)
 
 
 @dataclass(frozen=True)

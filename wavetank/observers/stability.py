@@ -23,7 +23,7 @@ import numpy as np
 
 from wavetank.arrays import Vector, largest
 from wavetank.fe.differences import largest_differences
-from wavetank.observers.contract import Keeping, Moment
+from wavetank.observers.contract import Keeping, Moment, Moments
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
 from wavetank.water.short_waves import ShortWaves
@@ -138,18 +138,18 @@ class StabilityWatch(Keeping):
         if moment.jump is not None and not moment.is_mean:
             self._jumps[moment.step] = self._waves.mass.solve(moment.jump)
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """See whether what alternates has grown; collective."""
         self._look = look = IN_ELEVATION if moments[0].jump is None else IN_JUMP
         last, wall = (kept[1 - look.length :] for kept in (self._last, self._wall))
-        eta = [one.elevation(self._waves) for one in moments]
+        eta = moments.elevations(self._waves)
         values = _rows([*last, *(eta if look is IN_ELEVATION else self._jumps_at(moments))])
         if look is IN_JUMP and moments[0].is_mean:
             values[len(last) :] *= 2  # half of one lies between a mean of two traces and the later of these
         ways = _rows([*wall, *(one.velocities(self._waves) for one in moments)])
         ways[len(last) :] *= self._dt
         self._last, self._wall = ([*kept[1 - look.length :].copy()] for kept in (values, ways))
-        found = largest_differences(_rows(eta), 0), look.lower(values), look.higher(values), look.lower(ways)
+        found = largest_differences(eta, 0), look.lower(values), look.higher(values), look.lower(ways)
         heights, lower, higher, ways = (largest(self._waves.plane.comm, each) for each in found)
         unjudged = len(moments) - len(lower)  # with too few before
         highest, driven = _so_far(self._highest, heights), _so_far(self._driven, look.driven * ways)
