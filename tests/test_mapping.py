@@ -17,7 +17,7 @@ from wavetank.fe.mass import HorizontalMatrix
 from wavetank.fe.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
-from wavetank.motions.mapping import STEEPEST, largest_stroke, share, unmapped
+from wavetank.motions.mapping import STEEPEST, largest_stroke, share
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
@@ -30,6 +30,7 @@ from wavetank.water.energy import WaterEnergy
 from wavetank.water.footprint import Slice
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.walls import Piston, Side
+from wavetank.water.walls.unmapped import unmapped
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 TIGHT = Tolerances(stage=1e-12, interior=1e-13)

@@ -12,8 +12,6 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 TOP = 0.5  # depths above still water, up to which a paddle's shape is looked at
-LITTLE = 0.1  # reaches
-SETTLED = 1e-8  # reaches; the square is round-off
 NARROWEST = 0.01  # J, at which a mapping is looked at
 SAMPLES = np.linspace(0.0, 1.0, 101, dtype=np.float64)  # r, at which it is
 STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
@@ -39,45 +37,8 @@ def quickened(lean: float, moved: float) -> float:
 
 def share(r: Array) -> Array:
     """Return s(r), of any shape; before the wall the line that it begins with, for places that the wall has passed."""
-    within = _between(r, 0.0)
-    return np.where(r < 0.0, 1.0 - r, _inside(within))
+    return np.where(r < 0.0, 1.0 - r, _inside(np.minimum(np.maximum(r, 0.0), 1.0)))
 
 
 def _inside(r: Array) -> Array:
     return np.asarray((1.0 - r) * (1.0 - r) * (1.0 + r))
-
-
-def _between(r: Array, lowest: Array | float) -> Array:
-    return np.asarray(np.minimum(np.maximum(r, lowest), 1.0))
-
-
-def unmapped(r: Array, moved: Array) -> Array:
-    """Return R with R + s(R) moved = r, lengths in reaches, r of shape (N,) and all else (..., N), for moved < 3/4.
-
-    Newton's method, started where it converges from one side: at an end where the map is flattest inside, at r = 1/3,
-    or at that place where it is steepest there. Where little is moved it converges from anywhere, and starts where what
-    is moved is taken back once. What the last change leaves is of the size of its square. Each goes its own way, which
-    is that of a single one.
-    """
-    inside = _between(r, moved)  # places beyond both ends are found without
-    R, far = inside - _inside(inside) * moved, np.abs(moved) >= LITTLE
-    if far.any():
-        R = np.where(far, _one_sided(inside, moved), R)
-    going = np.ones_like(R, dtype=np.bool_)
-    for _ in range(100):
-        left = 1.0 - R
-        stretched = left * moved
-        change = (R + left * stretched * (1.0 + R) - inside) / (1.0 - stretched * (1.0 + 3.0 * R))
-        R = np.where(going, _between(R - change, 0.0), R)
-        going &= np.abs(change) >= SETTLED
-        if not going.any():
-            break
-    before = (r - moved) / (1.0 - moved)
-    return np.where(r >= 1.0, r, np.where(before < 0.0, before, R))
-
-
-def _one_sided(inside: Array, moved: Array) -> Array:
-    """Return whence Newton's method converges from one side, of the shape of both."""
-    third = 1 / 3
-    end = inside > third + _inside(np.asarray(third)) * moved
-    return np.where(moved > 0.0, end, third)

@@ -26,7 +26,7 @@ from wavetank.fe.plane import Field, LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.fe.whole import Along
 from wavetank.motions import Motion
-from wavetank.motions.mapping import largest_stroke, share, unmapped
+from wavetank.motions.mapping import largest_stroke, share
 from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
@@ -37,6 +37,7 @@ from wavetank.water.walls.power import AssembledPower, Power, PowerAlong
 from wavetank.water.walls.shape import UPRIGHT, Polynomial, Shape
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.travel import Travel
+from wavetank.water.walls.unmapped import unmapped
 from wavetank.water.walls.work import AssembledWork, KeptWork, Work
 
 
