@@ -35,14 +35,15 @@ def test_cubics_are_evaluated_exactly_anywhere_walls_and_vertices_included(kind)
     assert np.allclose(values, 1 + where - 0.3 * where**2 + 0.05 * where**3, rtol=1e-12)
 
 
-def test_values_of_many_fields_are_bit_for_bit_those_of_each():
+@EITHER
+def test_values_of_many_fields_are_bit_for_bit_those_of_each(kind):
     """Of so many degrees of freedom in a cell that numpy sums them in another order where they do not lie in a row."""
     plane, rng = Plane(FOOTPRINT.mesh, 8), np.random.default_rng(3)
-    points, fields = Points(plane, at(np.array([3.14159]))), rng.normal(size=(64, len(plane.coordinates())))
+    points, fields = kind(plane, at(np.array([3.14159]))), rng.normal(size=(64, len(plane.coordinates())))
     assert np.array_equal(points.of_all(fields), np.concatenate([points.of_all(field[None]) for field in fields]))
 
 
-def test_places_that_move_along_a_line_read_what_others_do_and_each_as_it_does_alone():
+def test_places_along_a_line_read_what_others_do_and_each_as_it_does_alone():
     """Of fields of high order; oracle: ``Points``, and the same place of the same field by itself, bit for bit."""
     plane, rng = Plane(FOOTPRINT.mesh, 8), np.random.default_rng(3)
     where, fields = at(rng.uniform(0.0, 7.0, 12)), rng.normal(size=(4, len(plane.coordinates())))

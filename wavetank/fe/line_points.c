@@ -22,23 +22,27 @@ static int cell_at(const Line *l, double x)
     return cell;
 }
 
-/* Of fields [field][dof], the first at the first ``each`` of the places, and so on. */
-void values_along(const Line *l, long places, long each, const double *x, const double *fields, double *found)
+static double value(const Line *l, double x, const double *field)
 {
-    for (long i = 0; i < places; ++i) {
-        const int cell = cell_at(l, x[i]), *dofs = l->dofs + cell * FUNCTIONS;
-        const double *field = fields + i / each * l->rows;
-        double part = (x[i] - l->start[cell]) / l->along[cell], P[FUNCTIONS + 1] = {1.0}, sum = 0.0;
-        part = part < 0.0 ? 0.0 : part > 1.0 ? 1.0 : part;
-        const double s = P[1] = 2.0 * part - 1.0;
-        for (int k = 1; k + 1 < FUNCTIONS; ++k)
-            P[k + 1] = ((2 * k + 1) * s * P[k] - k * P[k - 1]) / (k + 1);
-        for (int j = 0; j < FUNCTIONS; ++j) {
-            double weight = 0.0;
-            for (int k = 0; k < FUNCTIONS; ++k)
-                weight += l->legendre[j * FUNCTIONS + k] * P[k];
-            sum += weight * field[dofs[j]];
-        }
-        found[i] = sum;
+    const int cell = cell_at(l, x), *dofs = l->dofs + cell * FUNCTIONS;
+    double part = (x - l->start[cell]) / l->along[cell], P[FUNCTIONS + 1] = {1.0}, sum = 0.0;
+    part = part < 0.0 ? 0.0 : part > 1.0 ? 1.0 : part;
+    const double s = P[1] = 2.0 * part - 1.0;
+    for (int k = 1; k + 1 < FUNCTIONS; ++k)
+        P[k + 1] = ((2 * k + 1) * s * P[k] - k * P[k - 1]) / (k + 1);
+    for (int j = 0; j < FUNCTIONS; ++j) {
+        double weight = 0.0;
+        for (int k = 0; k < FUNCTIONS; ++k)
+            weight += l->legendre[j * FUNCTIONS + k] * P[k];
+        sum += weight * field[dofs[j]];
     }
+    return sum;
+}
+
+/* Of fields [field][dof] at places of each, whose x are so many numbers further on from one field to the next. */
+void values_along(const Line *l, long fields, long places, long further, const double *x, const double *field, double *found)
+{
+    for (; fields-- > 0; x += further, field += l->rows)
+        for (long n = 0; n < places; ++n)
+            *found++ = value(l, x[n], field);
 }

@@ -1,4 +1,4 @@
-"""Values at places that move along a slice on one rank, compiled: of many times at once, each as of that time alone."""
+"""Values at places along a slice on one rank, compiled: of many times at once, each as of that time alone."""
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -16,18 +16,18 @@ typedef struct {
     const int *dofs;
     const double *legendre;
 } Line;
-void values_along(const Line *, long places, long each, const double *x, const double *fields, double *found);
+void values_along(const Line *, long fields, long places, long further, const double *x, const double *, double *found);
 """
 
 
-def moving_points(plane: Plane, points: Vector) -> "Points | LinePoints":
-    """Return a set of points that will move, in the mesh [m], shape (N, 3); raises as ``Points``; collective."""
+def points_in(plane: Plane, points: Vector) -> "Points | LinePoints":
+    """Return a set of points at which fields are evaluated, as ``Points``; collective."""
     along_line = plane.mesh.geometry.dim == 1 and plane.comm.size == 1
     return (LinePoints if along_line else Points)(plane, points)
 
 
 class LinePoints:
-    """What is asked of ``Points`` that move, along a slice on one rank."""
+    """``Points`` along a slice on one rank, which are soon found."""
 
     def __init__(self, plane: Plane, points: Vector):
         ends, element = plane.mesh.geometry.x[plane.mesh.geometry.dofmap][:, :, 0], plane.V.element.basix_element
@@ -66,7 +66,15 @@ class LinePoints:
 
     def each(self, values: Vector) -> Vector:
         """See ``Points``."""
-        values, found, at = np.ascontiguousarray(values), np.empty(len(self._x)), self._kernel.pointer
-        each = max(1, len(found) // len(values))
-        self._kernel.call.values_along(self._line, len(found), each, at(self._x), at(values), at(found))
+        each = len(self._x) // len(values)
+        return self._found(values, each, further=each).ravel()
+
+    def of_all(self, values: Vector) -> Vector:
+        """See ``Points``."""
+        return self._found(values, len(self._x), further=0)
+
+    def _found(self, values: Vector, places: int, *, further: int) -> Vector:
+        values, found, at = np.ascontiguousarray(values), np.empty((len(values), places)), self._kernel.pointer
+        sizes = len(values), places, further
+        self._kernel.call.values_along(self._line, *sizes, at(self._x), at(values), at(found))
         return found

@@ -4,7 +4,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError, OutsideError, RunError
-from wavetank.fe.points import Points
+from wavetank.fe.line_points import points_in
 from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
 from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
@@ -32,7 +32,7 @@ class Gauges(Keeping):
         self._waves, self._record, self.schedule = waves, record, schedule
         self._elevation, self.sees = waves.plane.function("elevation"), waves
         wall = waves.wall
-        self._points = Points(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
+        self._points = points_in(waves.plane, waves.plane.chart.place(wall.to_reference(places)))  # far ones stay there
         reached = wall.reaches(places)
         self._near = np.flatnonzero(reached)
         self._beside = SurfacePoints(waves.plane, wall, places[reached])

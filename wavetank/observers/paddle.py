@@ -1,6 +1,7 @@
 """What the paddle does: position, velocity and acceleration, and on request force and power, with the gauges."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -47,8 +48,10 @@ class PaddleMotion(Keeping):
     def work_off(self, moments: Sequence[Moment]) -> None:
         """Append a row for each moment."""
         kept, self._kept = self._kept, []
-        along = np.ndim(kept[0][1]) > 0
-        self._record.extend(np.array([np.hstack(row) if along else [*map(float, row)] for row in kept]))
+        if np.ndim(kept[0][1]):
+            self._record.extend(np.array([np.hstack(row) for row in kept]))
+        else:
+            self._record.extend(np.fromiter(chain.from_iterable(kept), dtype=np.float64).reshape(len(kept), -1))
 
 
 class PaddleLimits:

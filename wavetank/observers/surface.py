@@ -35,37 +35,41 @@ class SurfaceSnapshots(Keeping):
         self._order = np.argsort(reference, kind="stable")
         self._look_at(comm.bcast(reference[self._order]))
         self._points: Points | None = None  # where those are not the places of this mesh
-        self._potentials = dict[int, Vector]()  # of steps that are not worked off, on the first rank [m²/s]
+        self._potentials = dict[int, Vector]()  # of steps that are not worked off [m²/s]
 
     def _look_at(self, x: Vector) -> None:
         """Take the places in the mesh [m] in the order of x."""
         self._reference, self._places = x, np.column_stack([x, np.zeros_like(x)])
 
     def _gather(self, owned: Vector) -> Vector:
+        """Return what all ranks own of the last axis, on the first of them."""
         if self._waves.plane.comm.size == 1:
             return owned
         parts = self._waves.plane.comm.gather(owned)
-        return np.concatenate(parts) if parts else np.zeros(0)
+        return np.concatenate(parts, axis=-1) if parts else owned[..., :0]
 
     def keep(self, moment: Moment) -> None:
-        """Keep the potential, which somebody's own observer may change; collective."""
-        self._potentials[moment.step] = self._sorted(moment.p)
+        """Keep the potential, which somebody's own observer may change."""
+        self._potentials[moment.step] = moment.p.copy()
 
     def work_off(self, moments: Moments) -> None:
         """Append the snapshots; collective."""
         waves, places, wall = self._waves, self._places, self._waves.wall
-        eta = np.array([self._sorted(moment.elevation(waves)) for moment in moments])
-        psi = np.array([self._potentials.pop(moment.step) for moment in moments])
+        eta = self._sorted(moments.elevations(waves))
+        psi = self._sorted(np.array([self._potentials.pop(moment.step) for moment in moments]))
         if self._record is not None:
             x = wall.to_physical(places, eta, moments.stands(waves, places))[..., 0]
             self._record.extend(moments.times, np.broadcast_to(x, eta.shape), eta, psi)
 
     def _sorted(self, owned: Vector) -> Vector:
-        """Return values at the places in the order of x, on the first rank, of values at the degrees of freedom."""
+        """Return values at the places in the order of x, on the first rank, of those of K fields, shape (K, owned)."""
         if self._points is None:
-            return self._gather(owned)[self._order]
-        self._field.set(owned)
-        return self._points.evaluate(self._field)
+            return np.asarray(self._gather(owned)[:, self._order])
+        found = list[Vector]()
+        for one in owned:
+            self._field.set(one)
+            found.append(self._points.evaluate(self._field))
+        return np.array(found)
 
     def held(self) -> Held:
         """Return the places in the mesh [m]."""

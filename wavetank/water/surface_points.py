@@ -10,7 +10,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
-from wavetank.fe.line_points import moving_points
+from wavetank.fe.line_points import points_in
 from wavetank.fe.plane import Field, Plane
 from wavetank.water.walls.contract import Heights, Stood
 
@@ -52,7 +52,7 @@ class SurfacePoints:
 
     def __init__(self, plane: Plane, wall: Standing, places: Vector):
         self._plane, self._wall, self.places = plane, wall, places
-        self.points = moving_points(plane, plane.chart.place(wall.to_reference(places)))
+        self.points = points_in(plane, plane.chart.place(wall.to_reference(places)))
 
     def elevations(self, field: Field) -> Vector:
         """Return the elevation over the places [m], shape (N,), of the field of it, for the wall as it stands."""

@@ -208,7 +208,10 @@ class Piston:
         carried = shift(distances[..., near], shares * stood[0])
         shifts = np.zeros((*carried.shape[:-1], places.shape[-2]))
         shifts[..., near] = carried
-        return np.stack([places[..., axis] + shifts * part for axis, part in enumerate(self.side.normal)], axis=-1)
+        moved = np.empty((*shifts.shape, 2))
+        for axis, part in enumerate(self.side.normal):
+            np.add(places[..., axis], shifts * part, out=moved[..., axis])
+        return moved
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return a s X_p' at reference places [m/s], shape (N, 2)."""
