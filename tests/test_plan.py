@@ -21,7 +21,7 @@ from wavetank.observers.record import Memory
 from wavetank.plan import cost_model
 from wavetank.plan.cost_model import CostModel
 from wavetank.plan.defaults import LOOSEST, solved_to
-from wavetank.plan.dispersion import Cells, Mesh, step_errors, wave_errors
+from wavetank.plan.dispersion import Cells, Mesh, step_errors
 from wavetank.plan.error_model import ErrorModel, Settings
 from wavetank.plan.plan import AIM, make_plan, own_plan
 from wavetank.plan.requirements import requirements, stokes
@@ -136,13 +136,6 @@ def test_a_scheme_has_a_frequency_up_to_its_limit(name):
     found = step_errors(INTEGRATORS[name](), limit * np.array([0.999, 1.001])).frequency
     assert np.isfinite(found[0])
     assert np.isnan(found[1])
-
-
-def test_group_velocity_errs_like_the_slope_of_the_frequency():
-    """A relative error c k^m of the phase speed is one of (1 + m omega / (k c_g)) c k^m of the group velocity."""
-    k = np.array([1.0])
-    errors = wave_errors(k, mesh(8, 0.5, 16, depth=1e-2), scheme=StormerVerlet(), dt=0.05)  # omega = c k, m = 2
-    assert errors.group_velocity / errors.phase_speed == pytest.approx(3.0, rel=0.05)
 
 
 # ------------------------------------------------------------------------------------------------ requirements

@@ -259,28 +259,3 @@ def _start(scheme: Integrator[Any]) -> Complex:
 def _reported(scheme: Integrator[Any], modes: Complex) -> Complex:
     """Return the coordinate that a scheme reports of each mode, shape (N, m)."""
     return np.asarray(like(scheme.start(np.zeros(1), np.zeros(1)), modes.transpose(1, 0, 2)).q)
-
-
-# ---------------------------------------------------------------------------------------------------- together
-class WaveErrors(NamedTuple):
-    """Relative errors of phase speed and of group velocity."""
-
-    phase_speed: Vector
-    group_velocity: Vector
-
-
-def wave_errors(k: ArrayLike, mesh: Mesh, *, scheme: Integrator[Any], dt: float) -> WaveErrors:
-    """Return the errors of fully discrete waves of wave number k [rad/m], positive, any shape; dt [s].
-
-    The group velocity is differentiated over k (1 ± 1e-4).
-    """
-    k = np.asarray(k, dtype=float)
-
-    def numerical(k: Vector) -> Vector:
-        omega = mesh.frequency(k)
-        return omega * (1.0 + step_errors(scheme, omega * dt).frequency)
-
-    exact = airy.angular_frequency(k, mesh.depth, mesh.gravity)
-    slope = (numerical(k * (1 + 1e-4)) - numerical(k * (1 - 1e-4))) / (2e-4 * k)
-    group = airy.group_velocity(k, mesh.depth, mesh.gravity)
-    return WaveErrors(numerical(k) / exact - 1.0, slope / group - 1.0)
