@@ -274,6 +274,14 @@ def test_the_surface_of_a_moment_is_looked_at_once_for_all_who_ask(monkeypatch):
     run, waves = build_run(scene, MPI.COMM_SELF)
     run.observers += build_watch(scene, run, waves, print)
     looks.clear()  # before the first step it is told how fast the surface moves
+    elevation = waves.elevation
+
+    def without_solves(*state):  # of points that are evaluated anyway
+        with monkeypatch.context() as patched:
+            patched.setattr(waves.columns, "solve", None)
+            return elevation(*state)
+
+    monkeypatch.setattr(waves, "elevation", without_solves)
     run.execute()
     steps = [round(t / run.clock.dt) for t in looks]
     assert steps == sorted(set(steps)) and np.diff(steps).max() <= 5 and len(steps) < run.clock.steps

@@ -32,7 +32,7 @@ from wavetank.water.waves import NonlinearWaves
 
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
-OFTEN = 16  # steps between looks at what would help
+OFTEN = 32  # steps between looks at what would help
 CALM = 1e-6  # of the depth: lower waves are not looked at
 # what a watch remembers beside the last steps:
 SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency"
