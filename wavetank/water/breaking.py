@@ -32,14 +32,14 @@ STEEP, GENTLE = 0.3, 0.15  # slopes of the front without which it does not begin
 SWIFT = 0.25  # mean u - U of its upper half / (g H)^(1/2): 0.45 and more of what breaks, near 0 of what stands or meets
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
-RESTS, FASTER = 3, 1.2  # looks that are left out where all B are below 0.6, unless water gets faster by so much
+FASTER = 1.15  # so much the water may get where all B are below 0.6, without a look
 
 
 class BreakingWatch:
     """Looks at the surface from time to time, and tells which crests could be breaking.
 
     Within a depth of a wall crests form and vanish: their speed says nothing there. Where all crests are far from
-    breaking a few looks are left out: from 0.6 to 0.85 B takes an eighth of a period, or more.
+    breaking some steps go by without a look: from 0.6 to 0.85 B takes an eighth of a period, or more.
 
     Parameters
     ----------
@@ -53,19 +53,18 @@ class BreakingWatch:
     Attributes
     ----------
     crests
-        The steep ones of the last look that was not left out, swift or not.
+        The steep ones last judged, swift or not.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
         self._waves, self._flow, self._length = waves, flow, length
         self._last: tuple[float, Profile] | None = None
-        self._seldom = Seldom()
-        self._rests, self._fastest = 0, 0.0  # looks that are still left out, and the water's velocity before [m/s]
+        self._gentle, self._slow = Seldom(), Seldom()  # until a front may be steep, and the water faster
         self.crests: list[SteepCrest] = []
 
     def rests(self) -> bool:
         """Return whether this step goes by without a look, of which there is one at most in each."""
-        return self._seldom.rests()
+        return self._gentle.rests() | self._slow.rests()
 
     def look(self, t: float, *points: tuple[Vector, Vector], front: float = STEEP) -> list[SteepCrest]:
         """Return the crests of a state, seen at one of the points known of it, that are swift enough; collective.
@@ -76,20 +75,16 @@ class BreakingWatch:
         last, self._last = self._last, None
         steepest, fastest = self._flow.largest_slope, self._flow.largest_velocity
         if steepest < front:
-            self._seldom.saw(steepest, matters=front)
-            self._rests = 0
-            return []
-        resting = self._rests > 0 and fastest < FASTER * self._fastest
-        self._rests = self._rests - 1 if resting else 0
-        if self._rests:
+            self._gentle.saw(steepest, matters=front)
             return []
         self._last = t, self._flow.profile
-        if resting or last is None:
+        if last is None:
             return []
         self.crests = self._steep(last, self._last, front)
         swift = [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
         if all(crest.overtaking < RECOVERED for crest in swift):
-            self._rests, self._fastest = RESTS, fastest
+            self._slow.saw(fastest, matters=FASTER * fastest)
+            self._last = None
         return swift
 
     def _steep(self, last: tuple[float, Profile], now: tuple[float, Profile], front: float) -> list[SteepCrest]:
@@ -103,16 +98,16 @@ class BreakingWatch:
         return [crest for crest in crests if first <= crest.x < end]
 
     def held(self) -> Held:
-        """Return the surface of the last look, if it was not gentle, and how many looks are still left out."""
+        """Return the surface of the last look, if it is to be judged by, and when it is looked again."""
         last = self._last and {"t": self._last[0], "profile": [values.tolist() for values in self._last[1]]}
-        return {"last": last, "seldom": self._seldom.held(), "rests": self._rests, "fastest": self._fastest}
+        return {"last": last, "gentle": self._gentle.held(), "slow": self._slow.held()}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         last = held["last"]
         self._last = last and (last["t"], Profile(*map(np.array, last["profile"])))
-        self._seldom.take(held["seldom"])
-        self._rests, self._fastest = held["rests"], held["fastest"]
+        self._gentle.take(held["gentle"])
+        self._slow.take(held["slow"])
 
 
 def breaks(crest: SteepCrest) -> bool:
