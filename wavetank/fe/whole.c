@@ -192,25 +192,26 @@ static int attempt(Attempt *s, const double *z, const double *c, double a, int c
     return iterations;
 }
 
-/* The power of walls that move, by mu = M^-1 of the energy's derivative by the column: dH/dt, and their part of H. */
-static void push(const Whole *w, const double *mu, double *found)
+/* The power of walls that move at the point that was found last, and their part of H. */
+static void push(const Whole *w, const double *point, double *power)
 {
-    found[0] = found[1] = 0.0;
+    power[0] = power[1] = 0.0;
     EACH_PADDLE(one) {
         double pushed[2];
-        ((Push *)one->push)(one->strip, one->moves[POSITION], one->moves[SPEED], mu, pushed);
-        found[0] += pushed[0] + one->moves[ACCELERATION] * pushed[1];
-        found[1] += one->moves[SPEED] * pushed[1];
+        ((Push *)one->push)(one->strip, one->moves[POSITION], one->moves[SPEED], point + 2 * w->dofs, pushed);
+        power[0] += pushed[0] + one->moves[ACCELERATION] * pushed[1];
+        power[1] += one->moves[SPEED] * pushed[1];
     }
 }
 
-/* See masses q and surface potential p from the point near them, (at_q, at_p), that was found last, by the derivatives
-   of the energy there. Sets the elevation and, behind it, how much higher that of the point is. Finds 1/2 eta M eta
-   there; what lies between times these derivatives, and that of q times the elevation there; the mass; what ``push`` does. */
-static void see(Whole *w, const double *q, const double *p, const double *at_q, const double *at_p, const double *by_q,
-                const double *by_p, const double *still, double *eta, double *found)
+/* See masses q and surface potential p from the point near them that was found last. Sets the elevation and, behind it, how
+   much higher that of the point is. Finds 1/2 eta M eta there; what lies between times the derivatives there, and that of
+   q times the elevation there; the mass; what ``push`` does. */
+static void see(Whole *w, const double *q, const double *p, const double *point, const double *still, double *eta,
+                double *found)
 {
     const long n = w->dofs;
+    const double *by_p = point, *by_q = point + 2 * n, *at_q = point + 3 * n, *at_p = point + 4 * n;
     double *rise = eta + n, *by_mass = w->image, twice = 0.0, change = 0.0, lift = 0.0, mass = 0.0;
     EACH(i, n)
         eta[i] = w->column[i] - still[i], rise[i] = at_q[i] - q[i], mass += q[i];
@@ -225,5 +226,5 @@ static void see(Whole *w, const double *q, const double *p, const double *at_q, 
     EACH(i, n)
         eta[i] -= rise[i];
     found[0] = 0.5 * twice, found[1] = change, found[2] = lift, found[3] = mass;
-    push(w, by_q, found + 4);
+    push(w, point, found + 4);
 }

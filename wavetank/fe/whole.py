@@ -65,13 +65,10 @@ int find(Whole *, const double *q, const double *p, const double *still, int kno
          double *level);
 int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int known,
             int place, int mixed, double *found, double *level, double *next);
-void see(Whole *, const double *q, const double *p, const double *at_q, const double *at_p, const double *by_q,
-         const double *by_p, const double *still, double *eta, double *found);
-void push(const Whole *, const double *mu, double *found);
+void see(Whole *, const double *q, const double *p, const double *point, const double *still, double *eta,
+         double *found);
+void push(const Whole *, const double *point, double *power);
 """
-
-
-Pair = tuple[Vector, Vector]
 
 
 class Along(Protocol):
@@ -279,37 +276,30 @@ class Whole:
             self._trials[key] = self._kernel.shared("Attempt", parts), inverse.compiled, mixing
         return self._trials[key][0]
 
-    def push(self, mu: Vector) -> float:
-        """Return dH/dt at fixed (Q, psi) of the point last found, for ``mu``, dH/dQ there, shape (dofs,)."""
+    def push(self, point: Vector) -> float:
+        """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them."""
         self._follow()
-        self._kernel.call.push(self._struct, self._kernel.pointer(mu), self._at_seen)
+        self._kernel.call.push(self._struct, self._kernel.pointer(point), self._at_seen)
         return float(self._at_seen[0])
 
     def _follow(self) -> None:
         for wall in self._walls:
             wall.follow()
 
-    def see(self, state: Pair, at: Pair, by: Pair, still: Vector | float) -> tuple[Vector, list[float]]:
+    def see(self, q: Vector, p: Vector, point: Vector, still: Vector | float) -> tuple[Vector, list[float]]:
         """See masses and surface potential from the point last found, which is near, where all walls ``push``.
 
-        Parameters
-        ----------
-        state, at
-            (Q, psi) of the state and of that point, (dofs,) each.
-        by
-            The derivatives of the energy there, by Q and by psi.
-        still
-            The column of still water [m].
+        ``point`` and ``still`` are as of ``push`` and ``find``.
 
         Returns the elevation and how much higher that of the point is, shape (2, dofs) [m]; of the point 1/2 eta M eta,
-        these derivatives times what lies between, and the elevation times what lies between the masses; the state's
+        its derivatives times what lies between, and the elevation times what lies between the masses; the state's
         mass; of the point dH/dt at fixed (Q, psi), and the walls' part of H.
         """
         self._mass.make_ready()
         self._follow()
-        pointer, eta = self._kernel.pointer, np.empty((2, state[0].size))
-        fields = map(pointer, (*state, *at, *by))
-        self._kernel.call.see(self._struct, *fields, self._of_still(still, state[0].size), pointer(eta), self._at_seen)
+        at, eta = self._kernel.pointer, np.empty((2, q.size))
+        where = at(q), at(p), at(point), self._of_still(still, q.size), at(eta)
+        self._kernel.call.see(self._struct, *where, self._at_seen)
         return eta, self._seen.tolist()
 
     def _of_still(self, still: Vector | float, size: int) -> Any:

@@ -106,10 +106,10 @@ class EnergyBudget(Keeping):
 
     def keep(self, moment: Moment) -> None:
         """Add to the paddle's work, and keep what there was of energy; collective."""
-        waves, t, look, (*before, after) = self._waves, moment.t, self._supply.look, moment.points
+        waves, t, look, (*before, (q, p)) = self._waves, moment.t, self._supply.look, moment.points
         seen = self._before or [look(waves, *point, t) for point in before]
-        its, self._before = moment.look(waves), []  # which evaluates the point after
-        self._supply.keep(t, sum(seen, start=look(waves, *after, t, its)) / (len(seen) + 1))
+        its, self._before = moment.look(waves), []  # which evaluates the last point
+        self._supply.keep(t, [*seen, look(waves, q, p, t, its)])
         taken = [sink.energy_taken for sink in self._sinks.values()]
         self._kept.append((moment.step, t, *its.energies, its.mass, *taken))
 

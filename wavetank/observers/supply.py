@@ -63,8 +63,8 @@ class Supply(Stateful, Protocol):
     def look(self, water: Pushed, q: Vector, p: Vector, t: float, seen: Seen | None = None) -> Any:
         """Return what is to be known of a point, a number or an array, from which that has been seen; collective."""
 
-    def keep(self, t: float, seen: Any) -> None:
-        """Keep what has been seen where a step ends, at t [s], or the mean of several; the first is of the start."""
+    def keep(self, t: float, seen: Sequence[Any]) -> None:
+        """Keep what has been seen where a step ends, at t [s]: it is their mean; the first time at the start."""
 
     def work_off(self) -> list[tuple[float, float | None]]:
         """Return what was put in by each of the times that have been kept since.
@@ -79,20 +79,20 @@ class Power:
     def __init__(self) -> None:
         self._done = self._t = self._dt = 0.0
         self._rates: list[float] = []
-        self._kept: list[tuple[float, float]] = []
+        self._kept: list[tuple[float, Sequence[float]]] = []
 
     def look(self, water: Pushed, q: Vector, p: Vector, t: float, seen: Seen | None = None) -> float:
         """Return the power; collective."""
         return water.explicit_rate(q, p, t) if seen is None or seen.power is None else seen.power
 
-    def keep(self, t: float, seen: float) -> None:
+    def keep(self, t: float, seen: Sequence[float]) -> None:
         """See ``Supply``."""
         self._kept.append((t, seen))
 
     def work_off(self) -> list[tuple[float, float | None]]:
         """See ``Supply``."""
         kept, self._kept = self._kept, []
-        return [(self._go_on(*one), None) for one in kept]
+        return [(self._go_on(t, sum(seen) / len(seen)), None) for t, seen in kept]
 
     def _go_on(self, t: float, seen: float) -> float:
         """Take the step up to t [s]; return what has been put in by then."""
@@ -138,9 +138,9 @@ class AnsweredWork:
         self._by_speed = slopes[1]
         return slopes
 
-    def keep(self, t: float, seen: Vector) -> None:
+    def keep(self, t: float, seen: Sequence[Vector]) -> None:
         """See ``Supply``: at once, as such motions forget."""
-        self._go_on(t, seen)
+        self._go_on(t, sum(seen[1:], start=seen[0]) / len(seen))
         put_in, absorbed = self._done
         self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
 

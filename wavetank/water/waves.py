@@ -144,7 +144,7 @@ class NonlinearWaves:
         self._H_p: Vector = self._q
         self._kinetic = 0.0
         self._H_q: Vector | None = None  # at that point, once it has been asked for
-        self._flow: Vector | None = None  # both, once that has
+        self._point: Vector | None = None  # its rows, as a ``Solution`` has them, likewise
         self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
         self._seen: tuple[Vector, Vector, Seen] | None = None  # from the point last evaluated, of a state (q, p)
         self._whole = self._compiled(minimum)
@@ -203,7 +203,7 @@ class NonlinearWaves:
         self.level, self._kinetic = found.level, 0.5 * found.kinetic
         H_p, _, H_q, q, p = found.rows
         self._know(q, p, t, H_p)
-        self._H_q, self._flow = H_q, found.rows[:2].reshape(-1)
+        self._H_q, self._point = H_q, found.rows
 
     def _attempt(self, stage: Stage, known: Vector, z: Vector, mixing: Combination) -> tuple[Vector, float] | None:
         """Make an iteration of a stage as a whole; see ``AndersonStageSolver``."""
@@ -258,7 +258,7 @@ class NonlinearWaves:
 
     def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
         """Keep that the potential is that of a state, in arrays that nobody changes."""
-        self._H_p, self._H_q, self._flow, self._t, self._seen = H_p, None, None, t, None
+        self._H_p, self._H_q, self._point, self._t, self._seen = H_p, None, None, t, None
         self._q, self._p = q, p
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
@@ -338,10 +338,15 @@ class NonlinearWaves:
     def flow(self, z: Vector, t: float) -> Vector:
         """Return dz/dt of z = [Q, psi], one behind the other, shape (2 owned,); collective."""
         q, p = z.reshape(2, -1)
+        return self._evaluated(q, p, t)[:2].reshape(-1)
+
+    def _evaluated(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return what is known of a point, as a ``Solution`` has it, shape (5, owned); collective."""
         self.evaluate(q, p, t)
-        if self._flow is None:
-            self._flow = np.concatenate([self._H_p, -self.H_q(q, p, t)])
-        return self._flow
+        if self._point is None:
+            H_q = self.H_q(q, p, t)
+            self._point = np.stack([self._H_p, -H_q, H_q, self._q, self._p])
+        return self._point
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
@@ -352,10 +357,10 @@ class NonlinearWaves:
         """Return what is seen of a state from a point that is known of it; collective."""
         if self._whole is None or not self._whole.pushes:
             return seen_from(self, q, p, t, at=at)
-        by = self.H_q(*at, t), self._H_p
+        point = self._evaluated(*at, t)
         if self._seen is not None and q is self._seen[0] and p is self._seen[1]:
             return self._seen[2]
-        (eta, rise), found = self._whole.see((q, p), at, by, self.bed.still)
+        (eta, rise), found = self._whole.see(q, p, point, self.bed.still)
         potential, change, lift, mass, power, of_wall = found
         lift *= self.gravity
         energies = Energies(self._kinetic + change - lift, self.gravity * potential + lift, of_wall)
@@ -388,7 +393,7 @@ class NonlinearWaves:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
         if self._whole is None or not self._whole.pushes:
             return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
-        return self._whole.push(self.H_q(q, p, t))
+        return self._whole.push(self._evaluated(q, p, t))
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
