@@ -393,7 +393,9 @@ class NonlinearWaves:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
         if self._whole is None or not self._whole.pushes:
             return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
-        return self._whole.push(self._evaluated(q, p, t))
+        point = self._evaluated(q, p, t)
+        power = self._seen[2].power if self._seen else None  # it is of the point
+        return self._whole.push(point) if power is None else power
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
