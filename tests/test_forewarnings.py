@@ -23,6 +23,7 @@ from wavetank.observers.record import Memory
 from wavetank.plan.defaults import resolved
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.forewarnings import forewarnings
+from wavetank.plan.highest_waves import too_high
 from wavetank.plan.planned import planned, told_of_rule
 from wavetank.plan.waves_held import waves_missed
 from wavetank.recording import Warnings, record_run
@@ -156,6 +157,41 @@ def test_a_motion_of_two_steps_is_judged_as_it_goes_on():
     cut = read_case(CHECKOUT / "cases" / "wavemaker.toml", ["run.duration=0.02", "numerics.dt=0.01"])
     (only,) = said_of(planned(cut, MPI.COMM_SELF).scene)
     assert only.startswith("the ramp of wall.motion is over after 4 s")
+
+
+TOO_HIGH = {
+    "focused": {"linear_crest": 0.4, "focus_x": 10.0, "focus_time": 20.0},
+    "sinusoid": {"paddle_amplitude": 0.2, "period": 1.6},
+}
+GROUP = {"lowest_frequency": 0.4, "highest_frequency": 1.3, "spectrum": {"type": "jonswap", "peak_frequency": 0.65}}
+
+
+def driven(kind, **motion):
+    return scene(wall={"type": "piston", "motion": {"type": kind} | motion}, duration=24.0)
+
+
+@pytest.mark.parametrize("kind", TOO_HIGH)
+def test_waves_that_are_too_high_are_told(kind):
+    """By Miche's limit in depth, and the crest that is asked for, or the wavemaker's transfer function."""
+    motion = TOO_HIGH[kind] | (GROUP if kind == "focused" else {})
+    one = driven(kind, **motion)
+    (said,) = too_high(one)
+    height, length, x, t, most = map(float, re.findall(r"(\d[\d.]*) (?:m|s)\b", said))
+    k = 2 * np.pi / length
+    assert most == pytest.approx(0.142 * length * np.tanh(k), rel=0.05) and height > most
+    if kind == "focused":
+        assert (x, t) == pytest.approx((10.0, 20.0), abs=1.0) and 1.5 < height / motion["linear_crest"] < 2.0
+    else:  # highest at the front of the train
+        stroke = 2 * motion["paddle_amplitude"]
+        assert 1.0 < height / (stroke * one.wall.maker.transfer(k, 1.0)) < 1.25
+    taken = one.model_copy(update={"run": one.run.model_copy(update={"on_breaking": "dissipate"})})
+    assert not [*too_high(taken)]
+
+
+def test_waves_that_are_steep_are_not_told_to_be_too_high():
+    """Not a group of twice the steepness of the case's, which breaks, nor a solitary wave, which has no trough."""
+    steep = driven("focused", **TOO_HIGH["focused"] | GROUP | {"linear_crest": 0.2})
+    assert not [*too_high(steep), *too_high(driven("solitary-wave", height=0.4))]
 
 
 @pytest.mark.parametrize("position", ["0.01 * (1 - cos(pi * t))", "0.01 * sin(pi * t)"])

@@ -17,6 +17,7 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.plan.defaults import DEFAULT, bed_shape
 from wavetank.plan.dispersion import relative_frequency_error
+from wavetank.plan.highest_waves import too_high
 from wavetank.plan.plan import own_plan
 from wavetank.plan.requirements import looked_at, requirements, unplanned
 from wavetank.plan.stroke_held import stroke_missed
@@ -39,7 +40,8 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     """
     planless = own is not None or unplanned(scene) is not None
     mesh = waves_missed(scene, waves.plane.cell_size) if planless else _predicted(scene)
-    before = [*mesh, *_of_walls(scene, waves), *_strokes(scene), *_jolts(scene), *_ramps(scene), *_sponge(scene)]
+    of_motion = *_strokes(scene), *too_high(scene), *_jolts(scene), *_ramps(scene)
+    before = [*mesh, *_of_walls(scene, waves), *of_motion, *_sponge(scene)]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *beside(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
