@@ -1,6 +1,7 @@
 """``wavetank analyse RUN|DATA KIND``: light to import; what it needs is loaded when it is called."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import isnan
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +19,8 @@ from wavetank.records.place import check_new
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
 WIDTH = 120  # characters a table may need, on whatever terminal
 MOST = 24  # rows of a table on the terminal
-REGULAR = ("harmonics", "bound-free", "reflection")  # that take a period
+REFLECTION = "reflection"  # of regular waves, or of a sea
+REGULAR = ("harmonics", "bound-free", REFLECTION)  # that take a period
 
 
 def analyse(
@@ -36,6 +38,9 @@ def analyse(
         float | None,
         typer.Option(help="of regular waves [s]; default: the paddle's, or found, and for reflection a sea", min=1e-6),
     ] = None,
+    sea: Annotated[
+        bool, typer.Option("--sea", help="reflection of all frequencies, though the paddle has a period")
+    ] = False,
     depth: Annotated[float | None, typer.Option(help="of still water [m]; a run's is known", min=1e-6)] = None,
     out: Annotated[Path | None, typer.Option(help="folder; default: the run's, or runs/ and the data's name")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="replace analyses that are there (--out)")] = False,
@@ -51,6 +56,10 @@ def analyse(
             raise InputError(f"analysis {kind!r} received{choice(kind, KINDS)}.")
     if period is not None and not set(asked) & set(REGULAR):
         raise InputError(f"--period received with {', '.join(asked)}; it is for {', '.join(REGULAR)}.")
+    if sea and REFLECTION not in asked:
+        raise InputError(f"--sea received with {', '.join(asked)}; it is for {REFLECTION}.")
+    if sea and period is not None and not {*asked} & {*REGULAR} - {REFLECTION}:
+        raise InputError(f"--sea and --period {period:g} received; {REFLECTION} is of one of them.")
     folder = own_folder(source) if out is None else out
     files = {kind: folder / f"analysis-{kind}.csv" for kind in asked}
     pictures = [file.with_suffix(".png") for file in files.values()]
@@ -61,7 +70,8 @@ def analyse(
     from wavetank.postprocess.compare import write_rows
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
-    results = {kind: known.analysed(kind, record) for kind in asked}
+    records = {REFLECTION: replace(record, told_period=None)} if sea else {}
+    results = {kind: known.analysed(kind, records.get(kind, record)) for kind in asked}
     _make(folder)
     terminal = console(least=WIDTH)
     if units := data.told_of_units(source):

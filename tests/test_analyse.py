@@ -76,16 +76,19 @@ def test_a_table_of_ones_own_is_analysed_in_every_way(table, tmp_path, monkeypat
 
 def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
     run, x = tmp_path / "run", np.linspace(0, 24, 241)
-    scene = read_case(CHECKOUT / "cases" / "focusing.toml")
+    regular = 'wall.motion={type="regular",height=0.1,period=2.0}'
+    scene = read_case(CHECKOUT / "cases" / "focusing.toml", [regular])
     with RunWriter(run, {"scene": scene.model_dump(mode="json")}) as writer:
         surface, gauges = writer.surface(), writer.gauges([("1", 4.0), ("2", 7.0)])
         for t in T[:400]:
             surface.append(t, x, eta(x, t), 0 * x)
             gauges.append([t, *eta(np.array([4.0, 7.0]), t)])
         writer.finish("finished", {})
-    done = commanded("analyse", str(run), "reflection", "--period", "2", "--along", "5,20,40")
-    assert done.returncode == 0 and str(run / "analysis-reflection.png") in done.stdout
-    assert float(rows_of(run, "reflection")[0]["reflection [-]"]) == pytest.approx(0.2, rel=1e-3)
+    for words, told, off in (((), "incident [m]", 1e-3), (("--sea",), "Hm0 incident [m]", 0.25)):  # of ten periods
+        done = commanded("analyse", str(run), "reflection", "--along", "5,20,40", *words)
+        assert done.returncode == 0 and str(run / "analysis-reflection.png") in done.stdout
+        (waves,) = rows_of(run, "reflection")
+        assert told in waves and float(waves["reflection [-]"]) == pytest.approx(0.2, rel=off)
     assert commanded("analyse", str(run)).returncode == 0  # its own pictures are drawn anew
     assert {row["gauge"] for row in rows_of(run, "spectrum")} == {"1", "2"}
 
@@ -126,6 +129,8 @@ def test_a_sea_is_told_apart_without_a_period(table, tmp_path):
     [
         (["spectra"], "analysis 'spectra' received; did you mean 'spectrum'? allowed are: spectrum, heights"),
         (["--period", "2"], "--period received with spectrum; it is for harmonics, bound-free, reflection."),
+        (["--sea"], "--sea received with spectrum; it is for reflection."),
+        (["reflection", "--sea", "--period", "2"], "--sea and --period 2 received; reflection is of one of them."),
         (["reflection"], "the depth is needed for this; give --depth METRES."),
         (["--along", "1,2,3"], "--along reads the surface of a run; this is none."),
         (["--along", "2,1,3"], "along '2,1,3' received; allowed is X,X,NUMBER"),
