@@ -75,6 +75,16 @@ def test_bloch_frequencies_are_the_tanks(order, n):
     assert np.abs(predicted / exact - 1)[inside].max() < 1e-10
 
 
+@pytest.mark.parametrize("order", [2, 3, 5])
+def test_waves_at_the_end_of_a_branch_are_those_beside_it(order):
+    """Half a wave a cell, or a whole one: there are two discrete waves, and the wave is half of each."""
+    ends = np.pi / 0.5 * np.arange(1, order)
+    beside = [Cells(order, 0.5).waves(ends * (1 + off)) for off in (-1e-9, 0.0, 1e-9)]
+    for one in (beside[0], beside[2]):
+        assert one.mean == pytest.approx(beside[1].mean, rel=1e-6)
+        assert one.profile_error == pytest.approx(beside[1].profile_error, rel=1e-5)
+
+
 def test_largest_frequency_is_the_tanks():
     """That of a long tank, which has waves near every end of a branch; to Lanczos' accuracy."""
     for order, n in [(2, 4), (3, 8), (5, 5)]:

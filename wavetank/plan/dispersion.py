@@ -8,8 +8,9 @@ eigenproblem of p (n+1) unknowns splits. With mu_j of the horizontal one, S v = 
     omega_j² = g d mu_j (1 - sum_i b_i² mu_j / (mu_j + Lambda_i / d²)),     j = 0 ... p-1,
 
 exactly: the bracket is the rational approximation of order n of tanh(kappa d) / (kappa d), kappa² = mu. Branch j
-belongs to wave numbers between j pi / dx and (j+1) pi / dx; at the ends, where two branches face each other, the lower
-is taken. A tank between walls has the frequencies of those k that are multiples of pi / length.
+belongs to wave numbers between j pi / dx and (j+1) pi / dx, at the ends, where two branches face each other, to the
+lower; there a wave is half of the one and half of the other. A tank between walls has the frequencies of those k that
+are multiples of pi / length.
 
 **Time.** A scheme maps the state of an oscillator by a matrix of omega dt, found by stepping unit vectors. The argument
 of its principal eigenvalue, (25)-(31) of Gagarina et al. 2016, is omega_num dt; that of Störmer-Verlet is
@@ -87,18 +88,23 @@ class Cells:
     def waves(self, k: ArrayLike) -> "BlochWaves":
         """Return the discrete waves of wave numbers k [rad/m], positive, any shape; ``nan`` beyond p pi / dx."""
         flat = np.asarray(k, dtype=float).ravel()
-        branch = np.floor(flat * self.size / np.pi * (1 - 1e-14)).astype(int)
-        rows, own = np.arange(flat.size), np.minimum(branch, self.order - 1)
+        place = flat * self.size / np.pi * (1 - 1e-14)
+        branch, nearest = np.floor(place).astype(int), np.round(place).astype(int)  # the end next to it
+        rows, last = np.arange(flat.size), self.order - 1
+        own, facing = np.minimum(branch, last), np.clip(2 * nearest - 1 - branch, 0, last)
         mu, modes, lower = self._bloch(flat)
         nodal = np.exp(1j * np.outer(flat, self._x))[..., None]
         shares = np.abs(_adjoint(modes) @ (_adjoint(lower) @ nodal))[..., 0] ** 2
         shares = shares / shares.sum(axis=1, keepdims=True)
-        others = shares.sum(axis=1, where=np.arange(self.order) != own[:, None])
-        known = branch < self.order
-        shape = np.shape(k)
-        return BlochWaves(
-            np.where(known, mu[rows, own], np.nan).reshape(shape), np.where(known, np.sqrt(others), 1.0).reshape(shape)
-        )
+        both = np.zeros_like(shares)
+        for which in (own, facing):
+            both[rows, which] = shares[rows, which]
+        mean = np.sum(both * mu, axis=1) / np.sum(both, axis=1)
+        apart = np.minimum(np.sqrt(mu / mean[:, None]) - 1.0, 1.0)
+        profile = np.sqrt(np.sum(shares * apart**2, axis=1))
+        known, shape = branch < self.order, np.shape(k)
+        found = (mu[rows, own], np.nan), (mean, np.nan), (profile, 1.0)
+        return BlochWaves(*(np.where(known, one, beyond).reshape(shape) for one, beyond in found))
 
     def truncation_error(self, k: ArrayLike) -> Vector:
         """Return what no polynomial of degree p in each cell holds of exp(i k x), relative, in the mean square.
@@ -130,12 +136,17 @@ class BlochWaves(NamedTuple):
     ----------
     mu
         The eigenvalue [1/m²], k² in the limit.
+    mean
+        Of it and that of the branch that faces it at the next end, by their shares in exp(i k x): there it has no jump,
+        and farther away it is mu.
     profile_error
         How far nodal values of exp(i k x) are from the discrete wave, relative, in the norm of M. What is left belongs
-        to other branches: a bounded error, while that in the frequency grows with time.
+        to other branches: a bounded error, while that in the frequency grows with time. Of a branch of nearly the same
+        frequency, as two have that face each other, it is as small as they differ.
     """
 
     mu: Vector
+    mean: Vector
     profile_error: Vector
 
 

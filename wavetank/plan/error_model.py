@@ -114,7 +114,7 @@ class ErrorModel:
 
     def space(self, mesh: Mesh) -> ErrorPart:
         """Return what a mesh of this model contributes."""
-        mu, profile = self._waves[mesh.cells]
+        _, mu, profile = self._waves[mesh.cells]
         part = self._part(mesh.surface_frequency(mu) / self._exact - 1.0, profile)
         # Bound harmonics are forced, not free: of them the cells miss what the products have, not a mix of branches.
         return part._replace(bounded=np.hypot(profile[:, 0], self._products[mesh.cells]))

@@ -36,7 +36,7 @@ def _by_cells(scene: Scene, cell_size: float, depth: float, which: str, omega: f
     """Return what the cells miss of waves of a frequency [rad/s], a sentence; empty if they hold them."""
     k, order, g = float(wave_number(omega, depth, scene.tank.gravity)), scene.numerics.order, scene.tank.gravity
     mesh = Mesh(cells=Cells(order, cell_size), vertical_order=scene.numerics.vertical_order, depth=depth, gravity=g)
-    missed = float(mesh.frequency(k) / mesh.surface_frequency(k**2)) - 1.0
+    missed = float(mesh.surface_frequency(mesh.cells.waves(k).mean) / mesh.surface_frequency(k**2)) - 1.0
     if missed <= HELD:
         return ""
     length = 2 * np.pi / k
