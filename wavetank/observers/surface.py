@@ -40,6 +40,7 @@ class SurfaceSnapshots(Keeping):
     def _look_at(self, x: Vector) -> None:
         """Take the places in the mesh [m] in the order of x."""
         self._reference, self._places = x, np.column_stack([x, np.zeros_like(x)])
+        self._near = np.flatnonzero(self._waves.wall.reaches(self._places))
 
     def _gather(self, owned: Vector) -> Vector:
         """Return what all ranks own of the last axis, on the first of them."""
@@ -54,12 +55,13 @@ class SurfaceSnapshots(Keeping):
 
     def work_off(self, moments: Moments) -> None:
         """Append the snapshots; collective."""
-        waves, places, wall = self._waves, self._places, self._waves.wall
+        waves, near = self._waves, self._near
         eta = self._sorted(moments.elevations(waves))
         psi = self._sorted(np.array([self._potentials.pop(moment.step) for moment in moments]))
         if self._record is not None:
-            x = wall.to_physical(places, eta, moments.stands(waves, places))[..., 0]
-            self._record.extend(moments.times, np.broadcast_to(x, eta.shape), eta, psi)
+            x, places = np.tile(self._reference, (len(moments), 1)), self._places[near]
+            x[:, near] = waves.wall.to_physical(places, eta[:, near], moments.stands(waves, places))[..., 0]
+            self._record.extend(moments.times, x, eta, psi)
 
     def _sorted(self, owned: Vector) -> Vector:
         """Return values at the places in the order of x, on the first rank, of those of K fields, shape (K, owned)."""

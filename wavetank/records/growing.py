@@ -40,8 +40,8 @@ def csv_lines(rows: Rows) -> bytes:
     """
     from pydantic_core import to_json  # which whoever only reads records has no need of
 
-    text = to_json(rows.tolist() if isinstance(rows, np.ndarray) else rows)
-    return text.replace(b"null", b"").replace(b"],[", b"\n")[2:-2] + b"\n" if len(rows) else b""
+    text = to_json(rows.tolist()) if isinstance(rows, np.ndarray) else to_json(rows).replace(b"null", b"")
+    return text.replace(b"],[", b"\n")[2:-2] + b"\n" if len(rows) else b""
 
 
 def _identity(file: os.stat_result) -> tuple[int, int]:
