@@ -38,41 +38,46 @@ INLINE int nothing(const v *a, int count)
     return !any;
 }
 
-/* Rows of numbers are read and written four at a time, those of four lanes, as the transpose of such a square. */
-typedef REAL four __attribute__((vector_size(sizeof(REAL) * 4), aligned(sizeof(REAL)), may_alias));
+/* Rows of numbers are read and written some at a time, those of as many lanes, as the transpose of such a square. */
+#define ROWS (LANES % 4 ? 2 : 4)
+typedef REAL piece __attribute__((vector_size(sizeof(REAL) * ROWS), aligned(sizeof(REAL)), may_alias));
 #define PICK __builtin_shufflevector
 
-_Static_assert(LANES % 4 == 0, "LANES must be a multiple of 4: rows are transposed four lanes at a time.");
+_Static_assert(LANES % ROWS == 0, "LANES must be even.");
 
-INLINE void transpose(const four *rows, four *columns)
+INLINE void transpose(const piece *rows, piece *columns)
 {
-    const four a = PICK(rows[0], rows[1], 0, 4, 1, 5), b = PICK(rows[2], rows[3], 0, 4, 1, 5);
-    const four c = PICK(rows[0], rows[1], 2, 6, 3, 7), d = PICK(rows[2], rows[3], 2, 6, 3, 7);
+#if LANES % 4
+    columns[0] = PICK(rows[0], rows[1], 0, 2), columns[1] = PICK(rows[0], rows[1], 1, 3);
+#else
+    const piece a = PICK(rows[0], rows[1], 0, 4, 1, 5), b = PICK(rows[2], rows[3], 0, 4, 1, 5);
+    const piece c = PICK(rows[0], rows[1], 2, 6, 3, 7), d = PICK(rows[2], rows[3], 2, 6, 3, 7);
     columns[0] = PICK(a, b, 0, 1, 4, 5), columns[1] = PICK(a, b, 2, 3, 6, 7);
     columns[2] = PICK(c, d, 0, 1, 4, 5), columns[3] = PICK(c, d, 2, 3, 6, 7);
+#endif
 }
 
 /* X[node][number] of ``width`` numbers, of which these are some. */
 INLINE void gather_among(const Cells *c, long b, int numbers, const REAL *x, int stride, v *X, int width)
 {
     EACH(i, NODES)
-        EACH(l, LANES / 4) {
-            const int *dofs = c->dofs + (b * NODES + i) * LANES + 4 * l;
-            const REAL *row[4];
-            four rows[4], columns[4];
-            EACH(k, 4)
+        EACH(l, LANES / ROWS) {
+            const int *dofs = c->dofs + (b * NODES + i) * LANES + ROWS * l;
+            const REAL *row[ROWS];
+            piece rows[ROWS], columns[ROWS];
+            EACH(k, ROWS)
                 row[k] = x + (long)dofs[k] * stride;
             int j = 0;
-            for (; j + 4 <= numbers; j += 4) {
-                EACH(k, 4)
-                    rows[k] = *(const four *)(row[k] + j);
+            for (; j + ROWS <= numbers; j += ROWS) {
+                EACH(k, ROWS)
+                    rows[k] = *(const piece *)(row[k] + j);
                 transpose(rows, columns);
-                EACH(k, 4)
-                    ((four *)&X[i * width + j + k])[l] = columns[k];
+                EACH(k, ROWS)
+                    ((piece *)&X[i * width + j + k])[l] = columns[k];
             }
             for (; j < numbers; ++j)
-                EACH(k, 4)
-                    ((REAL *)&X[i * width + j])[4 * l + k] = row[k][j];
+                EACH(k, ROWS)
+                    ((REAL *)&X[i * width + j])[ROWS * l + k] = row[k][j];
         }
 }
 
@@ -85,23 +90,23 @@ INLINE void gather(const Cells *c, long b, int numbers, const REAL *x, int strid
 INLINE void scatter_among(const Cells *c, long b, int numbers, const v *Y, int width, REAL *y, int stride)
 {
     EACH(i, NODES)
-        EACH(l, LANES / 4) {
-            const int *dofs = c->dofs + (b * NODES + i) * LANES + 4 * l;
-            REAL *row[4];
-            four rows[4], columns[4];
-            EACH(k, 4)
+        EACH(l, LANES / ROWS) {
+            const int *dofs = c->dofs + (b * NODES + i) * LANES + ROWS * l;
+            REAL *row[ROWS];
+            piece rows[ROWS], columns[ROWS];
+            EACH(k, ROWS)
                 row[k] = y + (long)dofs[k] * stride;
             int j = 0;
-            for (; j + 4 <= numbers; j += 4) {
-                EACH(k, 4)
-                    columns[k] = ((const four *)&Y[i * width + j + k])[l];
+            for (; j + ROWS <= numbers; j += ROWS) {
+                EACH(k, ROWS)
+                    columns[k] = ((const piece *)&Y[i * width + j + k])[l];
                 transpose(columns, rows);
-                EACH(k, 4)
-                    *(four *)(row[k] + j) += rows[k];
+                EACH(k, ROWS)
+                    *(piece *)(row[k] + j) += rows[k];
             }
             for (; j < numbers; ++j)
-                EACH(k, 4)
-                    row[k][j] += ((const REAL *)&Y[i * width + j])[4 * l + k];
+                EACH(k, ROWS)
+                    row[k][j] += ((const REAL *)&Y[i * width + j])[ROWS * l + k];
         }
 }
 
@@ -148,17 +153,20 @@ typedef void Point(const void *what, const Cells *c, long b, int q, const v *u, 
 #define PARTS(count) (((count) + 3) / 4)
 #define PART(count) (((count) + PARTS(count) - 1) / PARTS(count))
 
+#define EACH_NODE(i, ...)               \
+    if (part > 1) {                     \
+        ROLLED                          \
+        EACH(i, nodes) { __VA_ARGS__ }  \
+    } else                              \
+        EACH(i, nodes) { __VA_ARGS__ }
+
 INLINE void contract_part(int part, int tables, const REAL *const *table, int nodes, const v *x, int stride, v *y, int apart)
 {
     v sum[1 + DIM][4];
     EACH(t, tables)
         EACH(k, part)
             sum[t][k] = zero;
-    ROLLED
-    EACH(i, nodes)
-        EACH(k, part)
-            EACH(t, tables)
-                sum[t][k] += table[t][i] * x[i * stride + k];
+    EACH_NODE(i, EACH(k, part) EACH(t, tables) sum[t][k] += table[t][i] * x[i * stride + k];)
     EACH(t, tables)
         EACH(k, part)
             y[t * apart + k] = sum[t][k];
@@ -179,11 +187,7 @@ INLINE void spread_part(int part, int tables, const REAL *const *table, int node
     EACH(t, tables)
         EACH(k, part)
             from[t][k] = y[t * apart + k];
-    ROLLED
-    EACH(i, nodes)
-        EACH(k, part)
-            EACH(t, tables)
-                x[i * stride + k] += table[t][i] * from[t][k];
+    EACH_NODE(i, EACH(k, part) EACH(t, tables) x[i * stride + k] += table[t][i] * from[t][k];)
 }
 
 /* The transpose: x[node][number] += the sums of table[node] y[table][number]. */

@@ -72,7 +72,8 @@ def processor(cpuinfo: Path = CPUINFO) -> str:
 
 def vector_size(kind: str) -> int:
     """Return how many bytes a kind of processor takes at a time: of more, gcc has each operation go through memory."""
-    return 64 if "avx512f" in kind.split() else 32
+    features = kind.split()
+    return 64 if "avx512f" in features else 32 if "avx" in features else 16
 
 
 def _python() -> list[str]:
