@@ -34,7 +34,10 @@ class Absorbing:
     """
 
     called = "the sponge"
-    gives = "one that is too strong, begins too abruptly or meets a current or far longer waves does so"
+    gives = (
+        "waves far longer than it, as go before a train or a group, make it do so, or a current, "
+        "or it is too strong or begins too abruptly"
+    )
 
     def __init__(self, gamma: Vector, *, dt: float):
         self._dt, self.energy_taken = dt, 0.0
