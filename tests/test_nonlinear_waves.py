@@ -79,6 +79,23 @@ def test_a_stage_s_preconditioner_knows_the_current(make_tank):
     assert np.abs(uncarried - parts).max() > 1e-3 * np.abs(parts).max()
 
 
+@pytest.mark.parametrize("amplitude", [0.02, 0.12], ids=["gentle", "steep"])
+def test_a_stage_is_as_one_what_its_parts_make_one_after_the_other(make_tank, amplitude):
+    """Of steps beside a piston, with the current and without: the same states, in as many evaluations."""
+    tank, parts = (make_tank(length=2.0, cells=8, n=5, motion=piston(), tolerance=1e-10) for _ in range(2))
+    parts._whole = None
+    ended, made, attempt = [], [], tank.stages.pair._together.attempt
+    tank.stages.pair._together.attempt = lambda *stage: made.append(attempt(*stage)) or made[-1]
+    for water in (tank, parts):
+        scheme, state = Simpson4(), Simpson4().start(*steep_state(water, amplitude))
+        for n in range(4):
+            state = scheme.step(water, state, 0.02 * n, 0.02)
+        ended.append(np.array(state))
+    assert np.abs(ended[0] - ended[1]).max() < 1e-10 * np.abs(ended[1]).max()
+    assert tank.stages.counters == parts.stages.counters
+    assert len(made) == tank.stages.counters.evaluations and sum(one is None for one in made) < 2
+
+
 def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
     """What is kept of it along a slice, against the form in which it is told."""
     tank = make_tank(length=2.0, cells=8, n=5, motion=piston())

@@ -110,8 +110,15 @@ class SideBySide(Simpson4):
     rules: tuple[Settle, ...] = (lambda jumps, smooth, n: jumps[0],)
     _count: list[int] = field(default_factory=list, compare=False)
 
-    def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
-        """Return the new jumps by the rules."""
+    def ended(self, *vectors: Vector, dt: float) -> Sequence[Vector]:
+        """Return new mean, jumps by the rules, and plus trace."""
+        z, d, d_1, d_2, z_half, known, f_0, f_1 = vectors
+        moved = 4 * (z_half - known)
+        smooth = dt / 6 * (f_0 + f_1) - moved / 3
+        mean, jump = z + moved + smooth, self._settled((2 * smooth - d, d, d_1, d_2), smooth)
+        return mean, jump, mean + jump / 2
+
+    def _settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
         self._count.append(0)
         parts = [np.split(one.reshape(2, -1), len(self.rules), axis=1) for one in (smooth, *jumps)]
         new = [rule(own, smooth, len(self._count)) for rule, smooth, *own in zip(self.rules, *parts, strict=True)]

@@ -58,6 +58,11 @@ class Combination:
         How many points are kept.
     shortest
         Directions whose square is below that of the longest times this take no part.
+
+    Attributes
+    ----------
+    recorded
+        How many points have been added since all were forgotten.
     """
 
     def __init__(
@@ -68,8 +73,9 @@ class Combination:
         self._kernel = Kernel("combination", DECLARATIONS, key=code, source=lambda: code, comm=comm)
         self._points, self._images = np.zeros((2, most, scale.size))  # the newest, and differences to it and before
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
-        self._products, self._recorded, self._weight = np.zeros(most), 0, np.nan
-        parts = {"size": scale.size, "most": most - 1, "shortest": shortest, "scale": np.ascontiguousarray(scale)}
+        self._products, self.recorded, self._weight = np.zeros(most), 0, np.nan
+        self._scale = np.ascontiguousarray(scale)
+        parts = {"size": scale.size, "most": most - 1, "shortest": shortest, "scale": self._scale}
         parts |= {"newest": self._points[0], "ways": self._points[1:], "image": self._images[0]}
         parts |= {"differences": self._images[1:], "gram": self._gram, "products": self._products}
         self._kept = self._kernel.shared("Points", {**parts, "away": np.zeros(scale.size)})
@@ -82,20 +88,20 @@ class Combination:
 
     def forget(self) -> None:
         """Forget all points."""
-        self._recorded = 0
+        self.recorded = 0
 
     def add(self, z: Vector, image: Vector) -> None:
         """Take over a point and its image; collective."""
-        at, most = self._kernel.pointer, len(self._gram)
-        place, known = (self._recorded - 1) % most, min(self._recorded, most)
+        at, most = self._kernel.doubles, len(self._gram)
+        place, known = (self.recorded - 1) % most, min(self.recorded, most)
         self._kernel.call.add(self._kept, known, place, at(z), at(image))
         if self._comm.size > 1:
             self._gram[place, :known] = self._gram[:known, place] = summed(self._comm, self._products[:known])
-        self._recorded += 1
+        self.recorded += 1
 
     def guess(self, c: Vector, *, wrong: float = 0.0) -> Guess:
         """Return the combination for c, of images that are wrong by so much, a root of squares, scaled; collective."""
-        at, call, known = self._kernel.pointer, self._kernel.call, min(self._recorded - 1, len(self._gram))
+        at, call, known = self._kernel.doubles, self._kernel.call, min(self.recorded - 1, len(self._gram))
         call.aim(self._kept, known, at(c))
         if self._comm.size > 1:
             self._products[: known + 1] = summed(self._comm, self._products[: known + 1])
@@ -106,25 +112,17 @@ class Combination:
     @property
     def compiled(self) -> dict[str, Any]:
         """What points are added and combined with, for ``whole.c``."""
-        address, kept = self._kernel.address, {"products": self._products, "most_mixed": len(self._gram)}
+        address = self._kernel.address
+        kept = {"products": self._products, "scale": self._scale, "most_mixed": len(self._gram)}
         return {**{name: address(name) for name in ("add", "aim", "combine")}, "points": address(self._kept), **kept}
-
-    @property
-    def recorded(self) -> int:
-        """How many points have been added since all were forgotten."""
-        return self._recorded
-
-    def added(self) -> None:
-        """Take note that there is one more."""
-        self._recorded += 1
 
     def held(self) -> Held:
         """Return the newest point and the differences, where they stand in the arrays, and the products of these."""
         points, images = (part.reshape(len(part), *self._shape).copy() for part in (self._points, self._images))
-        known = {"recorded": self._recorded, "weight": self._weight, "products": self._gram.tolist()}
+        known = {"recorded": self.recorded, "weight": self._weight, "products": self._gram.tolist()}
         return {**known, "points": points, "images": images}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._recorded, self._weight, self._gram[:] = held["recorded"], held["weight"], held["products"]
+        self.recorded, self._weight, self._gram[:] = held["recorded"], held["weight"], held["products"]
         self._points[:], self._images[:] = (held[part].reshape(self._points.shape) for part in ("points", "images"))

@@ -1,7 +1,7 @@
 """C code compiled where it is first needed, as forms are, and kept in the user's cache; numpy arrays handed to it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.resources import files
 from importlib.util import module_from_spec, spec_from_file_location
@@ -51,6 +51,8 @@ class Kernel:
         The functions.
     real
         The kind of REAL.
+    doubles
+        Returns where an array's numbers are, of doubles.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class Kernel:
         folder = compiled(comm, f"{name} {declarations} {key} {flags}", build=build)
         module = loaded(comm, lambda: _module(folder / f"{name}{EXTENSION_SUFFIXES[0]}"), folder)
         self.call, self._ffi = module.lib, module.ffi
+        self.doubles = partial(self._ffi.from_buffer, self._ffi.typeof("double *"))
         self._known: dict[int, tuple[NDArray[Any], Any]] = {}  # by their ids, which they keep as long as they are here
         self.real = np.dtype(np.float32 if real == "float" else np.float64)
 

@@ -244,8 +244,8 @@ class MassMatrix:
 
     def update(self) -> None:
         """Take over the fields that J depends on as they are; a paddle's shape stays what it was."""
-        at_rows = self._kernel.known(self._density.rows())
-        self._kernel.call.weigh(self._cells, self._at_constants, at_rows, self._at_weights)
+        alone = self._density.values[0] if self._density.fields == 1 else self._density.rows()
+        self._kernel.call.weigh(self._cells, self._at_constants, self._kernel.known(alone), self._at_weights)
         self._ready = False
 
     @property

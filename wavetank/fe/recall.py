@@ -37,6 +37,11 @@ class Recall:
         How many of these this rank owns. Inputs have theirs number by number, answers degree by degree of freedom.
     most
         How many pairs are kept.
+
+    Attributes
+    ----------
+    recorded
+        How many there have been.
     """
 
     def __init__(self, inputs: int, answers: int, *, owned: int, comm: MPI.Comm, most: int = 8):
@@ -47,7 +52,7 @@ class Recall:
         self._ways = np.zeros((most - 1, inputs * owned), dtype=np.float32)  # to start from; answers are exact
         self._steps = np.zeros((most - 1, owned, answers), dtype=np.float32)
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the ways
-        self._recorded = 0
+        self.recorded = 0
         self._asked: Any = None  # where what is asked for stands
         self._away, self._products = np.zeros_like(self._input), np.zeros(most + 1)  # how lies what is asked for
         at = self._kernel.pointer
@@ -57,7 +62,7 @@ class Recall:
 
     @property
     def _known(self) -> int:
-        return min(self._recorded - 1, len(self._gram))
+        return min(self.recorded - 1, len(self._gram))
 
     @property
     def compiled(self) -> dict[str, Any]:
@@ -67,16 +72,6 @@ class Recall:
         kept = {"gram": self._gram, "ways": self._ways, "steps": self._steps}
         return {**called, **memory, **kept, "most": len(self._gram), "shortest": SHORTEST}
 
-    @property
-    def place(self) -> tuple[int, int] | None:
-        """How many differences are known, and where the next one goes; None of what remembers nothing."""
-        before, most = self._recorded - 1, len(self._gram)
-        return (min(before, most), before % most) if self._recorded else None
-
-    def kept(self) -> None:
-        """Take note that there is one more."""
-        self._recorded += 1
-
     def guess(self, x: Vector, y: Vector) -> bool:
         """Set a start value for the answer to x, and tell whether anything near is remembered; collective.
 
@@ -84,7 +79,7 @@ class Recall:
         and to stay as they are until the answer is recorded.
         """
         self._asked = self._kernel.pointer(x)
-        if not self._recorded:
+        if not self.recorded:
             return False
         call, known = self._kernel.call, self._known
         call.aim(x.size, known, self._at_ways, self._at_input, self._asked, self._at_away, self._at_products)
@@ -100,11 +95,11 @@ class Recall:
     def record(self, y: Vector) -> None:
         """Remember that y, rows as of ``guess``, is the answer to what a guess has been asked for last."""
         x_and_y, n = (self._asked, self._kernel.known(y)), len(self._gram)
-        known, place = self.place or (0, 0)
+        known, place = (self._known, (self.recorded - 1) % n) if self.recorded else (0, 0)
         kept = self._at_input, self._at_answer, self._at_ways, self._at_steps, self._at_gram
         how = known, place, n, *x_and_y, self._at_away, self._at_products
         self._kernel.call.keep(self._input.size, *self._rows(y), *how, *kept)
-        self.kept()
+        self.recorded += 1
 
     def held(self) -> Held:
         """Return the pair and the differences, where they stand in the arrays, and the products of these."""
@@ -115,11 +110,11 @@ class Recall:
             "ways": self._ways.reshape(len(self._ways), *inputs).astype(np.float64),
             "steps": self._steps.transpose(0, 2, 1).astype(np.float64),
         }
-        return {"recorded": self._recorded, "products": self._gram.tolist(), **arrays}
+        return {"recorded": self.recorded, "products": self._gram.tolist(), **arrays}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._recorded, self._gram[:] = held["recorded"], held["products"]
+        self.recorded, self._gram[:] = held["recorded"], held["products"]
         self._input[:] = held["input"].ravel()
         self._ways[:] = held["ways"].reshape(self._ways.shape)
         self._answer[:] = held["answer"].T

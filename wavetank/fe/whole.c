@@ -79,7 +79,7 @@ static int lean(Whole *w, const double *q)
 }
 
 /* The column, the surface potential less its mean, and what start values are found by; 0 of what is no surface of water. */
-static int begin(Whole *w, const double *q, const double *p, const double *still, double *level)
+static int begin(Whole *w, const double *q, const double *p, const double *still, double *level, double *square)
 {
     const long n = w->dofs;
     double sum = 0.0;
@@ -90,11 +90,12 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
         return 0;
     EACH(i, n)
         sum += p[i], positive &= w->column[i] > 0.0;
-    *level = sum / n;
+    *level = sum / n, *square = 0.0;
     EACH(i, n) {
         const double psi = p[i] - *level;
         w->phi[i * NUMBERS + NUMBERS - 1] = psi;
         w->inputs[i] = w->column[i] - still[i], w->inputs[n + i] = psi / w->celerity;
+        *square += w->inputs[i] * w->inputs[i] + w->inputs[n + i] * w->inputs[n + i];
     }
     return positive && isfinite(sum);
 }
@@ -114,14 +115,14 @@ static void by_walls(Whole *w)
 
 /* Set the potential of masses q and surface potential p, as the walls move. What is found, one behind the other: its flow
    less its mean, and the wall's; the negative of M^-1 of its energy's derivative by the column, and that; q and p.
-   Returns the iterations, or -1 of what is not as usual. */
-static int find(Whole *w, const double *q, const double *p, const double *still, int known, int place, double *flow,
-                double *level)
+   ``recorded`` ones are known. Told are the mean of p, phi A phi, and the square of what it is found by. Returns the iterations, or -1 of what is not as usual. */
+static int find(Whole *w, const double *q, const double *p, const double *still, int recorded, double *flow, double *told)
 {
+    const int known = recorded - 1 < w->most ? recorded - 1 : w->most, place = (recorded - 1) % w->most;
     const long n = w->dofs, inputs = (w->paddles ? 3 : 2) * n;
     double *by_column = flow + 2 * n;
     int iterations = 0;
-    if (!begin(w, q, p, still, level))
+    if (!begin(w, q, p, still, told, told + 2))
         return -1;
     EACH(f, FIELDS)
         EACH(i, n)
@@ -164,24 +165,47 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
     CALL(Solve, solve_mass)(w->mass, by_column, by_column, w->mass_work);
     EACH(i, n)
         flow[n + i] = -by_column[i];
+    told[1] = w->found->kinetic;
     memcpy(flow + 3 * n, q, sizeof(double) * n);
     memcpy(flow + 4 * n, p, sizeof(double) * n);
     return iterations;
 }
 
-/* Find the potential of a point z = [q, p] of the stage z = c + a f(z), as ``find`` does, and where it leads: by the residual
-   there, preconditioned, mixed with those of ``mixed`` points before. Returns the same as ``find``. */
-static int attempt(Attempt *s, const double *z, const double *c, double a, int carried, const double *still, int known,
-                   int place, int mixed, double *found, double *level, double *next)
+/* Where to begin the stage z = c + a f(z): points combined by their c, which are ``wrong`` by so much, one more of which is z
+   where f is known, with what is missed of c preconditioned. */
+static void begin_stage(const Attempt *s, const double *z, const double *slope, const double *c, double a, int carried,
+                        int mixed, double wrong, double *start)
 {
     const long n = s->whole->dofs;
-    const int iterations = find(s->whole, z, z + n, still, known, place, found, level);
+    const int others = mixed < s->most_mixed ? mixed : s->most_mixed;
+    double *image = s->image;
+    EACH(i, 2 * n)
+        image[i] = z[i] - a * slope[i];
+    CALL_OF(Add, s->add)(s->points, others, mixed ? (mixed - 1) % s->most_mixed : s->most_mixed - 1, z, image);
+    CALL_OF(AimAt, s->aim)(s->points, others, c);
+    CALL_OF(Combine, s->combine)(s->points, others, wrong * wrong, start, s->missed);
+    CALL_OF(Precondition, s->precondition)(s->inverse, a, carried, s->missed, image);
+    EACH(i, 2 * n)
+        start[i] += image[i];
+}
+
+/* Find the potential of a point z = [q, p] of the stage z = c + a f(z), as ``find`` does, and where it leads: by the residual
+   there, preconditioned, mixed with those of ``mixed`` points before. Returns the same as ``find``. */
+static int attempt(Attempt *s, const double *z, const double *c, double a, int carried, const double *still, int recorded,
+                   int mixed, double *found, double *told, double *next)
+{
+    const long n = s->whole->dofs;
+    const int iterations = find(s->whole, z, z + n, still, recorded, found, told);
     const int others = mixed < s->most_mixed ? mixed : s->most_mixed;
     double *residual = s->residual, *image = s->image, *point = s->residual;
     if (iterations < 0)
         return iterations;
-    EACH(i, 2 * n)
-        residual[i] = z[i] - c[i] - a * found[i];
+    double length = 0.0;
+    EACH(i, 2 * n) {
+        const double scaled = z[i] / s->scale[i];
+        residual[i] = z[i] - c[i] - a * found[i], length += scaled * scaled;
+    }
+    s->length = sqrt(length);
     CALL_OF(Precondition, s->precondition)(s->inverse, a, carried, residual, image);
     EACH(i, 2 * n)
         point[i] = z[i] - image[i];

@@ -57,14 +57,16 @@ typedef struct {
     int most_mixed;
     void *precondition, *inverse, *add, *aim, *combine, *points;
     double *residual, *image, *nothing, *missed, *products;
-    double away;
+    const double *scale;
+    double away, length;
 } Attempt;
 """
 DECLARATIONS = f"""{WHOLE}
-int find(Whole *, const double *q, const double *p, const double *still, int known, int place, double *flow,
-         double *level);
-int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int known,
-            int place, int mixed, double *found, double *level, double *next);
+int find(Whole *, const double *q, const double *p, const double *still, int recorded, double *flow, double *told);
+void begin_stage(const Attempt *, const double *z, const double *slope, const double *c, double a, int carried,
+                 int mixed, double wrong, double *start);
+int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int recorded,
+            int mixed, double *found, double *told, double *next);
 void see(Whole *, const double *q, const double *p, const double *point, const double *still, double *eta,
          double *found);
 void push(const Whole *, const double *point, double *power);
@@ -100,6 +102,22 @@ class Inverse(Protocol):
     carried: bool
 
 
+class Near(Protocol):
+    """A point z, and f there, next to where z = c + a f(z), of known c; shape (2 dofs,) each."""
+
+    @property
+    def known(self) -> Vector:
+        """See above."""
+
+    @property
+    def z(self) -> Vector:
+        """See above."""
+
+    @property
+    def slope(self) -> Vector:
+        """See above."""
+
+
 class Leaning(Protocol):
     """What finds columns from masses beside a paddle that leans.
 
@@ -128,15 +146,17 @@ class Solution:
         The mean of the surface potential, which is left out.
     kinetic
         phi A phi.
+    square
+        The sum of the squares of elevation, and of potential over celerity.
     rows
         (A phi)_n less its mean, and the wall's; the negative of M^-1 of the derivative of the energy by the column, the
         wall's included, and that; masses and surface potential that it is of: shape (5, dofs).
     """
 
-    __slots__ = "iterations", "kinetic", "level", "rows"
+    __slots__ = "iterations", "kinetic", "level", "rows", "square"
 
-    def __init__(self, iterations: int, level: float, kinetic: float, rows: Vector):
-        self.iterations, self.level, self.kinetic, self.rows = iterations, level, kinetic, rows
+    def __init__(self, iterations: int, level: float, kinetic: float, square: float, rows: Vector):
+        self.iterations, self.level, self.kinetic, self.square, self.rows = iterations, level, kinetic, square, rows
 
 
 class Whole:
@@ -204,11 +224,11 @@ class Whole:
             **(self._leaning(leaning) if leaning else {"mean": None}),
         }
         self._struct = self._kernel.shared("Whole", parts)
-        self._level = np.zeros(1)
-        self._at_level = self._kernel.pointer(self._level)
+        self._told = np.zeros(3)
+        self._at_told = self._kernel.pointer(self._told)
         self._seen: Any = np.zeros(6)
         self._at_seen = self._kernel.pointer(self._seen)
-        self._trials: dict[tuple[int, int], Any] = {}
+        self._trials: dict[tuple[Inverse, Combination], Any] = {}
         self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
 
     def _leaning(self, leaning: Leaning) -> dict[str, Any]:
@@ -226,55 +246,69 @@ class Whole:
 
         ``still`` is the column of still water [m].
         """
-        place = self._place()
-        if place is None:
+        recorded = self._ready()
+        if not recorded:
             return None
-        at, found = self._kernel.pointer, np.empty((5, p.size))
+        at, found = self._kernel.doubles, np.empty((5, p.size))
         surface = at(q), at(p), self._of_still(still, p.size)
-        return self._solution(self._kernel.call.find(self._struct, *surface, *place, at(found), self._at_level), found)
+        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, at(found), self._at_told), found)
 
     def attempt(
         self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination
-    ) -> tuple[Solution, Vector, float] | None:
+    ) -> tuple[Solution, tuple[Vector, float, float]] | None:
         """Return what belongs to a point z = [q, p] of a stage z = c + a f(z), and where it leads; None as ``find``.
 
         ``known`` is c, ``weight`` a [s]. It leads to where ``mixing`` takes points by their residuals, of which the
-        ``inverse`` is taken; what is left of these there comes last, a root of squares, scaled.
+        ``inverse`` is taken; what is left of these there comes then, and last z itself, as roots of squares, scaled.
         """
-        place, mixed, size = self._place(), mixing.recorded, z.size // 2
-        if place is None:
+        recorded, mixed, size = self._ready(), mixing.recorded, z.size // 2
+        if not recorded:
             return None
-        at, found, following = self._kernel.pointer, np.empty((5, size)), np.empty_like(z)
+        at, found, following = self._kernel.doubles, np.empty((5, size)), np.empty_like(z)
         trial = self._trial(inverse, mixing, size)
-        how = weight, inverse.carried, self._of_still(still, size), *place, mixed
-        into = at(found), self._at_level, at(following)
+        how = weight, inverse.carried, self._of_still(still, size), recorded, mixed
+        into = at(found), self._at_told, at(following)
         solution = self._solution(self._kernel.call.attempt(trial, at(z), at(known), *how, *into), found)
         if solution is None:
             return None
-        mixing.added()
-        return solution, following, trial.away
+        mixing.recorded += 1
+        return solution, (following, trial.away, trial.length)
 
-    def _place(self) -> tuple[int, int] | None:
-        """Make ready for a potential; return where it will be recorded, None where none has been."""
+    def begin_stage(self, near: Near, *, weight: float, wrong: float, inverse: Inverse, among: Combination) -> Vector:
+        """Return where to begin a stage z = c + a f(z), from what is known near its solution.
+
+        That is where ``among`` combines points by their c, which are ``wrong`` by so much, with the ``inverse`` of what
+        is missed of c; a point that is near takes part from now on.
+        """
         self._mass.make_ready()
-        return self._recall.place
+        at, start, mixed = self._kernel.doubles, np.empty_like(near.z), among.recorded
+        trial, given = self._trial(inverse, among, near.z.size // 2), (at(near.z), at(near.slope), at(near.known))
+        self._kernel.call.begin_stage(trial, *given, weight, inverse.carried, mixed, wrong, at(start))
+        among.recorded += 1
+        return start
+
+    def _ready(self) -> int:
+        """Make ready for a potential; return how many are known."""
+        self._mass.make_ready()
+        return self._recall.recorded
 
     def _solution(self, iterations: int, found: Vector) -> Solution | None:
         """Return what has been found, which is recorded; None of what is not as usual."""
         if iterations < 0:
             return None
-        self._recall.kept()
+        self._recall.recorded += 1
         self._minimum.last = self._struct.last_iterations
-        return Solution(iterations, self._at_level[0], self._struct.found.kinetic, found)
+        level, kinetic, square = self._told.tolist()
+        return Solution(iterations, level, kinetic, square, found)
 
     def _trial(self, inverse: Inverse, mixing: Combination, size: int) -> Any:
         """Return what attempts are made with, made once for an inverse and a mixing, which live as long as this."""
-        key = id(inverse.compiled), id(mixing)
-        if key not in self._trials:
+        trial = self._trials.get((inverse, mixing))
+        if trial is None:
             room = {name: np.zeros(2 * size) for name in ("residual", "image", "nothing", "missed")}
-            parts = {"whole": self._struct, **inverse.compiled, **mixing.compiled, **room, "away": 0.0}
-            self._trials[key] = self._kernel.shared("Attempt", parts), inverse.compiled, mixing
-        return self._trials[key][0]
+            parts = {"whole": self._struct, **inverse.compiled, **mixing.compiled, **room}
+            self._trials[inverse, mixing] = trial = self._kernel.shared("Attempt", parts)
+        return trial
 
     def push(self, point: Vector) -> float:
         """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them."""
@@ -297,7 +331,7 @@ class Whole:
         """
         self._mass.make_ready()
         self._follow()
-        at, eta = self._kernel.pointer, np.empty((2, q.size))
+        at, eta = self._kernel.doubles, np.empty((2, q.size))
         where = at(q), at(p), at(point), self._of_still(still, q.size), at(eta)
         self._kernel.call.see(self._struct, *where, self._at_seen)
         return eta, self._seen.tolist()

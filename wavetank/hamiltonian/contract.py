@@ -106,7 +106,6 @@ class HamiltonianSystem(Protocol):
         """Return the sum of a b over the unknowns of all ranks: what H changes by along b, a being its derivative."""
 
 
-@runtime_checkable
 class Flowing(Protocol):
     """A system that tells both derivatives of a point as one."""
 

@@ -30,7 +30,7 @@ from wavetank.stateful import Held, give_back, held_by
 
 Preconditioner = Callable[[Stage, Vector], Vector]
 Size = Callable[[], float]
-Attempt = Callable[[Stage, Vector, Vector, Combination], tuple[Vector, float] | None]
+Led = tuple[Vector, float, float | None]  # where iterates lead; what is left of residuals, and the last iterate's size
 
 ITERATES = 2.0  # dt omega at which any implicit stage still does, of schemes that are stable at any step too
 MEMORY = 0.95  # of the waves' size, from one step to the next: a standing wave has moments without elevation
@@ -47,8 +47,16 @@ def identity(stage: Stage, residual: Vector) -> Vector:
     return residual
 
 
-def never(stage: Stage, known: Vector, z: Vector, mixing: Combination) -> None:
-    """Make no attempt."""
+class Together:
+    """What some systems do as one; here nothing, of which None tells, so that it is done one after the other."""
+
+    def begin_stage(self, stage: Stage, near: Near, among: Combination, *, wrong: float) -> Vector | None:
+        """Add what is near to points that are known, wrong by so much, and return what to begin with of these."""
+        return None
+
+    def attempt(self, stage: Stage, known: Vector, z: Vector, mixing: Combination) -> Led | None:
+        """Evaluate a stage z = c + a f(z), of known c, and add z to the mixing by its residual, preconditioned."""
+        return None
 
 
 @dataclass
@@ -87,10 +95,8 @@ class AndersonStageSolver:
         What round-off is a part of even where the solution is zero [scaled units].
     precondition
         Approximate inverse of the stage's derivative.
-    attempt
-        An iteration as one: evaluates a stage z = c + a f(z), of c, at z, adds z to the mixing with what is
-        preconditioned of the residual there, and returns where that leads and what is left of residuals, as a
-        ``Guess`` has it; or None, and nothing is done.
+    together
+        What the system does as one.
     """
 
     max_iterations = 25
@@ -104,12 +110,12 @@ class AndersonStageSolver:
         size: Size | None = None,
         floor: float = 1e-6,
         precondition: Preconditioner = identity,
-        attempt: Attempt = never,
+        together: Together | None = None,
     ):
         self._counters = StageCounters()
         self._comm, self._scale, self._shape = comm, scale.ravel(), scale.shape
         self._tolerance, self._size = tolerance, size
-        self._floor, self._precondition, self._attempt = floor, precondition, attempt
+        self._floor, self._precondition, self._together = floor, precondition, together or Together()
         self._extrapolations: dict[str, Extrapolation] = {}
         self._combinations: dict[str, Combination] = {}
         self._sizes: dict[str, float] = {}
@@ -167,9 +173,13 @@ class AndersonStageSolver:
             return solution
         among = self._among(stage.name)
         among.begin(stage.weight)
-        among.add(near.z, near.z - stage.weight * near.slope)
-        guess = among.guess(near.known, wrong=WRONG * self._root_of_length * self._wanted(stage.name))
-        solution = self._solved(guess.z + self._precondition(stage, guess.missed))
+        wrong = WRONG * self._root_of_length * self._wanted(stage.name)
+        begun = self._together.begin_stage(stage, near, among, wrong=wrong)
+        if begun is None:
+            among.add(near.z, near.z - stage.weight * near.slope)
+            guess = among.guess(near.known, wrong=wrong)
+            begun = np.asarray(guess.z + self._precondition(stage, guess.missed))
+        solution = self._solved(begun)
         among.add(solution, near.known)
         return solution
 
@@ -191,12 +201,12 @@ class AndersonStageSolver:
         left, age = self._left.get(name, (np.inf, 0))
         left = left if age < CONFIRMED else np.inf
         for iteration in range(self.max_iterations):
-            following, away = self._led_to(z)
+            following, away, length = self._led_to(z)
             before, norm = norm, away / self._root_of_length
             if iteration == 0:
                 if name not in self._sizes:
                     self._sizes[name] = self._distance(z)
-                target, age = self._target(z), age + 1
+                target, age = self._target(z, length), age + 1
             else:
                 left = norm / before if before else 0.0
             if iteration == 1:
@@ -210,16 +220,16 @@ class AndersonStageSolver:
                 return z
         return None
 
-    def _led_to(self, z: Vector) -> tuple[Vector, float]:
-        """Return where the iterates so far and z lead, and what is left of residuals there; collective."""
+    def _led_to(self, z: Vector) -> Led:
+        """Return where the iterates so far and z lead; collective."""
         mixing = self._mixing
-        if self._near is not None and (led := self._attempt(self._stage, self._near.known, z, mixing)) is not None:
+        if self._near is not None and (led := self._together.attempt(self._stage, self._near.known, z, mixing)):
             self._counters.evaluations += 1
             return led
         residual = self._evaluate(z)
         mixing.add(z - residual, residual)
         guess = mixing.guess(self._none)
-        return guess.z, guess.away
+        return guess.z, guess.away, None
 
     @cached_property
     def _mixing(self) -> Combination:
@@ -244,9 +254,13 @@ class AndersonStageSolver:
         """Return how far from rest the point last evaluated is, or z [scaled units]; collective."""
         return self._size() if self._size else self._norm(z)
 
-    def _target(self, guess: Vector) -> float:
-        """Return the root mean square to which a residual is to fall [scaled units]; collective."""
-        return float(max(self._wanted(self._stage.name), ROUND_OFF * max(self._norm(guess), self._floor)))
+    def _target(self, guess: Vector, length: float | None = None) -> float:
+        """Return the root mean square to which a residual is to fall [scaled units]; collective.
+
+        It is found with the guess's root of squares, which may be known.
+        """
+        norm = self._norm(guess) if length is None else length / self._root_of_length
+        return max(self._wanted(self._stage.name), ROUND_OFF * max(norm, self._floor))
 
     def _newton(self, guess: Vector) -> Vector:
         """Return the solution by PETSc's Newton-Krylov method; collective."""

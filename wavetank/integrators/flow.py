@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import Flowing, HamiltonianSystem
+from wavetank.hamiltonian.contract import HamiltonianSystem
 
 
 def flow(system: HamiltonianSystem, q: Vector, p: Vector, t: float) -> tuple[Vector, Vector]:
@@ -15,8 +15,9 @@ def flow(system: HamiltonianSystem, q: Vector, p: Vector, t: float) -> tuple[Vec
 
 def flow_of(system: HamiltonianSystem) -> Callable[[Vector, float], Vector]:
     """Return f(z, t) = dz/dt of z = [q, p], one behind the other, shape (2n,)."""
-    if isinstance(system, Flowing):
-        return system.flow
+    of_system: Callable[[Vector, float], Vector] | None = getattr(system, "flow", None)  # see ``Flowing``
+    if of_system is not None:
+        return of_system
 
     def both(z: Vector, t: float) -> Vector:
         q, p = z.reshape(2, -1)

@@ -26,10 +26,25 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage
+from wavetank.hamiltonian.formulae import Formulae
 from wavetank.integrators.contract import Evaluated, Map
 from wavetank.integrators.flow import flow_of
 
 KAPPA = 0.1
+PLUS = Formulae("plus = z + d / 2", vectors=("z", "d"), returns=("plus",))
+KNOWN = Formulae("known = z - d / 4 + dt / 4 * f_0", vectors=("z", "d", "f_0"), numbers=("dt",), returns=("known",))
+MINUS = Formulae("minus = plus + 4 * (z_half - known)", vectors=("plus", "z_half", "known"), returns=("minus",))
+ENDED = Formulae(
+    "moved = 4 * (z_half - known)",  # dt f½
+    "smooth = dt / 6 * (f_0 + f_1) - moved / 3",
+    "mean = z + moved + smooth",
+    "newest = 2 * smooth - d",
+    "jump = newest - kappa / 8 * (newest - 3 * d + 3 * d_1 - d_2)",
+    "plus = mean + jump / 2",
+    vectors=("z", "d", "d_1", "d_2", "z_half", "known", "f_0", "f_1"),
+    numbers=("dt", "kappa"),
+    returns=("mean", "jump", "plus"),
+)
 
 
 class Pairs(NamedTuple):
@@ -110,24 +125,24 @@ class Simpson4:
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
         f = flow_of(system)
-        z, d, *earlier, _ = (pair.ravel() for pair in state)
-        plus = z + d / 2
+        z, d, d_1, d_2, _ = [pair.ravel() for pair in state]
+        plus: Vector = PLUS(z, d)
         f_0 = f(plus, t)
-        known = z - d / 4 + dt / 4 * f_0
+        known: Vector = KNOWN(z, d, f_0, dt)
 
         def residual(z_half: Vector) -> Vector:
             return z_half - known - dt / 4 * f(z_half, t + dt / 2)
 
         stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4)
         z_half = system.stages.pair.solve(stage, residual, plus, near=Near(known, plus, f_0))
-        moved = 4 * (z_half - known)  # dt f½
-        minus = plus + moved
-        smooth = dt / 6 * (f_0 + f(minus, t + dt)) - moved / 3
-        jump = self.settled((2 * smooth - d, d, *earlier), smooth)
-        pairs = z + moved + smooth, jump, d, earlier[0], minus
-        return MeanAndJumps._make(pair.reshape(2, -1) for pair in pairs)
+        minus = MINUS(plus, z_half, known)
+        mean, jump, plus = self.ended(z, d, d_1, d_2, z_half, known, f_0, f(minus, t + dt), dt=dt)
+        *pairs, plus = [pair.reshape(2, -1) for pair in (mean, jump, d, d_1, minus, plus)]
+        after = MeanAndJumps._make(pairs)
+        after.__dict__["plus"] = plus  # which is found already
+        return after
 
-    def settled(self, jumps: Sequence[Vector], smooth: Vector) -> Vector:
-        """Return the new jump, jumps[0], less kappa of what alternates; ``smooth`` is that of a smooth solution."""
-        newest, last, before, first = jumps
-        return np.asarray(newest - self.kappa / 8 * (newest - first - 3 * (last - before)))
+    def ended(self, *vectors: Vector, dt: float) -> Sequence[Vector]:
+        """Return the new mean, jump and plus trace of z, its jumps, z½, what is known of it, f₀ and f₁."""
+        ended: Sequence[Vector] = ENDED(*vectors, dt, self.kappa)
+        return ended

@@ -90,7 +90,7 @@ class Tabulated(Motion):
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative."""
         if isinstance(t, float) or np.ndim(t) == 0:
-            return self._at(t).derivative(t, order)
+            return self._block(int(t // self._span)).derivative(t, order)
         times = np.asarray(t, dtype=np.float64)
         flat = times.ravel()
         which = np.floor(flat / self._span).astype(np.int64)
@@ -105,10 +105,10 @@ class Tabulated(Motion):
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return the spline's derivatives."""
-        return [*self._at(t).rates(t)[: up_to + 1]] if isinstance(t, float) else super().rates(t, y, up_to=up_to)
-
-    def _at(self, t: float) -> Pieces:
-        return self._block(int(t // self._span))
+        if not isinstance(t, float):
+            return super().rates(t, y, up_to=up_to)
+        number = int(t // self._span)
+        return self._block(number).rates(t)[: up_to + 1]
 
     @cached_property
     def _intervals(self) -> int:

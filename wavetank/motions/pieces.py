@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+FEW = 2**15  # pieces
+
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
@@ -30,29 +32,33 @@ class Pieces:
         """Return the derivative of an order at times t, a number or of any shape; beyond the ends by the end pieces."""
         return self.rates(t)[order]
 
-    def rates(self, t: Any) -> tuple[Any, Any, Any]:
+    def rates(self, t: Any) -> list[Any]:
         """Return the value and its first two derivatives, by Horner's rule."""
-        c, s = self._piece(t)
+        c, s = self._at(t) if isinstance(t, float) else self._piece(t)
         value = slope = half_bend = 0.0
         for one in c:
             half_bend = half_bend * s + slope
             slope = slope * s + value
             value = value * s + one
-        return value, slope, 2.0 * half_bend
+        return [value, slope, 2.0 * half_bend]
 
     def _piece(self, t: Any) -> tuple[Any, Any]:
-        """Return the coefficients of the piece, or pieces, of times, and these less where it begins."""
-        last = len(self.x) - 2
-        if isinstance(t, float):
-            breakpoints = self._breakpoints
-            piece = min(max(bisect_right(breakpoints, t) - 1, 0), last)
-            s: Any = t - breakpoints[piece]
-        else:
-            piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), last)
-            s = t - self.x[piece]
-            s = np.expand_dims(s, -1) if self.c.ndim > 2 else s
-        c: Any = self.c[:, piece]
-        return c.tolist() if c.ndim == 1 else c, s  # numbers of Python's take a third of the time
+        """Return the coefficients of the pieces of times, and these less where they begin."""
+        piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), len(self.x) - 2)
+        s = t - self.x[piece]
+        return self.c[:, piece], np.expand_dims(s, -1) if self.c.ndim > 2 else s
+
+    def _at(self, t: float) -> tuple[Any, float]:
+        """Return the same of one time."""
+        x = self._breakpoints
+        piece = min(max(bisect_right(x, t) - 1, 0), len(x) - 2)
+        c = self._columns[piece] if self._columns else self.c[:, piece]
+        return c, t - x[piece]
+
+    @cached_property
+    def _columns(self) -> list[Any]:
+        """Coefficients as numbers of Python's, which take a third of the time; none of very many, or several places."""
+        return [one.tolist() for one in self.c.T] if self.c.ndim == 2 and len(self.x) <= FEW else []
 
     @cached_property
     def _breakpoints(self) -> list[float]:

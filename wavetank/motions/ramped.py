@@ -66,7 +66,7 @@ class Ramped(Motion):
 
     def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
         """Return the derivatives of the product; S is asked once."""
-        if self._over(t):
+        if t >= self.start + self.ramp if isinstance(t, float) else self._over(t):
             return self.motion.rates(t, y, up_to=up_to)
         both = self._both(t, up_to, y)
         return [self._product(t, order, both) for order in range(up_to + 1)]

@@ -83,7 +83,7 @@ class Recorded(Motion):
         if not isinstance(t, float) or t < self.start:
             return super().rates(t, y, up_to=up_to)
         self._check(t)
-        return [*self.spline.rates(t)[: up_to + 1]]
+        return self.spline.rates(t)[: up_to + 1]
 
     def _check(self, t: Any) -> None:
         # The last of many steps may end a rounding error late; the spline is smooth enough to go on that far.

@@ -42,7 +42,7 @@ void precondition(const Inverse *, double a, int carried, const double *residual
 SOURCE = INVERSE + files(__package__).joinpath("carried_waves.c").read_text(encoding="utf-8")
 
 
-@dataclass
+@dataclass(eq=False)
 class Compiled:
     """An inverse along a slice on one rank: how it is called here, and by ``fe/whole.c``."""
 
@@ -86,14 +86,11 @@ class CarriedWaves:
 
     def __call__(self, stage: Stage, residual: Vector) -> Vector:
         """Return the preconditioned residual, shape (2 owned,); collective."""
-        compiled = self._of_weight(stage.weight)
+        compiled = self.along(stage)
         self._waves.mass.make_ready()
-        if stage.t != self._t:
-            self._t = stage.t
-            self._look(compiled, LARGEST * self._shortest / abs(stage.weight))
         if compiled is not None:
             kernel, found = compiled.kernel, np.empty_like(residual)
-            given, wanted = kernel.pointer(residual), kernel.pointer(found)
+            given, wanted = kernel.doubles(residual), kernel.doubles(found)
             kernel.call.precondition(compiled.inverse, stage.weight, self._known, given, wanted)
             return found
         if not self._known:
@@ -107,8 +104,12 @@ class CarriedWaves:
         return np.concatenate([kept, chi + self._B * (eta + solve(carried))])
 
     def along(self, stage: Stage) -> Compiled | None:
-        """Return what is compiled for a stage whose residuals have been preconditioned; None where nothing is."""
-        compiled = self._compiled.get(stage.weight) if stage.t == self._t else None
+        """Return what is compiled for a stage, whose current is known then; None where nothing is; collective."""
+        compiled = self._of_weight(stage.weight)
+        if stage.t != self._t:
+            self._t = stage.t
+            self._waves.mass.make_ready()
+            self._look(compiled, LARGEST * self._shortest / abs(stage.weight))
         if compiled is not None:
             compiled.carried = self._known
         return compiled
@@ -143,7 +144,7 @@ class CarriedWaves:
             return
         if compiled is not None:
             kernel = compiled.kernel
-            fastest = kernel.call.look(compiled.inverse, most, *map(kernel.pointer, surface))
+            fastest = kernel.call.look(compiled.inverse, most, *map(kernel.doubles, surface))
         else:
             rise = self._solved(surface.rate)
             vertical, fastest = self._points.move(surface.eta, surface.psi, rise, most=most)

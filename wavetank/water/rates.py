@@ -112,7 +112,7 @@ class NonlinearRates(NonlinearWaves):
         self.phi_rate.owned[:, -1] = p_rate - self.level_rate
         self.potential.minimiser.find(self.phi_rate.owned, residual_rate)
         self.phi_rate.fetch()
-        self._know(q.copy(), p.copy(), t, self._H_p)
+        self._know(self._point, t)
         self._has_rates = True
 
     def _nodes(self) -> Vector:
@@ -127,8 +127,8 @@ class NonlinearRates(NonlinearWaves):
             tangent.at = t
         super()._stand(t)
 
-    def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
-        super()._know(q, p, t, H_p)
+    def _know(self, point: Vector, t: float) -> None:
+        super()._know(point, t)
         self._has_rates = False
 
     def _step(self, q_rate: Vector) -> float:

@@ -11,7 +11,7 @@ stationary.
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from dolfinx import fem
@@ -26,8 +26,8 @@ from wavetank.fe.mass import BandedMass, mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.fe.whole import Solution, Whole
-from wavetank.hamiltonian.contract import Stage
-from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
+from wavetank.hamiltonian.contract import Near, Stage
+from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages, Led, Together
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
@@ -64,6 +64,33 @@ class _Elevation(NamedTuple):
     q: Vector
     t: float
     eta: Vector
+
+
+class _Together(Together):
+    """What is done of stages as one, along a slice on one rank, where all is as usual."""
+
+    def __init__(self, waves: "NonlinearWaves", inverse: CarriedWaves):
+        self._waves, self._inverse = waves, inverse
+
+    def begin_stage(self, stage: Stage, near: Near, among: Combination, *, wrong: float) -> Vector | None:
+        """See ``Together``."""
+        whole, inverse = self._waves._whole, self._inverse.along(stage)
+        if whole is None or inverse is None:
+            return None
+        return whole.begin_stage(near, weight=stage.weight, wrong=wrong, inverse=inverse, among=among)
+
+    def attempt(self, stage: Stage, known: Vector, z: Vector, mixing: Combination) -> Led | None:
+        """See ``Together``."""
+        whole, inverse = self._waves._whole, self._inverse.along(stage)
+        if whole is None or inverse is None or self._waves.potential.renews:
+            return None
+        self._waves.set_time(stage.t)
+        tried = whole.attempt(z, known, self._waves.bed.still, weight=stage.weight, inverse=inverse, mixing=mixing)
+        if tried is None:
+            return None
+        found, led = tried
+        self._waves._take_over(found, stage.t)
+        return led
 
 
 class NonlinearWaves:
@@ -135,17 +162,15 @@ class NonlinearWaves:
         self._row = self._rows.reshape(-1)
         self.potential = InteriorPotential(minimum, self.phi, inputs=len(self._rows), plane=plane)
         self._compile(energy)
-        self._q: Vector = np.full(plane.owned, np.nan)
-        self._p: Vector = self._q
+        self._point: Vector = np.full((5, plane.owned), np.nan)  # last evaluated, as of ``Solution``
         self._t = np.nan
         self._stands = 0.0  # when the wall stands as it does
         self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
         self.level, self._speed = 0.0, float(np.sqrt(gravity * self.depth))  # the latter of long waves [m/s]
-        self._H_p: Vector = self._q
         self._kinetic = 0.0
-        self._H_q: Vector | None = None  # at that point, once it has been asked for
-        self._point: Vector | None = None  # its rows, as a ``Solution`` has them, likewise
-        self._elevation = _Elevation(self._q, self._t, self._q)  # last asked for elsewhere
+        self._has_H_q = False  # which is found when it is asked for
+        self._square: float | None = None  # of eta and psi [m²], likewise
+        self._elevation = _Elevation(self._point[0], self._t, self._point[0])  # last asked for elsewhere
         self._seen: tuple[Vector, Vector, Seen] | None = None  # from the point last evaluated, of a state (q, p)
         self._whole = self._compiled(minimum)
         self._set_up_stages(tolerances)
@@ -185,7 +210,7 @@ class NonlinearWaves:
         except ConvergenceError as error:
             raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         self._kinetic = 0.5 * self.potential.minimiser.kinetic
-        self._know(q.copy(), p.copy(), t, flow + wall[:, -1])
+        self._know(np.stack([flow + wall[:, -1], *2 * [np.zeros_like(q)], q, p]), t)
 
     def _found(self, q: Vector, p: Vector, t: float) -> bool:
         """Find the same, where that is compiled as a whole, and all is as usual; return whether it was."""
@@ -201,23 +226,8 @@ class NonlinearWaves:
         """Know what has been found as a whole."""
         self.potential.took(found.iterations)
         self.level, self._kinetic = found.level, 0.5 * found.kinetic
-        H_p, _, H_q, q, p = found.rows
-        self._know(q, p, t, H_p)
-        self._H_q, self._point = H_q, found.rows
-
-    def _attempt(self, stage: Stage, known: Vector, z: Vector, mixing: Combination) -> tuple[Vector, float] | None:
-        """Make an iteration of a stage as a whole; see ``AndersonStageSolver``."""
-        inverse = self._inverse.along(stage)
-        if self._whole is None or self.potential.renews or inverse is None:
-            return None
-        self.set_time(stage.t)
-        how: dict[str, Any] = {"weight": stage.weight, "inverse": inverse, "mixing": mixing}
-        tried = self._whole.attempt(z, known, self.bed.still, **how)
-        if tried is None:
-            return None
-        found, following, away = tried
-        self._take_over(found, stage.t)
-        return following, away
+        self._know(found.rows, t)
+        self._has_H_q, self._square = True, found.square
 
     def _compiled(self, minimum: Minimiser) -> Whole | None:
         """Return what finds potentials as a whole, along a slice on one rank, or None."""
@@ -256,14 +266,16 @@ class NonlinearWaves:
         self.operator.update()
         return self._wall_terms.vector()
 
-    def _know(self, q: Vector, p: Vector, t: float, H_p: Vector) -> None:
-        """Keep that the potential is that of a state, in arrays that nobody changes."""
-        self._H_p, self._H_q, self._point, self._t, self._seen = H_p, None, None, t, None
-        self._q, self._p = q, p
+    def _know(self, point: Vector, t: float) -> None:
+        """Keep that the potential is that of a point, with its derivatives, but for H_q."""
+        self._point, self._has_H_q, self._square, self._t, self._seen = point, False, None, t, None
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
-        return one_time(t, self._t) and self._all(q.tobytes() == self._q.tobytes() and p.tobytes() == self._p.tobytes())
+        if not one_time(t, self._t):
+            return False
+        q_last, p_last = self._point[3:]
+        return self._all(q.tobytes() == q_last.tobytes() and p.tobytes() == p_last.tobytes())
 
     def _all(self, known: bool) -> bool:
         """Return whether it is so on all ranks; collective."""
@@ -271,7 +283,7 @@ class NonlinearWaves:
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s], and with it the mass matrix and the bed; collective."""
-        if not one_time(t, self._t):
+        if t != self._t and not one_time(t, self._t):
             self._stand(t)
 
     def _stand(self, t: float) -> None:
@@ -280,7 +292,7 @@ class NonlinearWaves:
         if self.wall.set_time(t):
             self.mass.update()
             self.bed.follow(self.wall)
-        self._rows[2:] = self.depth / self._speed * self.wall.velocities
+        np.multiply(self.wall.velocities, self.depth / self._speed, out=self._rows[2:])
 
     def _inputs(self) -> Vector:
         """Return what the potential depends on but where the wall stands [m]: first eta, and psi in metres.
@@ -293,12 +305,14 @@ class NonlinearWaves:
 
     def last_surface(self) -> Surface | None:
         """Return the surface of the point last evaluated, unless the wall has moved since."""
-        return None if np.isnan(self._t) else Surface(self.h.owned - self.bed.still, self._p, self._H_p)
+        return None if np.isnan(self._t) else Surface(self._rows[0], self._point[4], self._point[0])
 
     def size(self) -> float:
         """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
-        away = self._row[: 2 * self.plane.owned]
-        return sqrt(summed(self.plane.comm, float(away @ away)) / (2 * self.plane.size))
+        if self._square is None:
+            away = self._row[: 2 * self.plane.owned]
+            self._square = summed(self.plane.comm, float(away @ away))
+        return sqrt(self._square / (2 * self.plane.size))
 
     def _check_column(self, t: float) -> None:
         if not self._all(np.minimum.reduce(self.h.owned, initial=np.inf) > 0.0):
@@ -325,15 +339,21 @@ class NonlinearWaves:
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
         self.evaluate(q, p, t)
-        return self._H_p
+        found: Vector = self._point[0]
+        return found
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,); collective."""
         self.evaluate(q, p, t)
-        if self._H_q is None:
+        if not self._has_H_q:
             derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
-            self._H_q = self.mass.solve(derivative + self._wall_terms.by_column())
-        return self._H_q
+            self._set_H_q(self.mass.solve(derivative + self._wall_terms.by_column()))
+        found: Vector = self._point[2]
+        return found
+
+    def _set_H_q(self, H_q: Vector) -> None:
+        self._point[1:3] = -H_q, H_q
+        self._has_H_q = True
 
     def flow(self, z: Vector, t: float) -> Vector:
         """Return dz/dt of z = [Q, psi], one behind the other, shape (2 owned,); collective."""
@@ -343,9 +363,8 @@ class NonlinearWaves:
     def _evaluated(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return what is known of a point, as a ``Solution`` has it, shape (5, owned); collective."""
         self.evaluate(q, p, t)
-        if self._point is None:
-            H_q = self.H_q(q, p, t)
-            self._point = np.stack([self._H_p, -H_q, H_q, self._q, self._p])
+        if not self._has_H_q:
+            self.H_q(q, p, t)
         return self._point
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
@@ -425,14 +444,14 @@ class NonlinearWaves:
         The elevation last asked for, too: beside a wall that leans it depends, by round-off, on what was there before.
         """
         return {
-            "q": self._q,
-            "p": self._p,
+            "q": self._point[3],
+            "p": self._point[4],
             "t": self._t,
             "stands": self._stands,
             "column": self.h.owned.copy(),
             "interior": self.phi.owned[:, :-1].T.copy(),
-            "H_p": self._H_p,
-            "H_q": self._H_q,
+            "H_p": self._point[0],
+            "H_q": self._point[2] if self._has_H_q else None,
             "kinetic": self._kinetic,
             "elevation": self._elevation._asdict(),
             "preconditioner": {"stands": self._made[0], "column": self._made[1]},
@@ -456,8 +475,11 @@ class NonlinearWaves:
             self._inputs()
             self.phi.owned[:, :-1] = held["interior"].T
             self.phi.fetch()
-            self._know(held["q"], held["p"], held["t"], held["H_p"])
-            self._kinetic, self._H_q = held["kinetic"], held["H_q"]
+            none = np.zeros_like(held["q"])
+            self._know(np.stack([held["H_p"], none, none, held["q"], held["p"]]), held["t"])
+            self._kinetic = held["kinetic"]
+            if held["H_q"] is not None:
+                self._set_H_q(held["H_q"])
         self._elevation = _Elevation(**held["elevation"])
 
     # ------------------------------------------------------------------------------------------ stages and frequencies
@@ -471,8 +493,8 @@ class NonlinearWaves:
             floor=self.depth,
         )
         coordinate, momentum = solver(column), solver(speed)
-        self._inverse = CarriedWaves(self, StillWaterWaves(self))
-        pair = solver(np.stack([column, speed]), precondition=self._inverse, attempt=self._attempt)
+        inverse = CarriedWaves(self, StillWaterWaves(self))
+        pair = solver(np.stack([column, speed]), precondition=inverse, together=_Together(self, inverse))
         self.stages = IteratedStages(coordinate, momentum, pair)
 
     @cached_property

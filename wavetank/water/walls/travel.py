@@ -62,9 +62,15 @@ class Travel:
         """Move to where the paddle stands at t [s]; return whether its position has changed; collective."""
         if t == self.t:
             return False
+        rates = self._motion.rates(t, self._y)
         self.t, before = t, self.offsets
-        self._whole.clear()
-        self.offsets, self.velocities, self.accelerations = map(self._here, range(3), self._motion.rates(t, self._y))
+        if isinstance(rates[0], float) or not np.ndim(rates[0]):
+            self.moves[:] = rates
+            self._whole = {order: float(rate) for order, rate in enumerate(rates)}
+            self.offsets, self.velocities, self.accelerations = self.moves.reshape(3, 1).copy()
+        else:
+            self._whole = {}
+            self.offsets, self.velocities, self.accelerations = (np.asarray(rate)[self._place] for rate in rates)
         self._set(0, self.offsets)
         self._set(1, self.velocities)
         return summed(self._comm, float(before.tobytes() != self.offsets.tobytes())) > 0
@@ -72,14 +78,11 @@ class Travel:
     @contextmanager
     def going(self, speed: float) -> Iterator[None]:
         """Go, for a while, at another speed [m/s], positive into the water, and acceleration; collective."""
-        before, velocities, accelerations = self._whole.pop(1, None), self.velocities, self.accelerations
-        self._whole[1], self.velocities = speed, np.array([speed])
+        whole, velocities, accelerations = self._whole, self.velocities, self.accelerations
+        self._whole, self.velocities = {**whole, 1: speed}, np.array([speed])
         self._set(1, self.velocities)
         yield
-        del self._whole[1]
-        if before is not None:
-            self._whole[1] = before
-        self.velocities, self.accelerations = velocities, accelerations
+        self._whole, self.velocities, self.accelerations = whole, velocities, accelerations
         self._set(1, self.velocities)
 
     def accelerate(self, acceleration: float) -> None:
@@ -116,18 +119,7 @@ class Travel:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
         return np.full(y.shape, self._rate(1, y))
 
-    def _here(self, order: int, rate: Vector | float) -> Vector:
-        """Return a derivative of X_p at the owned degrees of freedom, shape (owned,), or (1,) of what is known then."""
-        if not isinstance(rate, float) and np.ndim(rate):
-            return np.asarray(rate)[self._place]
-        self._whole[order] = self.moves[order] = whole = float(rate)
-        return np.array([whole])
-
     def _rate(self, order: int, y: Vector | None) -> Vector | float:
-        """Return a derivative of X_p at places y, shape (N,); of a paddle that moves as a whole found once a time."""
-        value: Vector | float | None = self._whole.get(order)
-        if value is None:
-            value = self._motion.derivative(self.t, order, y)
-            if not np.ndim(value):
-                self._whole[order] = value = float(value)
-        return value
+        """Return a derivative of X_p at places y, shape (N,); of a paddle that moves as a whole it is known."""
+        whole = self._whole.get(order)
+        return np.asarray(self._motion.derivative(self.t, order, y)) if whole is None else whole
