@@ -1,5 +1,7 @@
 """Nonlinear waves: the discrete gradient, invariants, reversal, and the energy balance with a moving paddle."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from conftest import fitted_slope
@@ -120,6 +122,9 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
         assert np.abs(np.subtract(seen.energies, told.energies)).max() < 1e-13
         assert np.abs(seen.eta - told.eta).max() < 1e-14 and np.abs(seen.rise - told.rise).max() < 1e-14
         assert seen.stood == tank.wall.stood and seen.rise == pytest.approx(size * bump, abs=1e-12)
+        assert seen.mass == pytest.approx(tank.total_mass(q), rel=1e-14)
+        power = tank._wall_terms.explicit_rate(partial(tank.H_q, *at, t))
+        assert seen.power == pytest.approx(power, rel=1e-12) and abs(power) > 1e-4
         assert tank.seen_from(q, p, t, at=at) is seen  # for nothing
         H, potential = tank.energy_near(q, p, t, at=at), seen.energies.potential
         errors.append([abs(H - tank.energy(q, p, t)), abs(potential - tank.energies(q, p, t).potential)])
