@@ -54,6 +54,15 @@ def test_what_is_compiled_as_a_whole_is_what_its_parts_make_one_after_the_other(
     assert tank.potential.counters == parts.potential.counters
 
 
+@pytest.mark.parametrize("speed", [1e-30, 1e-40, 1e-44])
+def test_a_paddle_that_hardly_moves_yet_has_a_potential_as_small(make_tank, speed):
+    """Of a start like exp(-t²): the residual is found in single precision, which ends at 1e-45. Oracle: linearity."""
+    tank = make_tank(length=2.0, cells=8, n=5, motion=Sinusoid(speed, 2 * np.pi))
+    still, nothing = tank.state(np.zeros(tank.plane.owned), np.zeros(tank.plane.owned))
+    unit = make_tank(length=2.0, cells=8, n=5, motion=Sinusoid(1e-3, 2 * np.pi)).H_p(still, nothing, 0.0) / 1e-3
+    assert np.abs(tank.H_p(still, nothing, 0.0) / speed - unit).max() < max(1e-5, 1e-44 / speed) * np.abs(unit).max()
+
+
 def test_operator_is_symmetric_and_positive(steep_tank):
     tank, *_ = steep_tank
     A = dense_operator(tank)

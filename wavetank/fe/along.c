@@ -87,7 +87,7 @@ static int correct(const Cells *cells, const Layers *layers, const REAL *state, 
         return 0;
     const double scale = 1.0 / sqrt(length), back = sqrt(length);
     for (long i = 0; i < size; ++i)
-        r[i] *= (REAL)scale;
+        r[i] = (REAL)(scale * r[i]);    /* of single precision alone 1 / 1e-39 is infinite */
     double target = 0.0, before = 0.0, first = 0.0, rz, left;
     int iterations = 0, closes = 0;
     for (;; ++iterations) {
