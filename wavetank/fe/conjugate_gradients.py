@@ -127,11 +127,9 @@ def corrected(
         steps = conjugate_gradients(product, precondition, change, residual, within=enough, comm=comm, most=more)
         taken += steps
         energy *= max(prod(abs(kept) for _, kept in steps), ROUND_OFF if steps else 1.0)
-        change *= scale
-        solution += change
+        solution += np.multiply(change, scale, dtype=np.float64)
         if energy <= target:
-            residual *= scale
-            return taken, residual
+            return taken, np.multiply(residual, scale, dtype=np.float64)
 
 
 def dot(a: Array, b: Array) -> float:
