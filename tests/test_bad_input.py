@@ -102,6 +102,19 @@ def test_control_characters_are_refused_and_shown_escaped(tmp_path, text, said, 
     assert said in shown and shown.replace("\n", "").isprintable() and shown.count("\n") == 1
 
 
+@pytest.mark.parametrize("position", ["sqrt(t)", "log(t - 1)", "t**1.5"])
+@pytest.mark.parametrize("wall", ["wall", "far_wall"])
+def test_a_motion_that_is_not_finite_is_told_by_its_key(tmp_path, wall, position, capsys):
+    """Its acceleration is a column of paddle.csv."""
+    motion = f"[{wall}]\ntype = 'piston'\n[{wall}.motion]\ntype = 'formula'\nposition = '{position}'\n"
+    (tmp_path / "case.toml").write_text(TANK + motion)
+    for command in ("plan", "run"):
+        assert main([command, str(tmp_path / "case.toml")]) == 2
+        out, error = capsys.readouterr()
+        assert f"case.toml, line 10: {wall}.motion.position: formula '{position}': " in error and not out
+        assert error.endswith(" at t = 0; must be finite.\n")
+
+
 def test_the_end_of_the_tank_is_told_with_all_its_digits(tmp_path):
     said = "gauges.0.x = 10.472: must be inside the tank, 0 to 10.471976 m"
     assert said in refused(tmp_path, TANK.replace("8.0", "10.471976") + "[[gauges]]\nx = 10.472\n")

@@ -114,6 +114,7 @@ class FormulaMotion(PaddleNoun):
     """X(t) as given, with its derivatives by the chain rule."""
 
     type: Literal["formula"] = "formula"
+    said_by: ClassVar[tuple[str, ...]] = ("position",)  # the key that is named where its values are wrong
     where: TimeHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
     position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")

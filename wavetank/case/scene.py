@@ -198,9 +198,10 @@ class Scene(Noun):
         if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
             raise SceneError(problems)
         motion = wall.paddle(self.tank)
-        with about("wall", "motion"):
+        with about("wall", "motion", *getattr(getattr(wall, "motion", None), "said_by", ())):
             motion.check(self.run.duration * (np.arange(LOOKED_AT, dtype=np.float64) + 0.5) / LOOKED_AT)
-        if problems := list(self._motion_problems(motion)):
+            problems = list(self._motion_problems(motion))
+        if problems:
             raise SceneError(problems)
         return motion
 

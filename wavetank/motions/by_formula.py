@@ -2,7 +2,9 @@
 
 from typing import Any
 
-from wavetank.motions.motion import Motion
+import numpy as np
+
+from wavetank.motions.motion import Array, Motion
 from wavetank.values.formula import Formula
 
 
@@ -15,3 +17,7 @@ class ByFormula(Motion):
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the formula's derivative; raises ``InputError`` where it is not finite."""
         return self._formula.derivative(order, t)[()]
+
+    def check(self, times: Array) -> None:
+        """Raise ``InputError`` where the formula or a derivative is not finite, at times [s] or at first."""
+        self.rates(np.append(0.0, times))
