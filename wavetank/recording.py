@@ -41,7 +41,7 @@ from wavetank.resuming import GoingOn, KeptRun, kept_scene
 from wavetank.runs.broken import BrokenSurface
 from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary, told_of_windows
 from wavetank.runs.closing import Outcome, closing
-from wavetank.runs.own import own_observers
+from wavetank.runs.own import called, own_observers
 from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
 from wavetank.runs.starts import told_of_start
@@ -157,10 +157,19 @@ def record_run(
         run.observers += own_observers(observers, waves)
         if kept:
             log.say(kept.take(run, waves, scene=scene, fields=series))
+            kept.miss(called(observers))
         earlier, counting_on = (kept.about["parts"], kept.counting_on) if kept else ([], False)
         parts = Parts(run, waves, began=began, earlier=earlier, counting_on=counting_on)
         keeping = KeptRun(
-            asked, scene, run=run, waves=waves, fields=series, parts=parts, writer=writer, warnings=warnings.sentences
+            asked,
+            scene,
+            run=run,
+            waves=waves,
+            fields=series,
+            parts=parts,
+            writer=writer,
+            warnings=warnings.sentences,
+            observers=called(observers),
         )
 
         def look(surface: BrokenSurface) -> None:

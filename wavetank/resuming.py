@@ -79,6 +79,8 @@ class KeptRun:
         Of the run directory; None on all ranks but the first.
     warnings
         For whoever reads the results, so far: one may be added.
+    observers
+        What a user's own are called.
     """
 
     def __init__(
@@ -92,11 +94,12 @@ class KeptRun:
         parts: Parts,
         writer: RunWriter | None,
         warnings: list[str],
+        observers: Sequence[str] = (),
     ):
         self._scene, self._chosen = (one.model_dump(mode="json") for one in (asked, computed))
         self._files = contents(asked)
         self._run, self._waves, self._fields, self._parts = run, waves, fields, parts
-        self._writer, self._warnings = writer, warnings
+        self._writer, self._warnings, self._observers = writer, warnings, list(observers)
         self._written = -1  # the last step of which there is one
         self._reached: Reached | None = None
         self._missed: str | None = None  # that the last one could not be written, and why
@@ -182,6 +185,7 @@ class KeptRun:
             "scene": self._scene,
             "chosen": self._chosen,
             "files": self._files,
+            "observers": self._observers,
             "parts": self._parts.so_far(reached.step),
             "warnings": [one for one in self._warnings if one != self._missed],
             "records": reached.records,
@@ -373,6 +377,14 @@ class GoingOn:
                 series.take(self.about["fields"][name])
         agreed(self._comm, self._take_records)
         return told
+
+    def miss(self, observers: Sequence[str]) -> None:
+        """Warn of a user's own observers that the run had and has no longer, now called ``observers``."""
+        if gone := [one for one in self.about.get("observers", []) if one not in observers]:
+            cure = "wt.resume(..., observers=...) gives them"
+            self._warn(
+                f"the run's own observers do not look from t = {self.about['t']:.6g} s on: {', '.join(gone)}; {cure}"
+            )
 
     def _take_records(self) -> None:
         if self._writer is not None:

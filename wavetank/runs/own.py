@@ -39,6 +39,11 @@ def own_observers(given: Sequence[Callable[[AnyWaves], Observer]], waves: AnyWav
     return [_made(one, waves, f"observers[{n}]") for n, one in enumerate(given)]
 
 
+def called(given: Sequence[Callable[[AnyWaves], Observer]]) -> list[str]:
+    """Return what a user's functions of the waves are called."""
+    return [_name(one) for one in given]
+
+
 def _made(own: Callable[[AnyWaves], Observer], waves: AnyWaves, where: str) -> Observer:
     try:
         observer = own(waves)
