@@ -271,6 +271,16 @@ def test_what_cannot_change_is_refused_and_nothing_is_touched(part, options, sai
     assert error.count("\n") == 1 and contents(part) == before
 
 
+def test_numerics_of_a_run_that_has_finished_change_with_more_time_alone(uninterrupted, tmp_path, capsys):
+    """At its duration, and where its last step went beyond that."""
+    run = Path(shutil.copytree(uninterrupted, tmp_path / "run"))
+    for more in ([], ["--extend", "0.03"]):
+        if more:
+            assert resumed(run, *more).manifest["t"] == pytest.approx(0.55)
+        assert main(["resume", str(run), "--set", "numerics.dt=0.02"]) == 2
+        assert capsys.readouterr().err == f"wavetank: {run}: run: has finished; --extend SECONDS goes on with it.\n"
+
+
 class Own(StormerVerlet):
     """A scheme of somebody's own."""
 

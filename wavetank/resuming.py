@@ -279,7 +279,7 @@ class GoingOn:
         self.anew = not same or asked.run.on_breaking != self._before.run.on_breaking
         if self.anew and asked.run.duration <= self.about["t"] * (1 + 1e-9):
             allowed = f"must be more than {self.about['t']:g} s, where the run is; --extend SECONDS is so much more"
-            raise SceneError([Problem(("run", "duration"), asked.run.duration, allowed)])
+            raise SceneError([self._over(asked, allowed)])
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
             found = Planned(kept.model_copy(update={"numerics": self._numerics(mine, its)}))
         else:
@@ -307,10 +307,16 @@ class GoingOn:
         problems += self._gone(asked)
         if asked.run.duration < self.about["t"] * (1 - 1e-9):
             allowed = f"must be {self.about['t']:g} s or more: the run has come there"
-            problems.append(Problem(("run", "duration"), asked.run.duration, allowed))
+            problems.append(self._over(asked, allowed))
         problems += self._changed_files(asked)
         if problems:
             raise SceneError(problems)
+
+    def _over(self, asked: Scene, allowed: str) -> Problem:
+        """Return that a duration is over, which is not told of one that nobody has changed."""
+        if asked.run.duration == self._before.run.duration:
+            return Problem(("run",), None, "has finished; --extend SECONDS goes on with it")
+        return Problem(("run", "duration"), asked.run.duration, allowed)
 
     def _gone(self, asked: Scene) -> Iterator[Problem]:
         """Yield which gauges, probes, loads and windows there were, and are not asked for."""
