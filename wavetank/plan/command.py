@@ -53,6 +53,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     from wavetank.plan.affordable import check_affordable
     from wavetank.plan.forewarnings import forewarnings
     from wavetank.plan.planned import planned
+    from wavetank.plan.requirements import absorption
     from wavetank.plan.trial import trial
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
@@ -67,6 +68,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
         *([f"  {told}"] if told else []),
         f"  the run: {spelt(seen.duration)}, on as many free cores",
         f"  memory: {seen.memory / 1e6:.0f} MB",
+        *(f"  paddle of {seen.key}: {absorbs}" for seen in scene.paddles if (absorbs := absorption(seen, scene))),
         *(f"  {line}" for line in _energy(scene)),
     ):
         terminal.print(line, highlight=False)

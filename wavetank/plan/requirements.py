@@ -284,13 +284,19 @@ def _wall_reason(scene: Scene) -> str:
 
 def _paddle_reason(seen: Scene, scene: Scene) -> str:
     """Return what is to be said of the wall of a scene as seen from there."""
-    paddle, absorb = f"a {seen.wall.type}", getattr(seen.wall, "absorb", None)
-    end = "." if absorb is None else f"; {absorb.told(scene.tank, seen.wall.maker, paddles=scene.paddle_periods)}."
+    paddle, absorbs = f"a {seen.wall.type}", absorption(seen, scene)
+    end = f"; {absorbs}." if absorbs else "."
     if seen.motion().interval is not None:
         return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise{end}"
     if not seen.motion().moves:
         return f"{paddle} that is not driven{end}"
     return f"{paddle}, the waves come from its motion{end}"
+
+
+def absorption(seen: Scene, scene: Scene) -> str:
+    """Return what the paddle of a scene as seen from there absorbs, in words; nothing where it does not."""
+    absorb = getattr(seen.wall, "absorb", None)
+    return "" if absorb is None else absorb.told(scene.tank, seen.wall.maker, paddles=scene.paddle_periods)
 
 
 def _end_reason(scene: Scene, waves: Components) -> str:
