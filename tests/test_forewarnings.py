@@ -22,7 +22,7 @@ from wavetank.observers.energy import EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.plan.defaults import resolved
 from wavetank.plan.dispersion import Cells, Mesh
-from wavetank.plan.forewarnings import forewarnings
+from wavetank.plan.forewarnings import forewarnings, in_sponge
 from wavetank.plan.highest_waves import too_high
 from wavetank.plan.planned import planned, told_of_rule
 from wavetank.plan.waves_held import waves_missed
@@ -104,6 +104,10 @@ DOUBTFUL = {
         {"wall": piston(1.8), "numerics": {"cells": 20}, "sponge": {"type": "end", "length": 1.0}},
         r"^sponge\.length = 1 m is less than half of the paddle's waves of T = 1\.8 s, 4\.\d* m long: the sponge sends",
     ),
+    "a gauge in a sponge": (
+        {"gauges": [14, 14.1], "wall": piston(1.8), "numerics": {"cells": 20}, "sponge": {"type": "end", "length": 6}},
+        r"^gauge 2 stands in the sponge, which takes waves from x = 14 m on$",
+    ),
     "a basin's sponge of a quarter of a wave": (
         {
             "tank": BASIN | {"layout": BASIN["layout"] | {"sponge_length": 1.0}},
@@ -166,8 +170,20 @@ TOO_HIGH = {
 GROUP = {"lowest_frequency": 0.4, "highest_frequency": 1.3, "spectrum": {"type": "jonswap", "peak_frequency": 0.65}}
 
 
-def driven(kind, **motion):
-    return scene(wall={"type": "piston", "motion": {"type": kind} | motion}, duration=24.0)
+def driven(kind, *, parts=(), **motion):
+    return scene(wall={"type": "piston", "motion": {"type": kind} | motion}, duration=24.0, **dict(parts))
+
+
+@pytest.mark.parametrize("left", [None, -3.0])
+def test_what_stands_in_a_sponge_is_named(left):
+    """By hand, of 20 m with a sponge of 12 m: a basin's gauges count from its x, the focus from the paddle."""
+    layout = {"type": "rectangle", "length": 20.0, "width": 1.0, "origin": [left, 0.0]}
+    tank, start = (SLICE, 0.0) if left is None else (BASIN | {"layout": layout}, left)
+    gauges = [{"name": str(x), "x": start + x, "y": 0.5 * (left is not None)} for x in (8, 9, 10, 7, 11)]
+    parts = {"tank": tank, "gauges": gauges, "sponge": {"type": "end", "length": 12.0}}
+    (said,) = in_sponge(driven("focused", parts=parts, **TOO_HIGH["focused"] | GROUP))
+    edge = f"which takes waves from x = {start + 8:g} m on"
+    assert said == f"gauges 9 to 10 and gauge 11 and wall.motion.focus_x stand in the sponge, {edge}"
 
 
 @pytest.mark.parametrize("kind", TOO_HIGH)

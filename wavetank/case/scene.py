@@ -136,14 +136,14 @@ class Scene(Noun):
         Gauges, probes and windows stand at their mirror images, so that they are where they were as seen from the other
         wall; the tank, with its bed and its walls' names, is as it was.
         """
-        ends = 2 * self._left + self.tank.length
+        ends = 2 * self.left + self.tank.length
         seen = {"wall": self.far_wall, "far_wall": self.wall}
         placed = {name: tuple(one.mirrored(ends) for one in getattr(self, name)) for name in PLACED}
         same = {name: getattr(self, name) for name in Scene.model_fields}
         return MirroredScene.model_construct(self.model_fields_set, **{**same, **seen, **placed})
 
     @property
-    def _left(self) -> float:
+    def left(self) -> float:
         """Where the wall at the smallest x stands [m]: of a basin whose mesh alone knows it, 0."""
         box = self.tank.layout.box if isinstance(self.tank, BasinTank) else None
         return box[0] if box else 0.0
@@ -261,7 +261,7 @@ class Scene(Noun):
         places, times, whole = [*self.looked_at()], self._times(motion), wall.places(self.tank) is None
         farthest = wall.farther(self.tank) * self.excursion(motion) if places else 0.0
         for key, x, y, z, (begin, until) in places:
-            away, t = x - self._left, times[(begin <= times) & (times <= until)]
+            away, t = x - self.left, times[(begin <= times) & (times <= until)]
             if farthest <= away:
                 continue
             position = values(partial(motion.position, y=None if whole else np.array([y])), t).reshape(-1)

@@ -1,6 +1,7 @@
 """What is known of a run's accuracy before it: what the mesh and the step hold, and what the plan predicts."""
 
 from collections.abc import Iterator, Sequence
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from wavetank.case.initial import StillWater
 from wavetank.case.initial_run import RunState
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.case.sponges import EndSponge, GroupSponge
+from wavetank.case.wave_files import SurfaceFile
 from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
@@ -41,7 +43,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     planless = own is not None or unplanned(scene) is not None
     mesh = waves_missed(scene, waves.plane.cell_size) if planless else _predicted(scene)
     of_motion = *_strokes(scene), *too_high(scene), *_jolts(scene), *_ramps(scene)
-    before = [*mesh, *_of_walls(scene, waves), *of_motion, *_sponge(scene)]
+    before = [*mesh, *_of_walls(scene, waves), *of_motion, *_sponge(scene), *in_sponge(scene)]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *beside(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
@@ -110,6 +112,23 @@ def _length(scene: Scene) -> tuple[str, float | None]:
         return "sponge.length", scene.sponge.length
     layout = getattr(scene.tank, "layout", None) if isinstance(scene.sponge, GroupSponge) else None
     return "tank.layout.sponge_length", getattr(layout, "sponge_length", None)
+
+
+def in_sponge(scene: Scene) -> Iterator[str]:
+    """Yield a sentence if gauges, or the place that waves are made for, are where a sponge at the end takes waves."""
+    if not isinstance(scene.sponge, EndSponge):
+        return
+    edge = scene.tank.length - scene.sponge.length  # from the paddle at rest
+    beyond = groupby(scene.all_gauges, lambda gauge: gauge.x - scene.left > edge * (1 + ROUNDING))
+    rows = [[gauge.name for gauge in row] for inside, row in beyond if inside]
+    names = [f"gauges {row[0]} to {row[-1]}" if row[1:] else f"gauge {row[0]}" for row in rows]
+    motion = getattr(scene.wall, "motion", None)
+    key = "x" if isinstance(motion, SurfaceFile) else "focus_x"
+    if (getattr(motion, key, None) or 0.0) > edge * (1 + ROUNDING):
+        names.append(f"wall.motion.{key}")
+    if names:
+        stand = "stand" if names[1:] or names[0].startswith("gauges ") else "stands"
+        yield f"{' and '.join(names)} {stand} in the sponge, which takes waves from x = {scene.left + edge:.4g} m on"
 
 
 def beside(scene: Scene) -> Iterator[str]:
