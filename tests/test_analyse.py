@@ -106,14 +106,15 @@ def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states(tmp_path):
         assert 1e3 * np.array(found[gauge]) == pytest.approx(amplitudes, abs=0.02), gauge
 
 
-def test_what_is_not_of_the_period_is_told(table):
+@pytest.mark.parametrize("kind", ["reflection", "harmonics", "bound-free"])
+def test_what_is_not_of_the_period_is_told(table, kind):
     """Oracle: of amplitudes 50 and 30 mm, at places where they do not beat with themselves, 9/34 of the variance."""
     regular = read_record(str(table), period=PERIOD, depth=DEPTH)
-    assert "of this period" not in kinds.analysed("reflection", regular).said
+    assert "of this period" not in kinds.analysed(kind, regular).said
     k, omega = K, 1.25 * OMEGA  # T holds whole periods of both
     trains = [0.05 * np.cos(k * x - OMEGA * T) + 0.03 * np.cos(k * x + omega * T) for x in X]
     mixed = replace(regular, eta=regular.eta.copy(data=np.array(trains)))
-    assert "; 26 % of the variance is not of this period" in kinds.analysed("reflection", mixed).said
+    assert "; 26 % of the variance is not of this period" in kinds.analysed(kind, mixed).said
 
 
 def test_a_sea_is_told_apart_without_a_period(table, tmp_path):

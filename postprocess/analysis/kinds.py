@@ -94,6 +94,7 @@ def harmonic(record: Record) -> Result:
     columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in numbers), *(f"phase{n} [rad]" for n in numbers), "rest [m]"]
     rows = _rows(record, np.abs(A), np.angle(A), found.rest)
     said = f"T = {1 / record.frequency:.6g} s" + ("" if record.told_period else ", as found in the record (--period)")
+    said += _others_told(record)
     return Result(columns, rows, said, lambda path: figures.harmonics_figure(found, path, title=record.title))
 
 
@@ -110,7 +111,7 @@ def bound_free(record: Record) -> Result:
     ]
     said = (
         f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; rest {found.rest:.3g} m (rms); "
-        f"condition {found.condition:.3g}{record.told_way}"
+        f"condition {found.condition:.3g}{_others_told(record)}{record.told_way}"
     )
     title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
     return Result(
@@ -166,20 +167,20 @@ def _regular(record: Record) -> Result:
     said = f"rest {found.rest:.3g} m (rms); condition {found.condition:.3g}" + (
         ": gauges stand badly" if found.condition > WORST else ""
     )
-    if (share := _of_other_periods(record)) > DOUBTFUL:
-        said += f"; {100 * share:.2g} % of the variance is not of this period, but of other waves or of growing ones"
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
         [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
-        said + record.told_way,
+        said + _others_told(record) + record.told_way,
         lambda path: figures.regular_reflection_figure(component, found, path, title=record.title),
     )
 
 
-def _of_other_periods(record: Record) -> float:
-    """Return the share of the variance that is neither of the waves' frequency nor of its harmonics."""
+def _others_told(record: Record) -> str:
+    """Return words on the variance that is neither of the waves' frequency nor of its harmonics, where that is much."""
     rest = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency)).rest
-    return float((rest**2).sum() / record.eta.var("time").sum())
+    share = float((rest**2).sum() / record.eta.var("time").sum())
+    others = f"; {100 * share:.2g} % of the variance is not of this period, but of other waves or of growing ones"
+    return others if share > DOUBTFUL else ""
 
 
 def _irregular(record: Record) -> Result:
