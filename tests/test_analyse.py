@@ -9,6 +9,7 @@ import pytest
 from conftest import CHECKOUT, commanded
 from matplotlib.figure import Figure
 from pictures import faults
+from xarray import concat
 
 from wavetank import data
 from wavetank.case.reading import read_case
@@ -115,6 +116,15 @@ def test_what_is_not_of_the_period_is_told(table, kind):
     trains = [0.05 * np.cos(k * x - OMEGA * T) + 0.03 * np.cos(k * x + omega * T) for x in X]
     mixed = replace(regular, eta=regular.eta.copy(data=np.array(trains)))
     assert "; 26 % of the variance is not of this period" in kinds.analysed(kind, mixed).said
+
+
+def test_a_record_of_one_window_is_said_to_be(table):
+    """Of 64 mean periods there are several."""
+    record = read_record(str(table), depth=DEPTH)
+    assert "one window" in kinds.analysed("reflection", record).said
+    parts = [record.eta.assign_coords(time=T + n * 60.0) for n in range(3)]  # of whole periods
+    longer = concat(parts, "time")
+    assert "window" not in kinds.analysed("reflection", replace(record, eta=longer)).said
 
 
 def test_a_sea_is_told_apart_without_a_period(table, tmp_path):

@@ -17,7 +17,7 @@ from wavetank.postprocess.analysis.harmonics import harmonics, resolved
 from wavetank.postprocess.analysis.record import Record
 from wavetank.postprocess.analysis.records import waving
 from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, Reflection, reflected_spectra, regular_reflection
-from wavetank.postprocess.analysis.spectra import sea_state, spectrum
+from wavetank.postprocess.analysis.spectra import PERIODS, mean_period, sea_state, spectrum
 from wavetank.postprocess.analysis.speed import phase_speed, travel
 from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
 from wavetank.theory.airy import wave_number
@@ -186,11 +186,13 @@ def _others_told(record: Record) -> str:
 def _irregular(record: Record) -> Result:
     found = reflected_spectra(record.on_its_way, depth=record.depth, gravity=record.gravity)
     of = ("hm0_incident", "hm0_reflected", "coefficient", "told_apart")
+    enough = f"{2 * PERIODS * mean_period(record.eta):.3g} s"
+    one = f"; the record is one window, whose middle counts most: of {enough} it would be several"
     return Result(
         ("Hm0 incident [m]", "Hm0 reflected [m]", "reflection [-]", "variance told apart [-]"),
         [tuple(float(found.attrs[name]) for name in of)],
         f"{record.eta.sizes['gauge']} gauges; of frequencies that they tell apart and that have above "
-        f"{100 * ENERGETIC:g} % of the largest density{record.told_way}",
+        f"{100 * ENERGETIC:g} % of the largest density{one if found.attrs['one_window'] else ''}{record.told_way}",
         lambda path: figures.reflection_figure(found, path, title=record.title),
     )
 

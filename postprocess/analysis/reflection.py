@@ -83,7 +83,8 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     gauges cannot tell them apart, by half wave lengths between them or because these are much longer than their row
     (``condition`` above 6.3). ``counted`` is where they can and the waves are, which is what the attributes are of:
     ``hm0_incident`` and ``hm0_reflected`` [m], ``coefficient``, their ratio, and ``told_apart``, the share of the
-    variance. Raises ``InputError`` for fewer than two gauges, and where no frequency of the waves can be told apart.
+    variance; ``one_window`` tells of the whole record in one, whose middle counts most. Raises ``InputError`` for fewer
+    than two gauges, and where no frequency of the waves can be told apart.
     """
     x, dt = places(eta), time_step(eta)
     _check(x.size, 2)
@@ -91,7 +92,8 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     length = eta.time.size - int(late.max())
     values = np.array([one[n : n + length] for n, one in zip(late, eta.transpose("gauge", "time").values, strict=True)])
     size = min(samples(eta, segment), length)
-    window = "boxcar" if size == length and _ends_low(values, round(mean_period(eta) / dt)) else "hann"
+    whole = size == length
+    window = "boxcar" if whole and _ends_low(values, round(mean_period(eta) / dt)) else "hann"
     f, cross = signal.csd(values[:, None], values[None], 1 / dt, window, nperseg=size, detrend="constant")
     f, cross = f[1:], np.moveaxis(cross, -1, 0)[1:]
     turned = np.exp(2j * np.pi * dt * f[:, None] * late)
@@ -119,6 +121,7 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
         | {
             "coefficient": hm0["reflected"] / max(hm0["incident"], np.finfo(float).tiny),
             "told_apart": float(density[there].sum() / density.sum()),
+            "one_window": whole and window == "hann",
         },
     )
 
