@@ -125,6 +125,8 @@ def test_a_record_of_one_window_is_said_to_be(table):
     parts = [record.eta.assign_coords(time=T + n * 60.0) for n in range(3)]  # of whole periods
     longer = concat(parts, "time")
     assert "window" not in kinds.analysed("reflection", replace(record, eta=longer)).said
+    group = record.eta * np.exp(-(((record.eta.time - 30.0) / 8.0) ** 2))  # low at either end: in no window
+    assert "window" not in kinds.analysed("reflection", replace(record, eta=group.transpose(*record.eta.dims))).said
 
 
 def test_a_sea_is_told_apart_without_a_period(table, tmp_path):
