@@ -134,6 +134,7 @@ DIVIDING = """
 import sys
 import wavetank as wt
 from wavetank import recording
+from wavetank.errors import RunError
 from wavetank.observers.schedule import EverySteps
 
 class Divides:
@@ -142,7 +143,7 @@ class Divides:
 
     def observe(self, moment):
         if moment.step == 10 and self.fails:
-            1 / 0
+            raise {"mistake": ZeroDivisionError, "run": RunError, "exit": SystemExit}[sys.argv[3]]("failed")
 
 recording.ALIKE = recording.LATEST = 2.0
 wt.run(wt.read_case(sys.argv[1]), "run", observers=[Divides], quiet=True)
@@ -150,14 +151,15 @@ wt.run(wt.read_case(sys.argv[1]), "run", observers=[Divides], quiet=True)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("failing", ["01", "1"])
+@pytest.mark.parametrize(("failing", "how"), [("01", "mistake"), ("1", "mistake"), ("1", "run"), ("1", "exit")])
 def test_of_a_mistake_that_all_ranks_meet_no_row_is_missing_and_none_waits_for_ever_for_one_that_fails_alone(
-    failing, tmp_path
+    failing, how, tmp_path
 ):
     (tmp_path / "own.py").write_text(DIVIDING)
-    command = ["mpirun", "-n", "2", sys.executable, "own.py", str(CHECKOUT / "cases/standing-wave.toml"), failing]
+    command = ["mpirun", "-n", "2", sys.executable, "own.py", str(CHECKOUT / "cases/standing-wave.toml"), failing, how]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=100)
-    assert done.returncode and done.stderr.count("ZeroDivisionError in the observer Divides") == len(failing)
+    said = {"mistake": "ZeroDivisionError in the observer Divides", "run": "RunError: failed", "exit": "Exit: failed"}
+    assert done.returncode and done.stderr.count(said[how]) == len(failing)
     run = RunDirectory(tmp_path / "run")
     if failing == "01":
         assert run.status == "failed" and run.gauge_series()[0].t.size == 11

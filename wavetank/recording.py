@@ -51,7 +51,7 @@ from wavetank.water.breakdown import cause, folds
 from wavetank.water.breaking import BreakingDissipation
 from wavetank.water.waves import NonlinearWaves
 
-ALIKE, LATEST = 5.0, 60.0  # s after a mistake in which all have met it, and in which the first rank has drawn pictures
+ALIKE, LATEST = 20.0, 60.0  # s after an error in which all have met it, and in which the first rank has drawn pictures
 Draw = Callable[[RunDirectory], Iterable[Path]]
 
 
@@ -381,27 +381,47 @@ def _execute(
     try:
         run.execute()
         keeping.write_last()
-    except RunError as error:
-        keeping.save()
-        if error.status == RunError.status and not error.anew and isinstance(waves, NonlinearWaves):
-            surface = BrokenSurface.of(run, waves)
-            if surface is not None:
-                look(surface)
-                if isinstance(error, BreakdownError) and (fold := folds(waves, run.state.q, run.state.p, run.t)):
-                    error = PaddleError(f"{error}: {fold}")
-        note(error)
-        if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
-            state, limit = run.state, run.integrator.stability_limit
-            why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)
-            for breaking in (one for one in _breaking(run) if one.began):
-                why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
-            raise type(error)(f"{error}: {why}.") from None
-        raise error from None
-    except BaseException:
-        if all_here(waves.plane.comm, ALIKE):  # of a mistake that one rank alone has met no other knows
-            run.settle()
-        raise
+    except BaseException as error:
+        if not all_here(waves.plane.comm, ALIKE):
+            raise  # what one rank alone has met no other knows
+        why = _ended(error, run, waves, note, keeping=keeping, look=look)
+        if why is error:
+            raise
+        raise why from None
     note()
+
+
+def _ended(
+    error: BaseException,
+    run: Run,
+    waves: AnyWaves,
+    note: Callable[..., None],
+    *,
+    keeping: KeptRun,
+    look: Callable[[BrokenSurface], None],
+) -> BaseException:
+    """Return why a run has ended that all ranks have met; collective."""
+    try:
+        run.settle()
+    except RunError as earlier:
+        error = earlier
+    if not isinstance(error, RunError):
+        return error
+    keeping.save()
+    if error.status == RunError.status and not error.anew and isinstance(waves, NonlinearWaves):
+        surface = BrokenSurface.of(run, waves)
+        if surface is not None:
+            look(surface)
+            if isinstance(error, BreakdownError) and (fold := folds(waves, run.state.q, run.state.p, run.t)):
+                error = PaddleError(f"{error}: {fold}")
+    note(error)
+    if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
+        state, limit = run.state, run.integrator.stability_limit
+        why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)
+        for breaking in (one for one in _breaking(run) if one.began):
+            why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
+        return type(error)(f"{error}: {why}.")
+    return error
 
 
 def _breaking(run: Run) -> list[BreakingDissipation]:

@@ -61,12 +61,10 @@ def all_here(comm: MPI.Comm, within: float = inf) -> bool:
 
 @contextmanager
 def ending_together(comm: MPI.Comm, within: float) -> Iterator[None]:
-    """End all ranks where the block fails on some by a mistake, and the others have not come after some seconds."""
+    """End all ranks where the block fails on some, and the others have not come after some seconds."""
     try:
         yield
-    except WavetankError:
-        raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         if not all_here(comm, within):
             traceback.print_exception(error)
             comm.Abort(1)

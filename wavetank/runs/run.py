@@ -73,14 +73,7 @@ class Run:
         return [one for one in self.filters if isinstance(one, Sink)]
 
     def execute(self) -> None:
-        """Step to the end; collective. Raises ``RunError`` where it breaks down, with everything before recorded."""
-        try:
-            self._go_on()
-        except RunError:
-            self.settle()  # an error met there is of an earlier moment
-            raise
-
-    def _go_on(self) -> None:
+        """Step to the end; collective. Raises ``RunError`` where it breaks down: ``settle`` records all before."""
         self._patient = [one for one in self.observers if isinstance(one, Patient)]
         self._keeps = [(_when(one), one.keep) for one in self.observers if isinstance(one, Keeping)]
         self._acts = [(_when(one), one.observe) for one in self.observers if not isinstance(one, Patient)]
