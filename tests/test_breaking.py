@@ -151,12 +151,16 @@ def test_the_front_is_the_side_ahead_and_the_current_that_of_the_water_around(sp
 
 
 def test_a_surface_with_another_potential_moves_otherwise():
+    """And so it does with other masses, though of the point last evaluated both are known."""
     waves, _ = dissipation(cells=12)
-    flow, x = SurfaceFlow(waves), waves.plane.x
-    q, p = waves.state(0 * x, np.sin(2 * np.pi * x / 12.0))
+    flow, x, k = SurfaceFlow(waves), waves.plane.x, 2 * np.pi / 12.0
+    q, p = waves.state(0 * x, np.sin(k * x))
+    waves.evaluate(q, p, 0.0)
     for times in (1.0, 2.0):
         flow.update(q, times * p, 0.0)
-        assert flow.largest_velocity == pytest.approx(times * 2 * np.pi / 12.0, rel=1e-2)
+        assert flow.largest_velocity == pytest.approx(times * k, rel=1e-2)
+    flow.update(*waves.state(0.1 * np.cos(k * x), p), 0.0)
+    assert flow.largest_slope == pytest.approx(0.1 * k, rel=1e-2)
 
 
 def test_peaks_are_those_of_scipy():

@@ -98,3 +98,16 @@ void largest(const Lines *s, const double *eta, const double *psi, double *found
     }
     found[0] = fastest, found[1] = highest(steepest);
 }
+
+/* Take elevation and potential of masses q that are, bit for bit, those of the point last evaluated; return whether they
+   are. */
+int taken(long dofs, const double *q, const double *p, const double *point, const double *risen, double *eta,
+          double *psi)
+{
+    const size_t bytes = sizeof(double) * dofs;
+    if (memcmp(q, point + 3 * dofs, bytes))
+        return 0;
+    memcpy(eta, risen, bytes);
+    memcpy(psi, p, bytes);
+    return 1;
+}

@@ -32,6 +32,8 @@ typedef struct {
 DECLARATIONS = f"""{LINES}
 void surface(const Lines *, const double *eta, const double *psi, double *found);
 void largest(const Lines *, const double *eta, const double *psi, double *found);
+int taken(long dofs, const double *q, const double *p, const double *point, const double *risen, double *eta,
+          double *psi);
 """
 FOUR = 4  # points at a time
 
@@ -65,6 +67,10 @@ class Water(Protocol):
 
     plane: Plane
     wall: Wall
+
+    @property
+    def last(self) -> tuple[float, Vector, Vector]:
+        """When the point last evaluated is [s], its rows as of ``Solution``, and what begins with its elevation [m]."""
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s]; collective."""
@@ -108,9 +114,13 @@ class SurfaceVelocity:
         if q is self._q and p is self._p and one_time(t, self._t):
             return
         self._q, self._p, self._t = q, p, t
+        self._take(q, p, t)
+        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._look()))
+
+    def _take(self, q: Vector, p: Vector, t: float) -> None:
+        """Set elevation and surface potential."""
         self._eta.set(self._waves.elevation(q, p, t))
         self._psi.set(p)
-        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._look()))
 
     def near(self, t: float, *points: tuple[Vector, Vector]) -> None:
         """Take the surface of one of the points known of a state at t [s]: that last taken, or the last of them."""
@@ -218,6 +228,13 @@ class SurfaceFlow(SurfaceVelocity):
         if shift is not None:
             self._lines.shift = self._kernel.known(shift)
         self._fields, self._at_largest = (at(self._eta.rows), at(self._psi.rows)), at(self._largest)
+        self._alone = self._comm.size == 1
+
+    def _take(self, q: Vector, p: Vector, t: float) -> None:
+        at, take, (last, point, risen) = self._kernel.doubles, self._kernel.call.taken, self._waves.last
+        known = self._alone and one_time(t, last)  # the elevation is that of a time and of masses
+        if not (known and take(q.size, at(q), at(p), at(point), at(risen), *self._fields)):
+            super()._take(q, p, t)
 
     def _look(self) -> Vector:
         self._profile = self._found = None

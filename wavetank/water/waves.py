@@ -422,6 +422,14 @@ class NonlinearWaves:
         self.set_time(t)
         return self.columns.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
+    @property
+    def last(self) -> tuple[float, Vector, Vector]:
+        """When the point last evaluated is [s], its rows as of ``Solution``, and what begins with its elevation [m].
+
+        The time is NaN if the wall has moved since.
+        """
+        return self._t, self._point, self._rows
+
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
         self.set_time(t)
