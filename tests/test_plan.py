@@ -18,12 +18,13 @@ from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.observers.contract import Moment
 from wavetank.observers.record import Memory
-from wavetank.plan import cost_model
+from wavetank.plan import cost_model, planned
 from wavetank.plan.cost_model import CostModel
 from wavetank.plan.defaults import LOOSEST, solved_to
 from wavetank.plan.dispersion import Cells, Mesh, step_errors
 from wavetank.plan.error_model import ErrorModel, Settings
-from wavetank.plan.plan import AIM, make_plan, own_plan
+from wavetank.plan.plan import AIM, UnreachableError, make_plan, own_plan
+from wavetank.plan.planned import default_plan
 from wavetank.plan.requirements import requirements, stokes
 from wavetank.plan.trial import Stopwatch, trial
 from wavetank.records.directory import RunDirectory
@@ -569,6 +570,26 @@ def test_an_accuracy_that_cannot_be_had_is_refused_in_a_sentence(capsys, tmp_pat
         assert main([*command, *case]) == 2
         said = capsys.readouterr().err
         assert re.fullmatch(r"wavetank: accuracy = 1e-09: must be above [\d.]+, the best that .*\n", said)
+
+
+def test_waves_that_no_numerics_hold_are_told_where_nobody_has_set_an_accuracy(capsys, tmp_path):
+    """The run began with 424 080 unknowns."""
+    motion = '{ type = "formula", position = "0.02*sin(2*pi*t/0.05)" }'
+    text = f'[tank]\nlength = 20.0\ndepth = 1.0\n[wall]\ntype = "piston"\nmotion = {motion}\n[run]\nduration = 5.0\n'
+    (tmp_path / "fast.toml").write_text(text)
+    for command in (["plan"], ["run", "--out", str(tmp_path / "run")]):
+        assert main([*command, str(tmp_path / "fast.toml")]) == 2
+        said = "line 6: wall.motion: no vertical order holds its waves of T = 0.05 s, 0.0039 m long in water 1 m deep: "
+        assert said in capsys.readouterr().err and not (tmp_path / "run").exists()
+
+
+def test_of_an_accuracy_that_cannot_be_had_it_is_said_that_nobody_has_named_it(monkeypatch):
+    def unreachable(scene, accuracy):
+        raise UnreachableError(f"accuracy = {accuracy:g}: must be above 0.21")
+
+    monkeypatch.setattr(planned, "make_plan", unreachable)
+    with pytest.raises(UnreachableError, match=r"^the case names no accuracy, .*: accuracy = 0\.1: must be"):
+        default_plan(asking({"accuracy": None}))
 
 
 def test_of_a_basin_the_command_says_what_its_own_steps_cost(wavetank, tmp_path):

@@ -31,16 +31,17 @@ def plan(
     case's own numerics are judged beside the proposed ones. A case that names none is run with the plan. Of basins,
     tanks over a bed and starts by formula no plan is made: some steps are run, also under mpirun, and timed.
     """
-    from wavetank.case.reading import read_case
+    from wavetank.case.reading import located, read_case
     from wavetank.console import console
     from wavetank.plan.requirements import unplanned
 
     scene, terminal = read_case(case, overrides or []), console()
     why = unplanned(scene)
-    if why is not None and accuracy is None and scene.numerics.accuracy is None:
-        _try(scene, why, terminal)
-    else:
-        _plan(scene, scene.title or case.stem, accuracy, terminal, calibrate=calibrate)
+    with located(case, overrides or []):
+        if why is not None and accuracy is None and scene.numerics.accuracy is None:
+            _try(scene, why, terminal)
+        else:
+            _plan(scene, scene.title or case.stem, accuracy, terminal, calibrate=calibrate)
 
 
 def _try(scene: "Scene", why: str, terminal: "Console") -> None:
@@ -97,10 +98,11 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
     from wavetank.plan.cost_model import known_costs, measured_costs
     from wavetank.plan.defaults import DEFAULT
     from wavetank.plan.plan import make_plan
-    from wavetank.plan.planned import default_plan, planned
+    from wavetank.plan.planned import check_held, default_plan, planned
 
     if MPI.COMM_WORLD.size > 1:
         raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a plan is made without mpirun.")
+    check_held(scene)
     wanted = (scene.numerics.accuracy or DEFAULT) if accuracy is None else accuracy
     proposed = (default_plan(scene) if accuracy is None else None) or make_plan(scene, wanted)
     costs = measured_costs() if calibrate else known_costs()

@@ -13,6 +13,7 @@ from wavetank.meshes import MeshFile
 from wavetank.plan.defaults import DEFAULT, resolved
 from wavetank.plan.plan import Plan, UnreachableError, make_plan
 from wavetank.plan.requirements import unplanned
+from wavetank.plan.waves_held import too_short
 from wavetank.runs.starts import with_its_numerics
 from wavetank.values.noun import SceneError, about
 
@@ -39,30 +40,41 @@ def _planned(scene: Scene) -> Planned:
     if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
         with about("initial"):
             return Planned(with_its_numerics(scene, scene.initial))
+    check_held(scene)
     if scene.numerics.accuracy is not None:
         return Planned(make_plan(scene, scene.numerics.accuracy).applied_to(scene))
-    plan = default_plan(scene)
+    try:
+        plan = default_plan(scene)
+    except UnreachableError:
+        plan = None
     if plan is None:
         return Planned(resolved(scene))
     less = f"no numerics that a plan knows are accurate to {DEFAULT:g}: these are planned for {plan.accuracy:g}"
     return Planned(plan.applied_to(scene), () if plan.accuracy == DEFAULT else (less,))
 
 
+def check_held(scene: Scene) -> None:
+    """Raise ``SceneError`` if a scene that leaves its numerics to a plan has waves of a paddle that none hold."""
+    if problems := list(too_short(scene) if scene.numerics.open else ()):
+        raise SceneError(problems)
+
+
 def default_plan(scene: Scene) -> Plan | None:
     """Return the plan of a scene that names no numerics, to the best of the usual accuracies; None if none is made.
 
-    Nor is one made for a scene that asks for an accuracy: it gets the plan for that one, or none.
+    Nor is one made for a scene that asks for an accuracy: it gets the plan for that one, or none. Raises
+    ``UnreachableError`` if none of these accuracies can be had.
     """
     if scene.numerics.accuracy is not None or not scene.numerics.open:
         return None
     for accuracy in (DEFAULT, *LESS):
         try:
             return make_plan(scene, accuracy)
-        except UnreachableError:
-            continue
+        except UnreachableError as error:
+            least = error
         except InputError:  # nothing moves, or nothing that a plan knows
             return None
-    return None
+    raise UnreachableError(f"the case names no accuracy, and none that is tried then can be had: {least}")
 
 
 def told_of_rule(asked: Scene) -> str:

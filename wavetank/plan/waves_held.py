@@ -1,4 +1,4 @@
-"""Whether a mesh holds a paddle's waves where no plan can be made: by the dispersion over a flat bed, as deep."""
+"""Whether a mesh, or any, holds a paddle's waves where no plan is made: by dispersion over a flat bed, as deep."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -6,9 +6,12 @@ from functools import partial
 import numpy as np
 
 from wavetank.case import Scene
-from wavetank.plan.defaults import bed_shape, cell_size_for, frequency_below, vertical_order_for
+from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.plan.defaults import DEFAULT, bed_shape, cell_size_for, frequency_below, vertical_order_for
 from wavetank.plan.dispersion import Cells, Mesh, relative_frequency_error
+from wavetank.plan.requirements import highest_frequency
 from wavetank.theory.airy import wave_number
+from wavetank.values.noun import Problem
 
 HELD = 0.01  # what mesh and step may miss: of waves, of their speed
 SHORTEST = 0.1  # of the power of a paddle's velocity: its shortest waves
@@ -30,6 +33,20 @@ def waves_missed(scene: Scene, cell_size: float) -> Iterator[str]:
         }
         for missed in missing:
             yield from [told for which, omega in waves.items() if (told := missed(which, omega))][:1]
+
+
+def too_short(scene: Scene) -> Iterator[Problem]:
+    """Yield a problem for each paddle most of whose waves no numerics hold that are chosen for a case."""
+    depth, g = bed_shape(scene).deep, scene.tank.gravity
+    for seen in scene.paddles:
+        if (period := seen.paddle_period) is None:
+            continue
+        omega = min(2 * np.pi / period, highest_frequency(seen, DEFAULT))
+        k = float(wave_number(omega, depth, g))
+        if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > HELD:
+            size = f"T = {2 * np.pi / omega:.3g} s, {2 * np.pi / k:.2g} m long in water {depth:.3g} m deep"
+            cure = "they are the same in a tank that is less deep; numerics that the case names are taken as they are"
+            yield Problem((seen.key, "motion"), None, f"no vertical order holds its waves of {size}: {cure}")
 
 
 def _by_cells(scene: Scene, cell_size: float, depth: float, which: str, omega: float) -> str:
