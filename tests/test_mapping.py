@@ -3,6 +3,8 @@
 Oracles: the energy of uniform flow; the laboratory, which knows of no reach; still water, which stays still.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import ufl
@@ -30,7 +32,7 @@ from wavetank.water.energy import WaterEnergy
 from wavetank.water.footprint import Slice
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.walls import Piston, Side
-from wavetank.water.walls.unmapped import unmapped
+from wavetank.water.walls.carried import Carrier
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
 TIGHT = Tolerances(stage=1e-12, interior=1e-13)
@@ -46,8 +48,11 @@ class Shear(SegmentedMotion):
 # ---------------------------------------------------------------- its shape
 @given(r=st.floats(-0.5, 1.5), moved=st.floats(-3.0, 0.74))
 def test_the_inverse_of_the_shape_is_its_inverse(r, moved):
-    (back,) = unmapped(np.array([r + float(share(np.array([r]))[0]) * moved]), np.array([moved]))
-    assert back == pytest.approx(r, abs=1e-12)
+    side, place, moves = SimpleNamespace(point=(3.0, 1.0), normal=(0.6, 0.8)), np.array([[3.0, 1.0]]), np.array([moved])
+    place += r * np.array([side.normal])
+    there = Carrier(side, 1.0).there(place, moves)
+    assert there == pytest.approx(place + float(share(np.array([r]))[0]) * moved * np.array([side.normal]), abs=1e-12)
+    assert Carrier(side, 1.0).back(there, moves) == pytest.approx(place, abs=1e-12)
 
 
 def test_the_shape_is_1_at_the_wall_and_ends_without_a_kink_and_stretches_by_no_more_than_it_says():

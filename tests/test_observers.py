@@ -98,8 +98,8 @@ def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
     tank, seen = make_tank(length=6.0, cells=12, n=2, motion=motion, reach=3.0), []
 
     class Kept:
-        def extend(self, t, x, eta, psi):
-            seen.extend(x)
+        def extend(self, rows):
+            seen.extend(rows[:, 1 : 1 + tank.plane.size])
 
     snapshots = SurfaceSnapshots(tank, record=Kept(), schedule=EverySteps())
     for t in (0.0, 1.0, 3.0):

@@ -19,7 +19,7 @@ from wavetank.errors import BreakdownError, PaddleError, RunError, StoppedError
 from wavetank.fe.differences import largest_differences
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
-from wavetank.observers.contract import Moment, Moments
+from wavetank.observers.contract import Moment, Moments, Patient
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.passing import Called
 from wavetank.observers.record import Memory
@@ -84,20 +84,18 @@ def looked_at(tank: NonlinearWaves, step: int, t: float, eta: Vector) -> Moment:
     return moment
 
 
-def test_a_paddle_that_reaches_a_gauge_is_told_of_at_once_by_name_and_rows_before_are_kept(make_tank):
-    """At the moment itself, though moments are worked off together, so that the run ends there."""
+def test_a_paddle_that_reaches_a_gauge_is_told_of_by_name_at_the_first_moment_and_rows_before_are_kept(make_tank):
+    """Though all moments are worked off together, also those at which it is there and back again."""
     tank, rows = make_tank(length=6.0, cells=12, n=2, motion=Ramped(Sinusoid(0.4, 4.0), 1.0), reach=3.0), Memory()
     called = Called(("gauges.0", "gauges.1"), ("wall",))
     gauges = Gauges(tank, [(0.2, 0.0), (5.0, 0.0)], record=rows, schedule=EverySteps(), called=called)
-    times, kept = [0.1 * step for step in range(20)], list[Moment]()
+    times = [0.1 * step for step in range(25)]
     reached = next(t for t in times if tank.wall.motion.position(t) > 0.2)
+    assert tank.wall.motion.position(times[-1]) < 0.0
 
     told = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.0, x = 0.2 m: it must stand farther"
     with pytest.raises(PaddleError, match=told):
-        for t in times:
-            gauges.keep(moment := looked_at(tank, 0, t, 0.01 * np.cos(tank.plane.x)))
-            kept.append(moment)
-    gauges.work_off(Moments(kept))
+        gauges.work_off(Moments([looked_at(tank, 0, t, 0.01 * np.cos(tank.plane.x)) for t in times]))
     assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
 
 
@@ -212,6 +210,25 @@ def test_a_run_that_an_observer_breaks_off_between_has_all_its_rows(tmp_path):
     with pytest.raises(RunError, match="a mistake"):
         record(tmp_path / "run", end=lambda: fail(RunError))
     assert rows(tmp_path / "run") == [8, 8, 8]
+
+
+class Reached(Patient):
+    """Finds, where it works off moments, that a paddle has been somewhere."""
+
+    schedule = EverySteps()
+
+    def work_off(self, moments):
+        if moments[-1].step > 4:
+            raise PaddleError("it was there")
+
+
+@pytest.mark.usefixtures("patient")
+def test_a_run_that_breaks_down_says_what_had_happened_before_and_was_not_worked_off(tmp_path):
+    """So that a gauge which a paddle has passed is the cause, and no surface that folds because it goes on."""
+    own = [lambda waves: Reached(), lambda waves: Ending(lambda: fail(BreakdownError))]
+    with pytest.raises(PaddleError, match="it was there"):
+        record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), observers=own)
+    assert rows(tmp_path) == [8, 8, 8]
 
 
 class Spoiling:

@@ -158,7 +158,7 @@ def test_of_many_snapshots_those_before_one_that_is_no_number_are_kept(tmp_path)
     record, eta = SurfaceWriter(path, {}), np.outer([1.0, 2.0, np.nan], x)
     record.open()
     with pytest.raises(RunError, match=r"t = 0.2 s: a value for surface.nc is not a finite number"):
-        record.extend(t, np.tile(x, (3, 1)), eta, eta)
+        record.extend(np.column_stack([t, np.tile(x, (3, 1)), eta, eta]))
     record.append(0.3, x, 4 * x, x)
     record.close()
     found = snapshots(path.read_bytes())
@@ -185,7 +185,7 @@ def test_of_many_snapshots_as_many_are_kept_as_there_is_room_for(tmp_path, point
     record = SurfaceWriter(path, {})
     record.open()
     with room_for(20000), pytest.raises(RecordError, match=r"surface\.(nc|xdmf): cannot be written"):
-        record.extend(t, x, t[:, None] * x, x)
+        record.extend(np.column_stack([t, x, t[:, None] * x, x]))
     kept = len(snapshots(path.read_bytes()).t)
     record.append(50.0, *x[:3])
     found, index = snapshots(path.read_bytes()), path.with_suffix(".xdmf").read_text()

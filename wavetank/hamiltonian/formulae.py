@@ -12,9 +12,7 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.fe.kernels import Kernel
-
-FLAGS = ["-O3", "-march=native", "-ffp-contract=off"]  # what numpy finds, bit for bit
+from wavetank.fe.kernels import EXACT, Kernel
 
 
 class Formulae:
@@ -43,7 +41,7 @@ class Formulae:
         """What it is compiled to, when it is first needed."""
         declaration = f"{self._declaration};".replace("restrict ", "")
         return Kernel(
-            "formulae", declaration, key=self._code, source=lambda: self._code, comm=MPI.COMM_SELF, flags=FLAGS
+            "formulae", declaration, key=self._code, source=lambda: self._code, comm=MPI.COMM_SELF, flags=EXACT
         )
 
     def __call__(self, *given: Any) -> Any:

@@ -3,16 +3,16 @@
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError, OutsideError, RunError
+from wavetank.errors import ConvergenceError, OutsideError
 from wavetank.fe.line_points import points_in
-from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
+from wavetank.observers.contract import Moments, ObservedWaves, Patient
 from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.water.surface_points import SurfacePoints
 
 
-class Gauges(Keeping):
+class Gauges(Patient):
     """Elevation [m] at places of the tank.
 
     Parameters
@@ -40,34 +40,22 @@ class Gauges(Keeping):
         names = [called.places[n] for n in self._near]
         self._passing = Passing(wall, places[reached], called._replace(places=names))
 
-    def keep(self, moment: Moment) -> None:
-        """Look at once at those that a paddle is near to; raises as ``work_off``; collective."""
-        if self._near.size and self._passing.near(moment.stood(self._waves)):
-            self._over_the_near(alone := Moments([moment]), self._rows(alone))
-
     def work_off(self, moments: Moments) -> None:
         """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
         rows = self._rows(moments)
         elevations = self._points.of_all(rows)
-        try:
-            if self._near.size:
-                elevations[:, self._near] = self._over_the_near(moments, rows)
-        except RunError:
-            for moment in moments if len(moments) > 1 else ():  # up to the one where that is
-                self.work_off(Moments([moment]))
-            raise
+        if self._near.size:
+            stand = moments.stands(self._waves, self._beside.places)
+            try:
+                elevations[:, self._near] = self._beside.each(rows, stand)
+            except (OutsideError, ConvergenceError) as error:
+                for moment in moments if len(moments) > 1 else ():  # up to the one where that is
+                    self.work_off(Moments([moment]))
+                t = moments[0].t
+                if isinstance(error, OutsideError):
+                    raise self._passing.error(t, error.index, stand[:, 0]) from None
+                raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
         self._record.extend(np.column_stack([moments.times, elevations]))
-
-    def _over_the_near(self, moments: Moments, rows: Vector) -> Vector:
-        """Return the elevation over gauges within the paddles' reach, shape (K, N); raises as ``work_off``."""
-        stand = moments.stands(self._waves, self._beside.places)
-        try:
-            return self._beside.each(rows, stand)
-        except (OutsideError, ConvergenceError) as error:
-            t = moments[0].t
-            if isinstance(error, OutsideError):
-                raise self._passing.error(t, error.index, stand[:, 0]) from None
-            raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
 
     def _rows(self, moments: Moments) -> Vector:
         """Return the elevations at all degrees of freedom, those of other ranks among them, (K, rows); collective."""

@@ -15,8 +15,8 @@ from wavetank.stateful import Held
 class SurfaceRecord(Protocol):
     """Where snapshots go; only rank 0's are kept."""
 
-    def extend(self, t: Vector, x: Vector, eta: Vector, psi: Vector) -> None:
-        """Append K snapshots: times [s], shape (K,), and places [m], elevations [m] and potentials [m²/s], (K, N)."""
+    def extend(self, rows: Vector) -> None:
+        """Append K snapshots, shape (K, 1 + 3 N): a time [s], places [m], elevations [m] and potentials [m²/s]."""
 
 
 class SurfaceSnapshots(Keeping):
@@ -40,7 +40,9 @@ class SurfaceSnapshots(Keeping):
     def _look_at(self, x: Vector) -> None:
         """Take the places in the mesh [m] in the order of x."""
         self._reference, self._places = x, np.column_stack([x, np.zeros_like(x)])
-        self._near = np.flatnonzero(self._waves.wall.reaches(self._places))
+        near = np.flatnonzero(self._waves.wall.reaches(self._places))  # and all that stand between
+        self._near = slice(near[0], near[-1] + 1) if near.size else slice(0)
+        self._beside = self._places[self._near]
 
     def _gather(self, owned: Vector) -> Vector:
         """Return what all ranks own of the last axis, on the first of them."""
@@ -55,13 +57,15 @@ class SurfaceSnapshots(Keeping):
 
     def work_off(self, moments: Moments) -> None:
         """Append the snapshots; collective."""
-        waves, near = self._waves, self._near
-        eta = self._sorted(moments.elevations(waves))
+        eta = self._sorted(moments.elevations(self._waves))
         psi = self._sorted(np.array([self._potentials.pop(moment.step) for moment in moments]))
         if self._record is not None:
-            x, places = np.tile(self._reference, (len(moments), 1)), self._places[near]
-            x[:, near] = waves.wall.to_physical(places, eta[:, near], moments.stands(waves, places))[..., 0]
-            self._record.extend(moments.times, x, eta, psi)
+            rows, near, wall = np.empty((len(eta), 1 + 3 * eta.shape[1])), self._near, self._waves.wall
+            each = rows[:, 1:].reshape(len(eta), 3, -1)
+            rows[:, 0], each[:, 0], each[:, 1], each[:, 2] = moments.times, self._reference, eta, psi
+            stands = moments.stands(self._waves, self._beside)
+            each[:, 0, near] = wall.to_physical(self._beside, eta[:, near], stands)[..., 0]
+            self._record.extend(rows)
 
     def _sorted(self, owned: Vector) -> Vector:
         """Return values at the places in the order of x, on the first rank, of those of K fields, shape (K, owned)."""

@@ -116,15 +116,15 @@ class GrowingFile:
                 f"t = {row[0]:.6g} s: a value for {self._path.name} is not a finite number; the run has broken down."
             )
 
-    def write(self, content: bytes, *, at: int | None = None, over: int = 0) -> None:
+    def write(self, content: bytes | memoryview, *, at: int | None = None, over: int = 0) -> None:
         """Hand bytes to the operating system at once: that costs microseconds, and a kill loses nothing.
 
-        They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place. Of those that follow
-        all are there, or, where they cannot be written, none.
+        They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place of what has just been
+        written. Of those that follow all are there, or, where they cannot be written, none.
         """
         last = b""
         try:
-            if _identity(os.stat(self._path)) != self._is:
+            if at is None and _identity(os.stat(self._path)) != self._is:
                 raise FileNotFoundError(errno.ENOENT, "replaced by another file")
             place = self._size - over if at is None else at
             last = os.pread(self._file.fileno(), over, place) if over else b""
@@ -203,10 +203,10 @@ class TableWriter(GrowingFile):
         Raises ``RunError`` for a number that is not finite, before anything of its row is written, but those before;
         and for a file that cannot be written; ``ValueError`` for a row of another length.
         """
-        for row in rows:
-            if len(row) != len(self._columns):
-                raise ValueError(f"{self._path.name}: {len(row)} values received; it has {len(self._columns)} columns.")
-        values = np.array(rows, dtype=np.float64)  # nan at None
+        for length in {rows.shape[1]} if isinstance(rows, np.ndarray) else set(map(len, rows)):
+            if length != len(self._columns):
+                raise ValueError(f"{self._path.name}: {length} values received; it has {len(self._columns)} columns.")
+        values = np.asarray(rows, dtype=np.float64)  # nan at None
         if np.isfinite(values).all():
             return as_many_as_fit(self._write_rows, values)
         for row in rows:

@@ -58,11 +58,11 @@ class GrowingNetCDF(GrowingFile):
         """
         finite = np.isfinite(rows).all(axis=1)
         whole = rows if finite.all() else rows[: finite.argmin()]
-        head, after = b"", whole
+        content = memoryview(whole.astype(NUMBER).ravel().view(np.uint8))
         if not self._records and len(whole):
-            head, after = netcdf(first(), self._attributes, growing="time"), whole[1:]
-            self._begin = len(head) - rows.shape[1] * NUMBER.itemsize
-        self.write(head + after.astype(NUMBER).tobytes())
+            head, each = netcdf(first(), self._attributes, growing="time"), len(content) // len(whole)
+            self._begin, content = len(head) - each, memoryview(head + content[each:])
+        self.write(content)
         self._records += len(whole)
         self._tell()
         for row in rows[len(whole) :]:

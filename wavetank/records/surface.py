@@ -7,6 +7,7 @@ surface.xdmf    opens it in ParaView and pyvista as a line that moves: it tells 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -86,20 +87,19 @@ class SurfaceWriter(GrowingNetCDF):
 
     def append(self, t: float, x: Array, eta: Array, psi: Array) -> None:
         """Append one snapshot at t [s], arrays of shape (N,); see ``extend``."""
-        self.extend(np.array([t]), *(one[None] for one in (x, eta, psi)))
+        self.extend(np.concatenate([[t], x, eta, psi])[None])
 
-    def extend(self, t: Array, x: Array, eta: Array, psi: Array) -> None:
-        """Append snapshots at t [s], shape (K,): x [m], eta [m] and psi [m²/s], each of shape (K, N).
+    def extend(self, rows: Array) -> None:
+        """Append snapshots, shape (K, 1 + 3 N): each a time [s], x [m], eta [m] and psi [m²/s] of N points.
 
         Raises ``RunError`` for a number that is not finite, before anything of its snapshot is written, but those
-        before; and for a file that cannot be written; ``ValueError`` for arrays of another length than the first.
+        before; and for a file that cannot be written; ``ValueError`` for rows of another length than the first.
         """
-        points = self._points or x.shape[1]
-        if not x.shape[1:] == eta.shape[1:] == psi.shape[1:] == (points,):
-            shapes = ", ".join(str(one.shape[1:]) for one in (x, eta, psi))
-            raise ValueError(f"{self._path.name}: x, eta, psi of shapes {shapes}; it has {points} points.")
+        points = self._points or (rows.shape[1] - 1) // 3
+        if rows.shape[1] != 1 + 3 * points:
+            raise ValueError(f"{self._path.name}: a row of {rows.shape[1]} numbers; it has {points} points.")
         self._points = points
-        as_many_as_fit(self._append, np.column_stack([t, x, eta, psi]))
+        as_many_as_fit(self._append, rows)
 
     def _append(self, rows: Array) -> None:
         """Append snapshots, and to the index where they stand: all or, where there is no room, none."""
@@ -121,21 +121,20 @@ class SurfaceWriter(GrowingNetCDF):
 
     def _told(self, times: Array, first: int) -> str:
         """Return where snapshots at times [s] stand, from the number of the first on, for XDMF."""
-        n, size = self._points, NUMBER.itemsize
+        n, length = self._points, self._points * NUMBER.itemsize
         item = f'<DataItem Dimensions="{n}" NumberType="Float" Precision="8" Format="Binary" Endian="Big" Seek="'
-        end, told = f'">{self._path.name}</DataItem>', list[str]()
-        y = f"{item}{self._begin - n * size}{end}"  # the last before the snapshots
-        for number, t in enumerate(map(float, times), first):
-            here = self._begin + (number * (1 + 3 * n) + 1) * size
-            x, eta, psi = (f"{item}{here + part * n * size}{end}" for part in range(3))
-            told.append(
-                f'<Grid Name="surface"><Time Value="{t!r}"/>'
-                f'<Topology TopologyType="Polyline" NumberOfElements="1" NodesPerElement="{n}"/>'
-                f'<Geometry GeometryType="X_Y_Z">{x}{y}{eta}</Geometry>'
-                f'<Attribute Name="elevation">{eta}</Attribute>'
-                f'<Attribute Name="surface potential">{psi}</Attribute></Grid>\n'
-            )
-        return "".join(told)
+        end, each = f'">{self._path.name}</DataItem>', 3 * length + NUMBER.itemsize
+        there, y = f"{item}%d{end}", f"{item}{self._begin - length}{end}"  # the last before the snapshots
+        snapshot = (
+            f'<Grid Name="surface"><Time Value="%r"/>'
+            f'<Topology TopologyType="Polyline" NumberOfElements="1" NodesPerElement="{n}"/>'
+            f'<Geometry GeometryType="X_Y_Z">{there}{y}{there}</Geometry>'
+            f'<Attribute Name="elevation">{there}</Attribute>'
+            f'<Attribute Name="surface potential">{there}</Attribute></Grid>\n'
+        )
+        begins = count(self._begin + first * each + NUMBER.itemsize, each)
+        stand = zip(map(float, times), begins, strict=False)
+        return "".join(snapshot % (t, x, x + length, x + length, x + 2 * length) for t, x in stand)
 
 
 def _first(row: NDArray[np.float64]) -> dict[str, Variable]:

@@ -70,12 +70,11 @@ class SurfacePoints:
             return self._plane.chart.place(np.broadcast_to(places, (len(eta), *self.places.shape)).reshape(-1, 2))
 
         last = coordinates(0.0)
-        going = np.full(len(last), self._wall.leans)
+        going = np.ones(len(last), dtype=bool)
         for _ in range(MOST):
             self.points.move(last)
             found = self.points.each(eta)
-            going &= np.isfinite(found)
-            if not going.any():
+            if not self._wall.leans or not (going := going & np.isfinite(found)).any():
                 return found.reshape(len(eta), -1)
             now = np.where(going[:, None], coordinates(found.reshape(len(eta), -1)), last)
             going &= np.abs(now - last).max(axis=1, initial=0.0) > NEAR * self._plane.cell_size

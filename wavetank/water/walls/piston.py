@@ -30,6 +30,7 @@ from wavetank.motions.mapping import largest_stroke, share
 from wavetank.motions.tangent import Tangent
 from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
+from wavetank.water.walls.carried import Carrier
 from wavetank.water.walls.contract import Columns, Heights, Stood
 from wavetank.water.walls.leaning import LeaningWork
 from wavetank.water.walls.mapping import Shift
@@ -37,7 +38,6 @@ from wavetank.water.walls.power import AssembledPower, Power, PowerAlong
 from wavetank.water.walls.shape import UPRIGHT, Polynomial, Shape
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.travel import Travel
-from wavetank.water.walls.unmapped import unmapped
 from wavetank.water.walls.work import AssembledWork, KeptWork, Work
 
 
@@ -66,6 +66,7 @@ class Piston:
         self.side, self._plane, self.shape = side, plane, shape
         vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
+        self._carrier = Carrier(side, self.reach)
         s = plane.function("s")
         s.set(self._share(side.distances(plane.places)))
         self.carries = np.flatnonzero(s.owned)
@@ -180,38 +181,16 @@ class Piston:
 
     def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return X with X + a f s(X) X_p = x, places of shape (N, 2) [m]."""
-
-        def back(distances: Vector, positions: Vector) -> Vector:
-            moved = unmapped(np.asarray(distances / self.reach), np.asarray(positions / self.reach))
-            return np.asarray(self.reach * moved - distances)
-
-        return self._carried_on(places, z, back, stand=stand)
+        return self._carrier.back(places, self._moved(places, z, stand))
 
     def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
         """Return X + a f s(X) X_p, places of shape (N, 2) [m]."""
+        return self._carrier.there(places, self._moved(places, z, stand))
 
-        def shift(distances: Vector, positions: Vector) -> Vector:
-            return self._share(distances) * positions
-
-        return self._carried_on(places, z, shift, stand=stand)
-
-    def _carried_on(
-        self, places: Vector, z: Heights, shift: Callable[[Vector, Vector], Vector], *, stand: Vector | None = None
-    ) -> Vector:
-        """Return places moved along the normal by a shift [m] of their distances and f X_p; none beyond reach."""
-        distances = self.side.distances(places)
-        near = np.flatnonzero(np.atleast_2d(distances < self.reach).any(axis=0))
-        if not near.size:
-            return places.copy()
-        shares = self.shape.at(np.asarray(z)[..., near] if np.ndim(z) else np.asarray(z))
-        stood = self.stand(places[near]) if stand is None else stand[..., near]
-        carried = shift(distances[..., near], shares * stood[0])
-        shifts = np.zeros((*carried.shape[:-1], places.shape[-2]))
-        shifts[..., near] = carried
-        moved = np.empty((*shifts.shape, 2))
-        for axis, part in enumerate(self.side.normal):
-            np.add(places[..., axis], shifts * part, out=moved[..., axis])
-        return moved
+    def _moved(self, places: Vector, z: Heights, stand: Vector | None) -> Vector:
+        """Return f X_p beside places [m]."""
+        stood = (self.stand(places) if stand is None else stand)[0]
+        return np.asarray(self.shape.at(np.asarray(z)) * stood) if self.leans else stood
 
     def mesh_velocities(self, places: Vector) -> Vector:
         """Return a s X_p' at reference places [m/s], shape (N, 2)."""

@@ -109,7 +109,9 @@ class Travel:
 
     def rates(self, t: float, y: Vector | None) -> list[Any]:
         """Return X_p, X_p' and X_p'' at t [s] and places y along the paddle; what is known is not found again."""
-        return [self._rate(order, y) for order in range(3)] if one_time(t, self.t) else self._motion.rates(t, y)
+        if not one_time(t, self.t):
+            return self._motion.rates(t, y)
+        return [*self._whole.values()] or [self._rate(order, y) for order in range(3)]
 
     def positions(self, t: float, y: Vector) -> Vector:
         """Return X_p at t [s] and places y along the paddle [m], shape (N,)."""

@@ -1,4 +1,4 @@
-/* Places that a paddle has carried, taken back; for wavetank/water/walls/unmapped.py. Lengths in reaches. */
+/* Places that a paddle has carried, taken back; for wavetank/water/walls/carried.py. Lengths in reaches. */
 #include <math.h>
 
 #define LITTLE 0.1
