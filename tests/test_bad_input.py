@@ -115,6 +115,19 @@ def test_a_motion_that_is_not_finite_is_told_by_its_key(tmp_path, wall, position
         assert error.endswith(" at t = 0; must be finite.\n")
 
 
+@pytest.mark.parametrize(("position", "code"), [("1e-4*sqrt((t-0.25)**2-1e-9)", 2), ("1e-4*abs(t-0.25)**1.5", 1)])
+def test_a_motion_that_is_not_finite_at_a_time_that_was_not_tried_is_told_by_its_key(tmp_path, position, code, capsys):
+    """Before the run, whose steps are tried; of the second it is the acceleration, which is found on the way."""
+    motion = f"[wall]\ntype = 'piston'\nmotion = {{ type = 'formula', position = '{position}' }}\n"
+    (tmp_path / "case.toml").write_text(TANK + motion)
+    numerics = ("run.duration=0.75", "numerics.dt=0.125", "numerics.cells=8")
+    changes = [word for change in numerics for word in ("--set", change)]
+    assert main(["run", str(tmp_path / "case.toml"), *changes, "--no-plots", "--out", str(tmp_path / "run")]) == code
+    begin = "t = 0.125 s" if code == 1 else f"{tmp_path / 'case.toml'}, line 8"
+    told = f"wavetank: {begin}: wall.motion.position: formula '{position}': nan at t = 0.25; must be finite.\n"
+    assert capsys.readouterr().err == told and (tmp_path / "run").exists() == (code == 1)
+
+
 def test_the_end_of_the_tank_is_told_with_all_its_digits(tmp_path):
     said = "gauges.0.x = 10.472: must be inside the tank, 0 to 10.471976 m"
     assert said in refused(tmp_path, TANK.replace("8.0", "10.471976") + "[[gauges]]\nx = 10.472\n")

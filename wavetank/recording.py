@@ -405,6 +405,8 @@ def _ended(
         run.settle()
     except RunError as earlier:
         error = earlier
+    if isinstance(error, SceneError):  # of a motion, at a time that nobody had tried
+        error = PaddleError(f"t = {run.t:.6g} s: {error}")
     if not isinstance(error, RunError):
         return error
     keeping.save()

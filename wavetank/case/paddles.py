@@ -114,7 +114,7 @@ class FormulaMotion(PaddleNoun):
     """X(t) as given, with its derivatives by the chain rule."""
 
     type: Literal["formula"] = "formula"
-    said_by: ClassVar[tuple[str, ...]] = ("position",)  # the key that is named where its values are wrong
+    said_by: ClassVar[tuple[str, ...]] = ("position",)  # of its keys, by which its values are told to be wrong
     where: TimeHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
     position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
     ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
@@ -129,6 +129,7 @@ class PythonMotion(PaddleNoun):
     """X(t) and its derivatives by a function in a Python file, which is run: it must be one that is trusted."""
 
     type: Literal["python"] = "python"
+    said_by: ClassVar[tuple[str, ...]] = ()
     file: FilePath = Field(description="Python file")
     function: str = Field(
         default="motion", min_length=1, description="name of a function of t [s] and the derivative's order, 0 to 2"

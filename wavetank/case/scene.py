@@ -23,6 +23,7 @@ from wavetank.case.targets import Target
 from wavetank.case.walls import FarWall, FixedWall, Wall
 from wavetank.case.windows import Window
 from wavetank.motions.extent import Extent, extent, times, values
+from wavetank.motions.told import Told
 from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
 from wavetank.values.quantities import Label, metres
 
@@ -197,13 +198,13 @@ class Scene(Noun):
         wall = self.wall
         if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
             raise SceneError(problems)
-        motion = wall.paddle(self.tank)
-        with about("wall", "motion", *getattr(getattr(wall, "motion", None), "said_by", ())):
+        motion, said_by = wall.paddle(self.tank), getattr(getattr(wall, "motion", None), "said_by", None)
+        with about("wall", "motion", *(said_by or ())):
             motion.check(self.run.duration * (np.arange(LOOKED_AT, dtype=np.float64) + 0.5) / LOOKED_AT)
             problems = list(self._motion_problems(motion))
         if problems:
             raise SceneError(problems)
-        return motion
+        return motion if said_by is None else Told(motion, self.key, "motion", *said_by)
 
     def __getstate__(self) -> dict[Any, Any]:
         """Return what other ranks are told: not the paddle's motion, a function, which they find themselves."""
