@@ -6,6 +6,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fe.by_place import SAME
+from wavetank.fe.in_rows import in_rows
 from wavetank.fe.points import Points
 from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
 from wavetank.observers.schedule import Schedule
@@ -32,7 +33,7 @@ class SurfaceSnapshots(Keeping):
         self._waves, self._record, self.schedule = waves, record, schedule
         self.sees = waves
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)
-        self._order = np.argsort(reference, kind="stable")
+        self._order = np.argsort(reference, kind="stable").astype(np.int32)
         self._look_at(comm.bcast(reference[self._order]))
         self._points: Points | None = None  # where those are not the places of this mesh
         self._potentials = dict[int, Vector]()  # of steps that are not worked off [m²/s]
@@ -57,20 +58,19 @@ class SurfaceSnapshots(Keeping):
 
     def work_off(self, moments: Moments) -> None:
         """Append the snapshots; collective."""
-        eta = self._sorted(moments.elevations(self._waves))
-        psi = self._sorted(np.array([self._potentials.pop(moment.step) for moment in moments]))
+        eta = self._found(moments.elevations(self._waves))
+        psi = self._found(np.array([self._potentials.pop(moment.step) for moment in moments]))
         if self._record is not None:
-            rows, near, wall = np.empty((len(eta), 1 + 3 * eta.shape[1])), self._near, self._waves.wall
-            each = rows[:, 1:].reshape(len(eta), 3, -1)
-            rows[:, 0], each[:, 0], each[:, 1], each[:, 2] = moments.times, self._reference, eta, psi
+            rows, near = in_rows(moments.times, self._reference, (eta, psi), self._order), self._near
+            x, above, _ = rows[:, 1:].reshape(len(rows), 3, -1).swapaxes(0, 1)
             stands = moments.stands(self._waves, self._beside)
-            each[:, 0, near] = wall.to_physical(self._beside, eta[:, near], stands)[..., 0]
+            x[:, near] = self._waves.wall.to_physical(self._beside, above[:, near], stands)[..., 0]
             self._record.extend(rows)
 
-    def _sorted(self, owned: Vector) -> Vector:
-        """Return values at the places in the order of x, on the first rank, of those of K fields, shape (K, owned)."""
+    def _found(self, owned: Vector) -> Vector:
+        """Return values on the first rank, of those of K fields, shape (K, owned): at the places, or as gathered."""
         if self._points is None:
-            return np.asarray(self._gather(owned)[:, self._order])
+            return self._gather(owned)
         found = list[Vector]()
         for one in owned:
             self._field.set(one)
@@ -88,6 +88,6 @@ class SurfaceSnapshots(Keeping):
             return
         self._look_at(x)
         self._field = plane.function("on the surface")
-        self._points = Points(plane, plane.chart.place(self._places))
+        self._points, self._order = Points(plane, plane.chart.place(self._places)), np.arange(x.size, dtype=np.int32)
 
     carry = take

@@ -56,8 +56,7 @@ class GrowingNetCDF(GrowingFile):
         Raises ``RunError`` for a number that is not finite, before anything of its record is written, but those before;
         and for a file that cannot be written, which has none of them then.
         """
-        finite = np.isfinite(rows).all(axis=1)
-        whole = rows if finite.all() else rows[: finite.argmin()]
+        whole = rows if np.isfinite(np.vdot(rows, rows)) else _before_others(rows)
         content = memoryview(whole.astype(NUMBER).ravel().view(np.uint8))
         if not self._records and len(whole):
             head, each = netcdf(first(), self._attributes, growing="time"), len(content) // len(whole)
@@ -65,13 +64,19 @@ class GrowingNetCDF(GrowingFile):
         self.write(content)
         self._records += len(whole)
         self._tell()
-        for row in rows[len(whole) :]:
-            self._check(row)
+        if len(whole) < len(rows):
+            self._check(rows[len(whole)])
 
     def _tell(self) -> None:
         """Write into the header how many records there are."""
         if self._size:
             self.write(self._records.to_bytes(4, "big"), at=COUNT.start)
+
+
+def _before_others(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the rows before the first with a number that is not finite, if there is one."""
+    finite = np.isfinite(rows).all(axis=1)
+    return rows if finite.all() else rows[: finite.argmin()]
 
 
 def whole(content: bytes) -> bytes:
