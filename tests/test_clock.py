@@ -97,11 +97,12 @@ def test_a_record_of_another_time_is_refused(wavetank, tmp_path):
     assert result.stderr.strip() == f"wavetank: {line}"
 
 
+OTHERS = "numerics.cell_size would name others, numerics.accuracy has them planned with the step"
 ORIGINS = {  # what a case has beside a step of 3 s: where its cells come from
     "named": ({"cells": 12}, 2, "its cells are those of numerics.cells = 12"),
     "their size": ({"cell_size": 0.25}, 2, "its cells are those of numerics.cell_size = 0.25"),
     "a short wave": ({}, 16, "its cells of 0.0833 m are as small as the shortest wave known of the case requires; num"),
-    "a long one": ({"order": 4}, 2, "its cells of 0.2 m are usual for the depth; numerics.cell_size would name others"),
+    "a long one": ({"order": 4}, 2, f"its cells of 0.2 m are usual for the depth; {OTHERS}"),
 }
 
 

@@ -108,4 +108,5 @@ def _origin(asked: Scene, scene: Scene) -> str:
         return f"{cells} are planned for numerics.accuracy = {numerics.accuracy:g}"
     shorter = scene.numerics.model_fields_set & {"cells", "cell_size"}
     why = "are as small as the shortest wave known of the case requires" if shorter else "are usual for the depth"
-    return f"{cells} {why}; numerics.cell_size would name others"
+    planned = ", numerics.accuracy has them planned with the step" if unplanned(asked) is None else ""
+    return f"{cells} {why}; numerics.cell_size would name others{planned}"
