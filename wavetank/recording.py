@@ -150,7 +150,7 @@ def record_run(
             check_affordable(scene, comm)
         with mesh_told(asked, scene):
             run, waves = build_run(scene, comm, integrator, beginning=kept.beginning if kept else None)
-        for doubt in (*doubts, *forewarnings(scene, run.clock, waves, own=integrator)):
+        for doubt in (*doubts, *forewarnings(scene, run.clock, waves, own=integrator, sinks=run.sinks)):
             warnings.add(doubt)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]

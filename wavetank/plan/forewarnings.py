@@ -5,6 +5,9 @@ from itertools import groupby
 from typing import Any
 
 import numpy as np
+from mpi4py import MPI
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from wavetank.arrays import Vector
 from wavetank.case import Scene
@@ -16,7 +19,9 @@ from wavetank.case.wave_files import SurfaceFile
 from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
+from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.contract import Integrator
+from wavetank.observers.energy import Sink
 from wavetank.plan.defaults import DEFAULT, bed_shape
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.highest_waves import too_high
@@ -30,20 +35,30 @@ from wavetank.theory.airy import wave_number
 
 LARGE = 0.1  # predicted relative error of the elevation
 SHORT = 0.5  # of a wave: a sponge that absorbs little of it
+WEAK = 0.01  # of a sponge's largest rate: what takes no waves to speak of
 SUDDEN = 0.1  # of its largest speed: what a paddle starts with in water at rest
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
-def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
+def forewarnings(
+    scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None, sinks: Sequence[Sink] = ()
+) -> list[str]:
     """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective.
 
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made:
-    of both it is said what mesh and vertical order miss of the paddle's waves.
+    of both it is said what mesh and vertical order miss of the paddle's waves. The run's ``sinks`` tell of a sponge.
     """
     planless = own is not None or unplanned(scene) is not None
     mesh = waves_missed(scene, waves.plane.cell_size) if planless else _predicted(scene)
     of_motion = *_strokes(scene), *too_high(scene), *_jolts(scene), *_ramps(scene)
-    before = [*mesh, *_of_walls(scene, waves), *of_motion, *_sponge(scene), *in_sponge(scene)]
+    before = [
+        *mesh,
+        *_of_walls(scene, waves),
+        *of_motion,
+        *_sponge(scene),
+        *in_sponge(scene),
+        *_damped(scene, waves, sinks),
+    ]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *beside(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
@@ -119,16 +134,38 @@ def in_sponge(scene: Scene) -> Iterator[str]:
     if not isinstance(scene.sponge, EndSponge):
         return
     edge = scene.tank.length - scene.sponge.length  # from the paddle at rest
-    beyond = groupby(scene.all_gauges, lambda gauge: gauge.x - scene.left > edge * (1 + ROUNDING))
-    rows = [[gauge.name for gauge in row] for inside, row in beyond if inside]
-    names = [f"gauges {row[0]} to {row[-1]}" if row[1:] else f"gauge {row[0]}" for row in rows]
+    names = _rows(scene, [gauge.x - scene.left > edge * (1 + ROUNDING) for gauge in scene.all_gauges])
     motion = getattr(scene.wall, "motion", None)
     key = "x" if isinstance(motion, SurfaceFile) else "focus_x"
     if (getattr(motion, key, None) or 0.0) > edge * (1 + ROUNDING):
         names.append(f"wall.motion.{key}")
+    yield from _standing(names, f"in the sponge, which takes waves from x = {scene.left + edge:.4g} m on")
+
+
+def _damped(scene: Scene, waves: AnyWaves, sinks: Sequence[Sink]) -> Iterator[str]:
+    """Yield a sentence if gauges are where a sponge of any other kind takes waves, by the nearest node; collective."""
+    gamma = next((one.gamma for one in sinks if isinstance(one, Absorbing)), None)
+    if gamma is None or isinstance(scene.sponge, EndSponge) or not scene.all_gauges:
+        return
+    plane, places = waves.plane, [(gauge.x, gauge.y) for gauge in scene.all_gauges]
+    away, nearest = cKDTree(plane.places).query(places)
+    apart, rates = map(np.array, zip(*plane.comm.allgather((away, np.append(gamma, 0.0)[nearest])), strict=True))
+    there = np.take_along_axis(rates, apart.argmin(axis=0)[None], axis=0)[0]
+    strongest = plane.comm.allreduce(float(gamma.max(initial=0.0)), op=MPI.MAX)
+    yield from _standing(_rows(scene, there > WEAK * strongest), "in the sponge, which takes waves there")
+
+
+def _rows(scene: Scene, chosen: Sequence[bool] | NDArray[np.bool_]) -> list[str]:
+    """Return which gauges are chosen, in words: those one after another together."""
+    each = groupby(zip(scene.all_gauges, chosen, strict=True), lambda one: bool(one[1]))
+    rows = [[gauge.name for gauge, _ in row] for inside, row in each if inside]
+    return [f"gauges {row[0]} to {row[-1]}" if row[1:] else f"gauge {row[0]}" for row in rows]
+
+
+def _standing(names: Sequence[str], where: str) -> Iterator[str]:
     if names:
         stand = "stand" if names[1:] or names[0].startswith("gauges ") else "stands"
-        yield f"{' and '.join(names)} {stand} in the sponge, which takes waves from x = {scene.left + edge:.4g} m on"
+        yield f"{' and '.join(names)} {stand} {where}"
 
 
 def beside(scene: Scene) -> Iterator[str]:
