@@ -37,7 +37,8 @@ class Envelope:
         table = np.loadtxt(data.find(REFERENCE, file), delimiter=",", skiprows=1)
         return cls(*table[np.argsort(table[:, 0], kind="stable")].T)
 
-    def extend(self, t, x, eta, psi):
+    def extend(self, rows):
+        x, eta, _ = np.split(rows[:, 1:], 3, axis=1)
         self.x = x[-1]
         self.highest = np.maximum(self.highest, eta.max(axis=0))
         self.lowest = np.minimum(self.lowest, eta.min(axis=0))

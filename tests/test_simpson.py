@@ -122,18 +122,11 @@ def test_what_is_recorded_costs_no_solve():
     assert Recorded("simpson-4", 0.04).solves <= waves.potential.counters.solves + 2  # of the first and last states
 
 
-class Snapshots:
-    """Keeps nothing: what makes a snapshot is looked at."""
-
-    def extend(self, t, x, eta, psi):
-        """Forget them."""
-
-
 def test_watch_gauges_and_snapshots_solve_for_nothing_besides_the_energies(monkeypatch):
     """Oracle: one solve at most of the last state, where the flow is looked at, and none of its jump."""
     scene = Scene.model_validate({**SLICE, "run": {"duration": 0.2}})
     run, waves = build_run(scene, MPI.COMM_WORLD)
-    records = Records(Memory(), Memory(), Snapshots())
+    records = Records(Memory(), Memory(), Memory())
     run.observers += build_watch(scene, run, waves, pytest.fail) + build_observers(scene, waves, records)
     for observer in run.observers:
         observer.schedule = EverySteps()

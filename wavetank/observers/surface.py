@@ -1,7 +1,5 @@
 """Snapshots of the surface along the tank, at the degrees of freedom, in the laboratory's x."""
 
-from typing import Protocol
-
 import numpy as np
 
 from wavetank.arrays import Vector
@@ -9,15 +7,9 @@ from wavetank.fe.by_place import SAME
 from wavetank.fe.in_rows import in_rows
 from wavetank.fe.points import Points
 from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
+from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.stateful import Held
-
-
-class SurfaceRecord(Protocol):
-    """Where snapshots go; only rank 0's are kept."""
-
-    def extend(self, rows: Vector) -> None:
-        """Append K snapshots, shape (K, 1 + 3 N): a time [s], places [m], elevations [m] and potentials [m²/s]."""
 
 
 class SurfaceSnapshots(Keeping):
@@ -26,10 +18,10 @@ class SurfaceSnapshots(Keeping):
     Parameters
     ----------
     record
-        Where snapshots go, or None on the other ranks.
+        Where rows go, or None on the other ranks: of each snapshot its time, and x, eta and psi at all places.
     """
 
-    def __init__(self, waves: ObservedWaves, *, record: SurfaceRecord | None, schedule: Schedule):
+    def __init__(self, waves: ObservedWaves, *, record: Record | None, schedule: Schedule):
         self._waves, self._record, self.schedule = waves, record, schedule
         self.sees = waves
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)

@@ -33,7 +33,7 @@ from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.stability import StabilityWatch
-from wavetank.observers.surface import SurfaceRecord, SurfaceSnapshots
+from wavetank.observers.surface import SurfaceSnapshots
 from wavetank.observers.windows import WindowObserver, WindowRecord
 from wavetank.runs.answering import added_motions, build_answers, build_supply
 from wavetank.runs.clock import Clock
@@ -80,7 +80,7 @@ class Records(NamedTuple):
 
     gauges: Record
     energy: Record
-    surface: SurfaceRecord | None
+    surface: Record | None
     fields: Callable[[str], FieldRecord] | None = None
     probes: Record | None = None
     loads: Record | None = None
