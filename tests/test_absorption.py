@@ -21,11 +21,13 @@ from wavetank.case.reading import read_case
 from wavetank.case.tanks import SliceTank
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
+from wavetank.integrators.states import Point
 from wavetank.motions import Sinusoid, steered
 from wavetank.motions.answer import Answer, Equation
 from wavetank.motions.at_face import elevation_at_face
 from wavetank.motions.mapping import largest_stroke, share
 from wavetank.motions.steered import Steered
+from wavetank.observers.contract import Moment
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
@@ -307,8 +309,8 @@ def test_work_is_counted_of_paddles_that_go_unevenly():
             t = n * dt
             if n > 0:
                 motion.go_on(t - dt, dt, np.sin(t), (1.0 + 8.0 * dt**2) * np.cos(t))
-            work.keep(t, [work.look(water, None, None, t)])
-            ((done, absorbed),) = work.work_off()
+            work.keep(water, Moment(n, t, Point(None, None)))
+            ((done,), (absorbed,)) = work.work_off(None, None, None)
             found = np.array([done, motion.added(t, 1) * slopes(None, None, t)[0][1] - absorbed])
             if n < 3:
                 exact = found

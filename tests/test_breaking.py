@@ -20,6 +20,7 @@ from wavetank.case import Scene
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
 from wavetank.fe.plane import Plane
+from wavetank.integrators.states import Point
 from wavetank.observers.breaking import StopAtBreaking
 from wavetank.observers.contract import Moment
 from wavetank.recording import record_run
@@ -328,6 +329,6 @@ def test_no_sound_wave_is_taken_for_a_breaking_one_and_no_breaking_one_is_missed
 def test_of_a_crest_that_hardly_travels_its_speed_is_told(speed, said):
     """Beside a flap that leans far water falls off crests that stand: thousands of per cent say nothing."""
     crest = SteepCrest(x=1.0, height=0.1, velocity=1.9, current=0.0, speed=speed, mean=1.0, front=0.5)
-    moment = Moment(0, 1.0, np.zeros(1), np.zeros(1))
+    moment = Moment(0, 1.0, Point(np.zeros(1), np.zeros(1)))
     with pytest.raises(RunError, match=re.escape(f"moves at 1.9 m/s, {said}")):
         StopAtBreaking(SimpleNamespace(rests=lambda: False, look=lambda t, *points: [crest])).observe(moment)

@@ -23,6 +23,7 @@ from wavetank.case import Scene
 from wavetank.console import console
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, ThirdOrder
+from wavetank.integrators.states import Point
 from wavetank.observers.checkpoints import Checkpoints
 from wavetank.observers.contract import Moment
 from wavetank.observers.crest import HighestCrest
@@ -189,16 +190,16 @@ def test_before_a_signal_ends_a_run_a_checkpoint_is_written():
     interruption, written = Interruption(MPI.COMM_SELF), []
     interruption.before = lambda: written.append(True)
     with interruption:
-        interruption.observe(Moment(0, 0.0, np.zeros(1), np.zeros(1)))
+        interruption.observe(Moment(0, 0.0, Point(np.zeros(1), np.zeros(1))))
         assert not written
         os.kill(os.getpid(), signal.SIGUSR1)
         for step in range(2):
-            interruption.observe(Moment(step, 0.0, np.zeros(1), np.zeros(1)))
+            interruption.observe(Moment(step, 0.0, Point(np.zeros(1), np.zeros(1))))
             assert written == [True]  # once, and the run goes on
         written.clear()
         os.kill(os.getpid(), signal.SIGTERM)
         with pytest.raises(RunError, match="interrupted by SIGTERM"):
-            interruption.observe(Moment(1, 0.1, np.zeros(1), np.zeros(1)))
+            interruption.observe(Moment(1, 0.1, Point(np.zeros(1), np.zeros(1))))
     assert written == [True]
 
 

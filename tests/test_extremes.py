@@ -19,6 +19,7 @@ from wavetank.case.reading import read_case
 from wavetank.errors import RunError
 from wavetank.fe.plane import Plane
 from wavetank.integrators import Simpson4, ThirdOrder
+from wavetank.integrators.states import Point, Traces
 from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.gauges import Gauges
@@ -196,7 +197,7 @@ def test_the_watch_tells_of_a_step_too_long_for_small_cells_with_a_current_over_
         state = scheme.start(q, p + noise * np.sin(1e5 * waves.plane.x))
         with suppress(RunError):
             for step in range(round((1.3 if long else 0.3) / dt)):
-                watch.observe(Moment(step, step * dt, state.q, state.p, jump=state.q_jump))
+                watch.observe(Moment(step, step * dt, state))
                 if said:
                     break
                 state = scheme.step(waves, state, step * dt, dt)
@@ -212,7 +213,7 @@ class Blind:
         self.schedule, self._watch = watch.schedule, watch
 
     def observe(self, moment):
-        self._watch.observe(moment._replace(jump=None))
+        self._watch.observe(Moment(moment.step, moment.t, Point(moment.q, moment.p)))
 
 
 def told() -> list[str]:
@@ -250,7 +251,7 @@ def test_what_alternates_is_growth_where_the_paddle_cannot_have_made_it(make_tan
     for step in range(30):
         q, p = tank.state(height * (-1) ** step * np.cos(np.pi * tank.plane.x / 2), 0 * tank.plane.x)
         jump = q - tank.state(0 * tank.plane.x, p)[0] if by_jump else None
-        watch.observe(Moment(step, step * dt, q, p, jump=jump))
+        watch.observe(Moment(step, step * dt, Traces(q - jump, q, p, p) if by_jump else Point(q, p)))
     assert len(said) == grown == (watch.since is not None)
 
 

@@ -14,6 +14,7 @@ from wavetank.case import Scene
 from wavetank.errors import InputError, RunError
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
+from wavetank.integrators.states import Point
 from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.fields import SurfaceFields, VelocityFields
@@ -110,7 +111,7 @@ def record(waves, path, *, snapshots=1):
     psi = np.sin(waves.plane.places[:, 0])
     for step in range(snapshots):
         for observer in observers:
-            observer.observe(Moment(step, 0.25 * step, psi, psi))
+            observer.observe(Moment(step, 0.25 * step, Point(psi, psi)))
 
 
 def read(path, name, snapshot=0):
@@ -236,7 +237,9 @@ def test_levels_may_be_chosen(tmp_path):
     waves = water(basin(comm=MPI.COMM_SELF))
     RunWriter(tmp_path, {}).begin().release()
     series = VtuSeries(tmp_path, "velocity", comm=MPI.COMM_SELF)
-    VelocityFields(waves, series, schedule=EverySteps(), levels=np.array([0.5, 1.0])).observe(Moment(0, 0.0, 0, 0))
+    VelocityFields(waves, series, schedule=EverySteps(), levels=np.array([0.5, 1.0])).observe(
+        Moment(0, 0.0, Point(0, 0))
+    )
     below = read(tmp_path, "velocity")
     x, y, z = below.points.T
     assert below.n_points == 2 * waves.plane.size
@@ -260,7 +263,7 @@ def record_on_ranks(path):
     series, psi = VtuSeries(path, "refused", comm=comm), waves.plane.x
     with pytest.MonkeyPatch.context() as patched, pytest.raises(RunError) as refused:
         patched.setattr(vtu_series, "replace", full)
-        SurfaceFields(waves, series, schedule=EverySteps()).observe(Moment(1, 1.0, psi, psi))
+        SurfaceFields(waves, series, schedule=EverySteps()).observe(Moment(1, 1.0, Point(psi, psi)))
     return str(refused.value)
 
 
@@ -321,7 +324,7 @@ def test_a_number_that_is_not_finite_is_refused_before_the_index_names_it(tmp_pa
     observer = SurfaceFields(waves, VtuSeries(tmp_path, "surface", comm=MPI.COMM_SELF), schedule=EverySteps())
     psi = np.where(waves.plane.x > 1.0, np.nan, 0.0)
     with pytest.raises(RunError, match=r"t = 0\.5 s: .*surface\.pvd is not a finite number"):
-        observer.observe(Moment(2, 0.5, psi, psi))
+        observer.observe(Moment(2, 0.5, Point(psi, psi)))
     assert len(RunDirectory(tmp_path).fields("surface")) == 1
 
 

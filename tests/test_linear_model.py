@@ -200,7 +200,7 @@ def test_height_to_stroke_is_biesels(make_linear, kd):
     state = scheme.start(*waves.state(rest, rest))
     for step in range(int(duration / dt)):
         state = scheme.step(waves, state, step * dt, dt)
-        gauges.observe(Moment(step + 1, (step + 1) * dt, state.q, state.p))
+        gauges.observe(Moment(step + 1, (step + 1) * dt, state))
     t, eta = record.array()[-2 * per_period :].T
     harmonic = 2 / t.size * abs(np.sum(eta * np.exp(-1j * omega * t)))
     assert harmonic == pytest.approx(float(PISTON.transfer(kd, 1.0)), rel=0.01)
@@ -216,10 +216,10 @@ def test_energy_balances_the_work_of_the_paddle(make_linear, name, order):
         budget = EnergyBudget(waves, record=record)
         rest, scheme, dt = np.zeros(waves.plane.owned), INTEGRATORS[name](), 2.0 / count
         state = scheme.start(*waves.state(rest, rest))
-        budget.observe(Moment(0, 0.0, state.q, state.p))
+        budget.observe(Moment(0, 0.0, state))
         for step in range(count):
             state = scheme.step(waves, state, step * dt, dt)
-            budget.observe(Moment(step + 1, (step + 1) * dt, state.q, state.p, state.known))
+            budget.observe(Moment(step + 1, (step + 1) * dt, state))
         errors.append(np.abs(record.array()[:, BALANCE]).max())
     assert -fitted_slope(steps, errors) > order - 0.4
 

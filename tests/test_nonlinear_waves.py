@@ -13,6 +13,7 @@ from wavetank.fe.forms import ScalarForm
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver
 from wavetank.integrators import INTEGRATORS, Simpson4
+from wavetank.integrators.simpson import MeanAndJumps
 from wavetank.integrators.third_order import Traces
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers.contract import Moment
@@ -20,7 +21,7 @@ from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.runs.build import build_run
 from wavetank.water.carried_waves import CarriedWaves
-from wavetank.water.seen import seen_from
+from wavetank.water.seen import BEFORE, POWER, see
 from wavetank.water.still_water import StillWaterWaves, scales
 
 SCHEMES = sorted(INTEGRATORS)
@@ -110,23 +111,31 @@ def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
 def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between(make_tank):
     """Oracle: H and the potential energy of the state, evaluated there, at three distances.
 
-    What is compiled of it is what its formulae give.
+    What is compiled of it is what its formulae give, whether the first of the points was evaluated last or not.
     """
     tank, t = make_tank(length=2.0, cells=8, n=5, motion=piston()), 3.3
-    q, p = steep_state(tank)
+    mean = np.array(steep_state(tank))
+    q, p = mean
     tank.set_time(t)
     bump, errors, sizes = np.cos(2 * np.pi * tank.plane.x), [], [4e-3, 2e-3, 1e-3]
     for size in sizes:
-        at = q + size * tank.mass.apply(bump), p + size * bump
-        seen, told = tank.seen_from(q, p, t, at=at), seen_from(tank, q, p, t, at=at)
-        assert np.abs(np.subtract(seen.energies, told.energies)).max() < 1e-13
-        assert np.abs(seen.eta - told.eta).max() < 1e-14 and np.abs(seen.rise - told.rise).max() < 1e-14
-        assert seen.stood == tank.wall.stood and seen.rise == pytest.approx(size * bump, abs=1e-12)
-        assert seen.mass == pytest.approx(tank.total_mass(q), rel=1e-14)
-        power = tank._wall_terms.explicit_rate(partial(tank.H_q, *at, t))
-        assert seen.power == pytest.approx(power, rel=1e-12) and abs(power) > 1e-4
-        assert tank.seen_from(q, p, t, at=at) is seen  # for nothing
-        H, potential = tank.energy_near(q, p, t, at=at), seen.energies.potential
+        away = np.array([size * tank.mass.apply(bump), size * bump])
+        state = MeanAndJumps(mean, 2 * away, away, away, mean - away)
+        before, at = state.known
+        found, told = tank.sight(2), tank.sight(1)
+        tank.see(state, t, found, 0)
+        tank.evaluate(*before, t)
+        tank.see(state, t, found, 1)
+        see(tank, state, t, told, 0)
+        for row in range(2):
+            for name, scale in (("eta", 1e-14), ("rise", 1e-14), ("positions", 0.0), ("velocities", 0.0)):
+                assert np.abs(getattr(found, name)[row] - getattr(told, name)[0]).max() <= scale, name
+            assert found.numbers[row, :4] == pytest.approx(told.numbers[0, :4], rel=1e-12, abs=1e-13)
+            for place, point in ((BEFORE, before), (POWER, at)):
+                power = tank._wall_terms.explicit_rate(partial(tank.H_q, *point, t))
+                assert found.numbers[row, place] == pytest.approx(power, rel=1e-9) and abs(power) > 1e-4
+        assert found.stood(0, t) == tank.wall.stood and found.rise[0] == pytest.approx(size * bump, abs=1e-12)
+        H, potential = tank.energy_near(q, p, t, at=at), found.numbers[0, 1]
         errors.append([abs(H - tank.energy(q, p, t)), abs(potential - tank.energies(q, p, t).potential)])
     assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0, 2.0], abs=0.1)
 
@@ -213,7 +222,7 @@ def driven(make_tank, name, dt, *, duration, every=(1,)):
     state = scheme.start(*tank.state(rest, rest))
     for step in range(round(duration / dt) + 1):
         for budget in budgets:
-            budget.observe(Moment(step, step * dt, state.q, state.p, state.known))
+            budget.observe(Moment(step, step * dt, state))
         state = scheme.step(tank, state, step * dt, dt)
     return [record.array() for record in records]
 

@@ -9,14 +9,14 @@ from wavetank.hamiltonian.oscillators import Harmonic
 from wavetank.integrators import StormerVerlet
 from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.filtered import Filtered
+from wavetank.integrators.states import Point
 from wavetank.motions import Sinusoid
 from wavetank.observers.contract import Moment
 from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.surface import SurfaceSnapshots
-from wavetank.water.energy import Energies
-from wavetank.water.seen import Seen
+from wavetank.water.seen import Sight
 
 
 @pytest.mark.parametrize(("every", "dt"), [(0.1, 0.05), (0.3, 0.1), (0.7, 0.1)])
@@ -103,7 +103,7 @@ def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
 
     snapshots = SurfaceSnapshots(tank, record=Kept(), schedule=EverySteps())
     for t in (0.0, 1.0, 3.0):
-        snapshots.observe(Moment(0, t, *tank.state(0 * tank.plane.x, 0 * tank.plane.x, t)))
+        snapshots.observe(Moment(0, t, Point(*tank.state(0 * tank.plane.x, 0 * tank.plane.x, t))))
         assert seen[-1][[0, -1]] == pytest.approx([motion.position(t), 6.0], abs=1e-12)
         assert np.all(np.diff(seen[-1]) > 0.0)
 
@@ -111,16 +111,17 @@ def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):
 class Steady:
     """Water whose energy stays what it is, whatever is put in and taken out."""
 
-    depth, gravity = 1.0, 9.81
+    depth, gravity, tells_power = 1.0, 9.81, False
+    wall = SimpleNamespace(stood=(), velocities=np.zeros(1))
 
     def explicit_rate(self, q, p, t):
         return 8.9
 
-    def seen_from(self, q, p, t, *, at):
-        return Seen(Energies(0.5, 0.5), q, 0 * q, 1.0, (), q)
+    def sight(self, most):
+        return Sight(most, owned=1, wall=self.wall)
 
-    def total_mass(self, q):
-        return 1.0
+    def see(self, state, t, into, row):
+        into.numbers[row, :4] = 0.5, 0.5, 0.0, 1.0
 
 
 def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_dissipated():
@@ -129,18 +130,18 @@ def test_a_balance_is_judged_by_all_the_energy_there_was_also_what_has_been_diss
     budget = EnergyBudget(Steady(), record=Memory(), sinks=[damping])
     for step, taken in enumerate((0.0, 4.45, 9.0)):
         damping.energy_taken = taken
-        budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
+        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
     assert budget.energy_error == pytest.approx(0.01, rel=1e-9)
 
 
 @pytest.mark.parametrize(("unseen", "told"), [(-0.2, True), (-0.05, False), (0.2, True)])
 def test_waves_that_go_through_a_tank_are_energy_that_a_balance_is_judged_by(unseen, told):
     """Of 1 J that stays and 900 J that a paddle has absorbed by 100 s: what is unseen of its work is over 901 J."""
-    pulled = SimpleNamespace(look=lambda *_: np.zeros(1), keep=lambda t, seen: None)
+    pulled = SimpleNamespace(keep=lambda *_: None)
     budget = EnergyBudget(Steady(), record=Memory(), supply=pulled)
     for step in range(201):
-        pulled.work_off = lambda step=step: [(0.5 * step * unseen, 0.5 * step * 9.0)]
-        budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
+        pulled.work_off = lambda *_, step=step: np.array([[0.5 * step * unseen], [0.5 * step * 9.0]])
+        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
     assert budget.energy_error == pytest.approx(100 * abs(unseen) / 901, rel=1e-9)
     assert len(budget.verdict()) == told
 
@@ -152,7 +153,7 @@ def test_what_gives_energy_is_told_by_its_name_whatever_the_other_takes(which, c
     budget = EnergyBudget(Steady(), record=Memory(), sinks=sinks)
     for step, given in enumerate((-0.2, -0.1, 0.1, -0.1)):
         sinks[which].energy_taken, sinks[1 - which].energy_taken = -given, 4.0 * (step > 0)
-        budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
+        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
     told = [sentence for sentence in budget.verdict() if "given" in sentence]
     assert len(told) == 1 and told[0].startswith(f"{called} has given the waves")
     assert "by t = 1 s" in told[0]
@@ -164,6 +165,6 @@ def test_the_paddle_s_work_is_integrated_to_fourth_order_but_for_the_first_step(
     water.explicit_rate = lambda q, p, t: 3 * t**2
     budget = EnergyBudget(water, record=record)
     for step in range(6):
-        budget.observe(Moment(step, 0.5 * step, np.zeros(1), np.zeros(1)))
+        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
     work = record.array()[1:, columns(1).index("paddle_work [m^4/s^2]")]
     assert work == pytest.approx((0.5 * np.arange(1, 6)) ** 3 + 0.5**4, rel=1e-14)

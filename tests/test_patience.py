@@ -17,6 +17,7 @@ from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.errors import BreakdownError, PaddleError, RunError, StoppedError
 from wavetank.fe.differences import largest_differences
+from wavetank.integrators.states import Point
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
 from wavetank.observers.contract import Moment, Moments, Patient
@@ -79,7 +80,7 @@ def test_so_it_is_on_several_ranks(parts, on_ranks):
 
 def looked_at(tank: NonlinearWaves, step: int, t: float, eta: Vector) -> Moment:
     """Return a moment of an elevation [m] at which the water has been looked at, as a run does when it comes."""
-    moment = Moment(step, t, *tank.state(eta, 0 * eta, t), seen={})
+    moment = Moment(step, t, Point(*tank.state(eta, 0 * eta, t)))
     moment.look(tank)
     return moment
 
@@ -277,5 +278,5 @@ def test_a_step_that_took_long_to_note_does_not_keep_others_from_being_noted(mon
     observer = checkpoints.Checkpoints(MPI.COMM_SELF, lambda: None, note=note, settle=lambda: None, every=1e9)
     for step in range(20):
         clock[0] += 1.0
-        observer.observe(Moment(step, 0.1 * step, np.zeros(1), np.zeros(1)))
+        observer.observe(Moment(step, 0.1 * step, Point(np.zeros(1), np.zeros(1))))
     assert len(noted) == 19

@@ -16,6 +16,7 @@ from wavetank.errors import InputError
 from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
+from wavetank.integrators.states import Point
 from wavetank.observers.contract import Moment
 from wavetank.observers.record import Memory
 from wavetank.plan import cost_model, planned
@@ -684,7 +685,7 @@ def test_a_start_by_formula_is_timed_where_no_plan_is_made(tmp_path, capsys):
 def test_a_stopwatch_leaves_out_the_first_steps():
     watch, solved = Stopwatch(lambda: solved.pop(0)), [0, 9, 15, 18, 20, 23]
     for step in range(6):
-        watch.observe(Moment(step, 0.1 * step, np.zeros(1), np.zeros(1)))
+        watch.observe(Moment(step, 0.1 * step, Point(np.zeros(1), np.zeros(1))))
     assert watch.per_step(after=3)[2] == 2.5
     assert watch.per_step(after=9)[2] == 3.0  # a run that short: of its last step
 

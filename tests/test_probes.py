@@ -11,6 +11,7 @@ from rich.console import Console
 from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.fe.plane import Plane
+from wavetank.integrators.states import Point
 from wavetank.motions import AtRest, Sinusoid
 from wavetank.motions.tangent import Tangent
 from wavetank.observers.contract import Moment
@@ -35,7 +36,7 @@ def seen(water, state, points, t=0.0):
     record, (x, z) = Memory(), np.array(points).T
     at = np.column_stack([x, 0 * x, z])
     sounding = Sounding(water, at, density=DENSITY)
-    Probes(water, sounding, record=record, schedule=EverySteps()).observe(Moment(0, t, *state))
+    Probes(water, sounding, record=record, schedule=EverySteps()).observe(Moment(0, t, Point(*state)))
     return record.array()[0, 1:].reshape(-1, 7)
 
 

@@ -174,7 +174,7 @@ def driven(make_tank, *, steps):
     scheme = Filtered(Simpson4(), [sponge], ended=budget.ended)
     state = scheme.start(*waves.state(0.05 * np.cos(np.pi * waves.plane.x / 3), 0 * waves.plane.x))
     for step in range(steps + 1):
-        budget.observe(Moment(step, step * dt, state.q, state.p, state.known))
+        budget.observe(Moment(step, step * dt, state))
         state = scheme.step(waves, state, step * dt, dt)
     return record.array()
 
@@ -200,7 +200,7 @@ def test_a_sponge_that_gives_energy_is_told(make_tank, strength, sound):
     budget, scheme = EnergyBudget(waves, record=Memory(), sinks=[sponge]), Filtered(ThirdOrder(), [sponge])
     state = scheme.start(*waves.state(0 * waves.plane.x, 0.2 * np.cos(np.pi * waves.plane.x / 2) + 0.5))
     for step in range(5):
-        budget.observe(Moment(step, step * 0.02, state.q, state.p))
+        budget.observe(Moment(step, step * 0.02, state))
         state = scheme.step(waves, state, step * 0.02, 0.02)
     assert any("the sponge has given the waves" in sentence for sentence in budget.verdict()) != sound
 

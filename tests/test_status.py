@@ -11,6 +11,7 @@ import pytest
 from wavetank import status
 from wavetank.cli import main
 from wavetank.errors import StoppedError
+from wavetank.integrators.states import Point
 from wavetank.observers.contract import Moment
 from wavetank.observers.progress import Standing
 from wavetank.records import environment, lock
@@ -129,6 +130,6 @@ def test_the_manifest_keeps_where_a_run_stands_not_at_every_step(monkeypatch):
     monkeypatch.setattr("wavetank.observers.progress.time.monotonic", lambda: next(clock))
     standing = Standing(noted.update, lambda: written.append(noted["progress"]["step"]), begin=1.0, end=2.0)
     for step in range(4):
-        standing.observe(Moment(step, 1.0 + 0.1 * step, np.zeros(1), np.zeros(1)))
+        standing.observe(Moment(step, 1.0 + 0.1 * step, Point(np.zeros(1), np.zeros(1))))
     assert written == [0, 2]
     assert noted["progress"] == {"t": pytest.approx(1.3), "begin": 1.0, "end": 2.0, "step": 3, "wall_s": 7.0}

@@ -35,7 +35,7 @@ def test_height_to_stroke_is_biesels(make_tank, kd):
     state = scheme.start(*tank.state(rest, rest))
     for step in range(int(duration / dt)):
         state = scheme.step(tank, state, step * dt, dt)
-        gauges.observe(Moment(step + 1, (step + 1) * dt, state.q, state.p))
+        gauges.observe(Moment(step + 1, (step + 1) * dt, state))
     t, eta = record.array()[-2 * steps_per_period :].T
     harmonic = 2 / t.size * abs(np.sum(eta * np.exp(-1j * omega * t)))
     assert harmonic / AMPLITUDE == pytest.approx(float(PISTON.transfer(kd, 1.0)), rel=0.01)

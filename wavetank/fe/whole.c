@@ -32,6 +32,7 @@ typedef void AimAt(const void *points, int known, const double *c);
 typedef void Combine(const void *points, int known, double wrong, double *z, double *missed);
 
 enum { POSITION, SPEED, ACCELERATION };
+enum { KINETIC, POTENTIAL, WALL, MASS, BEFORE, POWER, OF_A_ROW };   /* of water/seen.py */
 
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 #define EACH_PADDLE(one) for (Paddle *one = w->paddles; one; one = one->next)
@@ -216,27 +217,29 @@ static int attempt(Attempt *s, const double *z, const double *c, double a, int c
     return iterations;
 }
 
-/* The power of walls that move at the point that was found last, and their part of H. */
-static void push(const Whole *w, const double *point, double *power)
+/* The power of walls that move at the point that was found last; ``of_walls`` is their part of H. */
+static double push(const Whole *w, const double *point, double *of_walls)
 {
-    power[0] = power[1] = 0.0;
+    double power = 0.0;
+    *of_walls = 0.0;
     EACH_PADDLE(one) {
         double pushed[2];
         ((Push *)one->push)(one->strip, one->moves[POSITION], one->moves[SPEED], point + 2 * w->dofs, pushed);
-        power[0] += pushed[0] + one->moves[ACCELERATION] * pushed[1];
-        power[1] += one->moves[SPEED] * pushed[1];
+        power += pushed[0] + one->moves[ACCELERATION] * pushed[1];
+        *of_walls += one->moves[SPEED] * pushed[1];
     }
+    return power;
 }
 
-/* See masses q and surface potential p from the point near them that was found last. Sets the elevation and, behind it, how
-   much higher that of the point is. Finds 1/2 eta M eta there; what lies between times the derivatives there, and that of
-   q times the elevation there; the mass; what ``push`` does. */
-static void see(Whole *w, const double *q, const double *p, const double *point, const double *still, double *eta,
-                double *found)
+/* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told: into a
+   row, all but the power BEFORE. */
+static void see(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
+                double gravity, const Sight *into, long row)
 {
     const long n = w->dofs;
     const double *by_p = point, *by_q = point + 2 * n, *at_q = point + 3 * n, *at_p = point + 4 * n;
-    double *rise = eta + n, *by_mass = w->image, twice = 0.0, change = 0.0, lift = 0.0, mass = 0.0;
+    double *eta = into->eta + row * n, *rise = into->rise + row * n, *numbers = into->numbers + row * OF_A_ROW;
+    double *by_mass = w->image, twice = 0.0, change = 0.0, lift = 0.0, mass = 0.0;
     EACH(i, n)
         eta[i] = w->column[i] - still[i], rise[i] = at_q[i] - q[i], mass += q[i];
     memset(by_mass, 0, sizeof(double) * n);
@@ -249,6 +252,35 @@ static void see(Whole *w, const double *q, const double *p, const double *point,
     CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
     EACH(i, n)
         eta[i] -= rise[i];
-    found[0] = 0.5 * twice, found[1] = change, found[2] = lift, found[3] = mass;
-    push(w, point, found + 4);
+    numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = gravity * (0.5 * twice + lift);
+    numbers[MASS] = mass, numbers[POWER] = push(w, point, numbers + WALL);
+    long paddle = into->paddles; /* each knows the one before it */
+    EACH_PADDLE(one) {
+        --paddle;
+        into->positions[row * into->paddles + paddle] = one->moves[POSITION];
+        if (into->speeds == into->paddles)
+            into->velocities[row * into->speeds + paddle] = one->moves[SPEED];
+    }
+}
+
+static int is_point(const Whole *w, const double *point, const double *state)
+{
+    return !memcmp(point + 3 * w->dofs, state, 2 * sizeof(double) * w->dofs);
+}
+
+/* The power at the ``first`` point, where that is the one found last, ``at``; the ``last`` point, where it is another, found
+   as ``find`` does; and the ``state`` seen from there, [q, p] each. Returns as that does; -1 too of what is not so: BEFORE
+   stays as it is then. */
+static int look(Whole *w, const double *state, const double *first, const double *last, const double *at,
+                const double *still, int recorded, double gravity, double *found, double *told, const Sight *into, long row)
+{
+    const long n = w->dofs;
+    double *before = into->numbers + row * OF_A_ROW + BEFORE, of_walls;
+    if (!is_point(w, at, first) || is_point(w, at, last))
+        return -1;
+    *before = push(w, at, &of_walls);
+    const int iterations = find(w, last, last + n, still, recorded, found, told);
+    if (iterations >= 0)
+        see(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);
+    return iterations;
 }

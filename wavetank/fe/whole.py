@@ -60,16 +60,23 @@ typedef struct {
     const double *scale;
     double away, length;
 } Attempt;
+typedef struct {
+    int paddles, speeds;
+    double *eta, *rise, *numbers, *positions, *velocities;
+} Sight;
 """
+ROWS = "eta", "rise", "numbers", "positions", "velocities"
 DECLARATIONS = f"""{WHOLE}
 int find(Whole *, const double *q, const double *p, const double *still, int recorded, double *flow, double *told);
 void begin_stage(const Attempt *, const double *z, const double *slope, const double *c, double a, int carried,
                  int mixed, double wrong, double *start);
 int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int recorded,
             int mixed, double *found, double *told, double *next);
-void see(Whole *, const double *q, const double *p, const double *point, const double *still, double *eta,
-         double *found);
-void push(const Whole *, const double *point, double *power);
+double push(const Whole *, const double *point, double *of_walls);
+void see(Whole *, const double *q, const double *p, const double *point, const double *still, double kinetic,
+         double gravity, const Sight *into, long row);
+int look(Whole *, const double *state, const double *first, const double *last, const double *at, const double *still,
+         int recorded, double gravity, double *found, double *told, const Sight *into, long row);
 """
 
 
@@ -116,6 +123,22 @@ class Near(Protocol):
     @property
     def slope(self) -> Vector:
         """See above."""
+
+
+class Rows(Protocol):
+    """Rows of what is seen, as ``water/seen.py`` has them.
+
+    Attributes
+    ----------
+    eta, rise, numbers, positions, velocities
+        See there.
+    """
+
+    eta: Vector
+    rise: Vector
+    numbers: Vector
+    positions: Vector
+    velocities: Vector
 
 
 class Leaning(Protocol):
@@ -226,8 +249,8 @@ class Whole:
         self._struct = self._kernel.shared("Whole", parts)
         self._told = np.zeros(3)
         self._at_told = self._kernel.pointer(self._told)
-        self._seen: Any = np.zeros(6)
-        self._at_seen = self._kernel.pointer(self._seen)
+        self._followed: Vector | float | None = None  # the column of still water that walls know
+        self._into: Rows | None = None  # of which ``_at_rows`` are
         self._trials: dict[tuple[Inverse, Combination], Any] = {}
         self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
 
@@ -310,31 +333,66 @@ class Whole:
             self._trials[inverse, mixing] = trial = self._kernel.shared("Attempt", parts)
         return trial
 
-    def push(self, point: Vector) -> float:
+    def push(self, point: Vector, still: Vector | float) -> float:
         """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them."""
-        self._follow()
-        self._kernel.call.push(self._struct, self._kernel.pointer(point), self._at_seen)
-        return float(self._at_seen[0])
+        self._follow(still)
+        power: float = self._kernel.call.push(self._struct, self._kernel.pointer(point), self._at_told)
+        return power
 
-    def _follow(self) -> None:
+    def see(
+        self,
+        state: tuple[Vector, Vector],
+        point: Vector,
+        still: Vector | float,
+        kinetic: float,
+        gravity: float,
+        into: Rows,
+        row: int,
+    ) -> None:
+        """See masses and surface potential from the point last found, which is near, where all walls ``push``.
+
+        ``point`` and ``still`` are as of ``push`` and ``find``, ``kinetic`` the energy of the point. All but the power
+        of the first point gets into the row.
+        """
+        q, p = state
+        self._mass.make_ready()
+        self._follow(still)
+        at = self._kernel.doubles
+        where = at(q), at(p), at(point), self._of_still(still, q.size)
+        self._kernel.call.see(self._struct, *where, kinetic, gravity, self._room(into), row)
+
+    def look(
+        self, pairs: Sequence[Vector], point: Vector, still: Vector | float, gravity: float, into: Rows, row: int
+    ) -> Solution | None:
+        """Find the last of two points of a state, and see the state from there, as ``see``; None as ``find``.
+
+        ``pairs`` are state, first and last point, (q, p) each, shape (2, dofs), and ``point`` is the one last found:
+        where it is the first of these, and not the last, its power comes into the row, too; else None.
+        """
+        recorded = self._ready()
+        if not recorded:
+            return None
+        if still is not self._followed:
+            self._follow(still)
+        state, first, last = pairs
+        at, found = self._kernel.doubles, np.empty((5, state.shape[1]))
+        given = at(state), at(first), at(last), at(point), self._of_still(still, state.shape[1])
+        room = at(found), self._at_told, self._room(into), row
+        return self._solution(self._kernel.call.look(self._struct, *given, recorded, gravity, *room), found)
+
+    def _follow(self, still: Vector | float) -> None:
+        """See to it that walls know the bed as it is."""
+        self._followed = still
         for wall in self._walls:
             wall.follow()
 
-    def see(self, q: Vector, p: Vector, point: Vector, still: Vector | float) -> tuple[Vector, list[float]]:
-        """See masses and surface potential from the point last found, which is near, where all walls ``push``.
-
-        ``point`` and ``still`` are as of ``push`` and ``find``.
-
-        Returns the elevation and how much higher that of the point is, shape (2, dofs) [m]; of the point 1/2 eta M eta,
-        its derivatives times what lies between, and the elevation times what lies between the masses; the state's
-        mass; of the point dH/dt at fixed (Q, psi), and the walls' part of H.
-        """
-        self._mass.make_ready()
-        self._follow()
-        at, eta = self._kernel.doubles, np.empty((2, q.size))
-        where = at(q), at(p), at(point), self._of_still(still, q.size), at(eta)
-        self._kernel.call.see(self._struct, *where, self._at_seen)
-        return eta, self._seen.tolist()
+    def _room(self, into: Rows) -> Any:
+        """Return where rows are, found once for those that are asked for one after the other."""
+        if into is not self._into:
+            sizes = {"paddles": into.positions.shape[1], "speeds": into.velocities.shape[1]}
+            rows = {name: getattr(into, name) for name in ROWS}
+            self._into, self._at_rows = into, self._kernel.shared("Sight", {**sizes, **rows})
+        return self._at_rows
 
     def _of_still(self, still: Vector | float, size: int) -> Any:
         """Return where the column of still water is."""

@@ -113,6 +113,15 @@ class Flowing(Protocol):
         """Return dz/dt of z = [q, p], one behind the other, in the same way; collective."""
 
 
+class BetweenTwo:
+    """A state between two points at which its system is evaluated anyway, all of them in one array each."""
+
+    @property
+    def pairs(self) -> tuple[Vector, Vector, Vector]:
+        """The state, and the points before and after it, (q, p), shape (2, n) each."""
+        raise NotImplementedError
+
+
 @runtime_checkable
 class Seeing(Protocol):
     """A system that can tell the energy of a point from one near to it in less than from its derivatives there."""

@@ -25,7 +25,7 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage
+from wavetank.hamiltonian.contract import BetweenTwo, HamiltonianSystem, Near, Stage
 from wavetank.hamiltonian.formulae import Formulae
 from wavetank.integrators.contract import Evaluated, Map
 from wavetank.integrators.flow import flow_of
@@ -63,7 +63,7 @@ class Pairs(NamedTuple):
     minus: Vector
 
 
-class MeanAndJumps(Pairs):
+class MeanAndJumps(Pairs, BetweenTwo):
     """The state, with what is asked of it, found once: who asks again knows by the array that it is the same."""
 
     @cached_property
@@ -88,6 +88,11 @@ class MeanAndJumps(Pairs):
     def plus(self) -> Vector:
         """The plus trace."""
         return self.mean + self.jump / 2
+
+    @property
+    def pairs(self) -> tuple[Vector, Vector, Vector]:
+        """Mean and traces."""
+        return self.mean, self.minus, self.plus
 
     @cached_property
     def known(self) -> tuple[Evaluated, ...]:

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,83 +11,120 @@ from wavetank.arrays import Vector
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
 from wavetank.water.energy import Energies
-from wavetank.water.seen import Seen
+from wavetank.water.seen import Seen, Sight, State
 from wavetank.water.walls.contract import Heights, Paddle, Stood, stands
 
 
-class Moment(NamedTuple):
-    """The state at one step: t = step dt [s], coordinates and momenta.
+class MomentState(State, Protocol):
+    """What a scheme carries from step to step, as observers see it."""
+
+    @property
+    def q_jump(self) -> Vector | None:
+        """The jump of the coordinates; None where the scheme lets them have none."""
+
+
+class Moment:
+    """The state at one step.
+
+    Parameters
+    ----------
+    sights
+        What has been seen of waves, by their ids.
+    row
+        Where it is there.
 
     Attributes
     ----------
-    known
-        Points next to (q, p) at which the system is evaluated anyway, in the order in which that costs nothing; none
-        are known to who makes a moment by hand.
-    jump
-        Of the coordinates; None where the scheme lets them have none.
-    seen
-        By waves, what has been seen of them; None of a moment that is made by hand.
+    step, t
+        t = step dt [s].
+    state
+        Coordinates, momenta and what else the scheme knows.
     """
 
-    step: int
-    t: float
-    q: Vector
-    p: Vector
-    known: tuple[tuple[Vector, Vector], ...] = ()
-    jump: Vector | None = None
-    seen: dict[int, Seen] | None = None
+    __slots__ = "row", "sights", "state", "step", "t"
+
+    def __init__(
+        self, step: int, t: float, state: MomentState, *, sights: dict[int, Sight] | None = None, row: int = 0
+    ):
+        self.step, self.t, self.state, self.row = step, t, state, row
+        self.sights: dict[int, Sight] = {} if sights is None else sights
 
     @property
-    def points(self) -> tuple[tuple[Vector, Vector], ...]:
-        """The known points, or the one there is."""
-        return self.known or ((self.q, self.p),)
+    def q(self) -> Vector:
+        """The coordinates, shape (owned,)."""
+        return self.state.q
 
-    def look(self, waves: "ObservedWaves") -> Seen:
-        """Return what is seen of waves from the last of the known points, found once for all who look; collective."""
-        seen = {} if self.seen is None else self.seen
-        if id(waves) not in seen:
-            seen[id(waves)] = waves.seen_from(self.q, self.p, self.t, at=self.points[-1])
-        return seen[id(waves)]
+    @property
+    def p(self) -> Vector:
+        """The momenta, shape (owned,)."""
+        return self.state.p
 
-    def elevation(self, waves: "ObservedWaves") -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
-        return waves.elevation(self.q, self.p, self.t) if self.seen is None else self.look(waves).eta
+    @property
+    def jump(self) -> Vector | None:
+        """The jump of the coordinates, shape (owned,); None where the scheme lets them have none."""
+        return self.state.q_jump
+
+    @property
+    def points(self) -> Sequence[tuple[Vector, Vector]]:
+        """Points next to (q, p) at which the system is evaluated anyway, in the order in which that costs nothing."""
+        return self.state.known
 
     @property
     def is_mean(self) -> bool:
         """Whether the state is the mean of two traces, of which the later is the last of the known points."""
         return self.points[-1][0] is not self.q
 
-    def stood(self, waves: "ObservedWaves") -> Stood:
-        """Return how the wall stood, as its ``stand`` asks for it."""
-        return waves.wall.stood if self.seen is None else self.look(waves).stood
+    def look(self, waves: "ObservedWaves") -> Sight:
+        """Return where what is seen of waves at this moment is, found once for all who look; collective."""
+        sight = self.sights.get(id(waves))
+        if sight is None:
+            sight = self.sights[id(waves)] = waves.sight(self.row + 1)
+        if self.row >= sight.filled:
+            waves.see(self.state, self.t, sight, self.row)
+            sight.filled = self.row + 1
+        return sight
 
-    def velocities(self, waves: "ObservedWaves") -> Vector:
-        """Return how the wall moved [m/s], shape (owned,) or (1,)."""
-        return waves.wall.velocities if self.seen is None else self.look(waves).velocities
+    def elevation(self, waves: "ObservedWaves") -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+        eta: Vector = self.look(waves).eta[self.row]
+        return eta
+
+    def stood(self, waves: "ObservedWaves") -> Stood:
+        """Return how the wall stood, as its ``stand`` asks for it; collective."""
+        return self.look(waves).stood(self.row, self.t)
 
 
 class Moments(list[Moment]):
-    """Moments that are worked off together: what several observers ask of all of them is found once."""
+    """Moments that are worked off together: what several observers ask of all of them is found once.
+
+    Its arrays are of the run, which takes others into them when these moments have been worked off.
+    """
 
     def __init__(self, moments: Iterable[Moment] = ()):
         super().__init__(moments)
-        self._elevations = dict[int, Vector]()
+        self._seen = dict[int, Seen]()
+        self._times: Vector | None = None
 
     @property
     def times(self) -> Vector:
         """When they are [s], shape (K,)."""
-        return np.array([moment.t for moment in self])
+        if self._times is None:
+            self._times = np.array([moment.t for moment in self])
+        return self._times
+
+    def seen(self, waves: "ObservedWaves") -> Seen:
+        """Return what is seen of waves, of all moments; collective."""
+        if id(waves) not in self._seen:
+            self._seen[id(waves)] = Seen.of([(moment.look(waves), moment.row) for moment in self])
+        return self._seen[id(waves)]
 
     def elevations(self, waves: "ObservedWaves") -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (K, owned); collective."""
-        if id(waves) not in self._elevations:
-            self._elevations[id(waves)] = np.array([moment.elevation(waves) for moment in self])
-        return self._elevations[id(waves)]
+        return self.seen(waves).eta
 
     def stands(self, waves: "ObservedWaves", places: Vector) -> Vector:
-        """Return how far from rest the wall's paddles stood beside places [m], shape (paddles, K, N)."""
-        return stands(waves.wall.stand, places, [moment.stood(waves) for moment in self])
+        """Return how far from rest the wall's paddles stood beside places [m], shape (paddles, K, N); collective."""
+        return stands(waves.wall.stand, places, self.times, self.seen(waves).positions)
 
 
 class Observer(Protocol):
@@ -214,8 +251,15 @@ class ObservedWaves(Protocol):
     def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
         """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi)."""
 
-    def seen_from(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
-        """Return what is seen of a state from a point near to it, which is evaluated then: energies, elevation."""
+    @property
+    def tells_power(self) -> bool:
+        """Whether what is seen of a moment tells the power of its paddles, for nothing."""
+
+    def sight(self, most: int) -> Sight:
+        """Return room for what is seen of so many moments."""
+
+    def see(self, state: State, t: float, into: Sight, row: int) -> None:
+        """See a state at t [s] from the last of its known points, which is evaluated then: into a row."""
 
     def inner(self, a: Vector, b: Vector) -> float:
         """Return the sum of a b over the degrees of freedom of all ranks."""

@@ -12,12 +12,12 @@ right to the square of the jump. Where something acts between steps, the mean is
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.observers.contract import Keeping, Moment, ObservedWaves
+from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.supply import Power, Supply
@@ -91,8 +91,7 @@ class EnergyBudget(Keeping):
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self.sees = waves
         self._sinks = {type(sink).__name__: sink for sink in sinks}
-        self._kept = list[tuple[float, ...]]()  # steps, times, energies, the mass, and what each sink had taken
-        self._before: list[Any] = []  # what was seen where the step ended, if something has acted since
+        self._taken = list[list[float]]()  # what each sink had taken by moments that are not worked off
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
@@ -102,22 +101,19 @@ class EnergyBudget(Keeping):
 
     def ended(self, at: tuple[Vector, Vector], t: float) -> None:
         """Look at where a step has ended, before something acts on the state; collective."""
-        self._before = [self._supply.look(self._waves, *at, t)]
+        self._supply.ended(self._waves, at, t)
 
     def keep(self, moment: Moment) -> None:
-        """Add to the paddle's work, and keep what there was of energy; collective."""
-        waves, t, look, (*before, (q, p)) = self._waves, moment.t, self._supply.look, moment.points
-        seen = self._before or [look(waves, *point, t) for point in before]
-        its, self._before = moment.look(waves), []  # which evaluates the last point
-        self._supply.keep(t, [*seen, look(waves, q, p, t, its)])
-        taken = [sink.energy_taken for sink in self._sinks.values()]
-        self._kept.append((moment.step, t, *its.energies, its.mass, *taken))
+        """Keep what the paddles do, if that does not last, and what sinks have taken; collective."""
+        self._supply.keep(self._waves, moment)
+        self._taken.append([sink.energy_taken for sink in self._sinks.values()])
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """See how far off the balance has been, and append the rows that are due."""
-        kept, put_in, self._kept = np.array(self._kept), self._supply.work_off(), []
-        step, t, kinetic, potential, wall, mass, *of_sinks = kept.T
-        total, (supplied, absorbed) = kinetic + potential, np.array(put_in, dtype=np.float64).T  # nan at None
+        t, step = moments.times, np.array([moment.step for moment in moments])
+        kinetic, potential, wall, mass, *powers = moments.seen(self._waves).numbers.T
+        of_sinks, self._taken = np.array(self._taken).T, []
+        total, (supplied, absorbed) = kinetic + potential, self._supply.work_off(step, t, np.array(powers))
         if step[0] == 0:
             self._total, self._wall, self._mass = (float(one[0]) for one in (total, wall, mass))
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
@@ -126,13 +122,14 @@ class EnergyBudget(Keeping):
         balance = total - self._total - work + dissipated
         for name, taken in zip(self._sinks, of_sinks, strict=True):
             self._judge(name, t, taken)
-        self._dissipated, gone = float(dissipated[-1]), dissipated + np.fmax(absorbed, 0.0)
+        self._dissipated = float(dissipated[-1])
+        gone = dissipated if absorbed is None else dissipated + np.fmax(absorbed, 0.0)
         self._energy, self._off = _most(self._energy, total + gone), _most(self._off, np.abs(balance))
         due = step % self._recorded.every == 0
         if due.any():
             self._lost = _most(self._lost, np.abs(mass - self._mass)[due])
-            columns = [t, kinetic, potential, total, work, dissipated, balance, mass, absorbed]
-            self._record.extend(np.column_stack(columns[: len(columns) - (put_in[0][1] is None)])[due])
+            columns = [t, kinetic, potential, total, work, dissipated, balance, mass]
+            self._record.extend(np.column_stack([*columns, *([] if absorbed is None else [absorbed])])[due])
 
     def _judge(self, name: str, t: Vector, taken: Vector) -> None:
         """Take note of the most that a sink had taken, and of what it has given back of it."""

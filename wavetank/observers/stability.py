@@ -16,7 +16,7 @@ That dt omega_max under the crests is beyond the scheme's limit is no sign of it
 behind that it has made grow, and the edge penalty takes them. It only tells what would help.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,6 +123,7 @@ class StabilityWatch(Keeping):
         self.sees, self._look = waves, IN_JUMP
         # of steps that are not judged: the largest frequency where that was looked at [rad/s], and jumps [m]
         self._frequencies, self._jumps = dict[int, float](), dict[int, Vector]()
+        self._leaps: bool | None = None  # whether only the mass matrix tells jumps
         self._last, self._wall = list[Vector](), list[Vector]()  # before what is kept, as many as are needed
         self._driven: float = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._highest: float = CALM * waves.depth
@@ -135,18 +136,21 @@ class StabilityWatch(Keeping):
         if moment.step % OFTEN == 0:
             self._flow.near(moment.t, *moment.points)
             self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
-        if moment.jump is not None and not moment.is_mean:
-            self._jumps[moment.step] = self._waves.mass.solve(moment.jump)
+        if self._leaps is None:
+            self._leaps = moment.jump is not None and not moment.is_mean
+        if self._leaps and (jump := moment.jump) is not None:
+            self._jumps[moment.step] = self._waves.mass.solve(jump)
 
     def work_off(self, moments: Moments) -> None:
         """See whether what alternates has grown; collective."""
         self._look = look = IN_ELEVATION if moments[0].jump is None else IN_JUMP
         last, wall = (kept[1 - look.length :] for kept in (self._last, self._wall))
         eta = moments.elevations(self._waves)
-        values = _rows([*last, *(eta if look is IN_ELEVATION else self._jumps_at(moments))])
-        if look is IN_JUMP and moments[0].is_mean:
+        of_mean = look is IN_JUMP and moments[0].is_mean
+        values = _rows([*last, *(eta if look is IN_ELEVATION else self._jumps_at(moments, of_mean=of_mean))])
+        if of_mean:
             values[len(last) :] *= 2  # half of one lies between a mean of two traces and the later of these
-        ways = _rows([*wall, *(one.velocities(self._waves) for one in moments)])
+        ways = _rows([*wall, *moments.seen(self._waves).velocities])
         ways[len(last) :] *= self._dt
         self._last, self._wall = ([*kept[1 - look.length :].copy()] for kept in (values, ways))
         found = largest_differences(eta, 0), look.lower(values), look.higher(values), look.lower(ways)
@@ -163,10 +167,10 @@ class StabilityWatch(Keeping):
                 heights = np.abs(np.diff(about, look.order, axis=0)[0])
                 self._warn(self._sentence(moment.t, one, self._place(moment, heights)))
 
-    def _jumps_at(self, moments: Sequence[Moment]) -> list[Vector]:
+    def _jumps_at(self, moments: Moments, *, of_mean: bool) -> Iterable[Vector]:
         """Return the jumps of the elevation [m], or how much higher the later of two traces is than their mean."""
-        if moments[0].is_mean:
-            return [moment.look(self._waves).rise for moment in moments]
+        if of_mean:
+            return moments.seen(self._waves).rise
         return [self._jumps.pop(moment.step) for moment in moments]
 
     def _grown(self, moment: Moment, noise: float) -> bool:

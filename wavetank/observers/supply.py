@@ -11,6 +11,7 @@ through steps as the cubics through their last four values; u is taken as it is,
 what a ``Steered`` motion adds.
 """
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
 from math import isclose
@@ -21,7 +22,6 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.stateful import Held, Stateful
-from wavetank.water.seen import Seen
 
 SAME = 1e-6  # of a step: so near are steps of one length
 KNOWN = 4  # values that a cubic goes through
@@ -40,6 +40,10 @@ EQUAL = 6  # digits: the same
 class Pushed(Protocol):
     """Water that paddles push; both methods are collective."""
 
+    @property
+    def tells_power(self) -> bool:
+        """Whether what is seen of a moment tells the power of its paddles, for nothing."""
+
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi), in energy a second."""
 
@@ -57,42 +61,78 @@ class Moving(Protocol):
         """Return the derivative of that order of what is added to it on the way, in m/s^order, at t [s]."""
 
 
+class Moment(Protocol):
+    """A moment, as paddles that put something in are looked at; see ``observers.contract``."""
+
+    @property
+    def step(self) -> int:
+        """The number of the step."""
+
+    @property
+    def t(self) -> float:
+        """When it ends [s]."""
+
+    @property
+    def points(self) -> Sequence[tuple[Vector, Vector]]:
+        """The known points, in the order in which evaluating them costs nothing."""
+
+
 class Supply(Stateful, Protocol):
     """What is put in: int dH/dt|explicit dt so far."""
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float, seen: Seen | None = None) -> Any:
-        """Return what is to be known of a point, a number or an array, from which that has been seen; collective."""
+    _before: Sequence[Any] = ()  # what was seen where the step ended, if something has acted since
 
-    def keep(self, t: float, seen: Sequence[Any]) -> None:
-        """Keep what has been seen where a step ends, at t [s]: it is their mean; the first time at the start."""
+    @abstractmethod
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Any:
+        """Return what is to be known of a point, a number or an array; collective."""
 
-    def work_off(self) -> list[tuple[float, float | None]]:
-        """Return what was put in by each of the times that have been kept since.
+    @abstractmethod
+    def keep(self, water: Pushed, moment: Moment) -> None:
+        """Keep what does not last of a moment; the first time at the start; collective."""
 
-        And what was not because of what absorbing adds to the motions, less its part of W; None: nothing absorbs.
+    @abstractmethod
+    def work_off(self, steps: Vector, times: Vector, powers: Vector) -> tuple[Vector, Vector | None]:
+        """Return what was put in by each of K moments, and what was not because of what absorbing adds to the motions.
+
+        The latter is less its part of W; None: nothing absorbs. ``powers`` are those at the moments' first points and
+        at their last, shape (2, K), where the water tells them.
         """
 
+    def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
+        """Look at where a step has ended, before something acts on the state; collective."""
+        self._before = [self.look(water, *at, t)]
 
-class Power:
+    def mean(self, water: Pushed, moment: Moment) -> Any:
+        """Return the mean of what is to be known before and after; collective."""
+        *before, last = moment.points
+        seen = [*(self._before or [self.look(water, *point, moment.t) for point in before])]
+        self._before = ()
+        seen.append(self.look(water, *last, moment.t))
+        return sum(seen[1:], start=seen[0]) / len(seen)
+
+
+class Power(Supply):
     """Of paddles that move smoothly, by their power."""
 
     def __init__(self) -> None:
         self._done = self._t = self._dt = 0.0
         self._rates: list[float] = []
-        self._kept: list[tuple[float, Sequence[float]]] = []
+        self._looked = dict[int, float]()  # the power at steps of which nobody else will tell it
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float, seen: Seen | None = None) -> float:
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> float:
         """Return the power; collective."""
-        return water.explicit_rate(q, p, t) if seen is None or seen.power is None else seen.power
+        return water.explicit_rate(q, p, t)
 
-    def keep(self, t: float, seen: Sequence[float]) -> None:
+    def keep(self, water: Pushed, moment: Moment) -> None:
         """See ``Supply``."""
-        self._kept.append((t, seen))
+        if self._before or not water.tells_power:
+            self._looked[moment.step] = self.mean(water, moment)
 
-    def work_off(self) -> list[tuple[float, float | None]]:
+    def work_off(self, steps: Vector, times: Vector, powers: Vector) -> tuple[Vector, None]:
         """See ``Supply``."""
-        kept, self._kept = self._kept, []
-        return [(self._go_on(t, sum(seen) / len(seen)), None) for t, seen in kept]
+        told, looked, self._looked = (powers[0] + powers[1]) / 2, self._looked, {}
+        each = zip(steps, times, told, strict=True)
+        return np.array([self._go_on(float(t), looked.get(int(n), float(rate))) for n, t, rate in each]), None
 
     def _go_on(self, t: float, seen: float) -> float:
         """Take the step up to t [s]; return what has been put in by then."""
@@ -113,7 +153,7 @@ class Power:
         self._done, self._t, self._dt, self._rates = held["done"], held["t"], held["dt"], list(held["rates"])
 
 
-class AnsweredWork:
+class AnsweredWork(Supply):
     """Of paddles of which some answer the water, by the slopes of H.
 
     Parameters
@@ -130,24 +170,25 @@ class AnsweredWork:
         self._known: list[Vector] = []  # dH/dX, dH/dX' and both u then, shape (4, paddles)
         self._done: Vector = np.zeros(2)  # by both u
         self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
-        self._kept: list[tuple[float, float | None]] = []
+        self._kept: list[tuple[float, float]] = []
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float, seen: Seen | None = None) -> Vector:
+    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dX and dH/dX', shape (2, paddles); collective."""
         slopes = np.array(water.slopes(q, p, t), dtype=np.float64).T
         self._by_speed = slopes[1]
         return slopes
 
-    def keep(self, t: float, seen: Sequence[Vector]) -> None:
+    def keep(self, water: Pushed, moment: Moment) -> None:
         """See ``Supply``: at once, as such motions forget."""
-        self._go_on(t, sum(seen[1:], start=seen[0]) / len(seen))
+        self._go_on(moment.t, self.mean(water, moment))
         put_in, absorbed = self._done
         self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
 
-    def work_off(self) -> list[tuple[float, float | None]]:
+    def work_off(self, steps: Vector, times: Vector, powers: Vector) -> tuple[Vector, Vector]:
         """See ``Supply``."""
-        kept, self._kept = self._kept, []
-        return kept
+        put_in, absorbed = np.array(self._kept).T
+        self._kept.clear()
+        return put_in, absorbed
 
     def _go_on(self, t: float, seen: Vector) -> None:
         self._times = [*self._times[1 - KNOWN :], t]

@@ -17,6 +17,7 @@ from wavetank.observers.energy import Sink
 from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.runs.clock import Clock
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
+from wavetank.water.seen import Sight
 
 MOMENTS, NUMBERS = 64, 2e5  # that patient observers keep at most, and of all of their unknowns
 
@@ -56,6 +57,7 @@ class Run:
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
         self._moments, self._most = Moments(), 1  # that are not worked off, and how many these may be
+        self._sights = dict[int, Sight]()  # what is seen of them
 
     @property
     def t(self) -> float:
@@ -79,6 +81,7 @@ class Run:
         self._acts = [(_when(one), one.observe) for one in self.observers if not isinstance(one, Patient)]
         self._seen = [*{id(one.sees): one.sees for one in self._patient if one.sees}.values()]
         self._most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
+        self._sights = {id(waves): waves.sight(1 + self._most) for waves in self._seen}  # the start comes with a step
         if not self._begun:
             self._begun = True
             self._observe()
@@ -92,9 +95,17 @@ class Run:
 
     def settle(self) -> None:
         """Let patient observers work off their moments; raises what the first of them raises; collective."""
-        failures, moments, self._moments = list[RunError](), self._moments, Moments()
+        moments, self._moments = self._moments, Moments()
         if not moments:
             return
+        try:
+            self._work_off(moments)
+        finally:
+            for sight in self._sights.values():
+                sight.clear()
+
+    def _work_off(self, moments: Moments) -> None:
+        failures = list[RunError]()
         for observer in self._patient:
             try:
                 if due := self._due(observer.schedule, moments):
@@ -164,8 +175,8 @@ class Run:
             observer.ended(at, t)
 
     def _observe(self) -> None:
-        state, step, t, before = self.state, self.step, self.t, self.clock.time(self.step - 1)
-        moment = Moment(step, t, state.q, state.p, state.known, state.q_jump, {})
+        step, t, before = self.step, self.t, self.clock.time(self.step - 1)
+        moment = Moment(step, t, self.state, sights=self._sights, row=len(self._moments))
         self.observed = False
         for schedule, keep in self._keeps:
             if schedule is None or schedule.due(step, t, before):

@@ -40,7 +40,7 @@ from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
 from wavetank.water.energy import POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
-from wavetank.water.seen import Seen, seen_from
+from wavetank.water.seen import Sight, State, see
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.walls import LinearWall
 from wavetank.water.walls.contract import LinearOpening
@@ -67,6 +67,7 @@ class LinearWaves:
         Relative tolerance of what is solved iteratively.
     """
 
+    tells_power = False
     parts = (  # and the wall's
         Part("kinetic", "½ ∫∫ d |v|² dζ dX,  v = (∇φ + (1 - ζ)∇d φ_ζ/d, φ_ζ/d)"),
         POTENTIAL,
@@ -180,9 +181,13 @@ class LinearWaves:
         """Return F of each paddle at the interior potential [m^4/s], shape (paddles,); collective."""
         return np.array([self.plane.sum(w * p) for w in self._inflow], dtype=np.float64) - self._recoil @ speeds
 
-    def seen_from(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
-        """Return what is seen of a state from a point; collective."""
-        return seen_from(self, q, p, t, at=at)
+    def sight(self, most: int) -> Sight:
+        """Return room for what is seen of so many moments."""
+        return Sight(most, owned=self.plane.owned, wall=self.wall)
+
+    def see(self, state: State, t: float, into: Sight, row: int) -> None:
+        """See a state at t [s] from the last of its known points, into a row; collective."""
+        see(self, state, t, into, row)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's term included; collective."""

@@ -1,44 +1,19 @@
-"""What is seen of a state from a point near to it that is evaluated anyway: energies, the surface, how the wall stands.
+"""What is seen of states from points near them that are evaluated anyway: energies, the surface, how the wall stands.
 
-Of a scheme that reports the mean of two traces the point is the later of these; of any other the state itself.
+Of a scheme that reports the mean of two traces the point is the later of these; of any other the state itself. What is
+seen of many moments stands in rows of arrays, so that who looks at all of them takes no step of Python for each.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.water.energy import Energies
-from wavetank.water.walls.contract import Stood
+from wavetank.water.walls.contract import Stood, stood
 
-
-class Seen(NamedTuple):
-    """What is seen of a state.
-
-    Attributes
-    ----------
-    energies
-        Those of the state: H, and the potential energy, to the square of what lies between. W is that of the point, so
-        that what it changes by is in the kinetic energy.
-    eta
-        The elevation [m], shape (owned,).
-    rise
-        How much higher that of the point is [m], shape (owned,).
-    mass
-        The water's volume, of a slice per width [m³, m²].
-    stood, velocities
-        How the wall stands then, and moves: see ``Placed`` and ``Wall``.
-    power
-        dH/dt of the point at fixed (Q, psi), in energy a second, where that costs nothing.
-    """
-
-    energies: Energies
-    eta: Vector
-    rise: Vector
-    mass: float
-    stood: Stood
-    velocities: Vector
-    power: float | None = None
+NUMBERS = KINETIC, POTENTIAL, WALL, MASS, BEFORE, POWER = range(6)  # in a row
 
 
 class SeenWall(Protocol):
@@ -51,6 +26,100 @@ class SeenWall(Protocol):
     @property
     def velocities(self) -> Vector:
         """How it moves now [m/s]."""
+
+
+class Sight:
+    """Room for what is seen of moments that follow each other.
+
+    Parameters
+    ----------
+    most
+        The number of rows.
+    owned
+        The number of degrees of freedom of this rank.
+    wall
+        Whose way is seen, too.
+
+    Attributes
+    ----------
+    filled
+        How many rows are.
+    eta
+        The elevation [m], shape (most, owned).
+    rise
+        How much higher that of the points is [m], shape (most, owned).
+    numbers
+        Kinetic and potential energy and the wall's part, those of the states: H, and the potential energy, to the
+        square of what lies between, and W as of the points, so that what that changes by is in the kinetic energy; the
+        water's volume, of a slice per width [m³, m²]; where they are told, the power dH/dt at fixed (Q, psi), in energy
+        a second, of the first of the known points and of the last. Shape (most, 6).
+    positions
+        X_p of each paddle, nan of one that does not move as a whole [m], shape (most, paddles).
+    velocities
+        How the wall moves [m/s], shape (most, owned) or (most, 1).
+    """
+
+    def __init__(self, most: int, *, owned: int, wall: SeenWall):
+        self.eta: Vector = np.zeros((most, owned))
+        self.rise: Vector = np.zeros((most, owned))
+        self.numbers: Vector = np.full((most, len(NUMBERS)), np.nan)
+        self.positions: Vector = np.full((most, len(wall.stood)), np.nan)
+        self.velocities: Vector = np.zeros((most, wall.velocities.size))
+        self.filled = 0
+
+    def clear(self) -> None:
+        """Make room for others."""
+        self.numbers.fill(np.nan)
+        self.filled = 0
+
+    def move(self, row: int, velocities: Vector) -> None:
+        """Keep how the wall moves."""
+        if velocities.size != self.velocities.shape[1]:  # which is known when it has moved
+            self.velocities = np.zeros((len(self.velocities), velocities.size))
+        self.velocities[row] = velocities
+
+    def energy(self, row: int) -> float:
+        """Return H of a state."""
+        return float(self.numbers[row, :MASS].sum())
+
+    def stood(self, row: int, t: float) -> Stood:
+        """Return how the wall stood at t [s]; see ``Placed``."""
+        return stood(t, self.positions[row])
+
+
+class Seen(NamedTuple):
+    """What is seen of K moments, each of them a row of a ``Sight``, which says what is what."""
+
+    eta: Vector
+    rise: Vector
+    numbers: Vector
+    positions: Vector
+    velocities: Vector
+
+    @classmethod
+    def of(cls, places: Sequence[tuple[Sight, int]]) -> "Seen":
+        """Return it of rows, one at least: without a copy where these follow each other."""
+        sights, rows = zip(*places, strict=True)
+        first, along = rows[0], range(rows[0], rows[0] + len(rows))
+        if all(one is sights[0] for one in sights) and rows == tuple(along):
+            return cls(*(getattr(sights[0], name)[first : along.stop] for name in cls._fields))
+        return cls(*(np.array([getattr(one, name)[row] for one, row in places]) for name in cls._fields))
+
+
+class State(Protocol):
+    """A scheme's state."""
+
+    @property
+    def q(self) -> Vector:
+        """Column masses."""
+
+    @property
+    def p(self) -> Vector:
+        """Surface potential."""
+
+    @property
+    def known(self) -> Sequence[tuple[Vector, Vector]]:
+        """Points next to them, of which the last is evaluated anyway."""
 
 
 class Evaluable(Protocol):
@@ -87,14 +156,17 @@ class Evaluable(Protocol):
         """Return the sum of a b over the degrees of freedom of all ranks."""
 
 
-def seen_from(water: Evaluable, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
-    """Return what is seen of a state at t [s] from a point; collective."""
-    wall, energies, eta = water.wall, water.energies(*at, t), water.elevation(*at, t)
-    mass = water.total_mass(q)
-    if at[0] is q and at[1] is p:
-        return Seen(energies, eta, np.zeros_like(eta), mass, wall.stood, wall.velocities)
-    away = q - at[0]
-    change = water.inner(water.H_q(*at, t), away) + water.inner(water.H_p(*at, t), p - at[1])
-    lift, here = water.gravity * water.inner(eta, away), water.elevation(q, p, t)
-    moved = Energies(energies.kinetic + change - lift, energies.potential + lift, energies.wall)
-    return Seen(moved, here, eta - here, mass, wall.stood, wall.velocities)
+def see(water: Evaluable, state: State, t: float, into: Sight, row: int) -> None:
+    """See a state at t [s] from the last of its known points, into a row; collective."""
+    wall, q, p, at = water.wall, state.q, state.p, state.known[-1]
+    energies, eta, here, change, lift = water.energies(*at, t), water.elevation(*at, t), None, 0.0, 0.0
+    if at[0] is not q or at[1] is not p:
+        away = q - at[0]
+        change = water.inner(water.H_q(*at, t), away) + water.inner(water.H_p(*at, t), p - at[1])
+        lift, here = water.gravity * water.inner(eta, away), water.elevation(q, p, t)
+    into.eta[row] = eta if here is None else here
+    into.rise[row] = 0.0 if here is None else eta - here
+    moved = energies.kinetic + change - lift, energies.potential + lift, energies.wall, water.total_mass(q)
+    into.numbers[row, : len(moved)] = moved
+    into.positions[row] = [np.nan if x is None else x for _, x in wall.stood]
+    into.move(row, wall.velocities)

@@ -26,14 +26,14 @@ from wavetank.fe.mass import BandedMass, mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.fe.whole import Solution, Whole
-from wavetank.hamiltonian.contract import Near, Stage
+from wavetank.hamiltonian.contract import BetweenTwo, Near, Stage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages, Led, Together
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
 from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
-from wavetank.water.seen import Seen, seen_from
+from wavetank.water.seen import BEFORE, Sight, State, see
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.walls import Wall, one_time
@@ -56,6 +56,9 @@ class Tolerances:
 
     stage: float = 1e-9
     interior: float = 1e-10
+
+
+Pair = tuple[Vector, Vector]  # column masses and surface potential
 
 
 class _Elevation(NamedTuple):
@@ -171,8 +174,9 @@ class NonlinearWaves:
         self._has_H_q = False  # which is found when it is asked for
         self._square: float | None = None  # of eta and psi [m²], likewise
         self._elevation = _Elevation(self._point[0], self._t, self._point[0])  # last asked for elsewhere
-        self._seen: tuple[Vector, Vector, Seen] | None = None  # from the point last evaluated, of a state (q, p)
+        self._near = self.sight(1)  # of a state near a point
         self._whole = self._compiled(minimum)
+        self._seeing = self._whole if self._whole and self._whole.pushes else None
         self._set_up_stages(tolerances)
 
     # ------------------------------------------------------------------------------------------ forms
@@ -268,7 +272,7 @@ class NonlinearWaves:
 
     def _know(self, point: Vector, t: float) -> None:
         """Keep that the potential is that of a point, with its derivatives, but for H_q."""
-        self._point, self._has_H_q, self._square, self._t, self._seen = point, False, None, t, None
+        self._point, self._has_H_q, self._square, self._t = point, False, None, t
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
@@ -372,27 +376,43 @@ class NonlinearWaves:
         self.evaluate(q, p, t)
         return Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
 
-    def seen_from(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> Seen:
-        """Return what is seen of a state from a point that is known of it; collective."""
-        if self._whole is None or not self._whole.pushes:
-            return seen_from(self, q, p, t, at=at)
+    @property
+    def tells_power(self) -> bool:
+        """Whether what is seen of a moment tells the power of its paddles, for nothing: along a slice on one rank."""
+        return self._seeing is not None
+
+    def sight(self, most: int) -> Sight:
+        """Return room for what is seen of so many moments."""
+        return Sight(most, owned=self.plane.owned, wall=self.wall)
+
+    def see(self, state: State, t: float, into: Sight, row: int) -> None:
+        """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
+        whole, found = self._seeing, None
+        if whole is None:
+            see(self, state, t, into, row)
+            return
+        if isinstance(state, BetweenTwo) and one_time(t, self._t) and not self.potential.renews:
+            found = whole.look(state.pairs, self._point, self.bed.still, self.gravity, into, row)
+        if found is not None:
+            self._take_over(found, t)
+        else:
+            if np.isnan(into.numbers[row, BEFORE]):
+                into.numbers[row, BEFORE] = self.explicit_rate(*state.known[0], t)
+            self._see(whole, (state.q, state.p), t, at=state.known[-1], into=into, row=row)
+        if len(self.wall.paddles) > 1:
+            into.move(row, self.wall.velocities)
+
+    def _see(self, whole: Whole, state: Pair, t: float, *, at: Pair, into: Sight, row: int) -> None:
+        """See a state from a point, all but the power of its first one."""
         point = self._evaluated(*at, t)
-        if self._seen is not None and q is self._seen[0] and p is self._seen[1]:
-            return self._seen[2]
-        (eta, rise), found = self._whole.see(q, p, point, self.bed.still)
-        potential, change, lift, mass, power, of_wall = found
-        lift *= self.gravity
-        energies = Energies(self._kinetic + change - lift, self.gravity * potential + lift, of_wall)
-        seen = Seen(energies, eta, rise, mass, self.wall.stood, self.wall.velocities, power)
-        self._seen = q, p, seen
-        return seen
+        whole.see(state, point, self.bed.still, self._kinetic, self.gravity, into, row)
 
     def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
         """Return H of a state from a point that is known of it, along a slice on one rank; see ``Seeing``."""
-        if self._whole is None or not self._whole.pushes:
+        if self._seeing is None:
             return None
-        energies = self.seen_from(q, p, t, at=at).energies
-        return energies.total + energies.wall
+        self._see(self._seeing, (q, p), t, at=at, into=self._near, row=0)
+        return self._near.energy(0)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""
@@ -410,11 +430,9 @@ class NonlinearWaves:
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
-        if self._whole is None or not self._whole.pushes:
+        if self._seeing is None:
             return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
-        point = self._evaluated(q, p, t)
-        power = self._seen[2].power if self._seen else None  # it is of the point
-        return self._whole.push(point) if power is None else power
+        return self._seeing.push(self._evaluated(q, p, t), self.bed.still)
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:

@@ -7,7 +7,7 @@ that fulfils ``Wall``, a noun (``case/walls.py``) and a row in the table of ``ru
 """
 
 from collections.abc import Callable, Sequence
-from math import isclose
+from math import isclose, isnan
 from typing import Protocol
 
 import numpy as np
@@ -143,12 +143,21 @@ class Placed(Protocol):
         """Return how fast the wall carries reference places [m/s], shape (N, 2)."""
 
 
-def stands(stand: Callable[[Vector, Stood], Vector], places: Vector, stood: Sequence[Stood]) -> Vector:
-    """Return how far from rest paddles stood beside places [m] at K times, (paddles, K, N), by their ``stand``."""
-    whole = np.array([[x for _, x in one] for one in stood], dtype=np.float64).T  # nan at None
-    if np.isnan(whole).any():
-        return np.stack([stand(places, one) for one in stood], axis=1)
+def stands(stand: Callable[[Vector, Stood], Vector], places: Vector, times: Vector, positions: Vector) -> Vector:
+    """Return how far from rest paddles stood beside places [m] at K times [s], (paddles, K, N), by their ``stand``.
+
+    ``positions`` are as a ``Sight`` has them, shape (K, paddles).
+    """
+    if np.isnan(positions).any():
+        each = zip(times, positions, strict=True)
+        return np.stack([stand(places, stood(float(t), of_paddles)) for t, of_paddles in each], axis=1)
+    whole = positions.T
     return np.broadcast_to(whole[..., None], (*whole.shape, len(places)))
+
+
+def stood(t: float, positions: Vector) -> Stood:
+    """Return how paddles stand at t [s] that are at positions [m], nan of those that do not move as a whole."""
+    return tuple((t, None if isnan(x) else float(x)) for x in positions)
 
 
 class Wall(Placed, Protocol):
