@@ -115,7 +115,10 @@ class Moments(list[Moment]):
     def seen(self, waves: "ObservedWaves") -> Seen:
         """Return what is seen of waves, of all moments; collective."""
         if id(waves) not in self._seen:
-            self._seen[id(waves)] = Seen.of([(moment.look(waves), moment.row) for moment in self])
+            first, last = self[0], self[-1]
+            together = first.sights is last.sights and last.row - first.row == len(self) - 1  # as a run makes them
+            rows = first.look(waves).rows(first.row, last.row) if together else None
+            self._seen[id(waves)] = rows or Seen.of([(moment.look(waves), moment.row) for moment in self])
         return self._seen[id(waves)]
 
     def elevations(self, waves: "ObservedWaves") -> Vector:

@@ -32,7 +32,7 @@ from wavetank.water.waves import NonlinearWaves
 
 SHORT = 0.5  # the higher difference over the lower: more of what has fewer than four steps a period
 IN_A_ROW = 10  # steps in a row: one jolt is in several differences
-OFTEN = 32  # steps between looks at what would help
+OFTEN = 64  # steps between looks at what would help
 CALM = 1e-6  # of the depth: lower waves are not looked at
 # what a watch remembers beside the last steps:
 SEEN = "noise", "since", "_driven", "_highest", "_steps", "_frequency"
@@ -161,6 +161,10 @@ class StabilityWatch(Keeping):
         noise = np.zeros(len(moments))
         noise[unjudged:] = np.where(higher > SHORT * lower, np.maximum(0.0, lower - driven[1:]), 0.0)
         noise /= highest[1:]
+        if noise.max() < look.noise / 10:  # what moves is still the water
+            self._frequency, self._steps = max(self._frequency, *self._frequencies.values(), 0.0), 0
+            self._frequencies.clear()
+            return
         for n, (moment, one) in enumerate(zip(moments, noise.tolist(), strict=True)):
             if self._grown(moment, one):
                 about = values[n - unjudged :][1 : look.order + 2]

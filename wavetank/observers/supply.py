@@ -130,9 +130,20 @@ class Power(Supply):
 
     def work_off(self, steps: Vector, times: Vector, powers: Vector) -> tuple[Vector, None]:
         """See ``Supply``."""
-        told, looked, self._looked = (powers[0] + powers[1]) / 2, self._looked, {}
-        each = zip(steps, times, told, strict=True)
-        return np.array([self._go_on(float(t), looked.get(int(n), float(rate))) for n, t, rate in each]), None
+        rates = (powers[0] + powers[1]) / 2
+        for step, power in self._looked.items():
+            rates[np.searchsorted(steps, step)] = power
+        self._looked.clear()
+        dt = np.diff(times, prepend=self._t)
+        before = np.append(self._dt, dt[:-1])
+        if len(self._rates) < KNOWN or (np.abs(dt - before) > SAME * np.fmax(dt, before)).any():
+            return np.array([self._go_on(float(t), float(rate)) for t, rate in zip(times, rates, strict=True)]), None
+        known = np.append(self._rates[KNOWN - 2 :: -1], rates)
+        each = (weight * known[KNOWN - 1 - n : len(known) - n] for n, weight in enumerate(ADAMS_MOULTON[KNOWN]))
+        done = np.cumsum(np.append(self._done, dt * sum(each)))
+        self._rates, self._done = [*map(float, known[: -KNOWN - 1 : -1])], float(done[-1])
+        self._t, self._dt = float(times[-1]), float(dt[-1])
+        return done[1:], None
 
     def _go_on(self, t: float, seen: float) -> float:
         """Take the step up to t [s]; return what has been put in by then."""

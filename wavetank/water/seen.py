@@ -78,6 +78,10 @@ class Sight:
             self.velocities = np.zeros((len(self.velocities), velocities.size))
         self.velocities[row] = velocities
 
+    def rows(self, first: int, last: int) -> "Seen":
+        """Return what is seen from the first of some moments to the last, which is not copied."""
+        return Seen(*(getattr(self, name)[first : last + 1] for name in Seen._fields))
+
     def energy(self, row: int) -> float:
         """Return H of a state."""
         return float(self.numbers[row, :MASS].sum())
@@ -98,11 +102,7 @@ class Seen(NamedTuple):
 
     @classmethod
     def of(cls, places: Sequence[tuple[Sight, int]]) -> "Seen":
-        """Return it of rows, one at least: without a copy where these follow each other."""
-        sights, rows = zip(*places, strict=True)
-        first, along = rows[0], range(rows[0], rows[0] + len(rows))
-        if all(one is sights[0] for one in sights) and rows == tuple(along):
-            return cls(*(getattr(sights[0], name)[first : along.stop] for name in cls._fields))
+        """Return a copy of rows of sights."""
         return cls(*(np.array([getattr(one, name)[row] for one, row in places]) for name in cls._fields))
 
 
