@@ -115,10 +115,7 @@ class Moments(list[Moment]):
     def seen(self, waves: "ObservedWaves") -> Seen:
         """Return what is seen of waves, of all moments; collective."""
         if id(waves) not in self._seen:
-            first, last = self[0], self[-1]
-            together = first.sights is last.sights and last.row - first.row == len(self) - 1  # as a run makes them
-            rows = first.look(waves).rows(first.row, last.row) if together else None
-            self._seen[id(waves)] = rows or Seen.of([(moment.look(waves), moment.row) for moment in self])
+            self._seen[id(waves)] = Seen.of([(moment.look(waves), moment.row) for moment in self])
         return self._seen[id(waves)]
 
     def elevations(self, waves: "ObservedWaves") -> Vector:
@@ -166,6 +163,11 @@ class Patient(ABC):
 
 class Keeping(Patient):
     """One that looks at each moment when it comes, too."""
+
+    @property
+    def keeps(self) -> bool:
+        """Whether there is anything that does not last."""
+        return True
 
     @abstractmethod
     def keep(self, moment: Moment) -> None:

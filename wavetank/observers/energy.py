@@ -91,7 +91,7 @@ class EnergyBudget(Keeping):
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self.sees = waves
         self._sinks = {type(sink).__name__: sink for sink in sinks}
-        self._taken = list[list[float]]()  # what each sink had taken by moments that are not worked off
+        self._taken = list[tuple[float, list[float]]]()  # what each sink had taken before times when they acted
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
@@ -102,18 +102,26 @@ class EnergyBudget(Keeping):
     def ended(self, at: tuple[Vector, Vector], t: float) -> None:
         """Look at where a step has ended, before something acts on the state; collective."""
         self._supply.ended(self._waves, at, t)
+        self._taken.append((t, self._taken_now()))
+
+    def _taken_now(self) -> list[float]:
+        return [sink.energy_taken for sink in self._sinks.values()]
+
+    @property
+    def keeps(self) -> bool:
+        """See ``Keeping``."""
+        return not self._supply.lasts(self._waves)
 
     def keep(self, moment: Moment) -> None:
-        """Keep what the paddles do, if that does not last, and what sinks have taken; collective."""
+        """Keep what the paddles do, if that does not last; collective."""
         self._supply.keep(self._waves, moment)
-        self._taken.append([sink.energy_taken for sink in self._sinks.values()])
 
     def work_off(self, moments: Moments) -> None:
         """See how far off the balance has been, and append the rows that are due."""
         t, step = moments.times, np.array([moment.step for moment in moments])
         kinetic, potential, wall, mass, *powers = moments.seen(self._waves).numbers.T
-        of_sinks, self._taken = np.array(self._taken).T, []
-        total, (supplied, absorbed) = kinetic + potential, self._supply.work_off(step, t, np.array(powers))
+        of_sinks = self._by_sinks(t)
+        total, (supplied, absorbed) = kinetic + potential, self._supply.work_off(t, np.array(powers))
         if step[0] == 0:
             self._total, self._wall, self._mass = (float(one[0]) for one in (total, wall, mass))
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
@@ -130,6 +138,14 @@ class EnergyBudget(Keeping):
             self._lost = _most(self._lost, np.abs(mass - self._mass)[due])
             columns = [t, kinetic, potential, total, work, dissipated, balance, mass]
             self._record.extend(np.column_stack([*columns, *([] if absorbed is None else [absorbed])])[due])
+
+    def _by_sinks(self, t: Vector) -> Vector:
+        """Return what each sink had taken by times, shape (sinks, K): it is what it was until they act."""
+        acted, self._taken = self._taken, []
+        taken = np.repeat([self._taken_now()], len(t), axis=0)
+        for when, before in reversed(acted):
+            taken[: np.searchsorted(t, when - 1e-9 * abs(when))] = before
+        return taken.T
 
     def _judge(self, name: str, t: Vector, taken: Vector) -> None:
         """Take note of the most that a sink had taken, and of what it has given back of it."""

@@ -11,11 +11,9 @@ through steps as the cubics through their last four values; u is taken as it is,
 what a ``Steered`` motion adds.
 """
 
-from abc import abstractmethod
-from collections.abc import Sequence
-from functools import lru_cache
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from math import isclose
-from operator import mul
 from typing import Any, Protocol
 
 import numpy as np
@@ -65,10 +63,6 @@ class Moment(Protocol):
     """A moment, as paddles that put something in are looked at; see ``observers.contract``."""
 
     @property
-    def step(self) -> int:
-        """The number of the step."""
-
-    @property
     def t(self) -> float:
         """When it ends [s]."""
 
@@ -80,78 +74,88 @@ class Moment(Protocol):
 class Supply(Stateful, Protocol):
     """What is put in: int dH/dt|explicit dt so far."""
 
-    _before: Sequence[Any] = ()  # what was seen where the step ended, if something has acted since
+    def lasts(self, water: Pushed) -> bool:
+        """Return whether what is seen of moments is all that is to be known of them, so that none needs be kept."""
 
-    @abstractmethod
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Any:
-        """Return what is to be known of a point, a number or an array; collective."""
+    def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
+        """Look at where a step has ended, before something acts on the state; collective."""
 
-    @abstractmethod
     def keep(self, water: Pushed, moment: Moment) -> None:
         """Keep what does not last of a moment; the first time at the start; collective."""
 
-    @abstractmethod
-    def work_off(self, steps: Vector, times: Vector, powers: Vector) -> tuple[Vector, Vector | None]:
+    def work_off(self, times: Vector, powers: Vector) -> tuple[Vector, Vector | None]:
         """Return what was put in by each of K moments, and what was not because of what absorbing adds to the motions.
 
         The latter is less its part of W; None: nothing absorbs. ``powers`` are those at the moments' first points and
         at their last, shape (2, K), where the water tells them.
         """
 
-    def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
-        """Look at where a step has ended, before something acts on the state; collective."""
-        self._before = [self.look(water, *at, t)]
 
-    def mean(self, water: Pushed, moment: Moment) -> Any:
-        """Return the mean of what is to be known before and after; collective."""
-        *before, last = moment.points
-        seen = [*(self._before or [self.look(water, *point, moment.t) for point in before])]
-        self._before = ()
-        seen.append(self.look(water, *last, moment.t))
-        return sum(seen[1:], start=seen[0]) / len(seen)
+def _looks(look: Callable[..., Any], before: Any, moment: Moment) -> list[Any]:
+    """Return what is to be known of the points of a moment; ``before`` of the first ones, if something has acted."""
+    *points, last = moment.points
+    seen = [look(*point, moment.t) for point in points] if before is None else [before]
+    return [*seen, look(*last, moment.t)]
 
 
-class Power(Supply):
+class Power:
     """Of paddles that move smoothly, by their power."""
 
     def __init__(self) -> None:
         self._done = self._t = self._dt = 0.0
         self._rates: list[float] = []
-        self._looked = dict[int, float]()  # the power at steps of which nobody else will tell it
+        self._before = dict[float, float]()  # the power where a step ended, at times when something has acted since
+        self._looked = dict[float, float]()  # the mean power, at times when nobody else tells it
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> float:
-        """Return the power; collective."""
-        return water.explicit_rate(q, p, t)
+    def lasts(self, water: Pushed) -> bool:
+        """See ``Supply``."""
+        return water.tells_power
+
+    def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
+        """See ``Supply``."""
+        self._before[t] = water.explicit_rate(*at, t)
 
     def keep(self, water: Pushed, moment: Moment) -> None:
         """See ``Supply``."""
-        if self._before or not water.tells_power:
-            self._looked[moment.step] = self.mean(water, moment)
+        if not water.tells_power:
+            seen = _looks(water.explicit_rate, next(iter(self._before.values()), None), moment)
+            self._looked[moment.t] = sum(seen) / len(seen)
+            self._before.clear()
 
-    def work_off(self, steps: Vector, times: Vector, powers: Vector) -> tuple[Vector, None]:
+    def work_off(self, times: Vector, powers: Vector) -> tuple[Vector, None]:
         """See ``Supply``."""
-        rates = (powers[0] + powers[1]) / 2
-        for step, power in self._looked.items():
-            rates[np.searchsorted(steps, step)] = power
+        before, after = powers
+        for t, power in self._before.items():
+            before[_row(times, t)] = power
+        rates = (before + after) / 2
+        for t, power in self._looked.items():
+            rates[_row(times, t)] = power
+        self._before.clear()
         self._looked.clear()
+        return self._go_on(times, rates), None
+
+    def _go_on(self, times: Vector, rates: Vector) -> Vector:
+        """Take steps up to times [s]; return what has been put in by then."""
         dt = np.diff(times, prepend=self._t)
         before = np.append(self._dt, dt[:-1])
         if len(self._rates) < KNOWN or (np.abs(dt - before) > SAME * np.fmax(dt, before)).any():
-            return np.array([self._go_on(float(t), float(rate)) for t, rate in zip(times, rates, strict=True)]), None
+            return np.array([self._step(float(t), float(rate)) for t, rate in zip(times, rates, strict=True)])
         known = np.append(self._rates[KNOWN - 2 :: -1], rates)
         each = (weight * known[KNOWN - 1 - n : len(known) - n] for n, weight in enumerate(ADAMS_MOULTON[KNOWN]))
-        done = np.cumsum(np.append(self._done, dt * sum(each)))
+        done: Vector = np.cumsum(np.append(self._done, dt * sum(each)))
         self._rates, self._done = [*map(float, known[: -KNOWN - 1 : -1])], float(done[-1])
         self._t, self._dt = float(times[-1]), float(dt[-1])
-        return done[1:], None
+        return done[1:]
 
-    def _go_on(self, t: float, seen: float) -> float:
-        """Take the step up to t [s]; return what has been put in by then."""
+    def _step(self, t: float, seen: float) -> float:
+        """Take the step up to t [s], which may be the first or of another length; return what has been put in."""
         dt = t - self._t
         known = KNOWN - 1 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
         self._rates = [seen, *self._rates[:known]]
-        if len(self._rates) > 1:
-            self._done += dt * sum(map(mul, ADAMS_MOULTON[len(self._rates)], self._rates))
+        mean = 0.0
+        for weight, rate in zip(ADAMS_MOULTON.get(len(self._rates), ()), self._rates, strict=False):
+            mean += weight * rate  # of which ``sum`` would keep more digits than ``_go_on``
+        self._done += dt * mean
         self._t, self._dt = t, dt
         return self._done
 
@@ -164,7 +168,12 @@ class Power(Supply):
         self._done, self._t, self._dt, self._rates = held["done"], held["t"], held["dt"], list(held["rates"])
 
 
-class AnsweredWork(Supply):
+def _row(times: Vector, t: float) -> int:
+    """Return which of ascending times one is, but for its last bits."""
+    return int(np.abs(times - t).argmin())
+
+
+class AnsweredWork:
     """Of paddles of which some answer the water, by the slopes of H.
 
     Parameters
@@ -180,22 +189,32 @@ class AnsweredWork(Supply):
         self._times: list[float] = []
         self._known: list[Vector] = []  # dH/dX, dH/dX' and both u then, shape (4, paddles)
         self._done: Vector = np.zeros(2)  # by both u
+        self._before: Vector | None = None  # what was seen where the step ended, if something has acted since
         self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
         self._kept: list[tuple[float, float]] = []
 
-    def look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
+    def lasts(self, water: Pushed) -> bool:
+        """See ``Supply``: such motions forget."""
+        return False
+
+    def _look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dX and dH/dX', shape (2, paddles); collective."""
         slopes = np.array(water.slopes(q, p, t), dtype=np.float64).T
         self._by_speed = slopes[1]
         return slopes
 
+    def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
+        """See ``Supply``."""
+        self._before = self._look(water, *at, t)
+
     def keep(self, water: Pushed, moment: Moment) -> None:
-        """See ``Supply``: at once, as such motions forget."""
-        self._go_on(moment.t, self.mean(water, moment))
+        """See ``Supply``."""
+        seen, self._before = _looks(partial(self._look, water), self._before, moment), None
+        self._go_on(moment.t, sum(seen[1:], start=seen[0]) / len(seen))
         put_in, absorbed = self._done
         self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
 
-    def work_off(self, steps: Vector, times: Vector, powers: Vector) -> tuple[Vector, Vector]:
+    def work_off(self, times: Vector, powers: Vector) -> tuple[Vector, Vector]:
         """See ``Supply``."""
         put_in, absorbed = np.array(self._kept).T
         self._kept.clear()

@@ -5,7 +5,9 @@ seen of many moments stands in rows of arrays, so that who looks at all of them 
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple, Protocol
+from copy import copy
+from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -13,6 +15,7 @@ from wavetank.arrays import Vector
 from wavetank.water.energy import Energies
 from wavetank.water.walls.contract import Stood, stood
 
+ROWS = "eta", "rise", "numbers", "positions", "velocities"
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, BEFORE, POWER = range(6)  # in a row
 
 
@@ -78,9 +81,13 @@ class Sight:
             self.velocities = np.zeros((len(self.velocities), velocities.size))
         self.velocities[row] = velocities
 
-    def rows(self, first: int, last: int) -> "Seen":
-        """Return what is seen from the first of some moments to the last, which is not copied."""
-        return Seen(*(getattr(self, name)[first : last + 1] for name in Seen._fields))
+    @classmethod
+    def of(cls, places: "Sequence[tuple[Sight, int]]") -> "Sight":
+        """Return rows of several."""
+        one = copy(places[0][0])
+        for name in ROWS:
+            setattr(one, name, np.array([getattr(sight, name)[row] for sight, row in places]))
+        return one
 
     def energy(self, row: int) -> float:
         """Return H of a state."""
@@ -91,19 +98,45 @@ class Sight:
         return stood(t, self.positions[row])
 
 
-class Seen(NamedTuple):
-    """What is seen of K moments, each of them a row of a ``Sight``, which says what is what."""
+class Seen:
+    """What is seen of K moments, rows of a ``Sight``, which says what is what."""
 
-    eta: Vector
-    rise: Vector
-    numbers: Vector
-    positions: Vector
-    velocities: Vector
+    def __init__(self, sight: Sight, rows: slice | list[int]):
+        self._sight, self._rows = sight, rows
 
     @classmethod
     def of(cls, places: Sequence[tuple[Sight, int]]) -> "Seen":
-        """Return a copy of rows of sights."""
-        return cls(*(np.array([getattr(one, name)[row] for one, row in places]) for name in cls._fields))
+        """Return it of rows, one at least, in ascending order where they are of one sight."""
+        sights, rows = ([*each] for each in zip(*places, strict=True))
+        if any(one is not sights[0] for one in sights):
+            return cls(Sight.of(places), slice(len(rows)))
+        together = rows[-1] - rows[0] == len(rows) - 1
+        return cls(sights[0], slice(rows[0], rows[-1] + 1) if together else rows)
+
+    @cached_property
+    def eta(self) -> Vector:
+        """The elevation [m], shape (K, owned)."""
+        return self._sight.eta[self._rows]
+
+    @cached_property
+    def rise(self) -> Vector:
+        """How much higher that of the points is [m], shape (K, owned)."""
+        return self._sight.rise[self._rows]
+
+    @cached_property
+    def numbers(self) -> Vector:
+        """The numbers, shape (K, 6)."""
+        return self._sight.numbers[self._rows]
+
+    @cached_property
+    def positions(self) -> Vector:
+        """Where paddles stood, shape (K, paddles)."""
+        return self._sight.positions[self._rows]
+
+    @cached_property
+    def velocities(self) -> Vector:
+        """How the wall moved, shape (K, speeds)."""
+        return self._sight.velocities[self._rows]
 
 
 class State(Protocol):
