@@ -114,6 +114,17 @@ def test_what_has_broken_down_goes_on_from_before_it_was_warned_of(tmp_path, unt
     assert lines[-1].startswith("next: " + following.format(tmp_path))
 
 
+@pytest.mark.parametrize(
+    ("on_breaking", "other"), [("stop", "run.on_breaking=dissipate"), ("dissipate", "numerics.dt=0.05")]
+)
+def test_what_broke_down_of_a_breaking_wave_is_not_told_to_dissipate_what_it_dissipates(tmp_path, on_breaking, other):
+    scene = SPENT["scene"] | {"run": SPENT["scene"]["run"] | {"on_breaking": on_breaking}}
+    broken = SPENT | {"scene": scene, "checkpoints": [], "broke_down": {"crests": [{"speed_ratio": 0.9}]}}
+    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    *_, last = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
+    assert last == f"next: anew from the start with --set {other}: there is no checkpoint"
+
+
 def test_what_only_another_case_would_cure_is_not_resumed_though_it_broke_down(tmp_path):
     broken = SPENT | {"t": 9.9, "checkpoints": [9.0], "broke_down": {"crests": []}, "anew": True}
     *_, surface, kept, last = closing(

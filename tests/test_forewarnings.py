@@ -211,8 +211,10 @@ def test_waves_that_are_too_high_are_told(kind):
     else:  # highest at the front of the train
         stroke = 2 * motion["paddle_amplitude"]
         assert 1.0 < height / (stroke * one.wall.maker.transfer(k, 1.0)) < 1.25
-    taken = one.model_copy(update={"run": one.run.model_copy(update={"on_breaking": "dissipate"})})
-    assert not [*too_high(taken)]
+    runs = [one.run.model_copy(update={"on_breaking": what}) for what in ("dissipate", "ignore")]
+    taken, ignored = (one.model_copy(update={"run": run}) for run in runs)
+    assert not [*too_high(taken)] and "dissipate" in said
+    assert [line.endswith('; run.on_breaking = "ignore" does not look for it') for line in too_high(ignored)] == [True]
 
 
 def test_waves_that_are_steep_are_not_told_to_be_too_high():

@@ -18,6 +18,7 @@ from wavetank.errors import InputError, RecordError, RunError
 from wavetank.fe.agreed import agreed, on_first
 from wavetank.fe.by_place import found, gathered
 from wavetank.observers.checkpoints import Checkpoints
+from wavetank.plan.highest_waves import too_high
 from wavetank.plan.planned import Planned, planned
 from wavetank.records.checkpoint import Checkpoint
 from wavetank.records.directory import MANIFEST, RunDirectory
@@ -259,7 +260,7 @@ class GoingOn:
     def _read(self) -> Checkpoint:
         assert self._writer is not None
         kept, useless = self._writer.last_checkpoint(self._at)
-        for sentence in (*kept.about.get("warnings", []), *useless):
+        for sentence in useless:
             self._warn(sentence)
         return kept
 
@@ -270,6 +271,11 @@ class GoingOn:
         Raises ``SceneError`` for what cannot change while a run goes on.
         """
         agreed(self._comm, lambda: self._check(asked))
+        over = too_high(self._chosen) if asked.run.on_breaking != self._chosen.run.on_breaking else ()
+        gone = {*over}  # of what is said of waves that break, as now something else is done about them
+        for sentence in self.about.get("warnings", []):
+            if sentence not in gone:
+                self._warn(sentence)
         water, output = self._chosen.water, asked.output
         if output.surface_every is None:  # by default it follows from the duration
             output = output.model_copy(update={"surface_every": self._chosen.surface_every})

@@ -42,6 +42,8 @@ def too_high(scene: Scene) -> Iterator[str]:
             there = f"{wave.height:.3g} m high and {wave.length:.3g} m long, at x = {x:.3g} m, t = {wave.t:.3g} s"
             most = f"none as long is higher than {wave.highest:.3g} m: waves break there or before"
             cure = 'run.on_breaking = "dissipate" goes on past it'
+            if scene.run.on_breaking == "ignore":
+                cure = 'run.on_breaking = "ignore" does not look for it'
             yield f"the paddle of {seen.key} makes a wave {there}, by linear theory, where {most}; {cure}"
 
 

@@ -115,7 +115,8 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
     if "broke_down" not in spent:
         return []
     kept, crests = spent["checkpoints"], spent["broke_down"]["crests"]
-    breaks = any(crest["speed_ratio"] > ONSET for crest in crests)
+    dissipates = spent["scene"]["run"].get("on_breaking") == "dissipate"
+    breaks = not dissipates and any(crest["speed_ratio"] > ONSET for crest in crests)
     other = "run.on_breaking=dissipate" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
     files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
     lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
