@@ -270,7 +270,7 @@ def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
 def test_the_surface_of_a_moment_is_looked_at_once_for_all_who_ask(monkeypatch):
     """By the penalty, breaking and the watch, if at all: what is calm is looked at every fifth step at least."""
     looks, look = list[float](), SurfaceFlow._look
-    monkeypatch.setattr(SurfaceFlow, "_look", lambda flow: (looks.append(flow._t), look(flow))[1])
+    monkeypatch.setattr(SurfaceFlow, "_look", lambda flow, *of: (looks.append(of[-1]), look(flow, *of))[1])
     scene = ring_scene(initial_steepness=0.2, run_duration=0.2)  # the penalty has nothing to take
     run, waves = build_run(scene, MPI.COMM_SELF)
     run.observers += build_watch(scene, run, waves, print)

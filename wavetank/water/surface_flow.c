@@ -99,15 +99,16 @@ void largest(const Lines *s, const double *eta, const double *psi, double *found
     found[0] = fastest, found[1] = highest(steepest);
 }
 
-/* Take elevation and potential of masses q that are, bit for bit, those of the point last evaluated; return whether they
-   are. */
-int taken(long dofs, const double *q, const double *p, const double *point, const double *risen, double *eta,
-          double *psi)
+/* Take elevation and potential of masses q that are, bit for bit, those of the point last evaluated, and find their largest
+   as above; return whether they are. */
+int look(const Lines *s, long dofs, const double *q, const double *p, const double *point, const double *risen,
+         double *eta, double *psi, double *found)
 {
     const size_t bytes = sizeof(double) * dofs;
     if (memcmp(q, point + 3 * dofs, bytes))
         return 0;
     memcpy(eta, risen, bytes);
     memcpy(psi, p, bytes);
+    largest(s, eta, psi, found);
     return 1;
 }

@@ -5,7 +5,7 @@ Where the surface is level, the surface potential's derivative is the water's ho
 
 from collections.abc import Callable
 from importlib.resources import files
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, cast
 
 import basix
 import numpy as np
@@ -32,8 +32,8 @@ typedef struct {
 DECLARATIONS = f"""{LINES}
 void surface(const Lines *, const double *eta, const double *psi, double *found);
 void largest(const Lines *, const double *eta, const double *psi, double *found);
-int taken(long dofs, const double *q, const double *p, const double *point, const double *risen, double *eta,
-          double *psi);
+int look(const Lines *, long dofs, const double *q, const double *p, const double *point, const double *risen,
+         double *eta, double *psi, double *found);
 """
 FOUR = 4  # points at a time
 
@@ -114,20 +114,20 @@ class SurfaceVelocity:
         if q is self._q and p is self._p and one_time(t, self._t):
             return
         self._q, self._p, self._t = q, p, t
-        self._take(q, p, t)
-        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._look()))
+        self.largest_velocity, self.largest_slope = self._look(q, p, t)
 
-    def _take(self, q: Vector, p: Vector, t: float) -> None:
-        """Set elevation and surface potential."""
+    def _look(self, q: Vector, p: Vector, t: float) -> list[float]:
+        """Set elevation and surface potential; return the largest velocity and slope."""
         self._eta.set(self._waves.elevation(q, p, t))
         self._psi.set(p)
+        return [*map(float, largest(self._comm, self._largest_here()))]
 
     def near(self, t: float, *points: tuple[Vector, Vector]) -> None:
         """Take the surface of one of the points known of a state at t [s]: that last taken, or the last of them."""
         if not (one_time(t, self._t) and any(q is self._q and p is self._p for q, p in points)):
             self.update(*points[-1], t)
 
-    def _look(self) -> Vector:
+    def _largest_here(self) -> Vector:
         """Return the largest velocity and slope of this rank, shape (2,)."""
         values = self._expression.eval(self._waves.plane.mesh, self._cells)
         rows = values.reshape(self._cells.size, len(self._points), 2)
@@ -228,16 +228,18 @@ class SurfaceFlow(SurfaceVelocity):
         if shift is not None:
             self._lines.shift = self._kernel.known(shift)
         self._fields, self._at_largest = (at(self._eta.rows), at(self._psi.rows)), at(self._largest)
-        self._alone = self._comm.size == 1
+        self._usual = self._comm.size == 1 and not self._leaning
 
-    def _take(self, q: Vector, p: Vector, t: float) -> None:
-        at, take, (last, point, risen) = self._kernel.doubles, self._kernel.call.taken, self._waves.last
-        known = self._alone and one_time(t, last)  # the elevation is that of a time and of masses
-        if not (known and take(q.size, at(q), at(p), at(point), at(risen), *self._fields)):
-            super()._take(q, p, t)
-
-    def _look(self) -> Vector:
+    def _look(self, q: Vector, p: Vector, t: float) -> list[float]:
         self._profile = self._found = None
+        last, point, risen = self._waves.last
+        if self._usual and one_time(t, last):  # the elevation is that of a time and of masses
+            at, into = self._kernel.doubles, (*self._fields, self._at_largest)
+            if self._kernel.call.look(self._lines, q.size, at(q), at(p), at(point), at(risen), *into):
+                return cast("list[float]", self._largest.tolist())
+        return super()._look(q, p, t)
+
+    def _largest_here(self) -> Vector:
         if self._leaning:
             return np.array([self.speeds.max(initial=0.0), self.slopes.max(initial=0.0)])
         self._kernel.call.largest(self._lines, *self._fields, self._at_largest)
