@@ -331,4 +331,4 @@ def test_of_a_crest_that_hardly_travels_its_speed_is_told(speed, said):
     crest = SteepCrest(x=1.0, height=0.1, velocity=1.9, current=0.0, speed=speed, mean=1.0, front=0.5)
     moment = Moment(0, 1.0, Point(np.zeros(1), np.zeros(1)))
     with pytest.raises(RunError, match=re.escape(f"moves at 1.9 m/s, {said}")):
-        StopAtBreaking(SimpleNamespace(rests=lambda: False, look=lambda t, *points: [crest])).observe(moment)
+        StopAtBreaking(SimpleNamespace(rests=lambda t: False, look=lambda t, *points: [crest])).observe(moment)

@@ -25,7 +25,7 @@ class StopAtBreaking:
 
     def observe(self, moment: Moment) -> None:
         """Raise ``RunError`` if a wave breaks; collective."""
-        if self.watch.rests():
+        if self.watch.rests(moment.t):
             return
         for crest in filter(breaks, self.watch.look(moment.t, *moment.points)):
             moves = abs(crest.current) > 0.02 * abs(crest.speed)

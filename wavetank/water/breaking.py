@@ -62,9 +62,13 @@ class BreakingWatch:
         self._gentle, self._slow = Seldom(), Seldom()  # until a front may be steep, and the water faster
         self.crests: list[SteepCrest] = []
 
-    def rests(self) -> bool:
-        """Return whether this step goes by without a look, of which there is one at most in each."""
-        return self._gentle.rests() | self._slow.rests()
+    def rests(self, t: float) -> bool:
+        """Return whether this step, to t, goes by without a look, of which there is one at most in each.
+
+        A gentle surface at which another has looked is looked at, too: so looks coincide.
+        """
+        gentle, slow = self._gentle.rests(), self._slow.rests()
+        return slow or (gentle and not self._flow.is_of(t))
 
     def look(self, t: float, *points: tuple[Vector, Vector], front: float = STEEP) -> list[SteepCrest]:
         """Return the crests of a state, seen at one of the points known of it, that are swift enough; collective.
@@ -153,7 +157,7 @@ class BreakingDissipation(Smoothing):
 
     def needed(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
-        if self.watch.rests():
+        if self.watch.rests(t):
             return False
         front = GENTLE if self._breaking else STEEP
         breaking = self.follow(self.watch.look(t, (q, p), front=front), t)

@@ -5,7 +5,7 @@ Where the surface is level, the surface potential's derivative is the water's ho
 
 from collections.abc import Callable
 from importlib.resources import files
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, Protocol
 
 import basix
 import numpy as np
@@ -124,8 +124,14 @@ class SurfaceVelocity:
 
     def near(self, t: float, *points: tuple[Vector, Vector]) -> None:
         """Take the surface of one of the points known of a state at t [s]: that last taken, or the last of them."""
-        if not (one_time(t, self._t) and any(q is self._q and p is self._p for q, p in points)):
-            self.update(*points[-1], t)
+        for q, p in points:
+            if q is self._q and p is self._p and one_time(t, self._t):
+                return
+        self.update(*points[-1], t)
+
+    def is_of(self, t: float) -> bool:
+        """Return whether a state's surface at t [s] is the one last taken."""
+        return one_time(t, self._t)
 
     def _largest_here(self) -> Vector:
         """Return the largest velocity and slope of this rank, shape (2,)."""
@@ -236,7 +242,7 @@ class SurfaceFlow(SurfaceVelocity):
         if self._usual and one_time(t, last):  # the elevation is that of a time and of masses
             at, into = self._kernel.doubles, (*self._fields, self._at_largest)
             if self._kernel.call.look(self._lines, q.size, at(q), at(p), at(point), at(risen), *into):
-                return cast("list[float]", self._largest.tolist())
+                return self._largest.tolist()
         return super()._look(q, p, t)
 
     def _largest_here(self) -> Vector:
