@@ -44,7 +44,7 @@ def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on
 
 
 def test_a_place_at_the_origin_is_told_as_that(tmp_path):
-    outcome = Outcome(Crest(0.1, -1e-17, 1.4e-17, 2.0), 0.0, 0.0)
+    outcome = Outcome(Crest(0.1, 3.2e-7, -1.4e-17, 2.0), 0.0, 0.0)
     line, *_ = closing(outcome, SPENT, warnings=[], path=tmp_path, flat=False)
     assert line == "highest crest: 0.1 m, at the node x = 0 m, y = 0 m, t = 2 s"
 

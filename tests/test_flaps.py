@@ -343,7 +343,11 @@ def test_the_surface_over_a_place_stands_there(steep):
         ({"hinge": 1.0}, "wall.hinge"),
         ({"stroke_height": -0.1}, "wall.stroke_height"),
         ({"hinge": 0.95}, "wall.hinge"),
-        ({"reach": 4.0, "bed": True}, "to 1e-09 of it, within the reach of a paddle that leans, here 4 m"),
+        (
+            {"reach": 4.0, "bed": True},
+            "wall.reach = 4.0: must be at most 3 m, and more than 0.2 m for this motion: the bed must be of the tank's "
+            "depth, to 1e-09 of it, within the reach of a paddle that leans",
+        ),
         ({"bed": True}, "6 m by default, and is so for 3 m: its reach must be at most 3 m, and more than 0.2 m"),
         ({"motion_as": "angle", "motion": {"type": "regular", "height": 0.1, "period": 2.0}}, "wall.motion_as"),
         ({"motion_as": "angle", "motion": {**MOTION, "paddle_amplitude": 60.0}}, "in radians: 60 degrees are 1.0472"),

@@ -77,7 +77,7 @@ def closing(
         Whether there are to be pictures.
     """
     crest, timings, steps = outcome.crest, spent["timings"], spent["numerics"]["steps_taken"]
-    x, y = (f"{round(one, 9) + 0.0:.4g} m" for one in (crest.x, crest.y))  # but for round-off
+    x, y = (f"{round(one, 6) + 0.0:.4g} m" for one in (crest.x, crest.y))  # nobody asks for less than a micrometre
     place = f"x = {x}" if flat else f"x = {x}, y = {y}"
     simulated = spent["t"]
     follows = " (linear theory: what paddles displace)" if outcome.follows else ""

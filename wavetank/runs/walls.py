@@ -119,10 +119,13 @@ def _check_flat(scene: Scene, noun: ShapedWall, wall: Piston, plane: Plane) -> N
     nearest = plane.comm.allreduce(float(distances[uneven].min(initial=np.inf)), op=MPI.MIN)
     if nearest < wall.reach:
         needed = STEEPEST * noun.farther(scene.tank) * scene.excursion(scene.motion())
-        cure = f"its reach must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
+        bounds = f"must be at most {nearest:.4g} m, and more than {needed:.4g} m for this motion"
+        flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
+        if noun.reach is not None and nearest > needed:
+            raise SceneError([Problem(("wall", "reach"), noun.reach, f"{bounds}: the bed {flat}")])
+        cure = f"its reach {bounds}"
         if nearest <= needed:
             cure = f"this motion needs more than {needed:.4g} m of such a bed; a piston needs none"
-        flat = f"must be of the tank's depth, to {FLAT:g} of it, within the reach of a paddle that leans"
         here = f"here {wall.reach:.4g} m{'' if noun.reach else ' by default'}, and is so for {nearest:.4g} m"
         raise SceneError([Problem(("tank", "bed"), None, f"{flat}, {here}: {cure}")])
 
