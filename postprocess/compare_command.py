@@ -51,9 +51,23 @@ def compare(
     terminal = console()
     for table in tables:
         terminal.print(table)
-    for line in filter(None, map(data.told_of_units, (run, reference))):
+    for line in filter(None, (*map(data.told_of_units, (run, reference)), told_of_tanks(run, reference))):
         terminal.print(line, highlight=False)
     terminal.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
+
+
+def told_of_tanks(run: str, reference: str) -> str:
+    """Return in what the tanks of two runs differ; nothing where they do not, or where one is no run."""
+    runs = [RunDirectory(one) for one in (run, reference) if (Path(one) / MANIFEST).is_file()]
+    if len(runs) < 2:
+        return ""
+    mine, its = (one.manifest.get("scene", {}).get("tank", {}) for one in runs)
+    parts = [
+        f"tank.{key}" + ("" if {dict, list} & {type(mine[key]), type(its[key])} else f" = {mine[key]} and {its[key]}")
+        for key in mine
+        if key in its and mine[key] != its[key]
+    ]
+    return f"warning: the runs are of different tanks: {', '.join(parts)}" if parts else ""
 
 
 def _clock(text: str) -> tuple[float, float]:

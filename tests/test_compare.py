@@ -16,6 +16,7 @@ from wavetank import data
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.postprocess.compare import COLUMNS, compare, comparison_table, extremes_table, matched, write_comparison
+from wavetank.postprocess.compare_command import told_of_tanks
 from wavetank.postprocess.compare_harmonics import compare_harmonics, harmonics_table
 from wavetank.postprocess.figures import gauges_figure
 from wavetank.postprocess.run_figures import draw_run
@@ -211,6 +212,19 @@ def test_records_that_cannot_be_compared_are_bad_input():
         compare([one], [replace(one, eta=np.zeros(T.size))])
     with pytest.raises(InputError, match="3 rows computed"):
         compare([replace(one, t=T[:3], eta=one.eta[:3])], [one])
+
+
+def test_runs_in_different_tanks_are_told(tmp_path):
+    """But not what only one of them knows, as of another version, and nothing of data."""
+    tanks = {"a": {"length": 10.0, "depth": 1.0}, "b": {"length": 12.0, "depth": 1.0, "bed": None}}
+    tanks["c"] = tanks["b"] | {"bed": {"type": "beach"}}
+    for name, tank in tanks.items():
+        with RunWriter(tmp_path / name, {"scene": {"tank": tank}}):
+            pass
+    a, b, c = (str(tmp_path / name) for name in tanks)
+    assert told_of_tanks(a, b) == "warning: the runs are of different tanks: tank.length = 10.0 and 12.0"
+    assert told_of_tanks(b, c) == "warning: the runs are of different tanks: tank.bed"
+    assert told_of_tanks(a, a) == told_of_tanks(a, "measured.csv") == ""
 
 
 def test_what_is_neither_a_run_nor_a_data_set_is_said(tmp_path, capsys):
