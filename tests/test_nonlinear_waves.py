@@ -128,7 +128,7 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
         tank.see(state, t, found, 1)
         see(tank, state, t, told, 0)
         for row in range(2):
-            for name, scale in (("eta", 1e-14), ("rise", 1e-14), ("positions", 0.0), ("velocities", 0.0)):
+            for name, scale in (("eta", 1e-14), ("rise", 1e-14), ("psi", 0.0), ("rates", 0.0), ("velocities", 0.0)):
                 assert np.abs(getattr(found, name)[row] - getattr(told, name)[0]).max() <= scale, name
             assert found.numbers[row, :4] == pytest.approx(told.numbers[0, :4], rel=1e-12, abs=1e-13)
             for place, point in ((BEFORE, before), (POWER, at)):

@@ -112,7 +112,7 @@ class Steady:
     """Water whose energy stays what it is, whatever is put in and taken out."""
 
     depth, gravity, tells_power = 1.0, 9.81, False
-    wall = SimpleNamespace(stood=(), velocities=np.zeros(1))
+    wall = SimpleNamespace(rates=np.zeros((0, 3)), velocities=np.zeros(1))
 
     def explicit_rate(self, q, p, t):
         return 8.9

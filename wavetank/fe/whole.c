@@ -237,6 +237,7 @@ static void see(Whole *w, const double *q, const double *p, const double *point,
                 double gravity, const Sight *into, long row)
 {
     const long n = w->dofs;
+    memcpy(into->psi + row * n, p, sizeof(double) * n);
     const double *by_p = point, *by_q = point + 2 * n, *at_q = point + 3 * n, *at_p = point + 4 * n;
     double *eta = into->eta + row * n, *rise = into->rise + row * n, *numbers = into->numbers + row * OF_A_ROW;
     double *by_mass = w->image, twice = 0.0, change = 0.0, lift = 0.0, mass = 0.0;
@@ -257,7 +258,7 @@ static void see(Whole *w, const double *q, const double *p, const double *point,
     long paddle = into->paddles; /* each knows the one before it */
     EACH_PADDLE(one) {
         --paddle;
-        into->positions[row * into->paddles + paddle] = one->moves[POSITION];
+        memcpy(into->rates + 3 * (row * into->paddles + paddle), one->moves, 3 * sizeof(double));
         if (into->speeds == into->paddles)
             into->velocities[row * into->speeds + paddle] = one->moves[SPEED];
     }

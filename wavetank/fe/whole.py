@@ -62,10 +62,10 @@ typedef struct {
 } Attempt;
 typedef struct {
     int paddles, speeds;
-    double *eta, *rise, *numbers, *positions, *velocities;
+    double *eta, *rise, *psi, *numbers, *rates, *velocities;
 } Sight;
 """
-ROWS = "eta", "rise", "numbers", "positions", "velocities"
+ROWS = "eta", "rise", "psi", "numbers", "rates", "velocities"
 DECLARATIONS = f"""{WHOLE}
 int find(Whole *, const double *q, const double *p, const double *still, int recorded, double *flow, double *told);
 void begin_stage(const Attempt *, const double *z, const double *slope, const double *c, double a, int carried,
@@ -130,14 +130,15 @@ class Rows(Protocol):
 
     Attributes
     ----------
-    eta, rise, numbers, positions, velocities
+    eta, rise, psi, numbers, rates, velocities
         See there.
     """
 
     eta: Vector
     rise: Vector
+    psi: Vector
     numbers: Vector
-    positions: Vector
+    rates: Vector
     velocities: Vector
 
 
@@ -389,7 +390,7 @@ class Whole:
     def _room(self, into: Rows) -> Any:
         """Return where rows are, found once for those that are asked for one after the other."""
         if into is not self._into:
-            sizes = {"paddles": into.positions.shape[1], "speeds": into.velocities.shape[1]}
+            sizes = {"paddles": into.rates.shape[1], "speeds": into.velocities.shape[1]}
             rows = {name: getattr(into, name) for name in ROWS}
             self._into, self._at_rows = into, self._kernel.shared("Sight", {**sizes, **rows})
         return self._at_rows

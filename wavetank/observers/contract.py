@@ -124,7 +124,7 @@ class Moments(list[Moment]):
 
     def stands(self, waves: "ObservedWaves", places: Vector) -> Vector:
         """Return how far from rest the wall's paddles stood beside places [m], shape (paddles, K, N); collective."""
-        return stands(waves.wall.stand, places, self.times, self.seen(waves).positions)
+        return stands(waves.wall.stand, places, self.times, self.seen(waves).rates[:, :, 0])
 
 
 class Observer(Protocol):

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wavetank.observers.contract import Keeping, Moment
+from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves, Patient
 from wavetank.observers.loads import Pushing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps, Schedule
@@ -52,6 +52,26 @@ class PaddleMotion(Keeping):
             self._record.extend(np.array([np.hstack(row) for row in kept]))
         else:
             self._record.extend(np.fromiter(chain.from_iterable(kept), dtype=np.float64).reshape(len(kept), -1))
+
+
+class SeenPaddle(Patient):
+    """The same of a paddle that moves as a whole, which does not push: what is seen of its waves tells it.
+
+    Parameters
+    ----------
+    number
+        Which of their wall's paddles it is.
+    record
+        As above.
+    """
+
+    def __init__(self, waves: ObservedWaves, number: int, *, record: Record, schedule: Schedule):
+        self._number, self._record, self.schedule = number, record, schedule
+        self._waves = self.sees = waves
+
+    def work_off(self, moments: Moments) -> None:
+        """Append a row for each moment; collective."""
+        self._record.extend(np.column_stack([moments.times, moments.seen(self._waves).rates[:, self._number]]))
 
 
 class PaddleLimits:

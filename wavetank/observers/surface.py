@@ -6,13 +6,13 @@ from wavetank.arrays import Vector
 from wavetank.fe.by_place import SAME
 from wavetank.fe.in_rows import in_rows
 from wavetank.fe.points import Points
-from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
+from wavetank.observers.contract import Moments, ObservedWaves, Patient
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.stateful import Held
 
 
-class SurfaceSnapshots(Keeping):
+class SurfaceSnapshots(Patient):
     """Elevation [m] and surface potential [m²/s] against x [m], at the places of the mesh on which the run began.
 
     Parameters
@@ -28,7 +28,6 @@ class SurfaceSnapshots(Keeping):
         self._order = np.argsort(reference, kind="stable").astype(np.int32)
         self._look_at(comm.bcast(reference[self._order]))
         self._points: Points | None = None  # where those are not the places of this mesh
-        self._potentials = dict[int, Vector]()  # of steps that are not worked off [m²/s]
 
     def _look_at(self, x: Vector) -> None:
         """Take the places in the mesh [m] in the order of x."""
@@ -44,14 +43,10 @@ class SurfaceSnapshots(Keeping):
         parts = self._waves.plane.comm.gather(owned)
         return np.concatenate(parts, axis=-1) if parts else owned[..., :0]
 
-    def keep(self, moment: Moment) -> None:
-        """Keep the potential, which somebody's own observer may change."""
-        self._potentials[moment.step] = moment.p.copy()
-
     def work_off(self, moments: Moments) -> None:
         """Append the snapshots; collective."""
-        eta = self._found(moments.elevations(self._waves))
-        psi = self._found(np.array([self._potentials.pop(moment.step) for moment in moments]))
+        seen = moments.seen(self._waves)
+        eta, psi = self._found(seen.eta), self._found(seen.psi)
         if self._record is not None:
             rows, near = in_rows(moments.times, self._reference, (eta, psi), self._order), self._near
             x, above, _ = rows[:, 1:].reshape(len(rows), 3, -1).swapaxes(0, 1)

@@ -27,7 +27,7 @@ from wavetank.observers.energy import EnergyBudget, Sink
 from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.loads import Loads, Pushing
-from wavetank.observers.paddle import RATES, PaddleLimits, PaddleMotion
+from wavetank.observers.paddle import RATES, PaddleLimits, PaddleMotion, SeenPaddle
 from wavetank.observers.passing import Called
 from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
@@ -278,10 +278,14 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
             rates = {name: seen.of_paddle(motion, name) for name in RATES}
             observers.append(PaddleLimits(rates, limits.model_dump(exclude_none=True), key=seen.key))
     paddles = zip(scene.paddles, waves.wall.paddles, records.paddles, strict=False)  # a trial has none of the latter
-    for seen, paddle, record in paddles:
-        moves = getattr(paddle, "travel", paddle.motion)  # of small strokes nothing travels
+    for number, (seen, paddle, record) in enumerate(paddles):
+        travel, push = getattr(paddle, "travel", None), look.pushes.get(seen.end)
+        if travel and travel.whole is not None and push is None:
+            observers.append(SeenPaddle(waves, number, record=record, schedule=schedule))
+            continue
+        moves = travel or paddle.motion  # of small strokes nothing travels
         now = partial(moves.rates, y=seen.wall.places(seen.tank))
-        observers.append(PaddleMotion(now, record=record, schedule=schedule, push=look.pushes.get(seen.end)))
+        observers.append(PaddleMotion(now, record=record, schedule=schedule, push=push))
     return observers + look.observers
 
 

@@ -15,7 +15,7 @@ from wavetank.arrays import Vector
 from wavetank.water.energy import Energies
 from wavetank.water.walls.contract import Stood, stood
 
-ROWS = "eta", "rise", "numbers", "positions", "velocities"
+ROWS = "eta", "rise", "psi", "numbers", "rates", "velocities"
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, BEFORE, POWER = range(6)  # in a row
 
 
@@ -23,8 +23,8 @@ class SeenWall(Protocol):
     """What is asked of a wall."""
 
     @property
-    def stood(self) -> Stood:
-        """How it stands now."""
+    def rates(self) -> Vector:
+        """How its paddles stand and move now; see ``Placed``."""
 
     @property
     def velocities(self) -> Vector:
@@ -51,13 +51,16 @@ class Sight:
         The elevation [m], shape (most, owned).
     rise
         How much higher that of the points is [m], shape (most, owned).
+    psi
+        The surface potential [m²/s], shape (most, owned).
     numbers
         Kinetic and potential energy and the wall's part, those of the states: H, and the potential energy, to the
         square of what lies between, and W as of the points, so that what that changes by is in the kinetic energy; the
         water's volume, of a slice per width [m³, m²]; where they are told, the power dH/dt at fixed (Q, psi), in energy
         a second, of the first of the known points and of the last. Shape (most, 6).
-    positions
-        X_p of each paddle, nan of one that does not move as a whole [m], shape (most, paddles).
+    rates
+        X_p, X_p' and X_p'' of each paddle, nan of one that does not move as a whole [m, m/s, m/s²], shape (most,
+        paddles, 3).
     velocities
         How the wall moves [m/s], shape (most, owned) or (most, 1).
     """
@@ -65,8 +68,9 @@ class Sight:
     def __init__(self, most: int, *, owned: int, wall: SeenWall):
         self.eta: Vector = np.zeros((most, owned))
         self.rise: Vector = np.zeros((most, owned))
+        self.psi: Vector = np.zeros((most, owned))
         self.numbers: Vector = np.full((most, len(NUMBERS)), np.nan)
-        self.positions: Vector = np.full((most, len(wall.stood)), np.nan)
+        self.rates: Vector = np.full((most, *wall.rates.shape), np.nan)
         self.velocities: Vector = np.zeros((most, wall.velocities.size))
         self.filled = 0
 
@@ -95,7 +99,7 @@ class Sight:
 
     def stood(self, row: int, t: float) -> Stood:
         """Return how the wall stood at t [s]; see ``Placed``."""
-        return stood(t, self.positions[row])
+        return stood(t, self.rates[row, :, 0])
 
 
 class Seen:
@@ -129,9 +133,14 @@ class Seen:
         return self._sight.numbers[self._rows]
 
     @cached_property
-    def positions(self) -> Vector:
-        """Where paddles stood, shape (K, paddles)."""
-        return self._sight.positions[self._rows]
+    def psi(self) -> Vector:
+        """The surface potential [m²/s], shape (K, owned)."""
+        return self._sight.psi[self._rows]
+
+    @cached_property
+    def rates(self) -> Vector:
+        """How paddles stood and moved, shape (K, paddles, 3)."""
+        return self._sight.rates[self._rows]
 
     @cached_property
     def velocities(self) -> Vector:
@@ -201,5 +210,5 @@ def see(water: Evaluable, state: State, t: float, into: Sight, row: int) -> None
     into.rise[row] = 0.0 if here is None else eta - here
     moved = energies.kinetic + change - lift, energies.potential + lift, energies.wall, water.total_mass(q)
     into.numbers[row, : len(moved)] = moved
-    into.positions[row] = [np.nan if x is None else x for _, x in wall.stood]
+    into.psi[row], into.rates[row] = p, wall.rates
     into.move(row, wall.velocities)

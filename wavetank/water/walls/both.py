@@ -99,6 +99,11 @@ class BothEnds:
         near, far = self.paddles
         return near.stood + far.stood
 
+    @property
+    def rates(self) -> Vector:
+        """See ``Placed``."""
+        return np.concatenate([paddle.rates for paddle in self.paddles])
+
     def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
         """See ``Placed``."""
         each = zip(self.paddles, stood or self.stood, strict=True)

@@ -124,6 +124,10 @@ class Placed(Protocol):
     def stood(self) -> Stood:
         """How it stands now, for when that will be asked for."""
 
+    @property
+    def rates(self) -> Vector:
+        """X_p, X_p' and X_p'' of its paddles now [m, m/s, m/s²], shape (paddles, 3); nan if not the same at all y."""
+
     def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
         """Return how far from rest its paddles stand beside places [m], physical or reference, shape (paddles, N).
 
@@ -146,7 +150,7 @@ class Placed(Protocol):
 def stands(stand: Callable[[Vector, Stood], Vector], places: Vector, times: Vector, positions: Vector) -> Vector:
     """Return how far from rest paddles stood beside places [m] at K times [s], (paddles, K, N), by their ``stand``.
 
-    ``positions`` are as a ``Sight`` has them, shape (K, paddles).
+    ``positions`` are X_p [m], nan of those that do not move as a whole, shape (K, paddles).
     """
     if np.isnan(positions).any():
         each = zip(times, positions, strict=True)

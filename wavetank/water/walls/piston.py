@@ -172,6 +172,11 @@ class Piston:
         """See ``Placed``."""
         return (self.travel.stood,)
 
+    @property
+    def rates(self) -> Vector:
+        """See ``Placed``."""
+        return self.travel.moves[None]
+
     def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
         """See ``Placed``: X_p."""
         ((t, whole),) = stood or self.stood

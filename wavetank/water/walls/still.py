@@ -31,6 +31,7 @@ class StillWall:
     carried: ufl.Measure | None = None
     carries, displaced = np.arange(0), 0.0
     stood: Stood = ()
+    rates = np.zeros((0, 3))
     shift = None
 
     def moved_by(self, tangents: Sequence[Tangent]) -> "StillWall":

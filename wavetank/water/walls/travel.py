@@ -36,7 +36,7 @@ class Travel:
         X_p, X_p' and X_p'' at the y of the owned degrees of freedom [m, m/s, m/s²], shape (owned,); of a paddle that
         moves as a whole (1,).
     moves
-        The same of one that moves as a whole, shape (3,), for good.
+        The same of one that moves as a whole, shape (3,), for good; nan of any other.
     """
 
     def __init__(self, motion: Motion, *, plane: Plane, side: Side, s: Field):
@@ -69,6 +69,7 @@ class Travel:
             self._whole = {order: float(rate) for order, rate in enumerate(rates)}
             self.offsets, self.velocities, self.accelerations = self.moves.reshape(3, 1).copy()
         else:
+            self.moves[:] = np.nan
             self._whole = {}
             self.offsets, self.velocities, self.accelerations = (np.asarray(rate)[self._place] for rate in rates)
         self._set(0, self.offsets)
