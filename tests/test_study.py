@@ -61,6 +61,7 @@ def test_a_sweep_is_parsed_and_short_names_are_keys_of_the_case():
         (["dt=0.02,0.020"], [], "are the same run"),
         (["dt=0.02", "numerics.dt=0.03"], [], "numerics.dt received twice"),
         (["n=4,6"], ["numerics.vertical_order=5"], "numerics.vertical_order received twice"),
+        (["n=4,40", "dt=0.01,0.02"], [], "2 of 4 runs of the study would be refused, first n=40,dt=0.01: "),
         (["n=4,40"], [], "overridden: numerics.vertical_order = 40: must be less than or equal to 16"),
         (["integrator=third-order,euler"], [], 'numerics.integrator = "euler"'),
         (["nn=4,6"], [], "nn = 4: is an unknown key"),

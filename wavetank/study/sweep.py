@@ -144,9 +144,19 @@ def parse_axes(texts: Sequence[str], overrides: Sequence[str] = ()) -> list[Axis
 def combinations(case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()) -> list[Combination]:
     """Return every combination, the last axis varying fastest, each validated.
 
-    Raises ``InputError`` for a case or a value that cannot be used, and for two combinations that are the same run.
+    Raises ``InputError`` for a case that cannot be used, of those that cannot be only with some values for the first of
+    these, and for two combinations that are the same run.
     """
-    found = [combination(case, dict(zip(axes, values, strict=True)), overrides) for values in _product(axes)]
+    found, refused = list[Combination](), dict[str, InputError]()
+    for values in _product(axes):
+        try:
+            found.append(combination(case, dict(zip(axes, values, strict=True)), overrides))
+        except InputError as error:
+            refused[",".join(f"{axis.name}={value}" for axis, value in zip(axes, values, strict=True))] = error
+    if refused:
+        name, why = next(iter(refused.items()))
+        runs = f"{len(refused)} of {len(refused) + len(found)} runs of the study would be refused"
+        raise InputError(f"{runs}, first {name}: {why}") if found else why
     for n, one in enumerate(found):
         same = next((other for other in found[:n] if other.scene == one.scene), None)
         if same:
