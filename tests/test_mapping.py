@@ -18,6 +18,7 @@ from wavetank.fe.forms import ScalarForm
 from wavetank.fe.mass import HorizontalMatrix
 from wavetank.fe.plane import Plane
 from wavetank.integrators import ThirdOrder
+from wavetank.integrators.states import Point
 from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
 from wavetank.motions.mapping import STEEPEST, largest_stroke, share
 from wavetank.observers.gauges import Gauges
@@ -168,7 +169,7 @@ def test_a_smooth_surface_is_smooth_to_the_penalty_wherever_the_paddle_stands(ma
         x = tank.wall.to_physical(tank.plane.places)[:, 0]
         psi = np.cos(np.pi * (x - 1.0) / 7.0 * 3)
         penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=8.0 / cells, dt=0.01, threshold=0.0)
-        assert penalty.needed(*tank.state(0 * psi, psi, 1.0), 1.0)
+        assert penalty.needed(Point(*tank.state(0 * psi, psi, 1.0)), 1.0)
         sizes.append(8.0 / cells)
         changes.append(np.abs(penalty.momentum(psi) - psi).max())
     assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
@@ -180,7 +181,7 @@ def test_an_even_slope_has_no_kink_where_the_mapping_has(make_tank):
     tank.set_time(1.0)  # X_p = 0.5 m
     x = tank.wall.to_physical(tank.plane.places)[:, 0]
     penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=0.01, threshold=0.0)
-    assert penalty.needed(*tank.state(0 * x, x, 1.0), 1.0)
+    assert penalty.needed(Point(*tank.state(0 * x, x, 1.0)), 1.0)
     assert np.abs(penalty.momentum(x) - x).max() < 1e-12
 
 
@@ -209,7 +210,7 @@ def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):
     tank.set_time(0.0)
     moved = penalty()
     before = moved.momentum(psi)
-    assert moved.needed(*tank.state(0 * psi, psi, 1.0), 1.0)
+    assert moved.needed(Point(*tank.state(0 * psi, psi, 1.0)), 1.0)
     after, there = moved.momentum(psi), penalty().momentum(psi)
     assert np.abs(after - there).max() < 1e-13 < 1e-3 * np.abs(after - before).max()
 
@@ -234,10 +235,10 @@ def test_a_penalty_of_which_the_wall_changes_a_part_is_that_of_all_cells(make_ta
     flow, psi = SurfaceFlow(tank), np.cos(tank.plane.x) ** 3
     penalty = EdgePenalty(tank, flow, cell_size=0.5, dt=0.01, threshold=0.0)
     for t in (0.9, 1.0):
-        assert penalty.needed(*tank.state(0 * psi, psi, t), t)
+        assert penalty.needed(Point(*tank.state(0 * psi, psi, t)), t)
     whole = HorizontalMatrix(tank.plane, penalty._of).apply(psi)
     assert np.abs(penalty._smoother.apply(psi) - whole).max() < 1e-13 < 1e-8 * np.abs(whole).max()
-    assert flow._t == 0.9
+    assert flow.t == 0.9
 
 
 def test_a_filter_takes_the_wall_where_it_stands_at_the_end_of_the_step(make_tank):

@@ -54,7 +54,7 @@ class Looking:
     def __init__(self):
         self.times = []
 
-    def needed(self, q, p, t):
+    def needed(self, state, t):
         self.times.append(t)
         return False
 
@@ -76,7 +76,7 @@ class Timed(Harmonic):
 class Acting(Looking):
     """A filter that changes nothing, and keeps what it is told of the energy: before it, and after."""
 
-    def needed(self, q, p, t):
+    def needed(self, state, t):
         return True
 
     coordinate = momentum = staticmethod(np.copy)

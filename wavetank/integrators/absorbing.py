@@ -11,6 +11,7 @@ coordinates, hence mass, are never touched.
 import numpy as np
 
 from wavetank.arrays import Vector
+from wavetank.integrators.contract import State
 from wavetank.integrators.damped import same
 from wavetank.stateful import Held
 
@@ -50,7 +51,7 @@ class Absorbing:
         """Return the momenta of a start as its first step begins with them, half of the factor taken."""
         return np.asarray(np.exp(-self.gamma * self._dt / 2) * p)
 
-    def needed(self, q: Vector, p: Vector, t: float) -> bool:
+    def needed(self, state: State, t: float) -> bool:
         """Return that it always is."""
         return True
 

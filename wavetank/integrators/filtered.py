@@ -14,8 +14,11 @@ from wavetank.stateful import Held, carry_over, give_back, held_by, named
 class Filter(Protocol):
     """What takes something out of a state; affine in the coordinates, linear in the momenta."""
 
-    def needed(self, q: Vector, p: Vector, t: float) -> bool:
-        """Return whether there is anything to do where a step has ended, at t; collective, the same on all ranks."""
+    def needed(self, state: State, t: float) -> bool:
+        """Return whether there is anything to do where a step has ended, at the first of the points known of a state.
+
+        Collective, the same on all ranks.
+        """
 
     def coordinate(self, q: Vector) -> Vector:
         """Return the coordinates afterwards; collective."""
@@ -53,8 +56,7 @@ class Filtered(Wrapper[S]):
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
         state, t = self.scheme.step(system, state, t, dt), t + dt
-        at = state.known[0]
-        acting = [one for one in self.filters if one.needed(*at, t)]
+        acting = [one for one in self.filters if one.needed(state, t)]
         return self._filtered(system, state, t, acting) if acting else state
 
     def _filtered(self, system: HamiltonianSystem, state: S, t: float, acting: Sequence[Filter]) -> S:

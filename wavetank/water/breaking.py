@@ -22,9 +22,11 @@ import ufl
 from wavetank.arrays import Vector
 from wavetank.stateful import Held
 from wavetank.water.crests import Profile, SteepCrest, steep_crests
+from wavetank.water.seen import State
 from wavetank.water.seldom import Seldom
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.walls import one_time
 from wavetank.water.waves import NonlinearWaves
 
 ONSET, RECOVERED = 0.85, 0.6  # B at which breaking begins, and ends
@@ -68,7 +70,7 @@ class BreakingWatch:
         A gentle surface at which another has looked is looked at, too: so looks coincide.
         """
         gentle, slow = self._gentle.rests(), self._slow.rests()
-        return slow or (gentle and not self._flow.is_of(t))
+        return slow or (gentle and not one_time(t, self._flow.t))
 
     def look(self, t: float, *points: tuple[Vector, Vector], front: float = STEEP) -> list[SteepCrest]:
         """Return the crests of a state, seen at one of the points known of it, that are swift enough; collective.
@@ -155,12 +157,12 @@ class BreakingDissipation(Smoothing):
 
         super().__init__(waves, viscous)
 
-    def needed(self, q: Vector, p: Vector, t: float) -> bool:
+    def needed(self, state: State, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
         if self.watch.rests(t):
             return False
         front = GENTLE if self._breaking else STEEP
-        breaking = self.follow(self.watch.look(t, (q, p), front=front), t)
+        breaking = self.follow(self.watch.look(t, state.known[0], front=front), t)
         if breaking:
             self.place(breaking)
         return bool(breaking)

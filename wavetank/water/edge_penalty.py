@@ -21,6 +21,7 @@ from wavetank.arrays import Vector
 from wavetank.fe.kinks import KinkSmoothing
 from wavetank.fe.mass import BandedMass
 from wavetank.stateful import Held
+from wavetank.water.seen import State
 from wavetank.water.seldom import Seldom
 from wavetank.water.smoothing import Smoother, Smoothing
 from wavetank.water.surface_flow import SurfaceVelocity
@@ -83,15 +84,13 @@ class EdgePenalty(Smoothing):
             return super()._made()
         return KinkSmoothing(plane, mass, strength=self._kappa, shift=wall.shift)
 
-    def needed(self, q: Vector, p: Vector, t: float) -> bool:
+    def needed(self, state: State, t: float) -> bool:
         """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective.
 
         As long as it cannot have fallen, or risen, to that it is not looked at again.
         """
-        if self._waves.plane.order == 1:
-            return False
-        if not self._seldom.rests():
-            self._flow.update(q, p, t)
+        if not self._seldom.rests() and self._waves.plane.order > 1:
+            self._flow.update(*state.known[0], t)
             fastest = self._flow.largest_velocity
             self._needed = fastest > self._fast
             self._seldom.saw(fastest, matters=self._fast)

@@ -86,6 +86,8 @@ class SurfaceVelocity:
     ----------
     largest_velocity, largest_slope
         The largest horizontal velocity of the surface [m/s], and its largest slope [-].
+    t
+        When that is [s]; NaN before any has been taken.
     """
 
     def __init__(self, waves: Water):
@@ -98,7 +100,7 @@ class SurfaceVelocity:
         self._set_up()
         self._q: Vector | None = None
         self._p: Vector | None = None
-        self._t = np.nan
+        self.t = np.nan
         self._speeds = self._slopes = np.zeros(self._cells.size)
         self.largest_velocity = self.largest_slope = 0.0
 
@@ -111,9 +113,9 @@ class SurfaceVelocity:
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
         """Take the surface of a state at t [s], known to round-off; nothing to do for the state last taken."""
-        if q is self._q and p is self._p and one_time(t, self._t):
+        if q is self._q and p is self._p and one_time(t, self.t):
             return
-        self._q, self._p, self._t = q, p, t
+        self._q, self._p, self.t = q, p, t
         self.largest_velocity, self.largest_slope = self._look(q, p, t)
 
     def _look(self, q: Vector, p: Vector, t: float) -> list[float]:
@@ -125,13 +127,9 @@ class SurfaceVelocity:
     def near(self, t: float, *points: tuple[Vector, Vector]) -> None:
         """Take the surface of one of the points known of a state at t [s]: that last taken, or the last of them."""
         for q, p in points:
-            if q is self._q and p is self._p and one_time(t, self._t):
+            if q is self._q and p is self._p and one_time(t, self.t):
                 return
         self.update(*points[-1], t)
-
-    def is_of(self, t: float) -> bool:
-        """Return whether a state's surface at t [s] is the one last taken."""
-        return one_time(t, self._t)
 
     def _largest_here(self) -> Vector:
         """Return the largest velocity and slope of this rank, shape (2,)."""
@@ -259,7 +257,7 @@ class SurfaceFlow(SurfaceVelocity):
         if self._found is None:
             self._found = found = np.zeros((4, *self._places.shape))
             if self._q is not None:
-                self._waves.set_time(self._t)
+                self._waves.set_time(self.t)
             self._kernel.call.surface(self._lines, *self._fields, self._kernel.pointer(found))
             if self._leaning:
                 found[2:, self._carried] = self._leaning()
