@@ -23,31 +23,56 @@ class MomentState(State, Protocol):
         """The jump of the coordinates; None where the scheme lets them have none."""
 
 
-class Moment:
-    """The state at one step.
+class Past:
+    """One step, when it has been looked at: its state is gone.
 
-    Parameters
-    ----------
-    sights
-        What has been seen of waves, by their ids.
-    row
-        Where it is there.
+    Of hundreds of states the vectors would take the caches that a step lives in.
 
     Attributes
     ----------
     step, t
         t = step dt [s].
+    sights
+        What has been seen of waves, by their ids.
+    row
+        Where it is there.
+    """
+
+    __slots__ = "row", "sights", "step", "t"
+
+    def __init__(self, step: int, t: float, sights: dict[int, Sight], row: int):
+        self.step, self.t, self.sights, self.row = step, t, sights, row
+
+    def look(self, waves: "ObservedWaves") -> Sight:
+        """Return where what is seen of waves at this step is; collective."""
+        return self.sights[id(waves)]
+
+    def elevation(self, waves: "ObservedWaves") -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+        eta: Vector = self.look(waves).eta[self.row]
+        return eta
+
+    def stood(self, waves: "ObservedWaves") -> Stood:
+        """Return how the wall stood, as its ``stand`` asks for it; collective."""
+        return self.look(waves).stood(self.row, self.t)
+
+
+class Moment(Past):
+    """The state at one step; see ``Past``, too.
+
+    Attributes
+    ----------
     state
         Coordinates, momenta and what else the scheme knows.
     """
 
-    __slots__ = "row", "sights", "state", "step", "t"
+    __slots__ = ("state",)
 
     def __init__(
         self, step: int, t: float, state: MomentState, *, sights: dict[int, Sight] | None = None, row: int = 0
     ):
-        self.step, self.t, self.state, self.row = step, t, state, row
-        self.sights: dict[int, Sight] = {} if sights is None else sights
+        super().__init__(step, t, {} if sights is None else sights, row)
+        self.state = state
 
     @property
     def q(self) -> Vector:
@@ -84,23 +109,14 @@ class Moment:
             sight.filled = self.row + 1
         return sight
 
-    def elevation(self, waves: "ObservedWaves") -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
-        eta: Vector = self.look(waves).eta[self.row]
-        return eta
 
-    def stood(self, waves: "ObservedWaves") -> Stood:
-        """Return how the wall stood, as its ``stand`` asks for it; collective."""
-        return self.look(waves).stood(self.row, self.t)
-
-
-class Moments(list[Moment]):
+class Moments(list[Past]):
     """Moments that are worked off together: what several observers ask of all of them is found once.
 
     Its arrays are of the run, which takes others into them when these moments have been worked off.
     """
 
-    def __init__(self, moments: Iterable[Moment] = ()):
+    def __init__(self, moments: Iterable[Past] = ()):
         super().__init__(moments)
         self._seen = dict[int, Seen]()
         self._times: Vector | None = None

@@ -45,7 +45,7 @@ class PaddleMotion(Keeping):
         pushed = self._push.at(moment) if self._push else ()
         self._kept.append([moment.t, *self._rates(moment.t), *pushed])
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """Append a row for each moment."""
         kept, self._kept = self._kept, []
         if np.ndim(kept[0][1]):

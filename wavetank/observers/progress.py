@@ -1,12 +1,12 @@
 """Progress of a run: a bar in a terminal, plain lines elsewhere and in the run's log; and told in its manifest."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from math import inf
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from wavetank.observers.contract import Moment, Patient
+from wavetank.observers.contract import Moments, Past, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.records.log import RunLog
 
@@ -58,7 +58,7 @@ class ProgressBar(Patient):
     def __exit__(self, *error: object) -> None:
         self._bar.stop()
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """Show the last moment."""
         now, moment = time.monotonic(), moments[-1]
         if not self._bar.disable and (now > self._shown + self.every or moment.t >= self._duration):
@@ -69,7 +69,7 @@ class ProgressBar(Patient):
             left = (now - self._began) * (self._duration - moment.t) / (moment.t - self._t)
             self._say(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {self._per_step(moment)}")
 
-    def _per_step(self, moment: Moment) -> str:
+    def _per_step(self, moment: Past) -> str:
         solves, iterations = (
             (now - before) / max(1, moment.step - self._step)
             for now, before in zip(self._cost(), self._set_up, strict=True)
@@ -98,7 +98,7 @@ class Standing(Patient):
         self._note, self._tell, self._begin, self._end = note, tell, begin, end
         self._began, self._told = time.monotonic(), -inf
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """Note the last moment."""
         moment = moments[-1]
         now, when = time.monotonic(), {"t": moment.t, "begin": self._begin, "end": self._end}

@@ -10,7 +10,7 @@ from mpi4py import MPI
 from wavetank.arrays import Vector, summed
 from wavetank.errors import RecordError, RunError
 from wavetank.fe.agreed import agreed
-from wavetank.observers.contract import Moment, Patient
+from wavetank.observers.contract import Moments, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.records.growing import Rows
 from wavetank.records.vtu_series import VtkCells
@@ -95,7 +95,7 @@ class RecordCheck(Patient):
         self.schedule = EverySteps()
         self._comm, self._records = comm, records
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
+    def work_off(self, moments: Moments) -> None:
         """Raise ``RecordError`` if a rank has met one; collective."""
         if summed(self._comm, float(any(record.failure for record in self._records))):
             agreed(self._comm, self._raise)

@@ -23,7 +23,7 @@ import numpy as np
 
 from wavetank.arrays import Vector, largest
 from wavetank.fe.differences import largest_differences
-from wavetank.observers.contract import Keeping, Moment, Moments
+from wavetank.observers.contract import Keeping, Moment, Moments, Past
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
 from wavetank.water.short_waves import ShortWaves
@@ -123,7 +123,8 @@ class StabilityWatch(Keeping):
         self.sees, self._look = waves, IN_JUMP
         # of steps that are not judged: the largest frequency where that was looked at [rad/s], and jumps [m]
         self._frequencies, self._jumps = dict[int, float](), dict[int, Vector]()
-        self._leaps: bool | None = None  # whether only the mass matrix tells jumps
+        self._leaps = self._of_mean = False  # whether only the mass matrix tells jumps, whether the state is a mean
+        self._begun = False
         self._last, self._wall = list[Vector](), list[Vector]()  # before what is kept, as many as are needed
         self._driven: float = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._highest: float = CALM * waves.depth
@@ -136,19 +137,20 @@ class StabilityWatch(Keeping):
         if moment.step % OFTEN == 0:
             self._flow.near(moment.t, *moment.points)
             self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
-        if self._leaps is None:
-            self._leaps = moment.jump is not None and not moment.is_mean
+        if not self._begun:
+            self._begun, jumps = True, moment.jump is not None
+            self._look, self._of_mean = IN_JUMP if jumps else IN_ELEVATION, jumps and moment.is_mean
+            self._leaps = jumps and not self._of_mean
         if self._leaps and (jump := moment.jump) is not None:
             self._jumps[moment.step] = self._waves.mass.solve(jump)
 
     def work_off(self, moments: Moments) -> None:
         """See whether what alternates has grown; collective."""
-        self._look = look = IN_ELEVATION if moments[0].jump is None else IN_JUMP
+        look = self._look
         last, wall = (kept[1 - look.length :] for kept in (self._last, self._wall))
         eta = moments.elevations(self._waves)
-        of_mean = look is IN_JUMP and moments[0].is_mean
-        values = _rows([*last, *(eta if look is IN_ELEVATION else self._jumps_at(moments, of_mean=of_mean))])
-        if of_mean:
+        values = _rows([*last, *(eta if look is IN_ELEVATION else self._jumps_at(moments))])
+        if self._of_mean:
             values[len(last) :] *= 2  # half of one lies between a mean of two traces and the later of these
         ways = _rows([*wall, *moments.seen(self._waves).velocities])
         ways[len(last) :] *= self._dt
@@ -171,13 +173,13 @@ class StabilityWatch(Keeping):
                 heights = np.abs(np.diff(about, look.order, axis=0)[0])
                 self._warn(self._sentence(moment.t, one, self._place(moment, heights)))
 
-    def _jumps_at(self, moments: Moments, *, of_mean: bool) -> Iterable[Vector]:
+    def _jumps_at(self, moments: Moments) -> Iterable[Vector]:
         """Return the jumps of the elevation [m], or how much higher the later of two traces is than their mean."""
-        if of_mean:
+        if self._of_mean:
             return moments.seen(self._waves).rise
         return [self._jumps.pop(moment.step) for moment in moments]
 
-    def _grown(self, moment: Moment, noise: float) -> bool:
+    def _grown(self, moment: Past, noise: float) -> bool:
         """Take note of the noise at a moment; return whether that is when to warn."""
         frequency = self._frequencies.pop(moment.step, 0.0)
         if noise < self._look.noise / 10:  # what moves is still the water
@@ -202,7 +204,7 @@ class StabilityWatch(Keeping):
         for name in SEEN:
             setattr(self, name, held[name])
 
-    def _place(self, moment: Moment, heights: Vector) -> str:
+    def _place(self, moment: Past, heights: Vector) -> str:
         """Return in words where heights were largest then; collective."""
         places, wall = self._waves.plane.places, self._waves.wall
         stand = wall.stand(places, moment.stood(self._waves))

@@ -12,14 +12,14 @@ from wavetank.errors import RunError, locate
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
-from wavetank.observers.contract import Ending, Keeping, Moment, Moments, Observer, Patient
+from wavetank.observers.contract import Ending, Keeping, Moment, Moments, Observer, Past, Patient
 from wavetank.observers.energy import Sink
 from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.runs.clock import Clock
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
 from wavetank.water.seen import Sight
 
-MOMENTS, NUMBERS = 64, 2e5  # that patient observers keep at most, and of all of their unknowns
+MOMENTS, NUMBERS = 512, 4e5  # that patient observers keep at most, and of all of their unknowns
 
 
 class Run:
@@ -176,14 +176,14 @@ class Run:
 
     def _observe(self) -> None:
         step, t, before = self.step, self.t, self.clock.time(self.step - 1)
-        moment = Moment(step, t, self.state, sights=self._sights, row=len(self._moments))
+        moment = Moment(step, t, self.state, sights=self._sights, row=(row := len(self._moments)))
         self.observed = False
         for schedule, keep in self._keeps:
             if schedule is None or schedule.due(step, t, before):
                 keep(moment)
         for waves in self._seen:
             moment.look(waves)
-        self._moments.append(moment)
+        self._moments.append(Past(step, t, self._sights, row))
         try:
             for schedule, act in self._acts:
                 if schedule is None or schedule.due(step, t, before):
