@@ -20,6 +20,7 @@ EXACT = ["-O3", "-march=native", "-ffp-contract=off"]  # what numpy finds, bit f
 KINDS = {np.dtype(np.int32): "int *", np.dtype(np.float64): "double *", np.dtype(np.float32): "float *"}
 
 
+@cache
 def source(name: str) -> str:
     """Return C code that stands beside this file."""
     return files("wavetank.fe").joinpath(name).read_text(encoding="utf-8")

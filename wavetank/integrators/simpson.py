@@ -130,7 +130,7 @@ class Simpson4:
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
         f = flow_of(system)
-        z, d, d_1, d_2, _ = [pair.ravel() for pair in state]
+        z, d, d_1, d_2 = [pair.ravel() for pair in state[:-1]]
         plus: Vector = PLUS(z, d)
         f_0 = f(plus, t)
         known: Vector = KNOWN(z, d, f_0, dt)
@@ -142,8 +142,8 @@ class Simpson4:
         z_half = system.stages.pair.solve(stage, residual, plus, near=Near(known, plus, f_0))
         minus = MINUS(plus, z_half, known)
         mean, jump, plus = self.ended(z, d, d_1, d_2, z_half, known, f_0, f(minus, t + dt), dt=dt)
-        *pairs, plus = [pair.reshape(2, -1) for pair in (mean, jump, d, d_1, minus, plus)]
-        after = MeanAndJumps._make(pairs)
+        mean, jump, plus, minus = [pair.reshape(2, -1) for pair in (mean, jump, plus, minus)]
+        after = MeanAndJumps(mean, jump, state.jump, state.jump_1, minus)
         after.__dict__["plus"] = plus  # which is found already
         return after
 
