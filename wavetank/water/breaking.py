@@ -61,6 +61,7 @@ class BreakingWatch:
     def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
         self._waves, self._flow, self._length = waves, flow, length
         self._last: tuple[float, Profile] | None = None
+        self._looked = np.nan  # when, as the flow has it
         self._gentle, self._slow = Seldom(), Seldom()  # until a front may be steep, and the water faster
         self.crests: list[SteepCrest] = []
 
@@ -69,8 +70,8 @@ class BreakingWatch:
 
         A gentle surface at which another has looked is looked at, too: so looks coincide.
         """
-        gentle, slow = self._gentle.rests(), self._slow.rests()
-        return slow or (gentle and not one_time(t, self._flow.t))
+        gentle, slow, last = self._gentle.rests(), self._slow.rests(), self._flow.t
+        return slow or (gentle and (last == self._looked or not one_time(t, last)))
 
     def look(self, t: float, *points: tuple[Vector, Vector], front: float = STEEP) -> list[SteepCrest]:
         """Return the crests of a state, seen at one of the points known of it, that are swift enough; collective.
@@ -78,6 +79,7 @@ class BreakingWatch:
         They have a steeper ``front``. The first look sees none.
         """
         self._flow.near(t, *points)
+        self._looked = self._flow.t
         last, self._last = self._last, None
         steepest, fastest = self._flow.largest_slope, self._flow.largest_velocity
         if steepest < front:
