@@ -29,8 +29,6 @@ class HighestCrest(Patient):
     def work_off(self, moments: Moments) -> None:
         """See whether the surface was higher than ever; collective."""
         surfaces = moments.elevations(self._waves)
-        if surfaces.max(initial=-np.inf) <= self._own.height:
-            return
         heights = surfaces.max(axis=1, initial=-np.inf)
         heights[np.isnan(heights)] = -np.inf  # of a surface that is none any more
         first = int(heights.argmax())
