@@ -71,7 +71,7 @@ class Moment(Past):
     def __init__(
         self, step: int, t: float, state: MomentState, *, sights: dict[int, Sight] | None = None, row: int = 0
     ):
-        super().__init__(step, t, {} if sights is None else sights, row)
+        self.step, self.t, self.sights, self.row = step, t, {} if sights is None else sights, row
         self.state = state
 
     @property

@@ -175,18 +175,18 @@ class Run:
             observer.ended(at, t)
 
     def _observe(self) -> None:
-        step, t, before = self.step, self.t, self.clock.time(self.step - 1)
-        moment = Moment(step, t, self.state, sights=self._sights, row=(row := len(self._moments)))
+        step, t, row = self.step, self.t, len(self._moments)
+        moment = Moment(step, t, self.state, sights=self._sights, row=row)
         self.observed = False
         for schedule, keep in self._keeps:
-            if schedule is None or schedule.due(step, t, before):
+            if schedule is None or self._is_due(schedule, step, t):
                 keep(moment)
         for waves in self._seen:
             moment.look(waves)
         self._moments.append(Past(step, t, self._sights, row))
         try:
             for schedule, act in self._acts:
-                if schedule is None or schedule.due(step, t, before):
+                if schedule is None or self._is_due(schedule, step, t):
                     act(moment)
         except Exception as error:
             locate(error, f"the observer {type(getattr(act, '__self__', act)).__name__}")
@@ -197,7 +197,10 @@ class Run:
         """Return the moments at which to act."""
         if schedule == EverySteps():
             return moments
-        return Moments(one for one in moments if schedule.due(one.step, one.t, self.clock.time(one.step - 1)))
+        return Moments(one for one in moments if self._is_due(schedule, one.step, one.t))
+
+    def _is_due(self, schedule: Schedule, step: int, t: float) -> bool:
+        return schedule.due(step, t, self.clock.time(step - 1))
 
 
 def _when(one: Observer) -> Schedule | None:
