@@ -4,7 +4,6 @@ from math import inf, log
 
 from wavetank.stateful import Held
 
-LEAST = log(1.05)  # growth in a step, at least, though it has stood still
 FASTER = 2.0  # in a logarithm, how fast it may grow, or fall, of how fast it did between two looks
 MOST = 4  # steps without a look
 
@@ -13,9 +12,15 @@ class Seldom:
     """Counts the steps until something may have grown, or fallen, to where it matters, by how fast it has done so.
 
     A wave over a bar grows by 1.2 in a step, one of a violent start by 1.4, and most by 1.002: no rate serves all.
+
+    Parameters
+    ----------
+    least
+        By what it may grow, or fall, in a step though it has stood still.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, least: float = 1.05) -> None:
+        self._least = log(least)
         self._left = self._rests = 0  # steps without a look: those to come, and all from the last one to the next
         self._value = 0.0  # at the last one
 
@@ -29,7 +34,7 @@ class Seldom:
         before, steps, self._value = self._value, self._rests - self._left, value
         until = inf
         if value > 0.0 and matters > 0.0:
-            growth = max(LEAST, FASTER * abs(log(value / before)) / steps) if before > 0.0 else inf
+            growth = max(self._least, FASTER * abs(log(value / before)) / steps) if before > 0.0 else inf
             until = abs(log(matters / value)) / growth
         self._left = self._rests = int(min(MOST, until))
 
