@@ -14,7 +14,7 @@ from wavetank.observers.record import Memory
 from wavetank.plan.forewarnings import beside, forewarnings
 from wavetank.plan.requirements import requirements
 from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run
+from wavetank.runs.build import Records, build_observers, build_run
 from wavetank.values.noun import SceneError
 
 GRAVITY = 9.81
@@ -85,6 +85,19 @@ def test_a_tank_that_drives_through_still_water_takes_it_along():
     assert np.abs(eta).max() < 1e-12
     near, far = (np.where(r < 1.0, (1.0 - r) ** 2 * (1.0 + r), 0.0) for r in (x / 3.0, 4.0 - x))
     assert np.diff(psi - 0.3 * (x + 0.12 * (near + far))) == pytest.approx(0.0, abs=1e-11)
+
+
+@pytest.mark.parametrize("water", ["nonlinear", "linear"])
+def test_the_rows_of_each_paddle_are_its_own_motion_at_their_times(water):
+    """Oracle: the motion itself, with its derivatives, positive into the water."""
+    tank, rows = scene(PISTON, moved("0.1 * t**3"), duration=0.06, water={"type": water}), (Memory(), Memory())
+    run, waves = build_run(tank, MPI.COMM_SELF)
+    run.observers += build_observers(tank, waves, Records(Memory(), Memory(), None, paddles=rows))
+    run.execute()
+    for seen, record in zip(tank.paddles, rows, strict=True):
+        t, *rates = record.array().T
+        assert t == pytest.approx([0.0, 0.02, 0.04, 0.06])
+        assert rates == [pytest.approx(rate, rel=1e-12) for rate in seen.motion().rates(t)]
 
 
 # ---------------------------------------------------------------- the energy
