@@ -28,7 +28,7 @@ from wavetank.plan.highest_waves import too_high
 from wavetank.plan.plan import own_plan
 from wavetank.plan.requirements import looked_at, requirements, unplanned
 from wavetank.plan.stroke_held import stroke_missed
-from wavetank.plan.waves_held import HELD, waves_missed
+from wavetank.plan.waves_held import HELD, too_short, waves_missed
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.waters import AnyWaves
 from wavetank.theory.airy import wave_number
@@ -45,10 +45,11 @@ def forewarnings(
 ) -> list[str]:
     """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective.
 
-    Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made:
-    of both it is said what mesh and vertical order miss of the paddle's waves. The run's ``sinks`` tell of a sponge.
+    Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made,
+    or none holds the paddle's waves: of these it is said what mesh and vertical order miss of them. The run's ``sinks``
+    tell of a sponge.
     """
-    planless = own is not None or unplanned(scene) is not None
+    planless = own is not None or unplanned(scene) is not None or any(too_short(scene))
     mesh = waves_missed(scene, waves.plane.cell_size) if planless else _predicted(scene)
     of_motion = *_strokes(scene), *too_high(scene), *_jolts(scene), *_ramps(scene)
     before = [

@@ -40,7 +40,8 @@ def _planned(scene: Scene) -> Planned:
     if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
         with about("initial"):
             return Planned(with_its_numerics(scene, scene.initial))
-    check_held(scene)
+    if scene.numerics.open:
+        check_held(scene)
     if scene.numerics.accuracy is not None:
         return Planned(make_plan(scene, scene.numerics.accuracy).applied_to(scene))
     try:
@@ -54,8 +55,8 @@ def _planned(scene: Scene) -> Planned:
 
 
 def check_held(scene: Scene) -> None:
-    """Raise ``SceneError`` if a scene that leaves its numerics to a plan has waves of a paddle that none hold."""
-    if problems := list(too_short(scene) if scene.numerics.open else ()):
+    """Raise ``SceneError`` if a scene has waves of a paddle that no numerics hold: a plan knows nothing of them."""
+    if problems := list(too_short(scene)):
         raise SceneError(problems)
 
 
