@@ -111,7 +111,7 @@ def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
 def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between(make_tank):
     """Oracle: H and the potential energy of the state, evaluated there, at three distances.
 
-    What is compiled of it is what its formulae give, whether the first of the points was evaluated last or not.
+    What is compiled of it is what its formulae give; the power at the first point only where that was evaluated last.
     """
     tank, t = make_tank(length=2.0, cells=8, n=5, motion=piston()), 3.3
     mean = np.array(steep_state(tank))
@@ -133,7 +133,8 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
             assert found.numbers[row, :4] == pytest.approx(told.numbers[0, :4], rel=1e-12, abs=1e-13)
             for place, point in ((BEFORE, before), (POWER, at)):
                 power = tank._wall_terms.explicit_rate(partial(tank.H_q, *point, t))
-                assert found.numbers[row, place] == pytest.approx(power, rel=1e-9) and abs(power) > 1e-4
+                power = np.nan if (row, place) == (0, BEFORE) else power  # which would cost another solve
+                assert found.numbers[row, place] == pytest.approx(power, rel=1e-9, nan_ok=True) and abs(power) != 0.0
         assert found.stood(0, t) == tank.wall.stood and found.rise[0] == pytest.approx(size * bump, abs=1e-12)
         H, potential = tank.energy_near(q, p, t, at=at), found.numbers[0, 1]
         errors.append([abs(H - tank.energy(q, p, t)), abs(potential - tank.energies(q, p, t).potential)])
@@ -221,8 +222,9 @@ def driven(make_tank, name, dt, *, duration, every=(1,)):
     rest = np.zeros(tank.plane.owned)
     state = scheme.start(*tank.state(rest, rest))
     for step in range(round(duration / dt) + 1):
+        moment = Moment(step, step * dt, state)  # which is seen once for all of them
         for budget in budgets:
-            budget.observe(Moment(step, step * dt, state))
+            budget.observe(moment)
         state = scheme.step(tank, state, step * dt, dt)
     return [record.array() for record in records]
 

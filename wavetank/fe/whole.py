@@ -251,7 +251,7 @@ class Whole:
         self._told = np.zeros(3)
         self._at_told = self._kernel.pointer(self._told)
         self._followed: Vector | float | None = None  # the column of still water that walls know
-        self._into: Rows | None = None  # of which ``_at_rows`` are
+        self._rooms = dict[int, tuple[Rows, Any]]()  # rows by their ids, which they keep, and where they are
         self._trials: dict[tuple[Inverse, Combination], Any] = {}
         self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
 
@@ -388,12 +388,13 @@ class Whole:
             wall.follow()
 
     def _room(self, into: Rows) -> Any:
-        """Return where rows are, found once for those that are asked for one after the other."""
-        if into is not self._into:
+        """Return where rows are, found once."""
+        room = self._rooms.get(id(into))
+        if room is None:
             sizes = {"paddles": into.rates.shape[1], "speeds": into.velocities.shape[1]}
             rows = {name: getattr(into, name) for name in ROWS}
-            self._into, self._at_rows = into, self._kernel.shared("Sight", {**sizes, **rows})
-        return self._at_rows
+            self._rooms[id(into)] = room = into, self._kernel.shared("Sight", {**sizes, **rows})
+        return room[1]
 
     def _of_still(self, still: Vector | float, size: int) -> Any:
         """Return where the column of still water is."""

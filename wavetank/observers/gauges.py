@@ -3,16 +3,16 @@
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.errors import ConvergenceError, OutsideError
+from wavetank.errors import ConvergenceError, OutsideError, RunError
 from wavetank.fe.line_points import points_in
-from wavetank.observers.contract import Moments, ObservedWaves, Patient
+from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
 from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.water.surface_points import SurfacePoints
 
 
-class Gauges(Patient):
+class Gauges(Keeping):
     """Elevation [m] at places of the tank.
 
     Parameters
@@ -23,10 +23,19 @@ class Gauges(Patient):
         Where rows (t, eta_1, ..., eta_N) go.
     called
         What they and the paddles are called in a case.
+    foreseen
+        Whether it is known before that no paddle passes any; else those that one is near to are looked at at once.
     """
 
     def __init__(
-        self, waves: ObservedWaves, places: Vector, *, record: Record, schedule: Schedule, called: Called | None = None
+        self,
+        waves: ObservedWaves,
+        places: Vector,
+        *,
+        record: Record,
+        schedule: Schedule,
+        called: Called | None = None,
+        foreseen: bool = False,
     ):
         places = np.asarray(places, dtype=np.float64)
         self._waves, self._record, self.schedule = waves, record, schedule
@@ -40,22 +49,42 @@ class Gauges(Patient):
         names = [called.places[n] for n in self._near]
         self._passing = Passing(wall, places[reached], called._replace(places=names))
 
+        self._foreseen = foreseen
+
+    @property
+    def keeps(self) -> bool:
+        """See ``Keeping``."""
+        return bool(self._near.size) and not self._foreseen
+
+    def keep(self, moment: Moment) -> None:
+        """Look at once at those that a paddle is near to; raises as ``work_off``; collective."""
+        if self.keeps and self._passing.near(moment.stood(self._waves)):
+            alone = Moments([moment])
+            self._over_the_near(alone, self._rows(alone))
+
     def work_off(self, moments: Moments) -> None:
         """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""
         rows = self._rows(moments)
         elevations = self._points.of_all(rows)
-        if self._near.size:
-            stand = moments.stands(self._waves, self._beside.places)
-            try:
-                elevations[:, self._near] = self._beside.each(rows, stand)
-            except (OutsideError, ConvergenceError) as error:
-                for moment in moments if len(moments) > 1 else ():  # up to the one where that is
-                    self.work_off(Moments([moment]))
-                t = moments[0].t
-                if isinstance(error, OutsideError):
-                    raise self._passing.error(t, error.index, stand[:, 0]) from None
-                raise ConvergenceError(f"t = {t:.6g} s: {error}") from None
+        try:
+            if self._near.size:
+                elevations[:, self._near] = self._over_the_near(moments, rows)
+        except RunError:
+            for moment in moments if len(moments) > 1 else ():  # up to the one where that is
+                self.work_off(Moments([moment]))
+            raise
         self._record.extend(np.column_stack([moments.times, elevations]))
+
+    def _over_the_near(self, moments: Moments, rows: Vector) -> Vector:
+        """Return the elevation over gauges within the paddles' reach, shape (K, N); raises as ``work_off``."""
+        stand = moments.stands(self._waves, self._beside.places)
+        try:
+            return self._beside.each(rows, stand)
+        except OutsideError as error:
+            row, place = divmod(error.index, len(self._beside.places))
+            raise self._passing.error(moments[row].t, place, stand[:, row]) from None
+        except ConvergenceError as error:
+            raise ConvergenceError(f"t = {moments[0].t:.6g} s: {error}") from None
 
     def _rows(self, moments: Moments) -> Vector:
         """Return the elevations at all degrees of freedom, those of other ranks among them, (K, rows); collective."""

@@ -8,6 +8,9 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import PaddleError
 from wavetank.observers.contract import ObservedWall
+from wavetank.water.walls.contract import Stood
+
+NEAR = 0.5  # of the way to a place, at still water: from there on it is looked at once whether a paddle is there
 
 
 class Called(NamedTuple):
@@ -38,6 +41,12 @@ class Passing:
         self._places, self._called = places, called
         self._distances = np.array([paddle.side.distances(places) for paddle in wall.paddles])
         self._shares = np.array([[float(np.max(paddle.shape.at(np.zeros(1))))] for paddle in wall.paddles])
+        each = zip(self._distances, self._shares, strict=True)
+        self._nearest = [NEAR * float(distances.min(initial=np.inf)) / float(share[0]) for distances, share in each]
+
+    def near(self, stood: Stood) -> bool:
+        """Return whether a paddle that stood so may be near a place; one that does not move as a whole always may."""
+        return any(x is None or x > near for (_, x), near in zip(stood, self._nearest, strict=True))
 
     def error(self, t: float, place: int, stand: Vector) -> PaddleError:
         """Return what there is to say of a place that is behind a paddle at t [s], as they stand, (paddles, N)."""

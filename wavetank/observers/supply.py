@@ -87,7 +87,7 @@ class Supply(Stateful, Protocol):
         """Return what was put in by each of K moments, and what was not because of what absorbing adds to the motions.
 
         The latter is less its part of W; None: nothing absorbs. ``powers`` are those at the moments' first points and
-        at their last, shape (2, K), where the water tells them.
+        at their last, shape (2, K), where the water tells them; of the first nan where there is one point.
         """
 
 
@@ -127,7 +127,7 @@ class Power:
         before, after = powers
         for t, power in self._before.items():
             before[_row(times, t)] = power
-        rates = (before + after) / 2
+        rates = (np.where(np.isnan(before), after, before) + after) / 2
         for t, power in self._looked.items():
             rates[_row(times, t)] = power
         self._before.clear()

@@ -294,7 +294,8 @@ def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
     places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
     try:
         called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
-        return Gauges(waves, places, record=record, schedule=EverySteps(scene.output.gauges_every), called=called)
+        schedule, told = EverySteps(scene.output.gauges_every), not (waves.wall.leans or scene.absorbing)
+        return Gauges(waves, places, record=record, schedule=schedule, called=called, foreseen=told)
     except OutsideError as error:
         raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
 

@@ -57,7 +57,8 @@ class Sight:
         Kinetic and potential energy and the wall's part, those of the states: H, and the potential energy, to the
         square of what lies between, and W as of the points, so that what that changes by is in the kinetic energy; the
         water's volume, of a slice per width [m³, m²]; where they are told, the power dH/dt at fixed (Q, psi), in energy
-        a second, of the first of the known points and of the last. Shape (most, 6).
+        a second, of the first of the known points, where it is another and costs nothing, and of the last. Shape (most,
+        6).
     rates
         X_p, X_p' and X_p'' of each paddle, nan of one that does not move as a whole [m, m/s, m/s²], shape (most,
         paddles, 3).

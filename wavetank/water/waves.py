@@ -396,9 +396,10 @@ class NonlinearWaves:
         if found is not None:
             self._take_over(found, t)
         else:
-            if np.isnan(into.numbers[row, BEFORE]):
-                into.numbers[row, BEFORE] = self.explicit_rate(*state.known[0], t)
-            self._see(whole, (state.q, state.p), t, at=state.known[-1], into=into, row=row)
+            first, last = state.known[0], state.known[-1]
+            if first is not last and np.isnan(into.numbers[row, BEFORE]) and self._knows(*first, t):
+                into.numbers[row, BEFORE] = self.explicit_rate(*first, t)
+            self._see(whole, (state.q, state.p), t, at=last, into=into, row=row)
         if len(self.wall.paddles) > 1:
             into.move(row, self.wall.velocities)
 
