@@ -310,7 +310,7 @@ def test_work_is_counted_of_paddles_that_go_unevenly():
             if n > 0:
                 motion.go_on(t - dt, dt, np.sin(t), (1.0 + 8.0 * dt**2) * np.cos(t))
             work.keep(water, Moment(n, t, Point(None, None)))
-            ((done,), (absorbed,)) = work.work_off(None, None)
+            ((done,), (absorbed,)) = work.work_off([t], None)
             found = np.array([done, motion.added(t, 1) * slopes(None, None, t)[0][1] - absorbed])
             if n < 3:
                 exact = found

@@ -4,6 +4,7 @@ import io
 import os
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,10 +23,12 @@ from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
 from wavetank.observers.contract import Moment, Moments, Patient
 from wavetank.observers.gauges import Gauges
+from wavetank.observers.paddle import PaddleMotion
 from wavetank.observers.passing import Called
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.stability import StabilityWatch
+from wavetank.observers.supply import AnsweredWork
 from wavetank.recording import record_run
 from wavetank.records.directory import ENERGY, GAUGES, PADDLE, SURFACE, RunDirectory
 from wavetank.records.surface import snapshots
@@ -230,6 +233,30 @@ def test_a_run_that_breaks_down_says_what_had_happened_before_and_was_not_worked
     with pytest.raises(PaddleError, match="it was there"):
         record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), observers=own)
     assert rows(tmp_path) == [8, 8, 8]
+
+
+@pytest.mark.usefixtures("patient")
+def test_nothing_is_recorded_after_a_paddle_has_reached_a_gauge(tmp_path, monkeypatch):
+    """As a flap may, unforeseen, and one that absorbs. All others look at that moment, too."""
+    monkeypatch.setattr(Scene, "_reached", lambda *_: iter(()))
+    motion = FLAP["wall"]["motion"] | {"paddle_amplitude": 0.15}
+    driven = scene(FLAP | {"wall": FLAP["wall"] | {"motion": motion}, "gauges": [0.1]})
+    with pytest.raises(PaddleError, match=r"t = 0.25 s: the paddle of wall has reached gauges.0, x = 0.1 m"):
+        record_run(driven, tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()))
+    assert rows(tmp_path) == [5, 6, 6] and RunDirectory(tmp_path).manifest["t"] == pytest.approx(0.25)
+
+
+def test_what_was_kept_of_a_moment_that_another_look_has_ended_is_not_recorded():
+    """Of two moments, of which the second has not been looked at by all."""
+    motion, record = Sinusoid(0.1, 2.0), Memory()
+    work, paddle = AnsweredWork([motion], np.ones(1)), PaddleMotion(motion.rates, record=record, schedule=EverySteps())
+    water = SimpleNamespace(slopes=lambda q, p, t: [(1.0, 0.5)])
+    first, second = (Moment(n, 0.1 * n, Point(np.zeros(1), np.zeros(1))) for n in range(2))
+    for moment in (first, second):
+        work.keep(water, moment)
+        paddle.keep(moment)
+    paddle.work_off(Moments([first]))
+    assert record.array()[:, 0].tolist() == [0.0] and work.work_off(np.zeros(1), np.zeros((2, 1)))[0].shape == (1,)
 
 
 class Spoiling:

@@ -168,6 +168,11 @@ class Patient(ABC):
 
     sees: "ObservedWaves | None" = None
 
+    @property
+    def hurries(self) -> bool:
+        """Whether all moments are to be worked off now, as the last of them may end the run; the same on all ranks."""
+        return False
+
     @abstractmethod
     def work_off(self, moments: Moments) -> None:
         """Record moments, in their order: those since the last time, one at least; collective."""

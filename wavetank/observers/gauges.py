@@ -5,14 +5,14 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError, OutsideError, RunError
 from wavetank.fe.line_points import points_in
-from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
+from wavetank.observers.contract import Moments, ObservedWaves, Patient
 from wavetank.observers.passing import Called, Passing
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import Schedule
 from wavetank.water.surface_points import SurfacePoints
 
 
-class Gauges(Keeping):
+class Gauges(Patient):
     """Elevation [m] at places of the tank.
 
     Parameters
@@ -24,7 +24,7 @@ class Gauges(Keeping):
     called
         What they and the paddles are called in a case.
     foreseen
-        Whether it is known before that no paddle passes any; else those that one is near to are looked at at once.
+        Whether it is known before that no paddle passes any; else moments are worked off at once while one is near.
     """
 
     def __init__(
@@ -48,19 +48,12 @@ class Gauges(Keeping):
         called = called or Called.unnamed(wall, "gauge", places)
         names = [called.places[n] for n in self._near]
         self._passing = Passing(wall, places[reached], called._replace(places=names))
-
-        self._foreseen = foreseen
+        self._unforeseen = bool(self._near.size) and not foreseen
 
     @property
-    def keeps(self) -> bool:
-        """See ``Keeping``."""
-        return bool(self._near.size) and not self._foreseen
-
-    def keep(self, moment: Moment) -> None:
-        """Look at once at those that a paddle is near to; raises as ``work_off``; collective."""
-        if self.keeps and self._passing.near(moment.stood(self._waves)):
-            alone = Moments([moment])
-            self._over_the_near(alone, self._rows(alone))
+    def hurries(self) -> bool:
+        """See ``Patient``: so that nothing is recorded after a paddle has passed."""
+        return self._unforeseen and self._passing.near(self._waves.wall.stood)
 
     def work_off(self, moments: Moments) -> None:
         """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""

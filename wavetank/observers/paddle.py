@@ -47,7 +47,7 @@ class PaddleMotion(Keeping):
 
     def work_off(self, moments: Moments) -> None:
         """Append a row for each moment."""
-        kept, self._kept = self._kept, []
+        kept, self._kept = self._kept[: len(moments)], []  # one more is kept of what a later look has ended
         if np.ndim(kept[0][1]):
             self._record.extend(np.array([np.hstack(row) for row in kept]))
         else:

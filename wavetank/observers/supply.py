@@ -216,7 +216,7 @@ class AnsweredWork:
 
     def work_off(self, times: Vector, powers: Vector) -> tuple[Vector, Vector]:
         """See ``Supply``."""
-        put_in, absorbed = np.array(self._kept).T
+        put_in, absorbed = np.array(self._kept[: len(times)]).T  # one more is kept of what a later look has ended
         self._kept.clear()
         return put_in, absorbed
 

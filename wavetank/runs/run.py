@@ -57,6 +57,7 @@ class Run:
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
         self._moments, self._most = Moments(), 1  # that are not worked off, and how many these may be
+        self._hasty = list[Patient]()  # those whose moments may have to be
         self._sights = dict[int, Sight]()  # what is seen of them
 
     @property
@@ -67,7 +68,7 @@ class Run:
     @property
     def settles(self) -> bool:
         """Whether patient observers will work off their moments once the present one has been observed."""
-        return len(self._moments) >= self._most
+        return len(self._moments) >= self._most or any(one.hurries for one in self._hasty)
 
     @property
     def sinks(self) -> list[Sink]:
@@ -77,6 +78,7 @@ class Run:
     def execute(self) -> None:
         """Step to the end; collective. Raises ``RunError`` where it breaks down: ``settle`` records all before."""
         self._patient = [one for one in self.observers if isinstance(one, Patient)]
+        self._hasty = [one for one in self._patient if type(one).hurries is not Patient.hurries]
         self._keeps = [(_when(one), one.keep) for one in self.observers if isinstance(one, Keeping) and one.keeps]
         self._acts = [(_when(one), one.observe) for one in self.observers if not isinstance(one, Patient)]
         self._seen = [*{id(one.sees): one.sees for one in self._patient if one.sees}.values()]
