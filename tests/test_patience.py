@@ -134,6 +134,9 @@ def test_a_watch_warns_of_the_same_time_and_place_however_many_moments_it_judges
             kept.clear()
     assert len(said) == 1 and said[0].startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
     assert f"most at x = {motion.position(watch.since):.4g} m" in said[0]
+    other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=said.append)
+    other.carry(watch.held())
+    assert other.since == watch.since and other.noise == 0.0  # it may warn again: of a state that was not sound before
 
 
 @pytest.mark.parametrize("columns", [0, 1, 15, 16, 37])

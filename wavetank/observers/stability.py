@@ -186,7 +186,7 @@ class StabilityWatch(Keeping):
             self._frequency = max(self._frequency, frequency)
         self._steps = self._steps + 1 if noise > self._look.noise else 0
         warns = self._steps == IN_A_ROW and self.noise <= self._look.noise
-        if warns:
+        if warns and self.since is None:
             self.since = moment.t
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
@@ -203,6 +203,10 @@ class StabilityWatch(Keeping):
         self._last, self._wall = [*held["last"]], [*map(np.asarray, held["wall"])]
         for name in SEEN:
             setattr(self, name, held[name])
+
+    def carry(self, held: Held) -> None:
+        """Take over from when on the state is not to be trusted: other numerics do not mend it."""
+        self.since = held["since"]
 
     def _place(self, moment: Past, heights: Vector) -> str:
         """Return in words where heights were largest then; collective."""
