@@ -164,9 +164,12 @@ class Patient(ABC):
     ----------
     sees
         The waves that are looked at, of each moment when it comes, for ``Moment.look``; None: they are not needed.
+    foreseen
+        Whether no moment can end the run, so that it never ``hurries``.
     """
 
     sees: "ObservedWaves | None" = None
+    foreseen = True
 
     @property
     def hurries(self) -> bool:

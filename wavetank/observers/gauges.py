@@ -48,12 +48,12 @@ class Gauges(Patient):
         called = called or Called.unnamed(wall, "gauge", places)
         names = [called.places[n] for n in self._near]
         self._passing = Passing(wall, places[reached], called._replace(places=names))
-        self._unforeseen = bool(self._near.size) and not foreseen
+        self.foreseen = foreseen or not self._near.size
 
     @property
     def hurries(self) -> bool:
         """See ``Patient``: so that nothing is recorded after a paddle has passed."""
-        return self._unforeseen and self._passing.near(self._waves.wall.stood)
+        return not self.foreseen and self._passing.near(self._waves.wall.stood)
 
     def work_off(self, moments: Moments) -> None:
         """Append a row for each moment; raises ``PaddleError`` if a paddle has passed a gauge; collective."""

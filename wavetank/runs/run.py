@@ -78,7 +78,7 @@ class Run:
     def execute(self) -> None:
         """Step to the end; collective. Raises ``RunError`` where it breaks down: ``settle`` records all before."""
         self._patient = [one for one in self.observers if isinstance(one, Patient)]
-        self._hasty = [one for one in self._patient if type(one).hurries is not Patient.hurries]
+        self._hasty = [one for one in self._patient if not one.foreseen]
         self._keeps = [(_when(one), one.keep) for one in self.observers if isinstance(one, Keeping) and one.keeps]
         self._acts = [(_when(one), one.observe) for one in self.observers if not isinstance(one, Patient)]
         self._seen = [*{id(one.sees): one.sees for one in self._patient if one.sees}.values()]
