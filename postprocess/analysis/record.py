@@ -74,7 +74,8 @@ class Record:
     def depth(self) -> float:
         """The depth [m] at the gauges; raises ``InputError`` where it is not known, or differs between them."""
         if (depth := self.depth_if_known) is None:
-            why = "it differs between the gauges: --gauges over one" if self.told_depth else "give --depth METRES"
+            differs = "it differs between the gauges: --gauges names those that stand over one"
+            why = differs if self.told_depth else "give --depth METRES"
             raise InputError(f"{self.title}: the depth is needed for this; {why}.")
         return depth
 
