@@ -219,6 +219,29 @@ def test_a_run_that_an_observer_breaks_off_between_has_all_its_rows(tmp_path):
     assert rows(tmp_path / "run") == [8, 8, 8]
 
 
+class Remembering:
+    """Asks what is seen of a moment again, when others have been worked off."""
+
+    def __init__(self, waves):
+        self.schedule, self._waves, self.found = EverySteps(), waves, list[tuple[Moment, Vector]]()
+
+    def observe(self, moment):
+        if moment.step == 8:
+            self.found.append((moment, moment.elevation(self._waves).copy()))
+        if moment.step == 9:
+            ((before, eta),) = self.found
+            np.testing.assert_allclose(before.elevation(self._waves), eta, atol=1e-12)
+
+
+def test_a_moment_that_is_kept_stays_what_it_was_and_spoils_no_other(whole, tmp_path, monkeypatch):
+    """Blocks of four: the eighth step is the last of one, and is asked again at the first of the next."""
+    monkeypatch.setattr(running, "MOMENTS", 4)
+    record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), observers=[Remembering])
+    for table in (GAUGES, ENERGY, PADDLE):
+        found, wanted = (np.loadtxt(out / table, delimiter=",", skiprows=1) for out in (tmp_path, whole))
+        np.testing.assert_allclose(found, wanted, atol=1e-7)
+
+
 class Reached(Patient):
     """Finds, where it works off moments, that a paddle has been somewhere."""
 

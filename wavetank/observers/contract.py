@@ -102,8 +102,9 @@ class Moment(Past):
     def look(self, waves: "ObservedWaves") -> Sight:
         """Return where what is seen of waves at this moment is, found once for all who look; collective."""
         sight = self.sights.get(id(waves))
-        if sight is None:
-            sight = self.sights[id(waves)] = waves.sight(self.row + 1)
+        if sight is None:  # it stands alone, or has been worked off with others
+            self.sights, self.row = {id(waves): waves.sight(1)}, 0
+            sight = self.sights[id(waves)]
         if self.row >= sight.filled:
             waves.see(self.state, self.t, sight, self.row)
             sight.filled = self.row + 1

@@ -103,6 +103,8 @@ class Run:
         try:
             self._work_off(moments)
         finally:
+            worked_off, self._sights = self._sights, {**self._sights}
+            worked_off.clear()  # rows are others' from now on: whoever has kept a moment finds none of it
             for sight in self._sights.values():
                 sight.clear()
 
