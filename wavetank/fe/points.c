@@ -1,47 +1,78 @@
 /* The water's velocity at the surface, and what is carried along, of wavetank/fe/surface_points.py; cells.c stands before.
 
-Velocities are [batch][point][axis of space][lane]. */
+Velocities are [batch][point][axis of space][lane], by how far points are in the reference tank, and times M_J's J.
+FIELDS is 3, or 7 where a wall moves: elevation, potential and M_J^-1 dQ/dt, and what surface_points.py says of a wall. */
 #include <math.h>
 
 typedef struct {
     double most;
+    const double *axis;
     stored *velocity;
     double *fastest;
 } Moving;
 
+/* A slope along the axis across the paddle. */
+INLINE v across(const Moving *moving, const v *slope)
+{
+    v sum = zero;
+    EACH(i, GDIM)
+        sum += slope[i] * moving->axis[i];
+    return sum;
+}
+
 INLINE void move_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
 {
     const Moving *moving = what;
-    v f[3 * (1 + GDIM)];    /* elevation, potential and rise, with their slopes */
-    in_space(c, b, q, 3, u, 3, f);
-    const v *slope = f + 1, *along = f + 1 + GDIM + 1;
-    v upwards = f[2 * (1 + GDIM)], square = zero + 1.0;
+    v f[FIELDS * (1 + GDIM)], velocity[GDIM];   /* with their slopes */
+    in_space(c, b, q, FIELDS, u, FIELDS, f);
+    v *slope = f + 1, *along = slope + GDIM + 1, rise = f[2 * (1 + GDIM)], square = zero + 1.0, J = square;
+#if FIELDS > 3
+    const v *shift = along + 2 * (GDIM + 1), speed = shift[GDIM], *flux = shift + 2 * (GDIM + 1), lean = flux[GDIM];
+    const v wide = 1.0 + across(moving, shift), up = across(moving, slope) / wide, on = across(moving, along) / wide;
+    J = wide - lean * wide * up;
+    rise = (rise * J - across(moving, flux)) / wide;
+    EACH(i, GDIM)
+        slope[i] -= shift[i] * up, along[i] -= shift[i] * on;
+#endif
+    v upwards = rise;
     EACH(i, GDIM)
         upwards += slope[i] * along[i], square += slope[i] * slope[i];
     upwards /= square;
+    EACH(i, GDIM)
+        velocity[i] = along[i] - upwards * slope[i];
+#if FIELDS > 3
+    upwards += lean * across(moving, velocity);
+    v aside = (speed + lean * rise) * wide / J;     /* of the mesh; then of the water, as what is squeezed sees it */
+    EACH(i, GDIM)
+        velocity[i] -= aside * moving->axis[i];
+    aside = zero;
+    EACH(i, GDIM)
+        aside += shift[i] * velocity[i];
+    EACH(i, GDIM)
+        velocity[i] -= aside / wide * moving->axis[i];
+#endif
     EACH(i, GDIM) {
-        v velocity = along[i] - upwards * slope[i];
         EACH(l, LANES) {
-            velocity[l] = fmin(fmax(velocity[l], -moving->most), moving->most);
-            *moving->fastest = fmax(*moving->fastest, fabs(velocity[l]));
+            velocity[i][l] = fmin(fmax(velocity[i][l], -moving->most), moving->most);
+            *moving->fastest = fmax(*moving->fastest, fabs(velocity[i][l]));
         }
-        moving->velocity[(b * POINTS + q) * GDIM + i] = velocity;
+        moving->velocity[(b * POINTS + q) * GDIM + i] = velocity[i] * J;
     }
-    r[0] = measure_at(c, b, q) * upwards;
+    r[0] = measure_at(c, b, q) * upwards * J;
     clear(DIM, r + 1);
 }
 
-/* Of a surface, [dof][elevation, potential, rise]: the water's horizontal velocity at the points, at most ``most`` along an
-   axis, and y += int w v dX of the vertical one. Returns the largest of the former. */
-static double move(const Cells *c, double most, const double *surface, double *velocity, double *y)
+/* Of a surface, [dof][field]: the water's horizontal velocity at the points, at most ``most`` along an axis of the mesh, and
+   y += int w v dX of the vertical one. Returns the largest of the former. */
+static double move(const Cells *c, double most, const double *axis, const double *surface, double *velocity, double *y)
 {
     double fastest = 0.0;
-    const Moving what = {most, (stored *)velocity, &fastest};
+    const Moving what = {most, axis, (stored *)velocity, &fastest};
     EACH(b, c->batches) {
-        v X[NODES * 3], Y[NODES];
-        gather(c, b, 3, surface, 3, X);
+        v X[NODES * FIELDS], Y[NODES];
+        gather(c, b, FIELDS, surface, FIELDS, X);
         clear(NODES, Y);
-        through(c, b, DIM, 3, X, 1, Y, move_at, &what);
+        through(c, b, DIM, FIELDS, X, 1, Y, move_at, &what);
         scatter(c, b, 1, Y, y, 1);
     }
     return fastest;

@@ -1,5 +1,6 @@
 """How the surface's water moves at quadrature points, and integrals of what it carries along (``points.c``)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,18 +11,27 @@ from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import Plane
 
 DECLARATIONS = """
-double move(const Cells *, double most, const double *surface, double *velocity, double *y);
+double move(const Cells *, double most, const double *axis, const double *surface, double *velocity, double *y);
 void carry(const Cells *, const double *velocity, int slopes, const double *x, double *y);
 """
 
 
 class SurfacePoints:
-    """The quadrature points of this rank's cells, and how the water moves there; collective throughout."""
+    """The quadrature points of this rank's cells, and how the water moves there; collective throughout.
 
-    def __init__(self, plane: Plane):
+    Parameters
+    ----------
+    axis
+        Across a wall that moves, a unit vector of the mesh's space; None where nothing moves.
+    """
+
+    def __init__(self, plane: Plane, axis: Vector | None = None):
+        self.fields = 3 if axis is None else 7
+        self._axis = np.zeros(1) if axis is None else np.array(axis)
         cells = Cells(plane, 2 * plane.order + 1)
-        self._halo, self._of_surface, self._comm = cells.halo(1), cells.halo(3), plane.comm
-        code = defined({"REAL": "double", "MOST": 3, **cells.sizes}) + source("cells.c") + source("points.c")
+        self._halo, self._of_surface, self._comm = cells.halo(1), cells.halo(self.fields), plane.comm
+        sizes = {"REAL": "double", "MOST": self.fields, "FIELDS": self.fields, **cells.sizes}
+        code = defined(sizes) + source("cells.c") + source("points.c")
         declarations = DECLARATION + DECLARATIONS
         self._kernel = Kernel("points", declarations, key=code, source=lambda: code, comm=plane.comm)
         self._cells = self._kernel.struct("Cells", cells.parts)
@@ -33,17 +43,19 @@ class SurfacePoints:
         """What ``move`` and ``carried`` are called with, for another kernel."""
         address = self._kernel.address
         called = {name: address(name) for name in ("move", "carry")}
-        return {**called, "cells": address(self._cells), "velocity": self._velocity}
+        return {**called, "cells": address(self._cells), "velocity": self._velocity, "axis": self._axis}
 
-    def move(self, eta: Vector, psi: Vector, rise: Vector, *, most: float) -> tuple[Vector, float]:
-        """Take the velocity from elevation [m], potential [m²/s] and d eta/dt [m/s], (owned,) each.
+    def move(self, surface: Sequence[Vector], *, most: float) -> tuple[Vector, float]:
+        """Take the velocity from elevation [m], potential [m²/s] and M_J^-1 dQ/dt [m/s], (owned,) each.
 
-        Along an axis it is at most ``most`` [m/s]. Returns the integral of the vertical one times each test function,
-        shape (owned,), and the largest along an axis.
+        Where a wall moves, also from how far it has carried places at the surface along its axis [m], how fast it does
+        at one height [m/s], the flux of water that is so carried [m²/s] and by how much less they are carried below.
+        Along an axis it is at most ``most`` [m/s], in the reference tank, as that sees it. Returns the integral of the
+        vertical one times J and each test function, shape (owned,), and the largest along an axis.
         """
-        surface, y, at = np.stack([eta, psi, rise], axis=1), np.zeros((self._halo.size, 1)), self._kernel.pointer
-        rows = at(self._of_surface.fetch(surface))
-        fastest: float = self._kernel.call.move(self._cells, most, rows, self._at_velocity, at(y))
+        y, at = np.zeros((self._halo.size, 1)), self._kernel.pointer
+        rows, axis = at(self._of_surface.fetch(np.stack(surface, axis=1))), at(self._axis)
+        fastest: float = self._kernel.call.move(self._cells, most, axis, rows, self._at_velocity, at(y))
         return self._halo.collect(y)[:, 0], largest(self._comm, fastest)
 
     def carried(self, field: Vector, *, along: bool) -> Vector:

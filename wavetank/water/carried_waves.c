@@ -6,7 +6,8 @@ typedef void Solve(const void *chain, const double *b, double *x, double *work);
 typedef void Multiply(const void *cells, const double *weights, const double *x, double *y);
 typedef void Respond(const void *chain, const double *shares, const double *right, double *x, double *work);
 typedef void Carry(const void *cells, const double *velocity, int slopes, const double *x, double *y);
-typedef double Move(const void *cells, double most, const double *surface, double *velocity, double *y);
+typedef double Move(const void *cells, double most, const double *axis, const double *surface,
+                    double *velocity, double *y);
 
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 
@@ -31,15 +32,20 @@ static void carry(const Inverse *w, double a, int slopes, const double *x, doubl
 }
 
 /* The velocities at the surface of a state, cut off at ``most``. Returns the largest along the bottom. */
-static double look(const Inverse *w, double most, const double *eta, const double *psi, const double *rate)
+static double look(const Inverse *w, double most, const double *eta, const double *psi, const double *rate,
+                   const double *walls)
 {
-    const long n = w->dofs;
+    const long n = w->dofs, fields = w->fields;
     double *surface = w->room, *B = w->vertical;
     solve(w, rate, B);
-    EACH(i, n)
-        surface[3 * i] = eta[i], surface[3 * i + 1] = psi[i], surface[3 * i + 2] = B[i];
+    EACH(i, n) {
+        double *at = surface + fields * i;
+        at[0] = eta[i], at[1] = psi[i], at[2] = B[i];
+        for (long k = 3; k < fields; ++k)
+            at[k] = walls[(k - 3) * n + i];
+    }
     memset(B, 0, sizeof(double) * n);
-    const double fastest = ((Move *)w->move)(w->cells, most, surface, w->velocity, B);
+    const double fastest = ((Move *)w->move)(w->cells, most, w->axis, surface, w->velocity, B);
     solve(w, B, B);
     EACH(i, n)
         B[i] = B[i] > most ? most : B[i] < -most ? -most : B[i];

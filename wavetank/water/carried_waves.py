@@ -6,7 +6,12 @@ chi = psi - B eta of a state obey, but for a small change of gravity,
     d eta/dt = G chi - div(V eta),     d chi/dt = -g eta - V . grad chi
 
 (Alinhac's good unknown; Lannes, J. Amer. Math. Soc. 18, 2005). G is near that of still water, and a stage's derivative
-nearly that of linear waves on still water times 1 + a V . grad, which is inverted by 1 - a V . grad. Nothing of that
+nearly that of linear waves on still water times 1 + a V . grad, which is inverted by 1 - a V . grad.
+
+Beside a wall that moves, x = X + xi of the surface, V is what the reference tank sees of it, c = F^-1 (V - x_t) with
+F = dx/dX, and d Q'/dt = |F| G chi - div(c Q'), d chi/dt = .. - c . grad chi for disturbances Q' = J eta at fixed X. As
+|F| times how fast the surface rises at a fixed x is dQ/dt - div(s X_p' R), columns that are squeezed are no water that
+rises; and where the wall leans, so that xi goes with eta, B is more by V d(xi)/dz. Nothing of all that
 needs more than some digits, so mass matrices are inverted roughly. Along a slice on one rank all of it is one compiled
 call (``carried_waves.c``).
 """
@@ -24,19 +29,21 @@ from wavetank.fe.mass import BandedMass
 from wavetank.fe.surface_points import SurfacePoints
 from wavetank.hamiltonian.contract import Stage
 from wavetank.water.still_water import StillWaterWaves, WavesOverStillWater
+from wavetank.water.walls import Wall
 
 LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
 ROUGHLY = 1e-3  # of what mass matrices are inverted for
 INVERSE = """
 typedef struct {
-    int dofs;
+    int dofs, fields;
     double gravity, of_metre;
     void *solve_mass, *mass, *multiply, *mass_cells, *respond, *modes, *carry, *move, *cells;
-    double *mass_work, *weights, *shares, *modes_work, *velocity, *vertical, *uniform, *room;
+    double *mass_work, *weights, *shares, *modes_work, *velocity, *vertical, *uniform, *axis, *room;
 } Inverse;
 """
 DECLARATIONS = f"""{INVERSE}
-double look(const Inverse *, double most, const double *eta, const double *psi, const double *rate);
+double look(const Inverse *, double most, const double *eta, const double *psi, const double *rate,
+            const double *walls);
 void precondition(const Inverse *, double a, int carried, const double *residual, double *found);
 """
 SOURCE = INVERSE + files(__package__).joinpath("carried_waves.c").read_text(encoding="utf-8")
@@ -53,15 +60,21 @@ class Compiled:
 
 
 class Surface(NamedTuple):
-    """The surface of a state: elevation [m], potential [m²/s] and dQ/dt, shape (owned,) each."""
+    """The surface of a state: elevation [m], potential [m²/s] and dQ/dt, shape (owned,) each.
+
+    And what the wall does there; see ``Wall.at_surface``.
+    """
 
     eta: Vector
     psi: Vector
     rate: Vector
+    wall: Vector
 
 
 class Waves(WavesOverStillWater, Protocol):
     """What is asked of waves beyond their space and matrices."""
+
+    wall: Wall
 
     def last_surface(self) -> Surface | None:
         """Return the surface of the point last evaluated, if that is known."""
@@ -77,7 +90,11 @@ class CarriedWaves:
     """
 
     def __init__(self, waves: Waves, still: StillWaterWaves):
-        self._waves, self._still, self._points = waves, still, SurfacePoints(waves.plane)
+        axis = None
+        if waves.wall.moves:
+            side = waves.wall.paddles[0].side
+            axis = side.sign * side.normal[: waves.plane.mesh.geometry.dim]
+        self._waves, self._still, self._points = waves, still, SurfacePoints(waves.plane, axis)
         self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
         self._t = np.nan  # of the stage for which the velocities were found
         self._B: Vector = np.zeros(waves.plane.owned)
@@ -125,8 +142,9 @@ class CarriedWaves:
         if not isinstance(waves.mass, BandedMass) or not isinstance(modes, AveragedModes):
             return None
         kernel = Kernel("carried", DECLARATIONS, key=SOURCE, source=lambda: SOURCE, comm=waves.plane.comm)
-        numbers = {"dofs": waves.plane.size, "gravity": waves.gravity, "of_metre": self._still.of_metre}
-        arrays = {"vertical": self._B, "uniform": self._still.uniform, "room": np.empty((3, waves.plane.size))}
+        fields, dofs = self._points.fields, waves.plane.size
+        numbers = {"dofs": dofs, "fields": fields, "gravity": waves.gravity, "of_metre": self._still.of_metre}
+        arrays = {"vertical": self._B, "uniform": self._still.uniform, "room": np.empty((fields, dofs))}
         called = waves.mass.compiled | waves.mass.compiled_product | modes.compiled(shares) | self._points.compiled
         inverse = kernel.shared("Inverse", numbers | arrays | called)
         address = kernel.address
@@ -146,8 +164,8 @@ class CarriedWaves:
             kernel = compiled.kernel
             fastest = kernel.call.look(compiled.inverse, most, *map(kernel.doubles, surface))
         else:
-            rise = self._solved(surface.rate)
-            vertical, fastest = self._points.move(surface.eta, surface.psi, rise, most=most)
+            moved = [surface.eta, surface.psi, self._solved(surface.rate), *surface.wall]
+            vertical, fastest = self._points.move(moved, most=most)
         self._known = fastest * LARGEST > LEAST * most
         if self._known and compiled is None:
             self._B[:] = np.minimum(np.maximum(self._solved(vertical), -most), most)

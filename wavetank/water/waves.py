@@ -309,7 +309,10 @@ class NonlinearWaves:
 
     def last_surface(self) -> Surface | None:
         """Return the surface of the point last evaluated, unless the wall has moved since."""
-        return None if np.isnan(self._t) else Surface(self._rows[0], self._point[4], self._point[0])
+        if np.isnan(self._t):
+            return None
+        eta = self._rows[0]
+        return Surface(eta, self._point[4], self._point[0], self.wall.at_surface(eta, self.bed.still))
 
     def size(self) -> float:
         """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""

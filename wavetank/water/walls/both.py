@@ -67,6 +67,11 @@ class BothEnds:
         near, far = (paddle.velocities for paddle in self.paddles)
         return np.where(self._at_near, near, far)
 
+    def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
+        """See ``Wall``."""
+        near, far = (paddle.at_surface(eta, still) for paddle in self.paddles)
+        return np.asarray(near + far)
+
     @property
     def displaced(self) -> float:
         """See ``Wall``."""

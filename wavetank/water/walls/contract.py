@@ -189,6 +189,14 @@ class Wall(Placed, Protocol):
     def moved_by(self, tangents: Sequence[Tangent]) -> "Wall":
         """Return one like it, at the same place, by other motions, one for each of its paddles; collective."""
 
+    def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
+        """Return how it moves places at the surface, shape (4, owned), for an elevation and still water's depth [m].
+
+        Along its axis: how far, s f X_p [m]; how fast at one height, s f X_p' [m/s]; the flux of what is so carried,
+        s R X_p' [m²/s]; and the slope upwards of the first. A shape is taken as straight near still water, for what
+        needs some digits only. Of one that stands still, of shape (0, owned).
+        """
+
     def set_time(self, t: float) -> bool:
         """Move to where the wall stands at t [s]; return whether the mapping has changed; collective."""
 

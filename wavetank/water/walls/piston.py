@@ -66,6 +66,7 @@ class Piston:
         self.side, self._plane, self.shape = side, plane, shape
         vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
+        self._near = shape.near_still
         self._carrier = Carrier(side, self.reach)
         s = plane.function("s")
         s.set(self._share(side.distances(plane.places)))
@@ -132,6 +133,13 @@ class Piston:
         """See ``Wall``."""
         position: Vector = self.travel.position.x.array
         return None if self.leans else position
+
+    def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
+        """See ``Wall``."""
+        far, fast = (moved.x.array[: len(eta)] for moved in (self.travel.position, self.travel.speed))
+        f, slope, mean = self._near
+        share, column = f + slope * eta, mean * still + (f + 0.5 * slope * eta) * eta
+        return np.stack([far * share, fast * share, fast * column, far * slope])
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether the mapping has changed."""

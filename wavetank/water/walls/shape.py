@@ -39,6 +39,10 @@ class Shape(Protocol):
     def degree(self) -> int:
         """See above."""
 
+    @property
+    def near_still(self) -> tuple[float, float, float]:
+        """Value and slope f' [1/m] at still water, and the mean of f below it."""
+
     def share(self, z: Any) -> Any:
         """Return f(z)."""
 
@@ -59,6 +63,7 @@ class Upright:
     """f = 1."""
 
     degree = 0
+    near_still = 1.0, 0.0, 1.0
 
     def share(self, z: Any) -> Any:
         """Return 1."""
@@ -105,6 +110,13 @@ class Polynomial:
     def degree(self) -> int:
         """Of the polynomial."""
         return len(self.coefficients) - 1
+
+    @property
+    def near_still(self) -> tuple[float, float, float]:
+        """Value and slope f' [1/m] at still water, and the mean of f down to a unit below it, where the bed is."""
+        c = [float(one.value) for one in self.coefficients]
+        mean = sum(one / (k + 1) for k, one in enumerate(c))
+        return c[0], -(c[1] if len(c) > 1 else 0.0) / float(self.unit.value), mean
 
     @classmethod
     def near(

@@ -42,6 +42,10 @@ class StillWall:
         """Do nothing."""
         return False
 
+    def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
+        """Return nothing of no paddle, shape (0, owned)."""
+        return np.zeros((0, len(eta)))
+
     def distances(self, plane: Plane) -> Vector:
         """Return x [m], shape (owned,)."""
         return plane.x
