@@ -5,6 +5,7 @@ tenth of the time of a sparse matrix at p = 4, and of its memory. Along a slice 
 """
 
 from collections.abc import Callable
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -241,6 +242,13 @@ class MassMatrix:
         self._of_cells = np.diag(of_cell)[:, None] * np.linalg.inv(of_cell) * np.diag(of_cell)
         self._size = float(np.sum(cells.parts["weights"]))
         self.update()
+
+    def product(self) -> "MassMatrix":
+        """Return it as it is now, for products alone."""
+        kept = copy(self)
+        kept.weights = self.weights.copy()
+        kept._at_weights = self._kernel.pointer(kept.weights)
+        return kept
 
     def update(self) -> None:
         """Take over the fields that J depends on as they are; a paddle's shape stays what it was."""

@@ -11,10 +11,10 @@ typedef double Move(const void *cells, double most, const double *axis, const do
 
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 
-static void apply(const Inverse *w, const double *x, double *y)
+static void apply(const Inverse *w, const double *weights, const double *x, double *y)
 {
     memset(y, 0, sizeof(double) * w->dofs);
-    ((Multiply *)w->multiply)(w->mass_cells, w->weights, x, y);
+    ((Multiply *)w->multiply)(w->mass_cells, weights, x, y);
 }
 
 static void solve(const Inverse *w, const double *b, double *x)
@@ -59,18 +59,25 @@ static void precondition(const Inverse *w, double a, int carried, const double *
     const double *B = w->vertical, *q = residual, *psi = residual + n, g = w->gravity;
     double *eta = w->room, *r_chi = eta + n, *work = r_chi + n, *kept = found, *chi = found + n, made = 0.0;
     memcpy(r_chi, psi, sizeof(double) * n);
-    if (carried) {
+    const int moves = w->at_rest != w->weights;
+    if (carried || moves)
         solve(w, q, work);
+    if (carried)
         EACH(i, n)
             r_chi[i] -= B[i] * work[i];
+    if (moves) {
+        EACH(i, n)
+            eta[i] = r_chi[i] / (a * a * g) - work[i] / a;
+        apply(w, w->at_rest, eta, work);
+    } else {
+        apply(w, w->weights, r_chi, work);
+        EACH(i, n)
+            work[i] = work[i] / (a * a * g) - q[i] / a;
     }
-    apply(w, r_chi, work);
-    EACH(i, n)
-        work[i] = work[i] / (a * a * g) - q[i] / a;
     ((Respond *)w->respond)(w->modes, w->shares, work, chi, w->modes_work);
     EACH(i, n)
         eta[i] = (r_chi[i] - chi[i]) / (a * g);
-    apply(w, eta, kept);
+    apply(w, w->weights, eta, kept);
     if (carried) {
         carry(w, a, 1, chi, work);
         solve(w, work, work);

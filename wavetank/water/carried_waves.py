@@ -28,17 +28,16 @@ from wavetank.fe.kernels import Kernel
 from wavetank.fe.mass import BandedMass
 from wavetank.fe.surface_points import SurfacePoints
 from wavetank.hamiltonian.contract import Stage
-from wavetank.water.still_water import StillWaterWaves, WavesOverStillWater
+from wavetank.water.still_water import ROUGHLY, StillWaterWaves, WavesOverStillWater
 from wavetank.water.walls import Wall
 
 LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
-ROUGHLY = 1e-3  # of what mass matrices are inverted for
 INVERSE = """
 typedef struct {
     int dofs, fields;
     double gravity, of_metre;
     void *solve_mass, *mass, *multiply, *mass_cells, *respond, *modes, *carry, *move, *cells;
-    double *mass_work, *weights, *shares, *modes_work, *velocity, *vertical, *uniform, *axis, *room;
+    double *mass_work, *weights, *shares, *modes_work, *velocity, *vertical, *uniform, *axis, *at_rest, *room;
 } Inverse;
 """
 DECLARATIONS = f"""{INVERSE}
@@ -74,7 +73,9 @@ class Surface(NamedTuple):
 class Waves(WavesOverStillWater, Protocol):
     """What is asked of waves beyond their space and matrices."""
 
-    wall: Wall
+    @property
+    def wall(self) -> Wall:
+        """The wall that can move."""
 
     def last_surface(self) -> Surface | None:
         """Return the surface of the point last evaluated, if that is known."""
@@ -145,6 +146,7 @@ class CarriedWaves:
         fields, dofs = self._points.fields, waves.plane.size
         numbers = {"dofs": dofs, "fields": fields, "gravity": waves.gravity, "of_metre": self._still.of_metre}
         arrays = {"vertical": self._B, "uniform": self._still.uniform, "room": np.empty((fields, dofs))}
+        arrays["at_rest"] = self._still.mass.weights if self._still.mass else waves.mass.weights
         called = waves.mass.compiled | waves.mass.compiled_product | modes.compiled(shares) | self._points.compiled
         inverse = kernel.shared("Inverse", numbers | arrays | called)
         address = kernel.address

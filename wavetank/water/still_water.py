@@ -15,7 +15,9 @@ from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.hamiltonian.contract import Stage
 from wavetank.water.bed import Bed
+from wavetank.water.walls import Placed
 
+ROUGHLY = 1e-3  # of what mass matrices are inverted for
 CYCLES = 2  # of multigrid: the second is cheap against the evaluations of an implicit stage that it saves
 
 
@@ -39,6 +41,10 @@ class WavesOverStillWater(Protocol):
     gravity: float
     still: Any
 
+    @property
+    def wall(self) -> Placed:
+        """The wall that can move."""
+
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi, shape (owned,); collective."""
 
@@ -56,12 +62,16 @@ class StillWaterWaves:
     ----------
     uniform, of_metre
         The masses of a metre everywhere, shape (owned,), and their sum.
+    mass
+        Where a wall moves, the mass matrix as it was when this was made, with the wall where ``waves.still`` has it: a
+        mapping that stretched M_J but not G would make what is on the left, G + M_J / (a² g), another surface's.
     """
 
     def __init__(self, waves: WavesOverStillWater):
         self._waves, self._still = waves, waves.still
         self.uniform = waves.mass.apply(np.ones(waves.plane.owned))
         self.of_metre = waves.plane.sum(self.uniform)
+        self.mass = waves.mass.product() if waves.wall.moves else None
         self._solvers: dict[float, tuple[Modes, Vector]] = {}
 
     def solver(self, weight: float) -> tuple[Modes, Vector]:
@@ -85,7 +95,11 @@ class StillWaterWaves:
         """Return the same as elevation and potential, shape (owned,) each, but for the elevation's mean; collective."""
         a, g = stage.weight, self._waves.gravity
         solver, surface = self.solver(a)
-        psi = solver.respond(surface, self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a, cycles=CYCLES)
+        if self.mass is None:
+            right = self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a
+        else:
+            right = self.mass.apply(r_psi / (a**2 * g) - self._waves.mass.solve(r_q, within=ROUGHLY) / a)
+        psi = solver.respond(surface, right, cycles=CYCLES)
         return np.asarray((r_psi - psi) / (a * g)), psi
 
     def keeping(self, r_q: Vector, q: Vector) -> Vector:
