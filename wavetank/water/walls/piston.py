@@ -137,6 +137,8 @@ class Piston:
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """See ``Wall``."""
         far, fast = (moved.x.array[: len(eta)] for moved in (self.travel.position, self.travel.speed))
+        if not self.leans:  # as of any shape, in a third of the passes
+            return np.stack([far, fast, fast * (still + eta), np.zeros_like(far)])
         f, slope, mean = self._near
         share, column = f + slope * eta, mean * still + (f + 0.5 * slope * eta) * eta
         return np.stack([far * share, fast * share, fast * column, far * slope])
