@@ -407,12 +407,12 @@ def test_a_steep_wave_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
 RUN_UP = "1279 1192 1100 1011 918 827 736 651 562 483 388 342 391 443 497 555 616 680 748 819"  # fastest water [m/s]
 PISTON = "436 429 435 436 426 416 419 409 411 407 414 409 402 412 454 504 565 586 619"  # the same, before a steep group
 START = "50 54 57 58 57 55 57 60 64 67 69 72 72 73 95 127 161 197 234 271 306"  # steepest slope beside a piston
-GROUP = "177 186 188 187 182 171 168 172 189 207 213 205 197 208 220 233 230 231 257 273 276"  # of one that breaks
+BREAKING = "177 186 188 187 182 171 168 172 189 207 213 205 197 208 220 233 230 231 257 273 276"  # of one that breaks
 
 
 @pytest.mark.parametrize(
     ("values", "matters", "least"),
-    [(RUN_UP, 559, SUDDEN), (PISTON, 559, SUDDEN), (START, 240, 1.05), (GROUP, 240, 1.05)],
+    [(RUN_UP, 559, SUDDEN), (PISTON, 559, SUDDEN), (START, 240, 1.05), (BREAKING, 240, 1.05)],
     ids=["run-up", "piston", "start", "group"],
 )
 def test_what_grows_or_falls_is_looked_at_in_the_step_in_which_it_passes_what_matters(values, matters, least):
