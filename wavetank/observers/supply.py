@@ -91,11 +91,12 @@ class Supply(Stateful, Protocol):
         """
 
 
-def _looks(look: Callable[..., Any], before: Any, moment: Moment) -> list[Any]:
-    """Return what is to be known of the points of a moment; ``before`` of the first ones, if something has acted."""
+def _mean(look: Callable[..., Any], before: Any, moment: Moment) -> Any:
+    """Return the mean of what a look at a moment's points tells; ``before`` of the first, if something has acted."""
     *points, last = moment.points
     seen = [look(*point, moment.t) for point in points] if before is None else [before]
-    return [*seen, look(*last, moment.t)]
+    seen.append(look(*last, moment.t))
+    return sum(seen[1:], start=seen[0]) / len(seen)
 
 
 class Power:
@@ -118,8 +119,8 @@ class Power:
     def keep(self, water: Pushed, moment: Moment) -> None:
         """See ``Supply``."""
         if not water.tells_power:
-            seen = _looks(water.explicit_rate, next(iter(self._before.values()), None), moment)
-            self._looked[moment.t] = sum(seen) / len(seen)
+            before = next(iter(self._before.values()), None)
+            self._looked[moment.t] = _mean(water.explicit_rate, before, moment)
             self._before.clear()
 
     def work_off(self, times: Vector, powers: Vector) -> tuple[Vector, None]:
@@ -209,8 +210,8 @@ class AnsweredWork:
 
     def keep(self, water: Pushed, moment: Moment) -> None:
         """See ``Supply``."""
-        seen, self._before = _looks(partial(self._look, water), self._before, moment), None
-        self._go_on(moment.t, sum(seen[1:], start=seen[0]) / len(seen))
+        seen, self._before = _mean(partial(self._look, water), self._before, moment), None
+        self._go_on(moment.t, seen)
         put_in, absorbed = self._done
         self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
 
