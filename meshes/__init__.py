@@ -8,9 +8,6 @@ from wavetank.meshes.bend import Bend
 from wavetank.meshes.cylinder import Cylinder
 from wavetank.meshes.harbour import Harbour
 from wavetank.meshes.mesh_file import MeshFile
-from wavetank.meshes.recipe import Recipe
 from wavetank.meshes.rectangle import Rectangle
 
 Layout = Annotated[Rectangle | Cylinder | Bend | Harbour | MeshFile, Field(discriminator="type")]
-
-__all__ = ["Bend", "Cylinder", "Harbour", "MeshFile", "Layout", "Recipe", "Rectangle"]

@@ -5,7 +5,6 @@ import hashlib
 import http.server
 import re
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -176,9 +175,3 @@ def test_marin_as_its_readme_describes_it():
     assert all(len(gauge.t) == 6001 and gauge.t[-1] == 120.0 for one in records for gauge in one.series)
     for file in known.files:
         assert sha256(data.find("marin-202002", file.name).read_bytes()) == file.sha256
-
-
-def test_the_names_of_the_package_are_of_no_module_of_its():
-    """A module that has been loaded would stand in the place of a function of its name."""
-    modules = {path.stem for path in Path(data.__file__).parent.glob("*.py")}
-    assert not modules & set(data.__all__)

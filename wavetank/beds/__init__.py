@@ -6,5 +6,3 @@ A bed is a callable: places x, y [m], each of shape (N,), to d [m], shape (N,). 
 from wavetank.beds.bed_file import Positive, read_bed
 from wavetank.beds.gridded import Gridded, Interpolation
 from wavetank.beds.survey import Survey
-
-__all__ = ["Gridded", "Interpolation", "Positive", "Survey", "read_bed"]

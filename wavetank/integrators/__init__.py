@@ -20,24 +20,3 @@ from wavetank.integrators.third_order import ThirdOrder
 INTEGRATORS = {
     scheme.name: scheme for scheme in (Simpson4, ThirdOrder, StormerVerlet, StormerVerletAdjoint, GaussLegendre4)
 }
-
-__all__ = [
-    "INTEGRATORS",
-    "Absorbing",
-    "Damped",
-    "DiscontinuousVerlet",
-    "DiscontinuousVerletAdjoint",
-    "Filtered",
-    "GaussLegendre4",
-    "ModifiedMidpoint",
-    "P2N3Q4Lob",
-    "Point",
-    "Simpson4",
-    "StormerVerlet",
-    "StormerVerletAdjoint",
-    "SuzukiVerlet",
-    "SymplecticEuler",
-    "SymplecticEulerAdjoint",
-    "ThirdOrder",
-    "Traces",
-]
