@@ -75,7 +75,15 @@ class RecordError(RunError):
 
 
 class BreakdownError(RunError):
-    """The water could not be computed any further; who knows the step says why."""
+    """The water could not be computed any further; who knows the step says why.
+
+    Attributes
+    ----------
+    step
+        The step that does, as far as is known [s]; None of nothing known.
+    """
+
+    step: float | None = None
 
 
 class ConvergenceError(BreakdownError):

@@ -22,6 +22,7 @@ from wavetank.observers.energy import columns as energy_columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar, Standing
 from wavetank.observers.record import Discard, DiscardArrays, Kept, RecordCheck
+from wavetank.observers.stability import StabilityWatch
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
@@ -190,7 +191,8 @@ def record_run(
                 writer.note(figures | outcome.figures)
                 if outcome.figures:
                     warnings.show()
-                    ended = {"anew": error and error.anew, "unwritten": isinstance(error, RecordError)}
+                    step = error.step if isinstance(error, BreakdownError) else None
+                    ended = {"anew": error and error.anew, "unwritten": isinstance(error, RecordError), "step": step}
                     spent = known | figures | ended | {"checkpoints": [one["t"] for _, one in checkpoints(writer.path)]}
                     shown = {"flat": waves.plane.mesh.topology.dim == 1, "drawn": draw is not None}
                     for line in closing(outcome, spent, warnings=warnings.sentences, path=writer.path, **shown):
@@ -211,7 +213,7 @@ def record_run(
             with _failure_kept(writer), _progress(run, waves, log, writer) as progress:
                 interruption.before = keeping.write_last
                 run.observers += [keeping.from_time_to_time(scene.run.checkpoint_every), *progress, interruption]
-                _execute(run, waves, note, keeping=keeping, look=look)
+                _execute(run, waves, note, scene=scene, keeping=keeping, look=look)
                 if writer is not None:
                     writer.finish("finished", {})
 
@@ -374,6 +376,7 @@ def _execute(
     waves: AnyWaves,
     note: Callable[..., None],
     *,
+    scene: Scene,
     keeping: KeptRun,
     look: Callable[[BrokenSurface], None],
 ) -> None:
@@ -384,7 +387,7 @@ def _execute(
     except BaseException as error:
         if not all_here(waves.plane.comm, ALIKE):
             raise  # what one rank alone has met no other knows
-        why = _ended(error, run, waves, note, keeping=keeping, look=look)
+        why = _ended(error, run, waves, note, scene=scene, keeping=keeping, look=look)
         if why is error:
             raise
         raise why from None
@@ -397,6 +400,7 @@ def _ended(
     waves: AnyWaves,
     note: Callable[..., None],
     *,
+    scene: Scene,
     keeping: KeptRun,
     look: Callable[[BrokenSurface], None],
 ) -> BaseException:
@@ -416,14 +420,30 @@ def _ended(
             look(surface)
             if isinstance(error, BreakdownError) and (fold := folds(waves, run.state.q, run.state.p, run.t)):
                 error = PaddleError(f"{error}: {fold}")
-    note(error)
     if isinstance(error, BreakdownError) and isinstance(waves, NonlinearWaves):
-        state, limit = run.state, run.integrator.stability_limit
-        why = cause(waves, state.q, state.p, run.t, dt=run.clock.dt, limit=limit)
-        for breaking in (one for one in _breaking(run) if one.began):
-            why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
-        return type(error)(f"{error}: {why}.")
+        error = _explained(error, run, waves, scene)
+    note(error)
     return error
+
+
+def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Scene) -> BreakdownError:
+    """Return a breakdown with its cause, and with the step that does; collective."""
+    warned = (one.longest for one in run.observers if isinstance(one, StabilityWatch))
+    why, step = cause(
+        waves,
+        run.state.q,
+        run.state.p,
+        run.t,
+        dt=run.clock.dt,
+        limit=run.integrator.stability_limit,
+        quickened=scene.quickened,
+        warned=next(warned, None),
+    )
+    for breaking in (one for one in _breaking(run) if one.began):
+        why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
+    explained = type(error)(f"{error}: {why}.")
+    explained.step = step
+    return explained
 
 
 def _breaking(run: Run) -> list[BreakingDissipation]:

@@ -26,7 +26,7 @@ from wavetank.fe.differences import largest_differences
 from wavetank.observers.contract import Keeping, Moment, Moments, Past
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
-from wavetank.water.short_waves import ShortWaves
+from wavetank.water.short_waves import FARTHEST, ShortWaves
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
@@ -192,6 +192,13 @@ class StabilityWatch(Keeping):
             self.noise = max(self.noise, noise)
         return warns
 
+    @property
+    def longest(self) -> float | None:
+        """The step that would have done until short waves grew [s]; None: none did, or no step was too long."""
+        if self.since is None or self._dt * self._frequency <= self._limit:
+            return None
+        return FARTHEST * self._limit / self._frequency
+
     def held(self) -> Held:
         """Return the last steps' values, and the largest of what has been seen."""
         wall = [way.tolist() if way.size == 1 else way for way in self._wall]  # one, of a wall that moves as a whole
@@ -220,11 +227,11 @@ class StabilityWatch(Keeping):
         return f"x = {x:.4g} m" if self._waves.plane.mesh.topology.dim == 1 else f"x = {x:.4g} m, y = {y:.4g} m"
 
     def _sentence(self, t: float, noise: float, place: str) -> str:
-        product, cure = self._dt * self._frequency, "half the step, or finer cells, may do"
-        if product > self._limit:
-            step = 0.8 * self._limit / product * self._dt
+        cure = "half the step, or finer cells, may do"
+        if self.longest is not None:
+            product = self._dt * self._frequency
             cure = f"under the crests dt omega_max = {product:.3g}, for a scheme stable below {self._limit:.4g}"
-            cure = f"{cure}: a step of {step:.2g} s would have done so far"
+            cure = f"{cure}: a step of {self.longest:.2g} s would have done so far"
         return (
             f"t = {t:.6g} s: short waves that alternate from step to step have grown to {100 * noise:.2g} % of the "
             f"highest elevation, most at {place}: from here on the run is not to be trusted; {cure}"

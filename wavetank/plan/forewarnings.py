@@ -32,6 +32,7 @@ from wavetank.plan.waves_held import HELD, too_short, waves_missed
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.waters import AnyWaves
 from wavetank.theory.airy import wave_number
+from wavetank.water.short_waves import FARTHEST
 
 LARGE = 0.1  # predicted relative error of the elevation
 SHORT = 0.5  # of a wave: a sponge that absorbs little of it
@@ -261,7 +262,7 @@ def _farthest(scene: Scene, clock: Clock, waves: AnyWaves, integrator: Integrato
     if clock.dt > longest:
         yield (
             f"where the paddle goes farthest, the mesh's shortest waves are up to {faster:.3g} times as fast: "
-            f"the step of {clock.dt:.3g} s may be unstable there, one of {longest:.3g} s is not"
+            f"the step of {clock.dt:.3g} s may be unstable there, one of {FARTHEST * longest:.2g} s is not"
         )
 
 

@@ -31,10 +31,11 @@ from wavetank.plan.kinds import entries_of
 from wavetank.plan.looks import Looks
 from wavetank.plan.requirements import Requirements, requirements
 from wavetank.plan.stroke_held import stroke_missed
-from wavetank.runs.build import ANSWERED, FARTHEST, build_clock
+from wavetank.runs.build import ANSWERED, build_clock
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.values.noun import Problem, SceneError
 from wavetank.water.edge_penalty import NEEDED
+from wavetank.water.short_waves import FARTHEST
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))

@@ -49,13 +49,12 @@ from wavetank.water.breaking import BreakingDissipation, BreakingWatch
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.rates import MovingWater
-from wavetank.water.short_waves import ShortWaves
+from wavetank.water.short_waves import FARTHEST, ShortWaves
 from wavetank.water.sounding import Sounding
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.wall_pressure import PaddlePush, WallPressure
 from wavetank.water.waves import NonlinearWaves
 
-FARTHEST = 0.8  # of the stability limit: the default step, where a paddle has gone as far as it goes
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
 
 

@@ -117,7 +117,10 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
     kept, crests = spent["checkpoints"], spent["broke_down"]["crests"]
     dissipates = spent["scene"]["run"].get("on_breaking") == "dissipate"
     breaks = not dissipates and any(crest["speed_ratio"] > ONSET for crest in crests)
-    other = "run.on_breaking=dissipate" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
+    step, others = spent.get("step"), ["run.on_breaking=dissipate"] if breaks else []
+    if step or not breaks:
+        others.append(f"numerics.dt={step or 0.5 * spent['numerics']['dt']:.3g}")
+    other = " --set ".join(others)
     files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
     lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
     sound = [t for t in kept if untrue is None or t < untrue]

@@ -1,13 +1,13 @@
 """Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
 
-from math import atan, degrees, isfinite
+from math import atan, degrees, inf, isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.stage_solver import ITERATES
-from wavetank.water.short_waves import HEIGHTS, ShortWaves
+from wavetank.water.short_waves import FARTHEST, HEIGHTS, ShortWaves
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
@@ -31,15 +31,42 @@ class _Stand(NamedTuple):
         Where it is at still water, x [m].
     lean
         Its angle from upright there, positive into the water [degrees].
+    into
+        How far it has gone into the water where it has gone farthest [m].
+    reach
+        That of its mapping [m].
     width
-        What its mapping has left of the narrowest cell's width [-].
+        What that has left of the narrowest cell's width [-].
     """
 
     called: str
     key: str
     place: float
     lean: float
+    into: float
+    reach: float
     width: float
+
+    @property
+    def squeezes(self) -> str:
+        """What it does to the cells, in words."""
+        stands = f"the {self.called} stands {self.into:.3g} m in the water"
+        return f"{stands}, and its mapping over {self.reach:.3g} m leaves cells {self.width:.2g} of their width"
+
+
+class Cause(NamedTuple):
+    """Why a step failed.
+
+    Attributes
+    ----------
+    words
+        What was so, and what may do.
+    step
+        The step that does, as far as is known [s]: the only one that the words name; None of nothing known.
+    """
+
+    words: str
+    step: float | None = None
 
 
 def _stands(waves: NonlinearWaves) -> list[_Stand]:
@@ -52,8 +79,9 @@ def _stands(waves: NonlinearWaves) -> list[_Stand]:
         below, here, above = stand * paddle.shape.at(STEP * d * np.array([-1.0, 0.0, 1.0]))
         names = ("paddle", "wall") if paddle.side.sign > 0 else ("far paddle", "far_wall")
         place = float(paddle.side.point[0] + paddle.side.sign * here)
-        lean, into = degrees(atan((above - below) / (2.0 * STEP * d))), (stand * paddle.shape.at(d * HEIGHTS)).max()
-        found.append(_Stand(*names, place, lean, 1.0 - max(0.0, float(into)) / paddle.largest_stroke))
+        lean = degrees(atan((above - below) / (2.0 * STEP * d)))
+        into = max(0.0, float((stand * paddle.shape.at(d * HEIGHTS)).max()))
+        found.append(_Stand(*names, place, lean, into, paddle.reach, 1.0 - into / paddle.largest_stroke))
     return found
 
 
@@ -86,39 +114,70 @@ def _are_numbers(waves: NonlinearWaves, q: Vector, p: Vector) -> bool:
     return isfinite(waves.plane.sum(q) + waves.plane.sum(p))
 
 
-def cause(waves: NonlinearWaves, q: Vector, p: Vector, t: float, *, dt: float, limit: float) -> str:
-    """Return in words why a step dt [s] from a state failed; ``limit`` is the scheme's, of omega dt; collective."""
+def _told(step: float) -> float:
+    """Return a step as it is named [s]."""
+    return float(f"{step:.2g}")
+
+
+def cause(
+    waves: NonlinearWaves,
+    q: Vector,
+    p: Vector,
+    t: float,
+    *,
+    dt: float,
+    limit: float,
+    quickened: float = 1.0,
+    warned: float | None = None,
+) -> Cause:
+    """Return why a step dt [s] from a state failed; collective.
+
+    Parameters
+    ----------
+    waves, q, p, t
+        The water, and the state that the step began with.
+    dt, limit
+        The step [s], and the scheme's limit of omega dt.
+    quickened
+        How much faster the shortest waves of still water get where paddles go farthest: the step named does there, too.
+    warned
+        The step that the watch on it has named [s]: none is named that is longer.
+    """
     if not _are_numbers(waves, q, p):
-        return (
+        return Cause(
             "the state that the step began with holds what is no number, such as an observer, a filter or a motion of "
             "one's own can make of it, or the step before, where it was too long or the waves too steep for the mesh"
         )
     flow = waves.surface
     flow.update(q, p, t)
-    stands, limit = _stands(waves), min(limit, ITERATES)
-    frequency = ShortWaves(waves).largest_frequency(flow)
-    narrow = [one for one in stands if one.width < NARROW]
-    if flow.largest_slope < FLAT and dt * frequency <= limit and not narrow:
-        return (
-            f"neither is the step long (dt omega_max = {dt * frequency:.3g}) nor are the waves steep (largest slope "
-            f"{flow.largest_slope:.2g}): the solves do not get as exact as asked in water {waves.depth:.3g} m deep on "
-            f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do"
-        )
-    squeezed = [f"the {one.called}'s mapping leaves cells {one.width:.2g} of their width" for one in narrow]
+    narrow, limit = [one for one in _stands(waves) if one.width < NARROW], min(limit, ITERATES)
+    short, still = ShortWaves(waves), waves.largest_frequency
+    frequency, squeezed = short.largest_frequency(flow), still * short.quickened
+    squeezes = "".join(f", and {one.squeezes}" for one in narrow)
     longer = "".join(f", or more of {one.key}.reach" for one in narrow)
+    moves = f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s"
+    known = min(FARTHEST * limit / (still * quickened), inf if warned is None else warned)
     if flow.largest_slope < GENTLE and dt * frequency <= limit:
-        there = "".join(f", and {one}" for one in squeezed)
-        return (
+        what = (
             f"neither is the step long (dt omega_max = {dt * frequency:.3g}) nor are the waves steep (largest slope "
-            f"{flow.largest_slope:.2g}){there}: short waves that the mesh carries have grown; a shorter step, or finer "
-            f"cells{longer}, may do"
+            f"{flow.largest_slope:.2g})"
         )
+        if flow.largest_slope < FLAT and not narrow:
+            return Cause(
+                f"{what}: the solves do not get as exact as asked in water {waves.depth:.3g} m deep on "
+                f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do"
+            )
+        step = _told(min(known, 0.5 * dt))
+        grown = f"short waves that the mesh carries have grown; a step of {step:g} s, or finer cells{longer}, may do"
+        return Cause(f"{what}{squeezes}: {grown}", step)
+    step = _told(min(known, FARTHEST * limit / frequency))
+    if narrow and dt * squeezed > FARTHEST * limit:
+        shortest = f"dt omega_max = {dt * still:.3g} on still water with the paddle at rest, {dt * squeezed:.3g} there"
+        long = f"the step is too long for waves as short as these: {shortest}, {moves}"
+        return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step:g} s{longer}", step)
     steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
     if not dt * frequency > limit:
-        return steep
-    long = (
-        f"the step is too long: dt omega_max = {dt * waves.largest_frequency:.3g} on still water, "
-        f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s"
-        f"{''.join(f', and {one}' for one in squeezed)}; try {0.8 * limit / frequency:.2g} s{longer}"
-    )
-    return long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}"
+        return Cause(steep, _told(known) if known < dt else None)
+    long = f"the step is too long: dt omega_max = {dt * still:.3g} on still water, {moves}"
+    long = f"{long}{squeezes}; try {step:g} s{longer}"
+    return Cause(long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}", step)

@@ -14,6 +14,7 @@ from wavetank.motions.mapping import quickened
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
+FARTHEST = 0.8  # of the stability limit: a step that does, where a paddle has gone as far as it goes, or crests stand
 LITTLE = 0.02  # of a lean's tangent, or of the reach: nothing that is seen
 HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # depths, at which it is looked where a paddle is
 
@@ -32,9 +33,14 @@ class ShortWaves:
         self._still = waves.largest_frequency * np.sqrt(self._k / highest)
         self._highest = waves.largest_frequency, highest
 
+    @property
+    def quickened(self) -> float:
+        """How much faster than those of still water they are for where paddles stand now; collective."""
+        return self._quickened.by()
+
     def largest_frequency(self, flow: SurfaceVelocity, *, least: float = 0.0) -> float:
         """Return the largest frequency [rad/s] on the surface as it moves, ``least`` if that is more; collective."""
-        (still, k), faster = self._highest, self._quickened.by()
+        (still, k), faster = self._highest, self.quickened
         if faster * (still + k * flow.largest_velocity) <= least:
             return least
         shifted = float((self._still + self._k * flow.speeds).max(initial=0.0))
