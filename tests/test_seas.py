@@ -45,7 +45,8 @@ from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.theory.wavemaker import PISTON
 from wavetank.values.formula import Formula
 from wavetank.values.noun import SceneError
-from wavetank.verify.second_order import GENERATIONS, Last, row
+from wavetank.verify.second_order import GENERATIONS, row
+from wavetank.verify.watched import Surfaces
 
 GRAVITY, DEPTH = 9.81, 1.0
 TANK = {"length": 20.0, "depth": DEPTH}
@@ -60,7 +61,7 @@ def scene(motion, *, duration=20.0, limits=None, tank=TANK, **more):
 def seen(case, *, start):
     """Return the times of the nonlinear tank from a start on, and the elevation at each as a spline along x."""
     run, water = build_run(case, MPI.COMM_SELF)
-    last = Last(water, start=start)
+    last = Surfaces(water, start=start)
     run.observers.append(last)
     run.execute()
     order = np.argsort(water.plane.x)

@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from mpi4py import MPI
@@ -214,7 +214,7 @@ def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metav
     console().print(f"{name} is in {folder}", highlight=False)
 
 
-VERIFICATIONS = {  # name, a module of ``wavetank.verify`` with a function verify_NAME(folder, console): its help
+VERIFICATIONS = {  # name, a module of ``wavetank.verify`` that writes tables and pictures: its help
     "integrators": "Recompute every table and figure on the integrators.",
     "extremes": "Measure growing modes, steepness, breaking; two hours.",
     "sponge": "Measure what a sponge reflects; two minutes.",
@@ -236,9 +236,11 @@ def _add_verification(name: str, meaning: str) -> None:
         ] = None,
         overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     ) -> None:
-        module = import_module(f"wavetank.verify.{name}")
+        from wavetank.verify.report import write
+
+        module: Any = import_module(f"wavetank.verify.{name}")
         place = Place.of(out, Path("runs") / shown, overwrite=overwrite)
-        on_first(MPI.COMM_WORLD, lambda: getattr(module, f"verify_{name}")(place.folder(), console()))
+        on_first(MPI.COMM_WORLD, lambda: write(module, place.folder(), console()))
 
     verify_app.command(shown, help=meaning, epilog=example(f"verify {shown} --out runs/{shown}"))(verify)
 

@@ -9,15 +9,12 @@ amplitude so small that the third order, (k a)², is far below what is asked, an
 which are relative to the depth, are.
 """
 
-import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
-from rich.console import Console
 
 from wavetank.fe.layout_mesh import draw_layout
 from wavetank.fe.plane import Plane
@@ -29,7 +26,7 @@ from wavetank.postprocess.style import BLUE, GREEN, PALE_GREY, VERMILION, entry
 from wavetank.theory.airy import angular_frequency
 from wavetank.theory.mccamy_fuchs import Complex, CylinderDiffraction, travelling
 from wavetank.theory.wave import Array
-from wavetank.verify.report import Report, write_parts
+from wavetank.verify.report import Report
 from wavetank.verify.watched import watched
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.walls import StillWall
@@ -217,8 +214,3 @@ def draw(report: Report, results: Sequence[Computed]) -> None:
         _draw_errors(right, results)
         handles = [entry(f"ka = {ka:g}", color=colour, lw=3) for ka, colour in COLOURS.items()]
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-
-
-def verify_cylinder(folder: Path, console: Console) -> None:
-    """Write the table and the picture to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts([sys.modules[__name__]], folder, console)

@@ -4,7 +4,6 @@ Half the basin of cases/directional-focus.toml, the focus on its plane of symmet
 motion (``motions/reflected_focus.py``), which knows the side walls, but neither the ramp nor the far end.
 """
 
-import sys
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
@@ -15,15 +14,13 @@ from matplotlib.axes import Axes
 from matplotlib.tri import Triangulation
 from mpi4py import MPI
 from numpy.typing import NDArray
-from rich.console import Console
 
 from wavetank.case import ReflectedFocusMotion, Scene, SegmentedPistonWall
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.observers.contract import Moment, ObservedWaves
-from wavetank.observers.schedule import EverySteps
 from wavetank.runs.build import build_run
-from wavetank.verify.report import Report, write_parts
+from wavetank.verify.report import Report
+from wavetank.verify.watched import Surfaces
 
 CASE = Path(__file__).resolve().parents[2] / "cases" / "directional-focus.toml"
 HALF = ("tank.layout.origin=[0.0, 0.0]", "tank.layout.width=3.0", "gauges=[]", "gauge_lines=[]", "run.duration=11.0")
@@ -31,20 +28,6 @@ SMALL, LARGE = 0.002, 0.05  # m: k_p A = 0.006 and 0.14
 SEEN = 0.6  # m: of the crest, its half width and more
 
 Array = NDArray[np.float64]
-
-
-class Surfaces:
-    """Observes the elevation at all steps."""
-
-    def __init__(self, waves: ObservedWaves):
-        self._waves, self.schedule = waves, EverySteps()
-        self.t: list[float] = []
-        self.eta: list[Array] = []
-
-    def observe(self, moment: Moment) -> None:
-        """Keep the elevation at the degrees of freedom."""
-        self.t.append(moment.t)
-        self.eta.append(self._waves.elevation(moment.q, moment.p, moment.t))
 
 
 class Focus:
@@ -193,8 +176,3 @@ def write(report: Report) -> None:
         figure.colorbar(drawn, ax=[theory, steep], label="η / A [-]", shrink=0.8)
         _draw_across(across, focuses)
         _draw_history(history, focuses)
-
-
-def verify_directional_focus(folder: Path, console: Console) -> None:
-    """Write the table and the picture to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts([sys.modules[__name__]], folder, console)

@@ -5,15 +5,12 @@ Waves around a ring, of small to moderate height, that by linear theory meet in 
 focus is of the next order in k_p A.
 """
 
-import sys
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
-from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.postprocess.compare import rms
@@ -23,8 +20,8 @@ from wavetank.theory.airy import angular_frequency
 from wavetank.theory.expanded_waves import ORDERS, ExpandedWaves
 from wavetank.theory.plane_waves import PlaneWaves
 from wavetank.theory.wave import Array
-from wavetank.verify.report import Report, write_parts
-from wavetank.verify.second_order import Last
+from wavetank.verify.report import Report
+from wavetank.verify.watched import Surfaces
 
 GRAVITY, DEPTH, LENGTH = 9.81, 1.0, 12.0  # m/s², m, m
 PEAK, WIDTH = 5, 1.2  # waves around the ring: k_p d = 2.6
@@ -76,7 +73,7 @@ def scene(crest: float) -> Scene:
 def computed(crest: float) -> tuple[Array, Array]:
     """Return places x and the tank's elevation [m] there at the focus' time."""
     run, waves = build_run(scene(crest), MPI.COMM_SELF)
-    last = Last(waves, start=TIME - 0.5 * STEP)
+    last = Surfaces(waves, start=TIME - 0.5 * STEP)
     run.observers.append(last)
     run.execute()
     order = np.argsort(waves.plane.x)
@@ -172,8 +169,3 @@ def write(report: Report) -> None:
         left, right = figure.subplots(1, 2)
         _draw_highest(left, found[-1])
         _draw_missed(right, found)
-
-
-def verify_focused_group(folder: Path, console: Console) -> None:
-    """Write the tables and the picture to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts([sys.modules[__name__]], folder, console)

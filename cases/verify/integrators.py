@@ -1,9 +1,5 @@
 """Everything about the integrators, into one folder: a CSV and a picture for each table and figure of [G16]."""
 
-from pathlib import Path
-
-from rich.console import Console
-
 from wavetank.verify import (
     damped_jumps,
     damping,
@@ -18,7 +14,7 @@ from wavetank.verify import (
     table_1,
     work_precision,
 )
-from wavetank.verify.report import write_parts
+from wavetank.verify.report import Report
 
 PARTS = (
     overview,
@@ -36,6 +32,7 @@ PARTS = (
 )
 
 
-def verify_integrators(folder: Path, console: Console) -> None:
-    """Write all tables and pictures to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts(PARTS, folder, console)
+def write(report: Report) -> None:
+    """Write all tables and pictures."""
+    for part in PARTS:
+        part.write(report)

@@ -1,22 +1,19 @@
 """The recipes of layouts: what gmsh draws of each, its keys, and how near its area is to the exact one."""
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
-from rich.console import Console
 
 from wavetank.meshes import Bend, Cylinder, Harbour, Rectangle
 from wavetank.meshes.gmsh_model import SURFACE, empty_model
 from wavetank.meshes.recipe import Box, Recipe
 from wavetank.meshes.rectangle import Refinement
 from wavetank.postprocess.style import BLUE, GREEN, INK, PALE_GREY, VERMILION, entry
-from wavetank.verify.report import Report, write_parts
+from wavetank.verify.report import Report
 
 SIZES = (0.25, 0.125, 0.0625)  # of cells [m]; the first is drawn
 MARGIN = 0.2  # around a layout [m]
@@ -202,8 +199,3 @@ def write(report: Report) -> None:
     draw(report)
     for example in EXAMPLES:
         draw_keys(report, example)
-
-
-def verify_layouts(folder: Path, console: Console) -> None:
-    """Write table and picture to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts([sys.modules[__name__]], folder, console)

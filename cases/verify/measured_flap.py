@@ -8,15 +8,12 @@ Source: K. R. Sundsdal, M. Greco, F.-C. Hanssen, C. Lugni, 2025, data without th
 (github.com/KRSundsdal1/2D-ship-cross-section-in-regular-waves, CC0).
 """
 
-import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
-from rich.console import Console
 from scipy.optimize import minimize_scalar
 
 from wavetank import data
@@ -28,7 +25,7 @@ from wavetank.postprocess.style import COMPUTED
 from wavetank.runs.build import build_run
 from wavetank.theory.airy import group_velocity, wave_number
 from wavetank.values.columns import read_columns
-from wavetank.verify.report import Report, write_parts
+from wavetank.verify.report import Report
 
 DATA, GRAVITY, DEPTH = "ntnu_flap_2025", 9.81, 1.0
 GAIN = -1.835  # of T05_H1's first harmonics; the signal is positive away from the water
@@ -177,8 +174,3 @@ def write(report: Report) -> None:
     report.table("measured-flap", Row._fields, [row for one in found.values() for row in one.rows()])
     with report.figure("measured-flap", 11, 9) as figure:
         _draw(figure, found)
-
-
-def verify_measured_flap(folder: Path, console: Console) -> None:
-    """Write the table and the picture to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts([sys.modules[__name__]], folder, console)

@@ -22,7 +22,7 @@ class Report:
     Attributes
     ----------
     folder
-        Made if missing.
+        Where they go.
     console
         Where the name of each file is said as soon as it is there.
     """
@@ -62,11 +62,9 @@ class Part(Protocol):
         """Write them."""
 
 
-def write_parts(parts: Iterable[Part], folder: Path, console: Console) -> None:
-    """Write all parts to a folder, made if missing; raises ``InputError`` if it cannot be written."""
+def write(part: Part, folder: Path, console: Console) -> None:
+    """Write a part to a folder; raises ``InputError`` if it cannot be written."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        for part in parts:
-            part.write(Report(folder, console))
+        part.write(Report(folder, console))
     except OSError as error:
         raise InputError(f"{folder}: cannot be written ({error.strerror}).") from None

@@ -6,27 +6,23 @@ harmonics at all places between the paddle's near field and the sponge are told 
 wave number 2 k, the free one K and -K (``postprocess/analysis/bound_free.py``).
 """
 
-import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
-from rich.console import Console
 
 from wavetank.case import Scene
-from wavetank.observers.contract import Moment, ObservedWaves
-from wavetank.observers.schedule import EverySteps
 from wavetank.postprocess.analysis.along import told_apart
 from wavetank.postprocess.style import BLUE, GREY, VERMILION
 from wavetank.runs.build import build_run
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
 from wavetank.theory.second_order import Strokes, second_order
 from wavetank.theory.wavemaker import PISTON, Flap, Wavemaker
-from wavetank.verify.report import Report, write_parts
+from wavetank.verify.report import Report
+from wavetank.verify.watched import Surfaces
 
 GRAVITY = 9.81
 DEPTHS = (0.6, 0.8, 1.0, 1.5, 2.0, 3.0)  # kd
@@ -89,7 +85,7 @@ class Tank:
     def harmonics(self, generation: str) -> "Harmonics":
         """Return the first and second harmonic along the tank, of the last two periods of a run."""
         run, waves = build_run(self.scene(generation), MPI.COMM_SELF)
-        last = Last(waves, start=self.duration - 2.02 * self.period)
+        last = Surfaces(waves, start=self.duration - 2.02 * self.period)
         run.observers.append(last)
         run.execute()
         seen = (waves.plane.x > NEAR) & (waves.plane.x < self.end)
@@ -105,21 +101,6 @@ class Tank:
         b = np.array([1j * self.a / float(self.maker.transfer(self.k, 1.0))])
         more = second_order(Strokes(np.array([self.omega]), b), self.maker, depth=1.0, gravity=GRAVITY)
         return float(np.abs(more.b[0]) * self.maker.transfer(self.free, 1.0))
-
-
-class Last:
-    """Observes the elevation at all steps from a time on [s]."""
-
-    def __init__(self, waves: ObservedWaves, *, start: float):
-        self._waves, self._start, self.schedule = waves, start, EverySteps()
-        self.t: list[float] = []
-        self.eta: list[Array] = []
-
-    def observe(self, moment: Moment) -> None:
-        """Keep the elevation at the degrees of freedom."""
-        if moment.t >= self._start:
-            self.t.append(moment.t)
-            self.eta.append(self._waves.elevation(moment.q, moment.p, moment.t))
 
 
 class Harmonics(NamedTuple):
@@ -215,8 +196,3 @@ def write(report: Report) -> None:
         left, right = figure.subplots(1, 2)
         _draw_along(left, found)
         _draw_free(right, table)
-
-
-def verify_second_order(folder: Path, console: Console) -> None:
-    """Write the table and the picture to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts([sys.modules[__name__]], folder, console)

@@ -9,16 +9,13 @@ Incident and reflected amplitude come from all places between paddle and sponge 
 (E. P. D. Mansard, E. R. Funke, Proc. 17th Int. Conf. Coastal Eng., 1980).
 """
 
-import sys
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from mpi4py import MPI
 from numpy.typing import NDArray
-from rich.console import Console
 
 from wavetank.case.beds import BeachBed
 from wavetank.case.sponges import EndSponge
@@ -33,7 +30,7 @@ from wavetank.postprocess.analysis.reflection import reflected
 from wavetank.postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
 from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
 from wavetank.theory.wavemaker import PISTON
-from wavetank.verify.report import Report, write_parts
+from wavetank.verify.report import Report
 from wavetank.verify.watched import watched
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
@@ -263,8 +260,3 @@ def draw(report: Report, lengths: Sequence[LengthRow], bands: Sequence[BandRow],
         left.set(ylabel="reflected over incident amplitude [%]", ylim=(1e-3, 60))
         handles = [entry(f"kd = {kd:g}", color=colour, lw=3) for kd, colour in COLOURS.items()]
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-
-
-def verify_sponge(folder: Path, console: Console) -> None:
-    """Write all tables and pictures to ``folder``; raises ``InputError`` if it cannot be written."""
-    write_parts([sys.modules[__name__]], folder, console)

@@ -6,7 +6,7 @@ from typing import Any, Generic, TypeVar
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.schedule import EverySteps
 from wavetank.runs.clock import Clock
 from wavetank.runs.run import Run
@@ -48,3 +48,18 @@ def watched(
     run.observers.append(watch)
     run.execute()
     return watch.found
+
+
+class Surfaces:
+    """Observes the elevation [m] at the degrees of freedom at all steps, and when they end [s], from a time on."""
+
+    def __init__(self, waves: ObservedWaves, *, start: float = 0.0):
+        self._waves, self._start, self.schedule = waves, start, EverySteps()
+        self.t: list[float] = []
+        self.eta: list[Vector] = []
+
+    def observe(self, moment: Moment) -> None:
+        """Keep the elevation."""
+        if moment.t >= self._start:
+            self.t.append(moment.t)
+            self.eta.append(self._waves.elevation(moment.q, moment.p, moment.t))
