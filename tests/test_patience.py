@@ -282,7 +282,7 @@ def test_what_was_kept_of_a_moment_that_another_look_has_ended_is_not_recorded()
         work.keep(water, moment)
         paddle.keep(moment)
     paddle.work_off(Moments([first]))
-    assert record.array()[:, 0].tolist() == [0.0] and work.work_off(np.zeros(1), np.zeros((2, 1)))[0].shape == (1,)
+    assert record.array()[:, 0].tolist() == [0.0] and work.work_off(np.zeros(1), np.zeros(1))[0].shape == (1,)
 
 
 class Spoiling:

@@ -14,7 +14,8 @@ typedef void Multiply(const void *cells, const double *weights, const double *x,
 typedef void Factor(const void *cells, const double *weights, double *kept, const void *chain);
 typedef void ByPotential(const void *work, double speed, const double *column, double *y);
 typedef void ByColumn(const void *work, double speed, const double *column, const double *phi, double *y);
-typedef void Push(const void *strip, double position, double speed, const double *mu, double *found);
+typedef void Hold(const void *strip, const double *mu);
+typedef void Push(const void *strip, double position, double speed, const double *mu, int between, double *found);
 typedef void Aim(long size, int known, const float *ways, const double *last, const double *x, double *away,
                  double *products);
 typedef int Start(long rows, int numbers, int stride, int known, int most, const double *gram, const double *products,
@@ -32,7 +33,7 @@ typedef void AimAt(const void *points, int known, const double *c);
 typedef void Combine(const void *points, int known, double wrong, double *z, double *missed);
 
 enum { POSITION, SPEED, ACCELERATION };
-enum { KINETIC, POTENTIAL, WALL, MASS, BEFORE, POWER, OF_A_ROW };   /* of water/seen.py */
+enum { KINETIC, POTENTIAL, WALL, MASS, POWER, OF_A_ROW };   /* of water/seen.py */
 
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 #define EACH_PADDLE(one) for (Paddle *one = w->paddles; one; one = one->next)
@@ -217,14 +218,15 @@ static int attempt(Attempt *s, const double *z, const double *c, double a, int c
     return iterations;
 }
 
-/* The power of walls that move at the point that was found last; ``of_walls`` is their part of H. */
-static double push(const Whole *w, const double *point, double *of_walls)
+/* The power of walls that move at the point that was found last, or between that and the one held; ``of_walls`` is their
+   part of H. */
+static double push(const Whole *w, const double *point, int between, double *of_walls)
 {
     double power = 0.0;
     *of_walls = 0.0;
     EACH_PADDLE(one) {
         double pushed[2];
-        ((Push *)one->push)(one->strip, one->moves[POSITION], one->moves[SPEED], point + 2 * w->dofs, pushed);
+        ((Push *)one->push)(one->strip, one->moves[POSITION], one->moves[SPEED], point + 2 * w->dofs, between, pushed);
         power += pushed[0] + one->moves[ACCELERATION] * pushed[1];
         *of_walls += one->moves[SPEED] * pushed[1];
     }
@@ -232,9 +234,9 @@ static double push(const Whole *w, const double *point, double *of_walls)
 }
 
 /* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told: into a
-   row, all but the power BEFORE. */
-static void see(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
-                double gravity, const Sight *into, long row)
+   row, all but W and power. */
+static void see_from(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
+                     double gravity, const Sight *into, long row)
 {
     const long n = w->dofs;
     memcpy(into->psi + row * n, p, sizeof(double) * n);
@@ -254,7 +256,7 @@ static void see(Whole *w, const double *q, const double *p, const double *point,
     EACH(i, n)
         eta[i] -= rise[i];
     numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = gravity * (0.5 * twice + lift);
-    numbers[MASS] = mass, numbers[POWER] = push(w, point, numbers + WALL);
+    numbers[MASS] = mass;
     long paddle = into->paddles; /* each knows the one before it */
     EACH_PADDLE(one) {
         --paddle;
@@ -264,24 +266,39 @@ static void see(Whole *w, const double *q, const double *p, const double *point,
     }
 }
 
+/* The same with W and power at the point. */
+static void see(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
+                double gravity, const Sight *into, long row)
+{
+    double *numbers = into->numbers + row * OF_A_ROW;
+    see_from(w, q, p, point, still, kinetic, gravity, into, row);
+    numbers[POWER] = push(w, point, 0, numbers + WALL);
+}
+
 static int is_point(const Whole *w, const double *point, const double *state)
 {
     return !memcmp(point + 3 * w->dofs, state, 2 * sizeof(double) * w->dofs);
 }
 
-/* The power at the ``first`` point, where that is the one found last, ``at``; the ``last`` point, where it is another, found
-   as ``find`` does; and the ``state`` seen from there, [q, p] each. Returns as that does; -1 too of what is not so: BEFORE
-   stays as it is then. */
+/* The ``last`` point found, as ``find`` does, where the ``first`` is the one found last, ``at``, and another; and the
+   ``state`` between them seen from there, [q, p] each, with the power of their mean. Returns as ``find``; -1 too of what is
+   not so. */
 static int look(Whole *w, const double *state, const double *first, const double *last, const double *at,
                 const double *still, int recorded, double gravity, double *found, double *told, const Sight *into, long row)
 {
     const long n = w->dofs;
-    double *before = into->numbers + row * OF_A_ROW + BEFORE, of_walls;
+    double *numbers = into->numbers + row * OF_A_ROW, of_walls = 0.0, of_mean;
     if (!is_point(w, at, first) || is_point(w, at, last))
         return -1;
-    *before = push(w, at, &of_walls);
+    EACH_PADDLE(one)
+        ((Hold *)one->hold)(one->strip, at + 2 * n);
     const int iterations = find(w, last, last + n, still, recorded, found, told);
-    if (iterations >= 0)
-        see(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);
+    if (iterations < 0)
+        return iterations;
+    see_from(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);
+    EACH_PADDLE(one)
+        EACH(i, n)
+            of_walls += one->by_wall[i] * w->column[i]; /* W is linear in the column */
+    numbers[WALL] = of_walls, numbers[POWER] = push(w, found, 1, &of_mean);
     return iterations;
 }

@@ -32,7 +32,7 @@ typedef struct {
 } Weighed;
 typedef struct Paddle {
     const double *moves;
-    void *by_potential, *by_column, *paddle, *paddle_by_column, *push, *strip;
+    void *by_potential, *by_column, *paddle, *paddle_by_column, *hold, *push, *strip;
     double *wall, *by_wall;
     struct Paddle *next;
 } Paddle;
@@ -72,7 +72,7 @@ void begin_stage(const Attempt *, const double *z, const double *slope, const do
                  int mixed, double wrong, double *start);
 int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int recorded,
             int mixed, double *found, double *told, double *next);
-double push(const Whole *, const double *point, double *of_walls);
+double push(const Whole *, const double *point, int between, double *of_walls);
 void see(Whole *, const double *q, const double *p, const double *point, const double *still, double kinetic,
          double gravity, const Sight *into, long row);
 int look(Whole *, const double *state, const double *first, const double *last, const double *at, const double *still,
@@ -337,7 +337,7 @@ class Whole:
     def push(self, point: Vector, still: Vector | float) -> float:
         """Return dH/dt at fixed (Q, psi) of the point last found, whose rows are as a ``Solution`` has them."""
         self._follow(still)
-        power: float = self._kernel.call.push(self._struct, self._kernel.pointer(point), self._at_told)
+        power: float = self._kernel.call.push(self._struct, self._kernel.pointer(point), 0, self._at_told)
         return power
 
     def see(
@@ -352,8 +352,8 @@ class Whole:
     ) -> None:
         """See masses and surface potential from the point last found, which is near, where all walls ``push``.
 
-        ``point`` and ``still`` are as of ``push`` and ``find``, ``kinetic`` the energy of the point. All but the power
-        of the first point gets into the row.
+        ``point`` and ``still`` are as of ``push`` and ``find``, ``kinetic`` the energy of the point. The power is
+        that at the point.
         """
         q, p = state
         self._mass.make_ready()
@@ -368,7 +368,7 @@ class Whole:
         """Find the last of two points of a state, and see the state from there, as ``see``; None as ``find``.
 
         ``pairs`` are state, first and last point, (q, p) each, shape (2, dofs), and ``point`` is the one last found:
-        where it is the first of these, and not the last, its power comes into the row, too; else None.
+        None, too, if it is not the first, or is the last. The power is that of the mean of both.
         """
         recorded = self._ready()
         if not recorded:

@@ -119,9 +119,9 @@ class EnergyBudget(Keeping):
     def work_off(self, moments: Moments) -> None:
         """See how far off the balance has been, and append the rows that are due."""
         t, step = moments.times, np.array([moment.step for moment in moments])
-        kinetic, potential, wall, mass, *powers = moments.seen(self._waves).numbers.T
+        kinetic, potential, wall, mass, power = moments.seen(self._waves).numbers.T
         of_sinks = self._by_sinks(t)
-        total, (supplied, absorbed) = kinetic + potential, self._supply.work_off(t, np.array(powers))
+        total, (supplied, absorbed) = kinetic + potential, self._supply.work_off(t, power)
         if step[0] == 0:
             self._total, self._wall, self._mass = (float(one[0]) for one in (total, wall, mass))
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass

@@ -83,11 +83,11 @@ class Supply(Stateful, Protocol):
     def keep(self, water: Pushed, moment: Moment) -> None:
         """Keep what does not last of a moment; the first time at the start; collective."""
 
-    def work_off(self, times: Vector, powers: Vector) -> tuple[Vector, Vector | None]:
+    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, Vector | None]:
         """Return what was put in by each of K moments, and what was not because of what absorbing adds to the motions.
 
-        The latter is less its part of W; None: nothing absorbs. ``powers`` are those at the moments' first points and
-        at their last, shape (2, K), where the water tells them; of the first nan where there is one point.
+        The latter is less its part of W; None: nothing absorbs. ``power`` is that of the mean of the moments' points,
+        or at the last where something has acted between, shape (K,), where the water tells it.
         """
 
 
@@ -123,14 +123,14 @@ class Power:
             self._looked[moment.t] = _mean(water.explicit_rate, before, moment)
             self._before.clear()
 
-    def work_off(self, times: Vector, powers: Vector) -> tuple[Vector, None]:
+    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, None]:
         """See ``Supply``."""
-        before, after = powers
-        for t, power in self._before.items():
-            before[_row(times, t)] = power
-        rates = (np.where(np.isnan(before), after, before) + after) / 2
-        for t, power in self._looked.items():
-            rates[_row(times, t)] = power
+        rates = power.copy()
+        for t, before in self._before.items():
+            row = _row(times, t)
+            rates[row] = (before + rates[row]) / 2
+        for t, mean in self._looked.items():
+            rates[_row(times, t)] = mean
         self._before.clear()
         self._looked.clear()
         return self._go_on(times, rates), None
@@ -215,7 +215,7 @@ class AnsweredWork:
         put_in, absorbed = self._done
         self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
 
-    def work_off(self, times: Vector, powers: Vector) -> tuple[Vector, Vector]:
+    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, Vector]:
         """See ``Supply``."""
         put_in, absorbed = np.array(self._kept[: len(times)]).T  # one more is kept of what a later look has ended
         self._kept.clear()

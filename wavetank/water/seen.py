@@ -16,7 +16,7 @@ from wavetank.water.energy import Energies
 from wavetank.water.walls.contract import Stood, stood
 
 ROWS = "eta", "rise", "psi", "numbers", "rates", "velocities"
-NUMBERS = KINETIC, POTENTIAL, WALL, MASS, BEFORE, POWER = range(6)  # in a row
+NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER = range(5)  # in a row
 
 
 class SeenWall(Protocol):
@@ -56,9 +56,9 @@ class Sight:
     numbers
         Kinetic and potential energy and the wall's part, those of the states: H, and the potential energy, to the
         square of what lies between, and W as of the points, so that what that changes by is in the kinetic energy; the
-        water's volume, of a slice per width [m³, m²]; where they are told, the power dH/dt at fixed (Q, psi), in energy
-        a second, of the first of the known points, where it is another and costs nothing, and of the last. Shape (most,
-        6).
+        water's volume, of a slice per width [m³, m²]; where it is told, the power dH/dt at fixed (Q, psi), in energy a
+        second, of the mean of first and last of the known points, or of the last where the first would cost a solve.
+        Shape (most, 5).
     rates
         X_p, X_p' and X_p'' of each paddle, nan of one that does not move as a whole [m, m/s, m/s²], shape (most,
         paddles, 3).
@@ -77,7 +77,6 @@ class Sight:
 
     def clear(self) -> None:
         """Make room for others."""
-        self.numbers.fill(np.nan)
         self.filled = 0
 
     def move(self, row: int, velocities: Vector) -> None:
@@ -130,7 +129,7 @@ class Seen:
 
     @cached_property
     def numbers(self) -> Vector:
-        """The numbers, shape (K, 6)."""
+        """The numbers, shape (K, 5)."""
         return self._sight.numbers[self._rows]
 
     @cached_property

@@ -33,7 +33,7 @@ from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
 from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
-from wavetank.water.seen import BEFORE, Sight, State, see
+from wavetank.water.seen import POWER, Sight, State, see
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.walls import Wall, one_time
@@ -400,14 +400,16 @@ class NonlinearWaves:
             self._take_over(found, t)
         else:
             first, last = state.known[0], state.known[-1]
-            if first is not last and np.isnan(into.numbers[row, BEFORE]) and self._knows(*first, t):
-                into.numbers[row, BEFORE] = self.explicit_rate(*first, t)
+            known = first is not last and self._knows(*first, t)
+            before = self.explicit_rate(*first, t) if known else np.nan
             self._see(whole, (state.q, state.p), t, at=last, into=into, row=row)
+            if known:
+                into.numbers[row, POWER] = (before + into.numbers[row, POWER]) / 2
         if len(self.wall.paddles) > 1:
             into.move(row, self.wall.velocities)
 
     def _see(self, whole: Whole, state: Pair, t: float, *, at: Pair, into: Sight, row: int) -> None:
-        """See a state from a point, all but the power of its first one."""
+        """See a state from a point, with the power there."""
         point = self._evaluated(*at, t)
         whole.see(state, point, self.bed.still, self._kinetic, self.gravity, into, row)
 

@@ -14,40 +14,61 @@ typedef union {
     double of[2][LEVELS];   /* value and rise, d/dzeta, at the levels, each times the root of its share */
 } Column;
 
+enum { H = NUMBERS, MU, OF_A_NODE };    /* behind the potential's numbers */
+
+/* Take over what is at nodes, one after the other. */
+static void take(const Strip *s, const double *mu, double *rows)
+{
+    for (int k = 0; k < s->nodes; ++k, rows += OF_A_NODE) {
+        for (int j = 0; j < NUMBERS; ++j)
+            rows[j] = s->phi[(long)s->dofs[k] * NUMBERS + j];
+        rows[H] = s->column[s->dofs[k]], rows[MU] = mu[s->dofs[k]];
+    }
+}
+
+/* Hold the point as it is, for what is between that and another. */
+void hold(const Strip *s, const double *mu)
+{
+    take(s, mu, s->held);
+}
+
 /* The potential over some nodes that follow each other. */
-static inline __attribute__((always_inline)) void over(const Strip *s, const int *dofs, int nodes, const double *phi, Column *c)
+static inline __attribute__((always_inline)) void over(const Strip *s, const double *rows, int nodes, Column *c)
 {
     v sums[NODES][WIDTH] = {{{0.0}}};
     for (int j = 0; j < NUMBERS; ++j)
         EACH(i, nodes)
             EACH(z, WIDTH)
-                sums[i][z] += phi[(long)dofs[i] * NUMBERS + j] * ((const stored *)s->upwards)[j * WIDTH + z];
+                sums[i][z] += rows[i * OF_A_NODE + j] * ((const stored *)s->upwards)[j * WIDTH + z];
     EACH(i, nodes)
         EACH(z, WIDTH)
             c[i].groups[z] = sums[i][z];
 }
 
-/* Sets dH/dt as the paddle goes on at its velocity, and dH/dX'. */
-void push(const Strip *s, double position, double speed, const double *mu, double *found)
+/* Sets dH/dt as the paddle goes on at its velocity, and dH/dX', at the point as it is, or at its mean with the one held. */
+void push(const Strip *s, double position, double speed, const double *mu, int between, double *found)
 {
-    const double *phi = s->phi, *column = s->column;
     const stored *values = (const stored *)s->values, *slopes = (const stored *)s->slopes;
     Column c[NODES];
     v going = {0.0}, sped = {0.0};
-    over(s, s->dofs, 1, phi, c + NODES - 1);
+    take(s, mu, s->rows);
+    for (int k = 0; k < (between ? s->nodes * OF_A_NODE : 0); ++k)
+        s->rows[k] = 0.5 * (s->rows[k] + s->held[k]);
+    over(s, s->rows, 1, c + NODES - 1);
     for (int cell = 0; cell < s->cells; ++cell) {
-        const int *dofs = s->dofs + cell * (NODES - 1);
+        const double *rows = s->rows + cell * (NODES - 1) * OF_A_NODE;
         const double per_metre = 1.0 / s->lengths[cell];
         c[0] = c[NODES - 1];
-        over(s, dofs + 1, NODES - 1, phi, c + 1);
+        over(s, rows + OF_A_NODE, NODES - 1, c + 1);
         for (int g = 0; g < GROUPS; ++g) {
             const int at = cell * GROUPS + g;
             v h = {0.0}, h_x = {0.0}, psi_x = {0.0}, by_column = {0.0}, up = {0.0}, along = {0.0}, both = {0.0};
             EACH(i, NODES) {
-                h += values[i * GROUPS + g] * column[dofs[i]];
-                h_x += slopes[i * GROUPS + g] * (column[dofs[i]] * per_metre);
-                psi_x += slopes[i * GROUPS + g] * (phi[(long)dofs[i] * NUMBERS + NUMBERS - 1] * per_metre);
-                by_column += values[i * GROUPS + g] * mu[dofs[i]];
+                const double *at_node = rows + i * OF_A_NODE;
+                h += values[i * GROUPS + g] * at_node[H];
+                h_x += slopes[i * GROUPS + g] * (at_node[H] * per_metre);
+                psi_x += slopes[i * GROUPS + g] * (at_node[NUMBERS - 1] * per_metre);
+                by_column += values[i * GROUPS + g] * at_node[MU];
             }
             const v per_column = 1.0 / h, rising = h_x * per_column, sloping = ((const stored *)s->depth_x)[at] * per_column;
             for (int z = 0; z < LEVELS; ++z) {
@@ -69,8 +90,9 @@ void push(const Strip *s, double position, double speed, const double *mu, doubl
         }
     }
     double mean = 0.0;      /* of the potential at the paddle, less that at the surface */
+    const double *at_paddle = s->rows + s->paddle * OF_A_NODE;
     for (int j = 0; j < NUMBERS - 1; ++j)
-        mean += phi[(long)s->paddle * NUMBERS + j] * s->means[j];
+        mean += at_paddle[j] * s->means[j];
     found[0] = going[0] + going[1] + going[2] + going[3];
-    found[1] = sped[0] + sped[1] + sped[2] + sped[3] + column[s->paddle] * mean;
+    found[1] = sped[0] + sped[1] + sped[2] + sped[3] + at_paddle[H] * mean;
 }

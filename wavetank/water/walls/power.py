@@ -33,15 +33,17 @@ from wavetank.water.walls.travel import Travel
 SOURCE = files(__package__).joinpath("power.c").read_text(encoding="utf-8")
 STRIP = """
 typedef struct {
-    int cells, paddle;
+    int cells, nodes, paddle;
     double gravity;
     const int *dofs;
     const double *lengths, *values, *slopes, *measure, *zeta, *upwards, *means;
     const double *share, *stretch, *depth, *depth_x, *sinking, *sinking_x, *phi, *column;
+    double *rows, *held;
 } Strip;
 """
 DECLARATIONS = f"""{STRIP}
-void push(const Strip *, double position, double speed, const double *mu, double *found);
+void hold(const Strip *, const double *mu);
+void push(const Strip *, double position, double speed, const double *mu, int between, double *found);
 """
 FOUR = 4  # points at a time, and numbers
 
@@ -187,7 +189,8 @@ class PowerAlong:
         self._kernel = Kernel("power", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
         parts = {
             "cells": len(cells),
-            "paddle": paddle,
+            "nodes": len(dofs),
+            "paddle": int(np.flatnonzero(dofs == paddle)[0]),
             "gravity": float(energy.gravity.value),
             "dofs": dofs,
             "lengths": self._lengths,
@@ -201,6 +204,7 @@ class PowerAlong:
             "stretch": stretch,
             "phi": phi.rows,
             "column": energy.h.x.array,
+            **{name: np.zeros((len(dofs), vertical.n + 3)) for name in ("rows", "held")},
         }
         self._strip = self._kernel.struct("Strip", {**parts, **self._at_bed})
         self._found = np.zeros(2)
@@ -222,7 +226,8 @@ class PowerAlong:
     @property
     def compiled(self) -> dict[str, Any]:
         """See ``Power``."""
-        return {"push": self._kernel.address("push"), "strip": self._kernel.address(self._strip)}
+        address = self._kernel.address
+        return {"hold": address("hold"), "push": address("push"), "strip": address(self._strip)}
 
     def follow(self) -> None:
         """Take over the bed as it is."""
@@ -240,5 +245,5 @@ class PowerAlong:
     def push(self, mu: Vector) -> tuple[float, float]:
         """Return it where the paddle goes on at its velocity, and dH/dX', for the same."""
         moves = self._travel.offsets[0], self._travel.velocities[0]
-        self._kernel.call.push(self._strip, *moves, self._kernel.pointer(mu), self._at_found)
+        self._kernel.call.push(self._strip, *moves, self._kernel.pointer(mu), 0, self._at_found)
         return self._at_found[0], self._at_found[1]
