@@ -23,6 +23,7 @@ from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
 from wavetank.motions.record_file import read_record
 from wavetank.plan.plan import UnreachableError
+from wavetank.plan.requirements import looked_at
 from wavetank.postprocess.analysis import kinds
 from wavetank.postprocess.analysis.record import Record
 from wavetank.postprocess.analysis.records import elevation
@@ -126,6 +127,19 @@ def test_a_motion_that_is_not_finite_at_a_time_that_was_not_tried_is_told_by_its
     begin = "t = 0.125 s" if code == 1 else f"{tmp_path / 'case.toml'}, line 8"
     told = f"wavetank: {begin}: wall.motion.position: formula '{position}': nan at t = 0.25; must be finite.\n"
     assert capsys.readouterr().err == told and (tmp_path / "run").exists() == (code == 1)
+
+
+def test_a_motion_need_be_no_number_beyond_the_run_unless_its_last_step_ends_there(tmp_path):
+    """Of a short run's it is looked beyond the end, where it can be."""
+    formula = "type = 'formula'\nposition = '1e-4*sin(t)**2*sqrt(1.001 - t)'\n"
+    (tmp_path / "case.toml").write_text(f"{TANK}[wall]\ntype = 'piston'\n[wall.motion]\n{formula}")
+    scene = read_case(tmp_path / "case.toml")
+    motion = scene.motion()
+    assert looked_at(scene, motion) == 1.0
+    known = read_case(tmp_path / "case.toml", ['wall.motion.position="1e-4*sin(t)"'])
+    assert looked_at(known, known.motion()) > 10.0
+    with pytest.raises(SceneError, match=r"nan at t = 1\.02; .*: the last step ends beyond run.duration = 1 s"):
+        motion.velocity(np.array([0.96, 0.99, 1.02]))
 
 
 def test_the_end_of_the_tank_is_told_with_all_its_digits(tmp_path):

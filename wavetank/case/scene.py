@@ -204,7 +204,7 @@ class Scene(Noun):
             problems = list(self._motion_problems(motion))
         if problems:
             raise SceneError(problems)
-        return motion if said_by is None else Told(motion, self.key, "motion", *said_by)
+        return motion if said_by is None else Told(motion, self.key, "motion", *said_by, run=self.run.duration)
 
     def __getstate__(self) -> dict[Any, Any]:
         """Return what other ranks are told: not the paddle's motion, a function, which they find themselves."""

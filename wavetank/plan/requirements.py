@@ -43,6 +43,7 @@ MOST_COMPONENTS = 40
 MOST_TIMES = 2**16  # at which a motion is looked at: an hour of it in a tank 0.5 m deep
 DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
 TAPER = 0.25  # share of a motion that is tapered at its end, lest it look like a jump: its waves do not get far
+TRIED = 4001  # times beyond a short run's end
 WINDOW = 36.0  # (d / g)^(1/2): what of a motion is looked at, at least; a piece of a period looks like short waves
 NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
 POINTS = 1024  # along a wave of permanent form
@@ -421,9 +422,18 @@ def _lines(scene: Scene, motion: Motion) -> _Lines:
 
 
 def looked_at(scene: Scene, motion: Motion) -> float:
-    """Return for how long a motion is looked at [s]: beyond a short run's end, whose waves are the same, if known."""
+    """Return for how long a motion is looked at [s]: beyond a short run's end, whose waves are the same, if known.
+
+    Of a user's, which need not be any number there, that is tried.
+    """
     least = WINDOW * float(np.sqrt(scene.tank.depth / scene.tank.gravity))
-    return float(max(scene.run.duration, min(least, motion.duration)))
+    whole, end = scene.run.duration, min(least, motion.duration)
+    if end > whole:
+        try:
+            scene.of_paddle(motion, "velocity")(np.linspace(whole, end, TRIED, dtype=np.float64))
+        except InputError:
+            return whole
+    return float(max(whole, end))
 
 
 def tapered(part: Vector) -> Vector:
