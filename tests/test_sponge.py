@@ -393,6 +393,9 @@ def test_the_paddles_period_is_that_of_its_motion():
     segments = paddle_period(lambda t: np.outer(motion.velocity(t), along), duration=40.0, tank=tank)
     assert segments == pytest.approx(1.7, rel=0.02)
     assert paddle_period(np.zeros_like, duration=40.0, tank=tank) is None
+    for f in (17.0, 31.3, 64.0, 1000.0):  # Hz; it is looked at 31 times a second
+        fast = paddle_period(lambda t, f=f: np.cos(2 * np.pi * f * t), duration=6.0, tank=tank)
+        assert 1 / fast == pytest.approx(f, rel=0.02)
 
 
 SEA = {"type": "irregular", "significant_height": 0.04, "spectrum": {"type": "jonswap", "peak_period": 1.6}}

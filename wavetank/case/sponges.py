@@ -24,7 +24,10 @@ from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Duration, Length, Rate
 
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
+UNSEEN = 0.1  # of the power beyond the share: what may look slower than it is
 MOST = 2**18  # times; of a longer motion the first part
+APART, FINEST = 1e-3, 1e-3  # of a step: two times that tell how fast a motion is; of the first step, the last
+GOLDEN = (5**0.5 - 1) / 2  # whose multiples lie everywhere in a step
 STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no paddle makes waves as short
 
 
@@ -119,6 +122,9 @@ def paddle_period(
 ) -> float | None:
     """Return the period [s] beyond which a share of the power of a paddle's velocity lies; None if it does not move.
 
+    What has less than two of the times that it is looked at in a period looks slower. So it is looked at finer, while
+    the acceleration tells that some of what is beyond the share may be so (``UNSEEN``).
+
     Parameters
     ----------
     velocity
@@ -130,15 +136,25 @@ def paddle_period(
     share
         0.5: the period that halves the power.
     """
-    step = STEP * float(np.sqrt(tank.depth / tank.gravity))
-    duration = min(duration, MOST * step)
-    count = max(256, int(np.ceil(duration / step)))
-    t: Array = duration / count * np.arange(count, dtype=np.float64)
-    velocities = values(velocity, t)
-    lines = np.abs(np.fft.rfft(velocities, axis=0)[1:]) ** 2
-    power = np.cumsum(lines.reshape(len(lines), -1).sum(axis=1))
-    upper_edges = np.arange(1, power.size + 1) + 0.5  # of the lines, in 1 / duration
-    return float(duration / np.interp(share * power[-1], power, upper_edges)) if power[-1] > 0.0 else None
+    step = longest = STEP * float(np.sqrt(tank.depth / tank.gravity))
+    while True:
+        part = min(duration, MOST * step)
+        count = max(256, int(np.ceil(part / step)))
+        times = np.arange(count, dtype=np.float64)
+        t: Array = part / count * times
+        velocities = values(velocity, t).reshape(count, -1)
+        lines = (np.abs(np.fft.rfft(velocities, axis=0)) ** 2).sum(axis=1)[1:]
+        number, power = np.arange(1.0, lines.size + 1), np.cumsum(lines)
+        if not power[-1] > 0.0:
+            return None
+        soon = APART * part / count
+        between = np.minimum(t + part / count * np.modf(GOLDEN * times)[0], part - soon)
+        change = (values(velocity, between + soon) - values(velocity, between)).reshape(count, -1) / soon
+        rate = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # as numbers of lines, squared
+        unseen = (rate - float(number**2 @ lines)) / lines.size**2
+        if unseen < UNSEEN * (1 - share) * power[-1] or step < FINEST * longest:
+            return float(part / np.interp(share * power[-1], power, number + 0.5))  # the lines' upper edges
+        step /= 2
 
 
 AnySponge = EndSponge | GroupSponge | FormulaSponge
