@@ -128,9 +128,15 @@ def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted
 
 
 def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
-    """From its very end, from Python; the step stays."""
+    """From its very end, from Python; the step stays. What was made of the record until then is gone."""
     record(SLICE, tmp_path / "run", {"duration": 0.3})
+    of_the_record = [tmp_path / "run" / name for name in ("analysis-spectrum.csv", "compare.png", "energy.png")]
+    for file in of_the_record:
+        file.touch()
     run = wt.resume(tmp_path / "run", extend=0.2)
+    assert not any(file.exists() for file in of_the_record)
+    told = "removed, as the record they are of goes on: analysis-spectrum.csv, compare.png\n"
+    assert told in (tmp_path / "run" / "run.log").read_text()
     same(uninterrupted, tmp_path / "run")
     assert run.manifest["scene"]["run"]["duration"] == 0.5
     assert [part["steps"] for part in run.manifest["parts"]] == [6, 4]

@@ -28,7 +28,7 @@ from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
 from wavetank.records.checkpoint import kept as checkpoints
 from wavetank.records.checkpoint import last_checkpoint
-from wavetank.records.directory import ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
+from wavetank.records.directory import ANALYSES, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
 from wavetank.records.environment import environment
 from wavetank.records.load_table import columns as load_columns
 from wavetank.records.log import RunLog
@@ -325,9 +325,12 @@ def _chosen(asked: Scene, planned: Scene, integrator: Integrator[Any] | None) ->
 def _begin(writer: RunWriter | None, log: RunLog, begun: dict[str, Any], *, going_on: bool) -> None:
     """Begin the directory, with what is known by now."""
     if writer is not None:
+        old = [path.name for pattern in ANALYSES for path in writer.path.glob(pattern)] if going_on else []
         writer.begin(begun)
         log.open(writer.path / LOG, going_on=going_on)
         log.say(f"writing {writer.path}")
+        if old:
+            log.say(f"removed, as the record they are of goes on: {', '.join(sorted(old))}")
 
 
 @contextmanager

@@ -75,9 +75,16 @@ def index_file(run: Path, name: str) -> Path:
     return run / f"{name}.pvd"
 
 
+def made_of_records(run: Path) -> Iterator[Path]:
+    """Yield what has been written and drawn of the records in a run directory once a run had ended."""
+    for pattern in (*BROKENS, *COPIES.values(), *PICTURES, *ANALYSES):
+        yield from run.glob(pattern)
+
+
 def recorded(run: Path) -> Iterator[Path]:
-    """Yield the records in a run directory, and what has been drawn of them."""
-    files = (*TABLES, *BROKENS, *COPIES.values(), SURFACE, SURFACE_INDEX, LOG, *PICTURES, *ANALYSES, *CHECKPOINTS)
+    """Yield the records in a run directory, and what has been made of them."""
+    yield from made_of_records(run)
+    files = (*TABLES, SURFACE, SURFACE_INDEX, LOG, *CHECKPOINTS)
     indices = (*(f"{name}.pvd" for name in SERIES), "window-*.nc", "window-*.csv")
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *indices, *pieces):

@@ -22,6 +22,7 @@ from wavetank.records.directory import (
     ROOM,
     SURFACE,
     RunDirectory,
+    made_of_records,
     recorded,
 )
 from wavetank.records.environment import now
@@ -73,8 +74,9 @@ class RunWriter:
             raise InputError(f"{place.path}: cannot be written ({error.strerror}).") from None
 
     def begin(self, more: dict[str, Any] | None = None) -> Self:
-        """Write the manifest, with what is known by now, and replace what an earlier run has left, unless it goes on.
+        """Write the manifest, with what is known by now, and replace what an earlier run has left.
 
+        Of one that goes on that is only what has been made of its records so far, which will be others.
         Raises ``InputError`` or ``RecordError`` if they cannot be written, ``RunError`` for a number in it that is not
         finite, and where the directory is another's by now.
         """
@@ -85,7 +87,7 @@ class RunWriter:
             self._lock.reserve(self._room)
             self._write_manifest(self._manifest, lasting=True)  # first: what a full disk does not take replaces nothing
             self._begun = True
-            for old in self.path.glob("broken.*") if self._resume else list(recorded(self.path)):
+            for old in list((made_of_records if self._resume else recorded)(self.path)):
                 old.unlink()
             if self._older:
                 os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the other is of no use any more
