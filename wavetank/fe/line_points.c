@@ -22,27 +22,42 @@ static int cell_at(const Line *l, double x)
     return cell;
 }
 
-static double value(const Line *l, double x, const double *field)
+/* The functions of the cell of a place, there; returns its degrees of freedom. */
+static __attribute__((noinline)) const int *functions_at(const Line *l, double x, double *weights)
 {
-    const int cell = cell_at(l, x), *dofs = l->dofs + cell * FUNCTIONS;
-    double part = (x - l->start[cell]) / l->along[cell], P[FUNCTIONS + 1] = {1.0}, sum = 0.0;
+    const int cell = cell_at(l, x);
+    double part = (x - l->start[cell]) / l->along[cell], P[FUNCTIONS + 1] = {1.0};
     part = part < 0.0 ? 0.0 : part > 1.0 ? 1.0 : part;
     const double s = P[1] = 2.0 * part - 1.0;
     for (int k = 1; k + 1 < FUNCTIONS; ++k)
         P[k + 1] = ((2 * k + 1) * s * P[k] - k * P[k - 1]) / (k + 1);
     for (int j = 0; j < FUNCTIONS; ++j) {
-        double weight = 0.0;
+        weights[j] = 0.0;
         for (int k = 0; k < FUNCTIONS; ++k)
-            weight += l->legendre[j * FUNCTIONS + k] * P[k];
-        sum += weight * field[dofs[j]];
+            weights[j] += l->legendre[j * FUNCTIONS + k] * P[k];
     }
+    return l->dofs + cell * FUNCTIONS;
+}
+
+/* One by one, so that a value is the same whichever others are asked for. */
+static __attribute__((noinline)) double value(const double *weights, const int *dofs, const double *field)
+{
+    double sum = 0.0;
+    for (int j = 0; j < FUNCTIONS; ++j)
+        sum += weights[j] * field[dofs[j]];
     return sum;
 }
 
-/* Of fields [field][dof] at places of each, whose x are so many numbers further on from one field to the next. */
-void values_along(const Line *l, long fields, long places, long further, const double *x, const double *field, double *found)
+/* Of fields [field][dof] at places, the same of all or so many for each, whose x follow. */
+void values_along(const Line *l, long fields, long places, int same, const double *x, const double *field, double *found)
 {
-    for (; fields-- > 0; x += further, field += l->rows)
-        for (long n = 0; n < places; ++n)
-            *found++ = value(l, x[n], field);
+    for (long n = 0; n < places; ++n) {
+        const int *dofs;
+        double weights[FUNCTIONS];
+        for (long k = 0; k < fields; ++k) {
+            if (k == 0 || !same)
+                dofs = functions_at(l, x[same ? n : k * places + n], weights);
+            found[k * places + n] = value(weights, dofs, field + k * l->rows);
+        }
+    }
 }

@@ -16,7 +16,7 @@ typedef struct {
     const int *dofs;
     const double *legendre;
 } Line;
-void values_along(const Line *, long fields, long places, long further, const double *x, const double *, double *found);
+void values_along(const Line *, long fields, long places, int same, const double *x, const double *, double *found);
 """
 
 
@@ -56,9 +56,9 @@ class LinePoints:
     def move(self, points: Vector) -> None:
         """See ``Points``."""
         self._x = points[:, 0].copy()
-        outside = ~((self._x >= self._edges[0] - PADDING) & (self._x <= self._edges[-1] + PADDING))
-        if outside.any():
-            refuse(points, int(outside.argmax()))
+        first, last = self._edges[0] - PADDING, self._edges[-1] + PADDING
+        if not (self._x.min(initial=first) >= first and self._x.max(initial=last) <= last):
+            refuse(points, int(((self._x >= first) & (self._x <= last)).argmin()))
 
     def evaluate(self, field: Field) -> Vector:
         """See ``Points``."""
@@ -66,15 +66,13 @@ class LinePoints:
 
     def each(self, values: Vector) -> Vector:
         """See ``Points``."""
-        each = len(self._x) // len(values)
-        return self._found(values, each, further=each).ravel()
+        return self._found(values, len(self._x) // len(values), same=False).ravel()
 
     def of_all(self, values: Vector) -> Vector:
         """See ``Points``."""
-        return self._found(values, len(self._x), further=0)
+        return self._found(values, len(self._x), same=True)
 
-    def _found(self, values: Vector, places: int, *, further: int) -> Vector:
+    def _found(self, values: Vector, places: int, *, same: bool) -> Vector:
         values, found, at = np.ascontiguousarray(values), np.empty((len(values), places)), self._kernel.pointer
-        sizes = len(values), places, further
-        self._kernel.call.values_along(self._line, *sizes, at(self._x), at(values), at(found))
+        self._kernel.call.values_along(self._line, *found.shape, same, at(self._x), at(values), at(found))
         return found

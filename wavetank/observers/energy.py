@@ -87,7 +87,7 @@ class EnergyBudget(Keeping):
         sinks: Sequence[Sink] = (),
         supply: Supply | None = None,
     ):
-        self.schedule, self._recorded = EverySteps(), EverySteps(every)
+        self.schedule, self._every = EverySteps(), every
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self.sees = waves
         self._sinks = {type(sink).__name__: sink for sink in sinks}
@@ -118,34 +118,38 @@ class EnergyBudget(Keeping):
 
     def work_off(self, moments: Moments) -> None:
         """See how far off the balance has been, and append the rows that are due."""
-        t, step = moments.times, np.array([moment.step for moment in moments])
-        kinetic, potential, wall, mass, power = moments.seen(self._waves).numbers.T
-        of_sinks = self._by_sinks(t)
-        total, (supplied, absorbed) = kinetic + potential, self._supply.work_off(t, power)
-        if step[0] == 0:
-            self._total, self._wall, self._mass = (float(one[0]) for one in (total, wall, mass))
+        t, first = moments.times, moments[0].step
+        kinetic, potential, wall, mass, power = numbers = moments.seen(self._waves).numbers.T
+        supplied, absorbed = self._supply.work_off(t, power)
+        if first == 0:
+            self._total, self._wall, self._mass = float(kinetic[0] + potential[0]), float(wall[0]), float(mass[0])
             self._nothing = ROUNDING * self._waves.gravity * self._waves.depth * self._mass
-        work = supplied - (wall - self._wall)
-        dissipated = self._earlier + sum(of_sinks, start=np.zeros(len(t)))
-        balance = total - self._total - work + dissipated
-        for name, taken in zip(self._sinks, of_sinks, strict=True):
-            self._judge(name, t, taken)
+        rows = np.empty((8 if absorbed is None else 9, len(t)))
+        total, work, dissipated, balance = rows[3:7]
+        rows[0], rows[1:3], rows[7] = t, numbers[:2], mass
+        total[:] = kinetic + potential
+        work[:] = supplied - (wall - self._wall)
+        dissipated[:] = self._earlier + sum(self._by_sinks(t))
+        balance[:] = total - self._total - work + dissipated
+        energy = total + dissipated
+        if absorbed is not None:
+            rows[8], energy = absorbed, energy + np.fmax(absorbed, 0.0)
         self._dissipated = float(dissipated[-1])
-        gone = dissipated if absorbed is None else dissipated + np.fmax(absorbed, 0.0)
-        self._energy, self._off = _most(self._energy, total + gone), _most(self._off, np.abs(balance))
-        due = step % self._recorded.every == 0
-        if due.any():
-            self._lost = _most(self._lost, np.abs(mass - self._mass)[due])
-            columns = [t, kinetic, potential, total, work, dissipated, balance, mass]
-            self._record.extend(np.column_stack([*columns, *([] if absorbed is None else [absorbed])])[due])
+        self._energy, self._off = _most(self._energy, energy), _most(self._off, np.abs(balance))
+        due = rows[:, -first % self._every :: self._every]
+        self._lost = _most(self._lost, np.abs(due[7] - self._mass))
+        self._record.extend(due.T)
 
     def _by_sinks(self, t: Vector) -> Vector:
-        """Return what each sink had taken by times, shape (sinks, K): it is what it was until they act."""
+        """Return what each sink had taken by times, shape (sinks, K), and judge it: the same until they act."""
         acted, self._taken = self._taken, []
-        taken = np.repeat([self._taken_now()], len(t), axis=0)
-        for when, before in reversed(acted):
-            taken[: np.searchsorted(t, when - 1e-9 * abs(when))] = before
-        return taken.T
+        taken = np.array([before for _, before in acted] + [self._taken_now()])
+        acts = [when - 1e-9 * abs(when) for when, _ in acted]
+        of_sinks: Vector = taken[np.searchsorted(acts, t, side="right")].T
+        for name, one in zip(self._sinks, of_sinks, strict=True):
+            if acted or self._most.get(name) != one[-1]:
+                self._judge(name, t, one)
+        return of_sinks
 
     def _judge(self, name: str, t: Vector, taken: Vector) -> None:
         """Take note of the most that a sink had taken, and of what it has given back of it."""

@@ -12,23 +12,19 @@ what a ``Steered`` motion adds.
 """
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
-from math import isclose
+from functools import cache, lru_cache, partial
+from importlib.resources import files
 from typing import Any, Protocol
 
 import numpy as np
+from mpi4py import MPI
 
 from wavetank.arrays import Vector
+from wavetank.fe.kernels import EXACT, Kernel
 from wavetank.stateful import Held, Stateful
 
-SAME = 1e-6  # of a step: so near are steps of one length
 KNOWN = 4  # values that a cubic goes through
-
-ADAMS_MOULTON = {  # weights of f at the newest, second newest, ... moment
-    2: (1 / 2, 1 / 2),
-    3: (5 / 12, 8 / 12, -1 / 12),
-    4: (9 / 24, 19 / 24, -5 / 24, 1 / 24),
-}
+DECLARATION = "void put_in(long count, const double *t, const double *rates, double *work, double *done);"
 
 NODES = np.array([0.0, 0.5, 1.0])  # of Simpson's rule, of a step
 SIMPSON = np.array([1.0, 4.0, 1.0]).reshape(-1, 1, 1) / 6
@@ -103,8 +99,7 @@ class Power:
     """Of paddles that move smoothly, by their power."""
 
     def __init__(self) -> None:
-        self._done = self._t = self._dt = 0.0
-        self._rates: list[float] = []
+        self._work: Vector = np.zeros(4 + KNOWN)  # what was put in, when, in what step, by how many rates and which
         self._before = dict[float, float]()  # the power where a step ended, at times when something has acted since
         self._looked = dict[float, float]()  # the mean power, at times when nobody else tells it
 
@@ -133,40 +128,17 @@ class Power:
             rates[_row(times, t)] = mean
         self._before.clear()
         self._looked.clear()
-        return self._go_on(times, rates), None
-
-    def _go_on(self, times: Vector, rates: Vector) -> Vector:
-        """Take steps up to times [s]; return what has been put in by then."""
-        dt = np.diff(times, prepend=self._t)
-        before = np.append(self._dt, dt[:-1])
-        if len(self._rates) < KNOWN or (np.abs(dt - before) > SAME * np.fmax(dt, before)).any():
-            return np.array([self._step(float(t), float(rate)) for t, rate in zip(times, rates, strict=True)])
-        known = np.append(self._rates[KNOWN - 2 :: -1], rates)
-        each = (weight * known[KNOWN - 1 - n : len(known) - n] for n, weight in enumerate(ADAMS_MOULTON[KNOWN]))
-        done: Vector = np.cumsum(np.append(self._done, dt * sum(each)))
-        self._rates, self._done = [*map(float, known[: -KNOWN - 1 : -1])], float(done[-1])
-        self._t, self._dt = float(times[-1]), float(dt[-1])
-        return done[1:]
-
-    def _step(self, t: float, seen: float) -> float:
-        """Take the step up to t [s], which may be the first or of another length; return what has been put in."""
-        dt = t - self._t
-        known = KNOWN - 1 if isclose(dt, self._dt, rel_tol=SAME) else 1  # the rule is of equal steps
-        self._rates = [seen, *self._rates[:known]]
-        mean = 0.0
-        for weight, rate in zip(ADAMS_MOULTON.get(len(self._rates), ()), self._rates, strict=False):
-            mean += weight * rate  # of which ``sum`` would keep more digits than ``_go_on``
-        self._done += dt * mean
-        self._t, self._dt = t, dt
-        return self._done
+        done, at = np.empty(len(times)), _kernel().pointer
+        _kernel().call.put_in(len(times), at(times), at(rates), at(self._work), at(done))
+        return done, None
 
     def held(self) -> Held:
         """Return what was put in, and the power at the last moments."""
-        return {"done": self._done, "t": self._t, "dt": self._dt, "rates": list(self._rates)}
+        return {"work": self._work.tolist()}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._done, self._t, self._dt, self._rates = held["done"], held["t"], held["dt"], list(held["rates"])
+        self._work = np.array(held["work"])
 
 
 def _row(times: Vector, t: float) -> int:
@@ -249,6 +221,13 @@ class AnsweredWork:
         """Take back what has been held."""
         self._times, self._known = list(held["times"]), [np.array(one) for one in held["known"]]
         self._done, self._by_speed = np.array(held["done"]), np.array(held["by_speed"])
+
+
+@cache
+def _kernel() -> Kernel:
+    """Return what is compiled, the same for all paddles."""
+    code = files(__package__).joinpath("supply.c").read_text(encoding="utf-8")
+    return Kernel("supply", DECLARATION, key=code, source=lambda: code, comm=MPI.COMM_SELF, flags=EXACT)
 
 
 @lru_cache(maxsize=16)

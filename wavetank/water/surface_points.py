@@ -7,6 +7,7 @@ that is found by repetition, each time with the height last found.
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import ConvergenceError
@@ -66,11 +67,10 @@ class SurfacePoints:
         """
 
         def coordinates(z: Heights) -> Vector:
-            places = self._wall.to_reference(self.places, z, stand)
-            return self._plane.chart.place(np.broadcast_to(places, (len(eta), *self.places.shape)).reshape(-1, 2))
+            return self._plane.chart.place(self._wall.to_reference(self.places, z, stand).reshape(-1, 2))
 
         last = coordinates(0.0)
-        going = np.ones(len(last), dtype=bool)
+        going: NDArray[np.bool_] = np.array(True)
         for _ in range(MOST):
             self.points.move(last)
             found = self.points.each(eta)

@@ -155,8 +155,7 @@ def stands(stand: Callable[[Vector, Stood], Vector], places: Vector, times: Vect
     if np.isnan(positions).any():
         each = zip(times, positions, strict=True)
         return np.stack([stand(places, stood(float(t), of_paddles)) for t, of_paddles in each], axis=1)
-    whole = positions.T
-    return np.broadcast_to(whole[..., None], (*whole.shape, len(places)))
+    return np.repeat(positions.T[..., None], len(places), axis=-1)
 
 
 def stood(t: float, positions: Vector) -> Stood:
