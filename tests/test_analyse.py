@@ -1,6 +1,7 @@
 """``wavetank analyse``: tables that say what the records hold, pictures that can be read, refusals in a sentence."""
 
 import csv
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from wavetank.errors import InputError
 from wavetank.postprocess.analyse_command import KINDS
 from wavetank.postprocess.analysis import kinds
 from wavetank.postprocess.analysis.record import read_record
+from wavetank.postprocess.analysis.records import between
 from wavetank.records.writer import RunWriter
 from wavetank.theory.airy import wave_number
 
@@ -116,6 +118,22 @@ def test_what_is_not_of_the_period_is_told(table, kind):
     trains = [0.05 * np.cos(k * x - OMEGA * T) + 0.03 * np.cos(k * x + omega * T) for x in X]
     mixed = replace(regular, eta=regular.eta.copy(data=np.array(trains)))
     assert "; 26 % of the variance is not of this period" in kinds.analysed(kind, mixed).said
+
+
+@pytest.mark.parametrize("kind", ["reflection", "harmonics", "bound-free"])
+def test_a_record_that_begins_before_its_waves_advises_a_start_that_leaves_that_out(table, kind):
+    """Oracle: waves that are of their height from 20 s on, and a group, whose beginning is its own."""
+    regular = read_record(str(table), period=PERIOD, depth=DEPTH)
+    told = r"; its waves begin in this record: --start (\S+) leaves that out"
+    assert not re.search(told, kinds.analysed(kind, regular).said)
+    grown = np.clip((regular.eta.time - 12.0) / 8.0, 0.0, 1.0)
+    begun = replace(regular, eta=(regular.eta * grown).transpose(*regular.eta.dims))
+    start = float(re.search(told, kinds.analysed(kind, begun).said)[1])
+    assert 17.0 < start < 20.0
+    later = replace(begun, eta=between(begun.eta, start))
+    assert not re.search(told, kinds.analysed(kind, later).said)
+    group = regular.eta * np.exp(-(((regular.eta.time - 30.0) / 8.0) ** 2))
+    assert not re.search(told, kinds.analysed(kind, replace(regular, eta=group.transpose(*regular.eta.dims))).said)
 
 
 def test_a_record_of_one_window_is_said_to_be(table):

@@ -15,7 +15,7 @@ from wavetank.postprocess.analysis.exceedance import forristall_crests
 from wavetank.postprocess.analysis.groups import envelope, groupiness
 from wavetank.postprocess.analysis.harmonics import harmonics, resolved
 from wavetank.postprocess.analysis.record import Record
-from wavetank.postprocess.analysis.records import waving
+from wavetank.postprocess.analysis.records import waves_begin, waving
 from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, Reflection, reflected_spectra, regular_reflection
 from wavetank.postprocess.analysis.spectra import PERIODS, mean_period, sea_state, spectrum
 from wavetank.postprocess.analysis.speed import phase_speed, travel
@@ -25,6 +25,7 @@ from wavetank.theory.wave import Array
 
 COHERENT = 0.9  # less has no phase speed
 DOUBTFUL = 0.1  # of the variance: more that is not of the period is told
+SEVERAL = 5  # of a sea's mean periods: over which its height is looked at
 STEEP = 0.05  # of the wave number: within which that of regular waves is looked for, where gauges allow
 
 Value = str | float
@@ -180,7 +181,13 @@ def _others_told(record: Record) -> str:
     rest = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency)).rest
     share = float((rest**2).sum() / record.eta.var("time").sum())
     others = f"; {100 * share:.2g} % of the variance is not of this period, but of other waves or of growing ones"
-    return others if share > DOUBTFUL else ""
+    return (others if share > DOUBTFUL else "") + _begin_told(record, 1 / record.frequency)
+
+
+def _begin_told(record: Record, period: float) -> str:
+    """Return how to leave out the beginning of the waves, looked at over a period [s], where the record has it."""
+    start = waves_begin(record.eta, period)
+    return "" if start is None else f"; its waves begin in this record: --start {start:.4g} leaves that out"
 
 
 def _irregular(record: Record) -> Result:
@@ -192,7 +199,8 @@ def _irregular(record: Record) -> Result:
         ("Hm0 incident [m]", "Hm0 reflected [m]", "reflection [-]", "variance told apart [-]"),
         [tuple(float(found.attrs[name]) for name in of)],
         f"{record.eta.sizes['gauge']} gauges; of frequencies that they tell apart and that have above "
-        f"{100 * ENERGETIC:g} % of the largest density{one if found.attrs['one_window'] else ''}{record.told_way}",
+        f"{100 * ENERGETIC:g} % of the largest density{one if found.attrs['one_window'] else ''}{record.told_way}"
+        f"{_begin_told(record, SEVERAL * mean_period(record.eta))}",
         lambda path: figures.reflection_figure(found, path, title=record.title),
     )
 

@@ -14,6 +14,7 @@ from wavetank.records.surface import Surface
 
 FEWEST = 8  # times of a record
 SMALLEST, LARGEST = 1e-9, 1e4  # m; between them are the heights of waves
+LOW, HIGH, GROWN = 0.25, 0.5, 0.9  # of their later height: waves that begin, that stay, and that are there
 EVEN = 1e-3  # of a step: times that differ by less are equally spaced
 
 
@@ -116,6 +117,23 @@ def waving(eta: DataArray) -> DataArray:
             why = f"its elevation varies by {size:.3g} m from {t[0]:g} to {t[1]:g} s"
             raise InputError(f"gauge {gauge}: {why}; waves from {SMALLEST:g} to {LARGEST:g} m are analysed.")
     return eta
+
+
+def waves_begin(eta: DataArray, period: float) -> float | None:
+    """Return from when on a record has its waves at every gauge [s]; None where it has from its first time on.
+
+    Or where they do not stay, as a group's. They are looked at over times as long as a period [s], or some.
+    """
+    steps = round(period / time_step(eta))
+    if not 1 < steps < eta.time.size / 4:
+        return None
+    values = eta.transpose("gauge", "time").values
+    squares = np.cumsum((values - values.mean(axis=1, keepdims=True)) ** 2, axis=1)
+    heights = np.sqrt((squares[:, steps:] - squares[:, :-steps]) / steps)
+    whole = np.median(heights[:, heights.shape[1] // 2 :], axis=1, keepdims=True)
+    there = int((heights >= GROWN * whole).argmax(axis=1).max())
+    begins, stay = (heights[:, 0] < LOW * whole[:, 0]).any(), (heights[:, there:] > HIGH * whole).all()
+    return float(eta.time.values[there + 1]) if begins and stay and (heights < whole / HIGH).all() else None
 
 
 def places(eta: DataArray) -> NDArray[np.float64]:
