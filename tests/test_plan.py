@@ -574,11 +574,12 @@ def test_an_accuracy_that_cannot_be_had_is_refused_in_a_sentence(capsys, tmp_pat
 
 
 def test_waves_that_no_numerics_hold_are_told_where_nobody_has_set_an_accuracy(capsys, tmp_path):
-    """The run began with 424 080 unknowns."""
+    """The run began with 424 080 unknowns; of a named step, too."""
     motion = '{ type = "formula", position = "0.02*sin(2*pi*t/0.05)" }'
     text = f'[tank]\nlength = 20.0\ndepth = 1.0\n[wall]\ntype = "piston"\nmotion = {motion}\n[run]\nduration = 5.0\n'
     (tmp_path / "fast.toml").write_text(text)
-    for command in (["plan"], ["plan", "--set", "numerics.cells=20"], ["run", "--out", str(tmp_path / "run")]):
+    run = ["run", "--out", str(tmp_path / "run")]
+    for command in (["plan"], ["plan", "--set", "numerics.cells=20"], run, [*run, "--set", "numerics.dt=0.002"]):
         assert main([command[0], str(tmp_path / "fast.toml"), *command[1:]]) == 2
         said = "line 6: wall.motion: no vertical order holds its waves of T = 0.05 s, 0.0039 m long in water 1 m deep: "
         assert said in capsys.readouterr().err and not (tmp_path / "run").exists()

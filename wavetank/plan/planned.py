@@ -40,7 +40,7 @@ def _planned(scene: Scene) -> Planned:
     if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
         with about("initial"):
             return Planned(with_its_numerics(scene, scene.initial))
-    if scene.numerics.open:
+    if scene.numerics.open or not _cells_are_named(scene):
         check_held(scene)
     if scene.numerics.accuracy is not None:
         return Planned(make_plan(scene, scene.numerics.accuracy).applied_to(scene))
@@ -52,6 +52,12 @@ def _planned(scene: Scene) -> Planned:
         return Planned(resolved(scene))
     less = f"no numerics that a plan knows are accurate to {DEFAULT:g}: these are planned for {plan.accuracy:g}"
     return Planned(plan.applied_to(scene), () if plan.accuracy == DEFAULT else (less,))
+
+
+def _cells_are_named(scene: Scene) -> bool:
+    """Return whether none are chosen for a scene that names some numerics."""
+    from_file = isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile)
+    return from_file or bool(scene.numerics.model_fields_set & {"cells", "cell_size"})
 
 
 def check_held(scene: Scene) -> None:

@@ -45,7 +45,7 @@ def too_short(scene: Scene) -> Iterator[Problem]:
         k = float(wave_number(omega, depth, g))
         if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > HELD:
             size = f"T = {2 * np.pi / omega:.3g} s, {2 * np.pi / k:.2g} m long in water {depth:.3g} m deep"
-            cure = "they are the same in a tank that is less deep; numerics that the case names are taken as they are"
+            cure = "they are the same in a tank that is less deep; cells that the case names are taken as they are"
             yield Problem((seen.key, "motion"), None, f"no vertical order holds its waves of {size}: {cure}")
 
 
