@@ -333,3 +333,25 @@ def test_a_step_that_took_long_to_note_does_not_keep_others_from_being_noted(mon
         clock[0] += 1.0
         observer.observe(Moment(step, 0.1 * step, Point(np.zeros(1), np.zeros(1))))
     assert len(noted) == 19
+
+
+@pytest.mark.parametrize(
+    ("cost", "first", "second"),
+    [(0.001, 1.0, 2.0), (0.1, 5.0, 25.0), (1.0, 10.0, 210.0)],
+    ids=["slice", "slow disk", "large basin"],
+)
+def test_the_first_checkpoint_is_not_late_and_the_others_are_cheap(monkeypatch, cost, first, second):
+    """By the seconds computed: one of 0.1 s came after 20, and what was killed before had nothing but its start."""
+    now, written, state = [0.0], list[float](), Point(np.zeros(1), np.zeros(1))
+
+    def write():
+        now[0] += cost
+        written.append(now[0])
+
+    monkeypatch.setattr(checkpoints.time, "monotonic", lambda: now[0])
+    observer = checkpoints.Checkpoints(MPI.COMM_SELF, write, note=lambda: None, settle=lambda: None)
+    for step in range(5000):
+        observer.observe(Moment(step, 0.0, state))
+        now[0] += 0.05
+    start, *later = written
+    assert [later[0] - start, later[1] - start] == pytest.approx([first, second], abs=0.2 + 3 * cost)

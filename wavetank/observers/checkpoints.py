@@ -11,6 +11,7 @@ from wavetank.observers.schedule import EverySteps
 
 USUALLY, SOON = 60.0, 1.0  # s of computing between two of them, and between the first ones
 COST, NOTING = 0.005, 0.002  # of the time of computing, at most: to write them, and to know where one could be written
+FIRST, FIRST_COST = 5.0, 0.1  # s of computing without one but of the start; of that, at most, for the first
 LATE = 1.0  # s of computing, at most, after which others see what has been recorded
 
 
@@ -29,7 +30,7 @@ class Checkpoints:
         Whether that is done at this moment anyway; only then one is noted.
     every
         Time of computing between them [s]; if None, a minute, less at the beginning (twice as long each time), more
-        where they would cost more than ``COST``.
+        where they would cost more than ``COST``, but the first after ``FIRST``, or where it costs ``FIRST_COST``.
     """
 
     def __init__(
@@ -46,7 +47,7 @@ class Checkpoints:
         self._comm, self._write, self._note, self._every = comm, write, note, every
         self._settle, self._settles = settle, settles
         self._began = self._last = self._noted = self._settled = time.monotonic()
-        self._cost = 0.0
+        self._cost, self._first = 0.0, True
         self._noting = deque[float](maxlen=3)  # what the last times took [s]: of one alone it may be long by chance
 
     def observe(self, moment: Moment) -> None:
@@ -60,7 +61,7 @@ class Checkpoints:
         if moment.step == 0 or due:
             self._write()
             self._last = self._noted = self._settled = time.monotonic()
-            self._cost = self._last - began
+            self._cost, self._first = self._last - began, moment.step == 0
         elif noting or late:
             self._settle()
             self._settled = time.monotonic()
@@ -74,4 +75,5 @@ class Checkpoints:
         """How old the last one may get [s]."""
         if self._every is not None:
             return self._every
-        return max(min(USUALLY, max(SOON, self._last - self._began)), self._cost / COST)
+        usual = max(min(USUALLY, max(SOON, self._last - self._began)), self._cost / COST)
+        return min(usual, max(FIRST, self._cost / FIRST_COST)) if self._first else usual
