@@ -15,7 +15,6 @@ from test_checkpoint import ending, record, record_until, same, scene
 from test_stateful import SLICE
 
 import wavetank as wt
-from wavetank import resuming
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
@@ -335,15 +334,18 @@ def test_a_file_of_the_same_name_and_another_content_is_another_scene(tmp_path, 
 
 
 def test_what_was_said_of_waves_that_break_is_over_where_something_else_is_done_about_them(tmp_path, monkeypatch):
-    """The advice to dissipate stood in the manifest of a run that does, or that ignores them."""
-    for module in (resuming, forewarnings):
-        monkeypatch.setattr(module, "too_high", lambda one: ["breaks"] if one.run.on_breaking == "stop" else [])
+    """The advice to dissipate stood in the manifest of a run that does, or that ignores them.
+
+    And what was said of a short run stood in that of a longer one: a ramp that takes the whole run is said of this one.
+    """
+    monkeypatch.setattr(forewarnings, "too_high", lambda one: ["breaks"] if one.run.on_breaking == "stop" else [])
     record(SLICE, tmp_path / "run", {"duration": 0.1, "on_breaking": "stop"})
     kept = resumed(tmp_path / "run", "--extend", "0.05")
     assert "breaks" in kept.manifest["warnings"]
     changed = resumed(tmp_path / "run", "--extend", "0.05", "--set", "run.on_breaking=ignore")
     said = changed.manifest["warnings"]
-    assert "breaks" not in said and any(one.startswith("the ramp of wall.motion") for one in said)
+    ramp = "the ramp of wall.motion is over after 0.4 s, the run of 0.2 s before: its waves do not get their height"
+    assert "breaks" not in said and [one for one in said if one.startswith("the ramp of")] == [ramp]
 
 
 def test_what_is_no_run_is_refused(tmp_path, capsys):

@@ -18,7 +18,7 @@ from wavetank.errors import InputError, RecordError, RunError
 from wavetank.fe.agreed import agreed, on_first
 from wavetank.fe.by_place import found, gathered
 from wavetank.observers.checkpoints import Checkpoints
-from wavetank.plan.highest_waves import too_high
+from wavetank.plan.forewarnings import of_duration
 from wavetank.plan.planned import Planned, planned
 from wavetank.records.checkpoint import Checkpoint
 from wavetank.records.directory import MANIFEST, RunDirectory
@@ -271,8 +271,7 @@ class GoingOn:
         Raises ``SceneError`` for what cannot change while a run goes on.
         """
         agreed(self._comm, lambda: self._check(asked))
-        over = too_high(self._chosen) if asked.run.on_breaking != self._chosen.run.on_breaking else ()
-        gone = {*over}  # of what is said of waves that break, as now something else is done about them
+        gone = of_duration(self._chosen)  # it is said anew of the whole run, and of what is done where waves break
         for sentence in self.about.get("warnings", []):
             if sentence not in gone:
                 self._warn(sentence)

@@ -52,7 +52,7 @@ def forewarnings(
     """
     planless = own is not None or unplanned(scene) is not None or any(too_short(scene))
     mesh = waves_missed(scene, waves.plane.cell_size) if planless else _predicted(scene)
-    of_motion = *_strokes(scene), *too_high(scene), *_jolts(scene), *_ramps(scene)
+    of_motion = *_strokes(scene), *_jolts(scene), *of_duration(scene)
     before = [
         *mesh,
         *_of_walls(scene, waves),
@@ -64,6 +64,11 @@ def forewarnings(
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
     return [*before, *beside(scene), *_bed(scene, waves), *_start(scene, waves), *of_step]
+
+
+def of_duration(scene: Scene) -> list[str]:
+    """Return what is said of the paddles in a run as long as this one: of a longer one other things are."""
+    return [*too_high(scene), *_ramps(scene)]
 
 
 def _of_walls(scene: Scene, waves: AnyWaves) -> Iterator[str]:
