@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import ufl
-from dolfinx import fem, mesh
+from dolfinx import mesh
 from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.errors import InputError
 from wavetank.fe.agreed import from_first
-from wavetank.fe.forms import ScalarForm
 from wavetank.fe.partition import cell_partitioner
 from wavetank.meshes.gmsh_model import CURVE, FLAT, SURFACE, Groups, empty_model, prepared
 from wavetank.meshes.open_file import open_mesh
@@ -50,13 +48,6 @@ class LayoutMesh(NamedTuple):
     facets: mesh.MeshTags | None
     groups: Groups
     source: str
-
-    @property
-    def cell_size(self) -> float:
-        """The size of a usual cell [m]: the root of the mean one's area; collective."""
-        area = ScalarForm(fem.Constant(self.mesh, 1.0) * ufl.dx(domain=self.mesh), self.mesh.comm).assemble()
-        cells = self.mesh.topology.index_map(SURFACE).size_global
-        return float(np.sqrt(area / cells))
 
     def cells_of(self, name: str) -> Entities:
         """Return this rank's cells of a group, shape (N,); raises ``InputError`` if there is no such group."""

@@ -15,6 +15,13 @@ from wavetank.fe.charts import Chart, Straight
 from wavetank.fe.forms import ScalarForm
 
 
+def usual_size(horizontal: mesh.Mesh) -> float:
+    """Return the size of a usual cell [m]: length, or square root of the area, of the mean one; collective."""
+    whole = ScalarForm(fem.Constant(horizontal, 1.0) * ufl.dx(domain=horizontal), horizontal.comm).assemble()
+    dim = horizontal.topology.dim
+    return float((whole / horizontal.topology.index_map(dim).size_global) ** (1 / dim))
+
+
 class Plane:
     """A horizontal mesh with its scalar Lagrange space V.
 
@@ -96,10 +103,8 @@ class Plane:
 
     @cached_property
     def cell_size(self) -> float:
-        """The size of a usual cell [m]: length, or square root of the area, of the mean one; collective."""
-        one = fem.Constant(self.mesh, 1.0)
-        measure = ScalarForm(one * ufl.dx(domain=self.mesh), self.comm).assemble()
-        return float((measure / self.cells) ** (1 / self.mesh.topology.dim))
+        """The size of a usual cell [m]; collective."""
+        return usual_size(self.mesh)
 
     @property
     def x(self) -> Vector:

@@ -15,10 +15,10 @@ from wavetank.console import spelt
 from wavetank.fe.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.meshes import MeshFile
-from wavetank.plan.cost_model import BASE, PER_ENTRY, known_costs
+from wavetank.plan.cost_model import BASE, known_costs
 from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.error_model import Settings
-from wavetank.plan.kinds import entries_of, kind_of, undearer
+from wavetank.plan.kinds import entries_of, kind_of
 from wavetank.plan.looks import Looks
 from wavetank.runs.build import build_clock
 from wavetank.runs.memory import available_memory
@@ -83,12 +83,11 @@ def _of_slice(scene: Scene, ranks: int) -> Needs:
     settings = Settings(
         order=chosen.order, cells=scene.cells, vertical_order=chosen.vertical_order, dt=dt, integrator=chosen.integrator
     )
-    places = chosen.order * scene.cells + 1
-    entries, looks = entries_of(chosen.order, scene.cells, chosen.vertical_order), Looks.of(scene, dt)
-    watching = looks.in_slice(entries)
-    memory = ranks * BASE + PER_ENTRY[undearer(kind)[0]] * entries * looks.waters
-    cpu = steps * known_costs().step(kind, settings, product) + watching + looks.answering(entries)
-    return Needs(places * (chosen.vertical_order + 2.0), steps, cpu, memory, watching)
+    places, looks = chosen.order * scene.cells + 1, Looks.of(scene, dt)
+    cost = known_costs().run(kind, settings, duration=scene.run.duration, dt_omega_max=product, looks=looks)
+    watching = looks.in_slice(entries_of(chosen.order, scene.cells, chosen.vertical_order))
+    memory = cost.memory + (ranks - 1) * BASE
+    return Needs(places * (chosen.vertical_order + 2.0), steps, cost.cpu, memory, watching)
 
 
 def _of_basin(scene: Scene, tank: BasinTank, ranks: int) -> Needs:

@@ -12,6 +12,7 @@ from wavetank.errors import InputError
 from wavetank.fe.charts import Polygon, Straight
 from wavetank.fe.layout_mesh import LayoutMesh
 from wavetank.fe.partition import cell_partitioner
+from wavetank.fe.plane import usual_size
 from wavetank.water.walls import Side
 
 ALONG = 1e-6  # of a facet's length: a wall runs along the motion if it turns away by no more
@@ -110,7 +111,7 @@ class Basin:
         """Return tags with 1 at a group of walls, or the ``far wall``; raises ``InputError`` if there is none."""
         if name != "far wall" or (far := self._far) is None:
             return self.layout.facets_of(name)
-        near = ALONG * self.layout.cell_size
+        near = ALONG * usual_size(self.mesh)
         facets = mesh.locate_entities_boundary(self.mesh, 1, lambda at: np.abs(at[0] - far) < near)
         return mesh.meshtags(self.mesh, 1, facets, np.ones(facets.size, dtype=np.int32))
 
@@ -124,6 +125,6 @@ class Basin:
         places = self.mesh.geometry.x[nodes.ravel(), :2]
         distances = side.distances(places).reshape(nodes.shape)
         along = np.ptp(side.along(places).reshape(nodes.shape), axis=1) < ALONG * np.ptp(distances, axis=1)
-        itself = np.abs(distances).max(axis=1, initial=0.0) < ALONG * self.layout.cell_size
+        itself = np.abs(distances).max(axis=1, initial=0.0) < ALONG * usual_size(self.mesh)
         nearest = distances[~along & ~itself].min(initial=np.inf)
         return float(self.mesh.comm.allreduce(float(nearest), op=MPI.MIN))

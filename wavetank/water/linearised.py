@@ -1,4 +1,4 @@
-"""The flow linearised about a state of the water: how fast the fastest small disturbance of it oscillates or grows.
+"""The flow linearised about a state of the water: how fast small disturbances of it oscillate or grow.
 
     dz/dt = A z,   A = (H_pq  H_pp; -H_qq  -H_qp),   z = (Q, psi) scaled to metres
 
@@ -9,7 +9,7 @@ import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.water.still_water import krylov_projection, scales
+from wavetank.water.still_water import scales
 from wavetank.water.waves import NonlinearWaves
 
 DIFFERENCE = 1e-5  # m; of the surface, for directional derivatives of the flow
@@ -38,16 +38,6 @@ class LinearisedFlow:
         size = DIFFERENCE / max(self._waves.plane.comm.allreduce(largest, op=MPI.MAX), 1e-300)
         step = size * self._scale * z
         return np.asarray((self._flow(self._state + step) - self._flow(self._state - step)) / (2 * size) / self._scale)
-
-    def inner(self, rows: Vector, image: Vector) -> Vector:
-        """Return the sums of products of some vectors with one."""
-        return np.asarray(self._waves.plane.comm.allreduce(rows @ image))
-
-    def spectral_radius(self, steps: int = 12) -> float:
-        """Return the largest modulus of an eigenvalue [rad/s] by Arnoldi iteration, to a percent."""
-        start = np.sin(1e5 * np.arange(self._state.size) + 1.0)
-        projected = krylov_projection(self, start, inner=self.inner, steps=steps)
-        return float(np.abs(np.linalg.eigvals(projected)).max())
 
     def matrix(self) -> Vector:
         """Return A as a dense matrix, on one rank: for small tanks only."""
