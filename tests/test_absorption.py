@@ -225,10 +225,14 @@ def test_what_a_piston_sends_back_is_what_theory_says():
     assert found == pytest.approx(expected, abs=3e-3)
 
 
+@pytest.mark.slow
 def test_also_of_waves_of_the_other_paddle_that_are_longer_than_its_own_band():
     found, expected = reflection({"type": "piston"}, kd=0.1, height=0.01, periods=6, steps=100, cells=12, n=2)
     assert expected < 0.05
     assert found == pytest.approx(expected, abs=6e-3)
+
+
+def test_a_band_is_told_with_the_waves_of_the_other_paddle():
     wave = {"type": "regular", "height": 0.01, "period": period(0.1)}
     parts = {"tank": {"length": 70.0, "depth": 1.0}, "far_wall": {"type": "piston", "motion": REST, "absorb": ACTIVE}}
     scene = Scene.model_validate({**parts, "wall": {"type": "piston", "motion": wave}, "run": {"duration": 200.0}})

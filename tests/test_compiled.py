@@ -32,7 +32,7 @@ code = "double one(void) { return 1.0; }"
 kernel = Kernel("one", "double one(void);", key=code, source=lambda: code, comm=MPI.COMM_WORLD)
 print(kernel.call.one())
 """
-KINDS = [pytest.param(FORM, id="form"), pytest.param(KERNEL, id="kernel", marks=pytest.mark.slow)]  # kept alike
+KINDS = [pytest.param(FORM, id="form", marks=pytest.mark.slow), pytest.param(KERNEL, id="kernel")]  # kept alike
 CODE = pytest.mark.parametrize("code", KINDS)
 CACHE = "Süd & Co."  # whatever a folder is called
 

@@ -25,6 +25,7 @@ from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.forewarnings import forewarnings, in_sponge
 from wavetank.plan.highest_waves import too_high
 from wavetank.plan.planned import planned, told_of_rule
+from wavetank.plan.requirements import requirements
 from wavetank.plan.waves_held import waves_missed
 from wavetank.recording import Warnings, record_run
 from wavetank.records.directory import RunDirectory
@@ -340,8 +341,12 @@ def test_a_case_without_numerics_gets_the_plan_for_one_per_cent():
     assert chosen.numerics.cells > 40 and plain.cells == 40  # k d = 8.9
     again = Scene.model_validate(plain.model_dump(mode="json"))
     assert again == plain and again.numerics.open
-    kept = scene(**parts, output={"velocity_every": 1.0})  # which linear water has none of
-    assert planned(kept, MPI.COMM_SELF).scene.physics == "nonlinear"
+
+
+def test_water_whose_velocities_are_recorded_is_nonlinear():
+    """Linear water, which would do, has none."""
+    for output, physics in (({}, "linear"), ({"velocity_every": 1.0}, "nonlinear")):
+        assert requirements(scene(wall=piston(2.0), output=output), 1e-2).physics == physics
 
 
 def test_what_is_named_is_kept():

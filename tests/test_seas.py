@@ -653,6 +653,7 @@ def test_a_low_sea_in_the_tank_is_the_one_that_is_wanted():
         assert rms(np.array([eta(x) for eta in surfaces]) - wanted) < 0.015 * rms(wanted)
 
 
+@pytest.mark.slow  # of what it requires: tests/test_plan.py
 def test_a_plan_takes_the_second_harmonic_of_the_paddle_for_what_it_is():
     """It makes up for a free wave, none to be resolved besides: the same cells, the same step and n or the next."""
     wave = REGULAR | {"period": 1.4443, "height": 0.08}
