@@ -22,10 +22,10 @@ from wavetank.stateful import Held
 Array = NDArray[np.float64]
 
 HEAD = (
-    '<?xml version="1.0"?>\n<Xdmf Version="2.0"><Domain>'
-    '<Grid Name="surface" GridType="Collection" CollectionType="Temporal">\n'
+    b'<?xml version="1.0"?>\n<Xdmf Version="2.0"><Domain>'
+    b'<Grid Name="surface" GridType="Collection" CollectionType="Temporal">\n'
 )
-TAIL = "</Grid></Domain></Xdmf>\n"
+TAIL = b"</Grid></Domain></Xdmf>\n"
 POTENTIAL = {"long_name": "velocity potential at the surface", "units": "m2 s-1", "coordinates": "x y"}
 
 
@@ -63,7 +63,7 @@ class SurfaceWriter(GrowingNetCDF):
         super().open()
         self._index.open()
         if self._records:
-            self._index.write(TAIL.encode(), over=len(TAIL))  # the next snapshot had been written over it
+            self._index.write(TAIL, over=len(TAIL))  # the next snapshot had been written over it
 
     def sync(self) -> None:
         """See to it that both outlive a power cut; raises ``OSError``."""
@@ -109,9 +109,8 @@ class SurfaceWriter(GrowingNetCDF):
         finally:
             times = rows[: self._records - before, 0]
             if times.size:
-                head = "" if before else HEAD
+                told = b"".join([b"" if before else HEAD, *self._told(times, before), TAIL])
                 try:
-                    told = f"{head}{self._told(times, before)}{TAIL}".encode()
                     self._index.write(told, over=len(TAIL) if before else 0)
                 except RecordError:
                     self._records = before
@@ -119,7 +118,7 @@ class SurfaceWriter(GrowingNetCDF):
                     self._tell()
                     raise
 
-    def _told(self, times: Array, first: int) -> str:
+    def _told(self, times: Array, first: int) -> list[bytes]:
         """Return where snapshots at times [s] stand, from the number of the first on, for XDMF."""
         n, length = self._points, self._points * NUMBER.itemsize
         item = f'<DataItem Dimensions="{n}" NumberType="Float" Precision="8" Format="Binary" Endian="Big" Seek="'
@@ -131,10 +130,9 @@ class SurfaceWriter(GrowingNetCDF):
             f'<Geometry GeometryType="X_Y_Z">{there}{y}{there}</Geometry>'
             f'<Attribute Name="elevation">{there}</Attribute>'
             f'<Attribute Name="surface potential">{there}</Attribute></Grid>\n'
-        )
-        begins = count(self._begin + first * each + NUMBER.itemsize, each)
-        stand = zip(map(float, times), begins, strict=False)
-        return "".join(snapshot % (t, x, x + length, x + length, x + 2 * length) for t, x in stand)
+        ).encode()
+        stand = zip(map(float, times), count(self._begin + first * each + NUMBER.itemsize, each), strict=False)
+        return [snapshot % (t, x, x + length, x + length, x + 2 * length) for t, x in stand]
 
 
 def _first(row: NDArray[np.float64]) -> dict[str, Variable]:
