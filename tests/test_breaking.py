@@ -225,7 +225,7 @@ def test_crests_that_stand_are_not_looked_at_and_those_that_move_are(moving, see
     for t, a in ((0.0, 0.29), (0.01, 0.3)):
         eta = a * np.cos(k * (x - moving * c * t))
         psi = 0.3 * np.cos(k * x) if moving == 0.0 else 1.5 / k * np.sin(k * (x - c * t))
-        crests = watch.look(t, waves.state(eta, psi))
+        crests = watch.look(Point(*waves.state(eta, psi)), t)
     assert len(crests) == seen
 
 
@@ -331,4 +331,4 @@ def test_of_a_crest_that_hardly_travels_its_speed_is_told(speed, said):
     crest = SteepCrest(x=1.0, height=0.1, velocity=1.9, current=0.0, speed=speed, mean=1.0, front=0.5)
     moment = Moment(0, 1.0, Point(np.zeros(1), np.zeros(1)))
     with pytest.raises(RunError, match=re.escape(f"moves at 1.9 m/s, {said}")):
-        StopAtBreaking(SimpleNamespace(rests=lambda t: False, look=lambda t, *points: [crest])).observe(moment)
+        StopAtBreaking(SimpleNamespace(look=lambda state, t: [crest])).observe(moment)

@@ -34,12 +34,11 @@ from wavetank.theory.stream_function import maximum_height, stream_function_wave
 from wavetank.verify import steepness
 from wavetank.verify.growth import Setting, row
 from wavetank.water.breaking import ONSET
-from wavetank.water.edge_penalty import SUDDEN, EdgePenalty
+from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.footprint import Ring
 from wavetank.water.linearised import LinearisedFlow
-from wavetank.water.seldom import Seldom
 from wavetank.water.short_waves import ShortWaves
-from wavetank.water.surface_flow import SurfaceFlow, surface_of
+from wavetank.water.surface_flow import SurfaceFlow, SurfaceVelocity, surface_of
 from wavetank.water.walls import StillWall
 from wavetank.water.waves import NonlinearWaves, Tolerances
 
@@ -268,25 +267,24 @@ def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
     assert waves.elevation(run.state.q, run.state.p, run.t).max() == pytest.approx(0.5, rel=2e-3)
 
 
-def test_the_surface_of_a_moment_is_looked_at_once_for_all_who_ask(monkeypatch):
-    """By the penalty, breaking and the watch, if at all: what is calm is looked at every fifth step."""
-    looks, look = list[float](), SurfaceFlow._look
-    monkeypatch.setattr(SurfaceFlow, "_look", lambda flow, *of: (looks.append(of[-1]), look(flow, *of))[1])
+def test_the_surface_of_each_step_is_told_where_its_potential_is_found(monkeypatch):
+    """And taken once for all who ask, the penalty, breaking and the watch. Oracle: what is found of each point anew."""
+    told, looks, near = list[tuple[float, float]](), list[float](), SurfaceFlow.near
     scene = ring_scene(initial_steepness=0.2, run_duration=0.2)  # the penalty has nothing to take
     run, waves = build_run(scene, MPI.COMM_SELF)
     run.observers += build_watch(scene, run, waves, print)
-    looks.clear()  # before the first step it is told how fast the surface moves
-    elevation = waves.elevation
+    flow, other = waves.surface, SurfaceVelocity(waves)
 
-    def without_solves(*state):  # of points that are evaluated anyway
-        with monkeypatch.context() as patched:
-            patched.setattr(waves.columns, "solve", None)
-            return elevation(*state)
+    def compared(one, state, t):
+        near(one, state, t)
+        other.update(*state.known[0], t)
+        told.append((one.largest_velocity / other.largest_velocity, one.largest_slope / other.largest_slope))
 
-    monkeypatch.setattr(waves, "elevation", without_solves)
+    monkeypatch.setattr(SurfaceFlow, "near", compared)
+    monkeypatch.setattr(flow, "update", lambda q, p, t: looks.append(t) or SurfaceFlow.update(flow, q, p, t))
     run.execute()
-    steps = [round(t / run.clock.dt) for t in looks]
-    assert steps == [0, 1, *range(2, run.clock.steps + 1, 5)]  # what breaks at the start, too; two tell what grows
+    assert len(told) == 2 * run.clock.steps + 2 and np.array(told) == pytest.approx(1.0, rel=1e-12)
+    assert looks == [0.0]  # of the start
 
 
 def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():
@@ -402,29 +400,3 @@ def test_a_steep_wave_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
     assert np.abs(together - alone).max() < 1e-9
     one, many = (run.budget()["dissipated [m^4/s^2]"][-1] for run in runs)
     assert one != 0.0 and many == pytest.approx(one, rel=1e-3)  # so soon it may have any sign
-
-
-# From step to step, in thousandths, and where it matters to the edge penalty, or to what looks for waves that break:
-RUN_UP = "1279 1192 1100 1011 918 827 736 651 562 483 388 342 391 443 497 555 616 680 748 819"  # fastest water [m/s]
-PISTON = "436 429 435 436 426 416 419 409 411 407 414 409 402 412 454 504 565 586 619"  # the same, before a steep group
-START = "50 54 57 58 57 55 57 60 64 67 69 72 72 73 95 127 161 197 234 271 306"  # steepest slope beside a piston
-BREAKING = "177 186 188 187 182 171 168 172 189 207 213 205 197 208 220 233 230 231 257 273 276"  # of one that breaks
-
-
-@pytest.mark.parametrize(
-    ("values", "matters", "least"),
-    [(RUN_UP, 559, SUDDEN), (PISTON, 559, SUDDEN), (START, 240, 1.05), (BREAKING, 240, 1.05)],
-    ids=["run-up", "piston", "start", "group"],
-)
-def test_what_grows_or_falls_is_looked_at_in_the_step_in_which_it_passes_what_matters(values, matters, least):
-    """Oracle: what is found at every step, wherever looks begin."""
-    values = np.array([float(value) for value in values.split()])
-    for first in range(8):
-        seldom, sides = Seldom(least), list[bool]()
-        for value in values[first:]:
-            if seldom.rests():
-                sides.append(sides[-1])
-            else:
-                seldom.saw(value, matters=matters)
-                sides.append(value > matters)
-        assert sides == list(values[first:] > matters)

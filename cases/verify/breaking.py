@@ -59,9 +59,7 @@ class LargestB:
 
     def observe(self, moment: Moment) -> None:
         """Look at the surface; collective."""
-        if self._watch.rests(moment.t):
-            return
-        for crest in self._watch.look(moment.t, *moment.points):
+        for crest in self._watch.look(moment.state, moment.t):
             self.found = max(self.found, (crest.overtaking, moment.t, crest.x))
 
 

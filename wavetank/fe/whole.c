@@ -3,6 +3,7 @@ other, which are known by where they are.
 
 NUMBERS, FIELDS of a degree of freedom: of the potential, of what the layer's energy depends on */
 #include <math.h>
+#include <stdint.h>
 #include <string.h>
 
 typedef void Solve(const void *chain, const double *b, double *x, double *work);
@@ -27,6 +28,7 @@ typedef int Correct(const void *cells, const void *layers, const float *state, c
                     int stride, double *phi, double *image, double tolerance, int most, double *steps, void *found,
                     float *work);
 
+typedef void Largest(const void *lines, const double *eta, const double *psi, double *found);
 typedef void Precondition(const void *inverse, double a, int carried, const double *residual, double *found);
 typedef void Add(const void *points, int known, int place, const double *z, const double *image);
 typedef void AimAt(const void *points, int known, const double *c);
@@ -118,7 +120,7 @@ static void by_walls(Whole *w)
 /* Set the potential of masses q and surface potential p, as the walls move. What is found, one behind the other: its flow
    less its mean, and the wall's; the negative of M^-1 of its energy's derivative by the column, and that; q and p.
    ``recorded`` ones are known. Told are the mean of p, phi A phi, and the square of what it is found by. Returns the iterations, or -1 of what is not as usual. */
-static int find(Whole *w, const double *q, const double *p, const double *still, int recorded, double *flow, double *told)
+static int set(Whole *w, const double *q, const double *p, const double *still, int recorded, double *flow, double *told)
 {
     const int known = recorded - 1 < w->most ? recorded - 1 : w->most, place = (recorded - 1) % w->most;
     const long n = w->dofs, inputs = (w->paddles ? 3 : 2) * n;
@@ -173,6 +175,37 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
     return iterations;
 }
 
+/* The same; while that is asked for, the surface's largest velocity and slope are found, too. */
+static int find(Whole *w, const double *q, const double *p, const double *still, int recorded, double *flow, double *told)
+{
+    const int iterations = set(w, q, p, still, recorded, flow, told);
+    w->glanced = iterations >= 0 && w->asked-- > 0;
+    if (w->glanced) {
+        double found[2];
+        CALL(Largest, largest)(w->lines, w->inputs, p, found);
+        w->fastest = found[0], w->steepest = found[1];
+    }
+    return iterations;
+}
+
+static int is_point(const Whole *w, const double *point, const double *state)
+{
+    return !memcmp(point + 3 * w->dofs, state, 2 * sizeof(double) * w->dofs);
+}
+
+/* Who asks for the surface's largest velocity and slope. */
+static void ask(Whole *w, uintptr_t largest, uintptr_t lines)
+{
+    w->largest = (void *)largest, w->lines = (void *)lines, w->asked = 0, w->glanced = 0;
+}
+
+/* Whether those are of a state [q, p], ``point`` being what ``find`` found last; of the next two it finds they will be found. */
+static int tells(Whole *w, const double *point, const double *state)
+{
+    w->asked = 2;
+    return w->glanced && is_point(w, point, state);
+}
+
 /* Where to begin the stage z = c + a f(z): points combined by their c, which are ``wrong`` by so much, one more of which is z
    where f is known, with what is missed of c preconditioned. */
 static void begin_stage(const Attempt *s, const double *z, const double *slope, const double *c, double a, int carried,
@@ -191,13 +224,13 @@ static void begin_stage(const Attempt *s, const double *z, const double *slope, 
         start[i] += image[i];
 }
 
-/* Find the potential of a point z = [q, p] of the stage z = c + a f(z), as ``find`` does, and where it leads: by the residual
-   there, preconditioned, mixed with those of ``mixed`` points before. Returns the same as ``find``. */
+/* Find the potential of a point z = [q, p] of the stage z = c + a f(z), as ``set`` does, and where it leads: by the residual
+   there, preconditioned, mixed with those of ``mixed`` points before. Returns the same as ``set``. */
 static int attempt(Attempt *s, const double *z, const double *c, double a, int carried, const double *still, int recorded,
                    int mixed, double *found, double *told, double *next)
 {
     const long n = s->whole->dofs;
-    const int iterations = find(s->whole, z, z + n, still, recorded, found, told);
+    const int iterations = set(s->whole, z, z + n, still, recorded, found, told);
     const int others = mixed < s->most_mixed ? mixed : s->most_mixed;
     double *residual = s->residual, *image = s->image, *point = s->residual;
     if (iterations < 0)
@@ -275,13 +308,8 @@ static void see(Whole *w, const double *q, const double *p, const double *point,
     numbers[POWER] = push(w, point, 0, numbers + WALL);
 }
 
-static int is_point(const Whole *w, const double *point, const double *state)
-{
-    return !memcmp(point + 3 * w->dofs, state, 2 * sizeof(double) * w->dofs);
-}
-
-/* The ``last`` point found, as ``find`` does, where the ``first`` is the one found last, ``at``, and another; and the
-   ``state`` between them seen from there, [q, p] each, with the power of their mean. Returns as ``find``; -1 too of what is
+/* The ``last`` point found, as ``set`` does, where the ``first`` is the one found last, ``at``, and another; and the
+   ``state`` between them seen from there, [q, p] each, with the power of their mean. Returns as ``set``; -1 too of what is
    not so. */
 static int look(Whole *w, const double *state, const double *first, const double *last, const double *at,
                 const double *still, int recorded, double gravity, double *found, double *told, const Sight *into, long row)
@@ -292,7 +320,7 @@ static int look(Whole *w, const double *state, const double *first, const double
         return -1;
     EACH_PADDLE(one)
         ((Hold *)one->hold)(one->strip, at + 2 * n);
-    const int iterations = find(w, last, last + n, still, recorded, found, told);
+    const int iterations = set(w, last, last + n, still, recorded, found, told);
     if (iterations < 0)
         return iterations;
     see_from(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);

@@ -6,7 +6,7 @@ first solve, a new preconditioner, water that is none.
 """
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -37,14 +37,14 @@ typedef struct Paddle {
     struct Paddle *next;
 } Paddle;
 typedef struct {
-    int dofs, iterations, most, last_iterations, trials;
-    double celerity, tolerance, shortest, round_off;
+    int dofs, iterations, most, last_iterations, trials, asked, glanced;
+    double celerity, tolerance, shortest, round_off, fastest, steepest;
     Paddle *paddles;
     Weighed *mean, *weighed;
     double *mean_column, *before, *change, *kept;
     void *factor_mass, *solve_mass, *mass, *multiply, *mass_cells, *take, *cells, *layers, *product, *derivative;
     void *take_single, *single_cells, *single_layers, *correct, *modes;
-    void *aim, *start, *keep;
+    void *aim, *start, *keep, *largest, *lines;
     const int *order;
     const double **fields;
     double *column, *phi, *rows, *image, *inputs, *mass_work, *weights, *lengths, *wall;
@@ -68,6 +68,8 @@ typedef struct {
 ROWS = "eta", "rise", "psi", "numbers", "rates", "velocities"
 DECLARATIONS = f"""{WHOLE}
 int find(Whole *, const double *q, const double *p, const double *still, int recorded, double *flow, double *told);
+void ask(Whole *, uintptr_t largest, uintptr_t lines);
+int tells(Whole *, const double *point, const double *state);
 void begin_stage(const Attempt *, const double *z, const double *slope, const double *c, double a, int carried,
                  int mixed, double wrong, double *start);
 int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int recorded,
@@ -157,6 +159,22 @@ class Leaning(Protocol):
     column: Vector
     trials: int
     round_off: float
+
+
+class Glance(NamedTuple):
+    """What finds a surface's largest velocity [m/s] and slope [-].
+
+    Attributes
+    ----------
+    function, lines
+        Where the function is, and what it is called with.
+    kept
+        What must live as long.
+    """
+
+    function: int
+    lines: int
+    kept: Any
 
 
 class Solution:
@@ -250,6 +268,7 @@ class Whole:
         self._struct = self._kernel.shared("Whole", parts)
         self._told = np.zeros(3)
         self._at_told = self._kernel.pointer(self._told)
+        self._at_last = self._kernel.doubles(np.zeros((5, plane.size)))  # what ``find`` found last
         self._followed: Vector | float | None = None  # the column of still water that walls know
         self._rooms = dict[int, tuple[Rows, Any]]()  # rows by their ids, which they keep, and where they are
         self._trials: dict[tuple[Inverse, Combination], Any] = {}
@@ -274,8 +293,24 @@ class Whole:
         if not recorded:
             return None
         at, found = self._kernel.doubles, np.empty((5, p.size))
-        surface = at(q), at(p), self._of_still(still, p.size)
-        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, at(found), self._at_told), found)
+        surface, into = (at(q), at(p), self._of_still(still, p.size)), at(found)
+        self._at_last = into
+        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, into, self._at_told), found)
+
+    def ask(self, glance: Glance) -> None:
+        """Let a surface be looked at where its point is found, for the last who has asked."""
+        self._glance = glance
+        self._kernel.call.ask(self._struct, glance.function, glance.lines)
+
+    def told(self, state: Vector) -> tuple[float, float] | None:
+        """Return the surface's largest velocity and slope at (q, p), shape (2, dofs), if ``find`` found that last.
+
+        And if it was asked before: of the next two that it finds they are found, too. None else.
+        """
+        water = self._struct
+        if self._kernel.call.tells(water, self._at_last, self._kernel.doubles(state)):
+            return water.fastest, water.steepest
+        return None
 
     def attempt(
         self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination

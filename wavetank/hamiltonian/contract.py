@@ -114,7 +114,15 @@ class Flowing(Protocol):
 
 
 class BetweenTwo:
-    """A state between two points at which its system is evaluated anyway, all of them in one array each."""
+    """A state between two points at which its system is evaluated anyway, all of them in one array each.
+
+    Attributes
+    ----------
+    minus
+        The point before it, (q, p), shape (2, n), where a step has ended.
+    """
+
+    minus: Vector
 
     @property
     def pairs(self) -> tuple[Vector, Vector, Vector]:

@@ -25,9 +25,7 @@ class StopAtBreaking:
 
     def observe(self, moment: Moment) -> None:
         """Raise ``RunError`` if a wave breaks; collective."""
-        if self.watch.rests(moment.t):
-            return
-        for crest in filter(breaks, self.watch.look(moment.t, *moment.points)):
+        for crest in filter(breaks, self.watch.look(moment.state, moment.t)):
             moves = abs(crest.current) > 0.02 * abs(crest.speed)
             seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
             part = f"{100 * crest.overtaking:.0f} % of the crest's speed"

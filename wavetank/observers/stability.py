@@ -135,7 +135,7 @@ class StabilityWatch(Keeping):
     def keep(self, moment: Moment) -> None:
         """Look now and then how the surface moves, and at a jump that only the mass matrix tells; collective."""
         if moment.step % OFTEN == 0:
-            self._flow.near(moment.t, *moment.points)
+            self._flow.near(moment.state, moment.t)
             self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
         if not self._begun:
             self._begun, jumps = True, moment.jump is not None

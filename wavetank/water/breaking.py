@@ -23,10 +23,8 @@ from wavetank.arrays import Vector
 from wavetank.stateful import Held
 from wavetank.water.crests import Profile, SteepCrest, steep_crests
 from wavetank.water.seen import State
-from wavetank.water.seldom import Seldom
 from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import one_time
 from wavetank.water.waves import NonlinearWaves
 
 ONSET, RECOVERED = 0.85, 0.6  # B at which breaking begins, and ends
@@ -34,14 +32,14 @@ STEEP, GENTLE = 0.3, 0.15  # slopes of the front without which it does not begin
 SWIFT = 0.25  # mean u - U of its upper half / (g H)^(1/2): 0.45 and more of what breaks, near 0 of what stands or meets
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
-FASTER = 1.15  # so much the water may get where all B are below 0.6, without a look
+FASTER, RESTS = 1.15, 2  # so much the water may get where all B are below 0.6, and so many steps pass, without a look
 
 
 class BreakingWatch:
-    """Looks at the surface from time to time, and tells which crests could be breaking.
+    """Looks at the surface after each step, and tells which crests could be breaking.
 
     Within a depth of a wall crests form and vanish: their speed says nothing there. Where all crests are far from
-    breaking some steps go by without a look: from 0.6 to 0.85 B takes an eighth of a period, or more.
+    breaking some steps go by without a look at them: from 0.6 to 0.85 B takes an eighth of a period, or more.
 
     Parameters
     ----------
@@ -61,38 +59,26 @@ class BreakingWatch:
     def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
         self._waves, self._flow, self._length = waves, flow, length
         self._last: tuple[float, Profile] | None = None
-        self._looked = np.nan  # when, as the flow has it
-        self._gentle, self._slow = Seldom(), Seldom()  # until a front may be steep, and the water faster
+        self._rests, self._fast = 0, 0.0  # steps to come without a look, and the velocity that ends them [m/s]
         self.crests: list[SteepCrest] = []
 
-    def rests(self, t: float) -> bool:
-        """Return whether this step, to t, goes by without a look, of which there is one at most in each.
-
-        A gentle surface at which another has looked is looked at, too: so looks coincide.
-        """
-        gentle, slow, last = self._gentle.rests(), self._slow.rests(), self._flow.t
-        return slow or (gentle and (last == self._looked or not one_time(t, last)))
-
-    def look(self, t: float, *points: tuple[Vector, Vector], front: float = STEEP) -> list[SteepCrest]:
-        """Return the crests of a state, seen at one of the points known of it, that are swift enough; collective.
+    def look(self, state: State, t: float, *, front: float = STEEP) -> list[SteepCrest]:
+        """Return the crests where the step to a state has ended that are swift enough; collective.
 
         They have a steeper ``front``. The first look sees none.
         """
-        self._flow.near(t, *points)
-        self._looked = self._flow.t
-        last, self._last = self._last, None
-        steepest, fastest = self._flow.largest_slope, self._flow.largest_velocity
-        if steepest < front:
-            self._gentle.saw(steepest, matters=front)
+        self._flow.near(state, t)
+        last, self._last, rests, fastest = self._last, None, self._rests, self._flow.largest_velocity
+        self._rests = max(0, rests - 1)
+        if self._flow.largest_slope < front or (rests and fastest < self._fast):
             return []
-        self._last = t, self._flow.profile
+        self._last, self._rests = (t, self._flow.profile), 0
         if last is None:
             return []
         self.crests = self._steep(last, self._last, front)
         swift = [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
         if all(crest.overtaking < RECOVERED for crest in swift):
-            self._slow.saw(fastest, matters=FASTER * fastest)
-            self._last = None
+            self._last, self._rests, self._fast = None, RESTS, FASTER * fastest
         return swift
 
     def _steep(self, last: tuple[float, Profile], now: tuple[float, Profile], front: float) -> list[SteepCrest]:
@@ -108,14 +94,13 @@ class BreakingWatch:
     def held(self) -> Held:
         """Return the surface of the last look, if it is to be judged by, and when it is looked again."""
         last = self._last and {"t": self._last[0], "profile": [values.tolist() for values in self._last[1]]}
-        return {"last": last, "gentle": self._gentle.held(), "slow": self._slow.held()}
+        return {"last": last, "rests": self._rests, "fast": self._fast}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         last = held["last"]
         self._last = last and (last["t"], Profile(*map(np.array, last["profile"])))
-        self._gentle.take(held["gentle"])
-        self._slow.take(held["slow"])
+        self._rests, self._fast = held["rests"], held["fast"]
 
 
 def breaks(crest: SteepCrest) -> bool:
@@ -161,10 +146,8 @@ class BreakingDissipation(Smoothing):
 
     def needed(self, state: State, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
-        if self.watch.rests(t):
-            return False
         front = GENTLE if self._breaking else STEEP
-        breaking = self.follow(self.watch.look(t, state.known[0], front=front), t)
+        breaking = self.follow(self.watch.look(state, t, front=front), t)
         if breaking:
             self.place(breaking)
         return bool(breaking)

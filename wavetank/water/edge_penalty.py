@@ -20,15 +20,12 @@ from dolfinx import fem
 from wavetank.arrays import Vector
 from wavetank.fe.kinks import KinkSmoothing
 from wavetank.fe.mass import BandedMass
-from wavetank.stateful import Held
 from wavetank.water.seen import State
-from wavetank.water.seldom import Seldom
 from wavetank.water.smoothing import Smoother, Smoothing
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
 NEEDED = 1.5  # u² k_g / g; growth was found from 2.1 on, none below
-SUDDEN = 1.15  # by which the water may get faster in a step that has not: of 1.1 two of 25 violent runs began late
 STRENGTH = 0.25  # epsilon: 0.08 to 0.8 serve; more makes waves of negative energy grow
 
 
@@ -75,40 +72,25 @@ class EdgePenalty(Smoothing):
 
         super().__init__(waves, penalty, by_wall=True)
         self._flow = flow
-        self._fast = float(np.sqrt(threshold * waves.gravity / k))  # from which velocity on it is needed
-        self._seldom, self._needed = Seldom(SUDDEN), False
+        self._fast = float(np.sqrt(threshold * waves.gravity / k)) if plane.order > 1 else np.inf  # so it is needed
 
     def _made(self) -> Smoother:
         """Return it written out along a slice on one rank, unless the wall's shape stretches what it carries."""
         plane, mass, wall = self._waves.plane, self._waves.mass, self._waves.wall
         if not isinstance(mass, BandedMass) or plane.mesh.geometry.dim > 1 or wall.leans:
             return super()._made()
-        return KinkSmoothing(plane, mass, strength=self._kappa, shift=wall.shift)
+        shift = next((far for far, _ in wall.shifts), None)
+        return KinkSmoothing(plane, mass, strength=self._kappa, shift=shift)
 
     def needed(self, state: State, t: float) -> bool:
-        """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective.
-
-        As long as it cannot have fallen, or risen, to that it is not looked at again.
-        """
-        if not self._seldom.rests() and self._waves.plane.order > 1:
-            self._flow.update(*state.known[0], t)
-            fastest = self._flow.largest_velocity
-            self._needed = fastest > self._fast
-            self._seldom.saw(fastest, matters=self._fast)
-        if self._needed and self._waves.wall.moves:
+        """Return whether the current overtakes the shortest waves by so much; never with p = 1; collective."""
+        self._flow.near(state, t)
+        if self._flow.largest_velocity <= self._fast:
+            return False
+        if self._waves.wall.moves:
             self._waves.set_time(t)
             self.update()
-        return self._needed
-
-    def held(self) -> Held:
-        """Return what has been taken, what was found and when it is looked again."""
-        return super().held() | {"seldom": self._seldom.held(), "needed": self._needed}
-
-    def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        super().take(held)
-        self._seldom.take(held["seldom"])
-        self._needed = held["needed"]
+        return True
 
     def generator(self) -> Vector:
         """Return M^-1 kappa S as a dense matrix, on one rank: for small tanks only."""

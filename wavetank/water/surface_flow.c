@@ -26,23 +26,40 @@ static inline void along(const Lines *s, int cell, const double *rows, v *found)
     at_points(s, cell, s->slopes, rows, s->per_metre[cell], found);
 }
 
-/* What two such slopes are multiplied by where the wall has carried the water: x = X + shift, 1 / x_X. */
-static inline void carried(const Lines *s, int cell, v *one, v *other)
+/* Where the surface is carried by paddles of shapes f, x = X + sum f L: how far, and x_X along it. */
+static inline void carry(const Lines *s, int cell, const double *eta, const v *eta_X, v *far, v *x_X)
 {
-    v shift[GROUPS];
-    along(s, cell, s->shift, shift);
-    EACH(g, GROUPS) {
-        const v inverse = 1.0 / (1.0 + shift[g]);
-        one[g] *= inverse, other[g] *= inverse;
+    v height[GROUPS], length[GROUPS], length_X[GROUPS];
+    at_points(s, cell, s->values, eta, 1.0, height);
+    EACH(g, GROUPS)
+        far[g] = (v){0.0}, x_X[g] = 1.0 + far[g];
+    for (int k = 0; k < s->paddles; ++k) {
+        const double *powers = s->powers + k * (s->degree + 1);
+        at_points(s, cell, s->values, s->lengths[k], 1.0, length);
+        along(s, cell, s->lengths[k], length_X);
+        EACH(g, GROUPS) {
+            const v depth = height[g] * s->per_unit[k];
+            v f = powers[s->degree] + (v){0.0}, slope = {0.0};
+            for (int one = s->degree - 1; one >= 0; --one)
+                slope = f + depth * slope, f = powers[one] + depth * f;
+            far[g] += f * length[g], x_X[g] += f * length_X[g] + slope * s->per_unit[k] * eta_X[g] * length[g];
+        }
     }
 }
 
-static inline void both(const Lines *s, int cell, const double *eta, const double *psi, v *slope, v *psi_x)
+/* Slope and d psi / dx of the surface, and how far it is carried. */
+static inline void both(const Lines *s, int cell, const double *eta, const double *psi, v *slope, v *psi_x, v *far)
 {
+    v x_X[GROUPS];
     along(s, cell, eta, slope);
     along(s, cell, psi, psi_x);
-    if (s->carried[cell])
-        carried(s, cell, slope, psi_x);
+    if (!s->carried[cell])
+        return;
+    carry(s, cell, eta, slope, far, x_X);
+    EACH(g, GROUPS) {
+        const v inverse = 1.0 / x_X[g];
+        slope[g] *= inverse, psi_x[g] *= inverse;
+    }
 }
 
 /* Place, height, slope and d psi / dx at the points, [quantity][cell][point]. */
@@ -50,10 +67,8 @@ void surface(const Lines *s, const double *eta, const double *psi, double *found
 {
     for (int cell = 0; cell < s->cells; ++cell) {
         v of[4][GROUPS] = {{{0.0}}};
-        if (s->carried[cell])
-            at_points(s, cell, s->values, s->shift, 1.0, of[0]);
         at_points(s, cell, s->values, eta, 1.0, of[1]);
-        both(s, cell, eta, psi, of[2], of[3]);
+        both(s, cell, eta, psi, of[2], of[3], of[0]);
         EACH(k, 4)
             memcpy(found + ((long)k * s->cells + cell) * POINTS, of[k], sizeof(double) * POINTS);
         EACH(q, POINTS)
@@ -84,8 +99,8 @@ void largest(const Lines *s, const double *eta, const double *psi, double *found
     double fastest = 0.0;
     v steepest = {0.0};
     for (int cell = 0; cell < s->cells; ++cell) {
-        v slope[GROUPS], psi_x[GROUPS], swift = {0.0};
-        both(s, cell, eta, psi, slope, psi_x);
+        v slope[GROUPS], psi_x[GROUPS], far[GROUPS], swift = {0.0};
+        both(s, cell, eta, psi, slope, psi_x, far);
         EACH(g, GROUPS) {
             steepest = larger(steepest, size(slope[g]));
             swift = larger(swift, size(psi_x[g]));
@@ -97,18 +112,4 @@ void largest(const Lines *s, const double *eta, const double *psi, double *found
             }
     }
     found[0] = fastest, found[1] = highest(steepest);
-}
-
-/* Take elevation and potential of masses q that are, bit for bit, those of the point last evaluated, and find their largest
-   as above; return whether they are. */
-int look(const Lines *s, long dofs, const double *q, const double *p, const double *point, const double *risen,
-         double *eta, double *psi, double *found)
-{
-    const size_t bytes = sizeof(double) * dofs;
-    if (memcmp(q, point + 3 * dofs, bytes))
-        return 0;
-    memcpy(eta, risen, bytes);
-    memcpy(psi, p, bytes);
-    largest(s, eta, psi, found);
-    return 1;
 }

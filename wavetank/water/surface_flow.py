@@ -3,7 +3,6 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
-from collections.abc import Callable
 from importlib.resources import files
 from typing import NamedTuple, Protocol
 
@@ -18,24 +17,26 @@ from wavetank.fe.cell_places import tabulate
 from wavetank.fe.forms import compile_expression
 from wavetank.fe.kernels import Kernel, defined
 from wavetank.fe.plane import Plane
+from wavetank.fe.whole import Glance
 from wavetank.water.crests import Profile
+from wavetank.water.seen import State
 from wavetank.water.walls import Wall, one_time
 
 SOURCE = files(__package__).joinpath("surface_flow.c").read_text(encoding="utf-8")
 LINES = """
 typedef struct {
-    int cells;
+    int cells, paddles, degree;
     const int *dofs, *carried;
-    const double *values, *slopes, *per_metre, *places, *shift;
+    const double *values, *slopes, *per_metre, *places, *powers, *per_unit;
+    const double **lengths;
 } Lines;
 """
 DECLARATIONS = f"""{LINES}
 void surface(const Lines *, const double *eta, const double *psi, double *found);
 void largest(const Lines *, const double *eta, const double *psi, double *found);
-int look(const Lines *, long dofs, const double *q, const double *p, const double *point, const double *risen,
-         double *eta, double *psi, double *found);
 """
 FOUR = 4  # points at a time
+AMONG = {1: 2, 2: 1}  # so many times as close as nodes are points: as close in a basin, a look took 3 to 4 % of a step
 
 
 class Crest(NamedTuple):
@@ -68,9 +69,11 @@ class Water(Protocol):
     plane: Plane
     wall: Wall
 
-    @property
-    def last(self) -> tuple[float, Vector, Vector]:
-        """When the point last evaluated is [s], its rows as of ``Solution``, and what begins with its elevation [m]."""
+    def ask(self, glance: Glance) -> None:
+        """Let the surface be looked at where its point is found, for who will ask."""
+
+    def told(self, state: State, t: float) -> tuple[float, float] | None:
+        """Return the surface's largest velocity and slope where the step to a state has ended, if that told them."""
 
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s]; collective."""
@@ -95,11 +98,10 @@ class SurfaceVelocity:
         self._waves, self._comm, dim = waves, plane.comm, plane.mesh.topology.dim
         self._eta, self._psi = plane.function("elevation"), plane.function("surface potential")
         cell = plane.mesh.basix_cell()
-        self._points = basix.create_lattice(cell, 2 * plane.order, basix.LatticeType.equispaced, True)
+        self._points = basix.create_lattice(cell, AMONG[dim] * plane.order, basix.LatticeType.equispaced, True)
         self._cells = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
         self._set_up()
-        self._q: Vector | None = None
-        self._p: Vector | None = None
+        self._state: State | None = None
         self.t = np.nan
         self._speeds = self._slopes = np.zeros(self._cells.size)
         self.largest_velocity = self.largest_slope = 0.0
@@ -112,24 +114,21 @@ class SurfaceVelocity:
         self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
 
     def update(self, q: Vector, p: Vector, t: float) -> None:
-        """Take the surface of a state at t [s], known to round-off; nothing to do for the state last taken."""
-        if q is self._q and p is self._p and one_time(t, self.t):
-            return
-        self._q, self._p, self.t = q, p, t
-        self.largest_velocity, self.largest_slope = self._look(q, p, t)
+        """Take the surface of a point at t [s], known to round-off."""
+        self._state, self.t = None, t
+        self._set(q, p)
+        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._largest_here()))
 
-    def _look(self, q: Vector, p: Vector, t: float) -> list[float]:
-        """Set elevation and surface potential; return the largest velocity and slope."""
-        self._eta.set(self._waves.elevation(q, p, t))
+    def near(self, state: State, t: float) -> None:
+        """Take the surface where the step to a state has ended, at t [s]; nothing to do for the state last taken."""
+        if state is not self._state or not one_time(t, self.t):
+            self.update(*state.known[0], t)
+            self._state = state
+
+    def _set(self, q: Vector, p: Vector) -> None:
+        """Set elevation and surface potential."""
+        self._eta.set(self._waves.elevation(q, p, self.t))
         self._psi.set(p)
-        return [*map(float, largest(self._comm, self._largest_here()))]
-
-    def near(self, t: float, *points: tuple[Vector, Vector]) -> None:
-        """Take the surface of one of the points known of a state at t [s]: that last taken, or the last of them."""
-        for q, p in points:
-            if q is self._q and p is self._p and one_time(t, self.t):
-                return
-        self.update(*points[-1], t)
 
     def _largest_here(self) -> Vector:
         """Return the largest velocity and slope of this rank, shape (2,)."""
@@ -163,8 +162,8 @@ class SurfaceFlow(SurfaceVelocity):
         The size of the largest cell [m].
     """
 
-    _profile: Profile | None = None
     _found: Vector | None = None
+    _is_set = True  # whether elevation and surface potential are
 
     def _set_up(self) -> None:
         plane = self._waves.plane
@@ -184,68 +183,70 @@ class SurfaceFlow(SurfaceVelocity):
         carried = plane.function("carried")
         carried.owned[self._waves.wall.carries] = 1.0
         carried.fetch()
-        self._carried = np.flatnonzero(carried.rows[dofs, 0].any(axis=1))
-        self._leaning = None
-        if self._waves.wall.leans:
-            self._leaning = self._expressed(ordered[self._carried].astype(np.int32), points, backwards[self._carried])
+        carries = carried.rows[dofs, 0].any(axis=1).astype(np.int32)
         self._largest = np.zeros(2)
-        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes].transpose(0, 2, 1), dofs)
+        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes].transpose(0, 2, 1), dofs, carries)
         self._order = np.argsort(np.concatenate(self._comm.allgather(self._places.mean(axis=1))))  # all ranks' cells
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
-    def _expressed(
-        self, cells: NDArray[np.int32], points: Vector, backwards: NDArray[np.bool_]
-    ) -> Callable[[], tuple[Vector, Vector]]:
-        """Return what finds slope and d psi / dx in cells that a wall carries which leans, shape (cells, points)."""
-        plane, mapping, eta, psi = self._waves.plane, self._waves.wall.mapping, self._eta.function, self._psi.function
-        ahead = plane.chart.direction(plane.mesh)
-        slopes = ufl.as_vector([ufl.inner(mapping.gradient(field, eta), ahead) for field in (eta, psi)])
-        expression = compile_expression(slopes, points, self._comm)
-
-        def find() -> tuple[Vector, Vector]:
-            found = expression.eval(plane.mesh, cells).reshape(len(cells), len(points), 2)
-            found[backwards] = found[backwards, ::-1]
-            return found[..., 0], found[..., 1]
-
-        return find
-
-    def _compile(self, tables: Vector, dofs: NDArray[np.int32]) -> None:
+    def _compile(self, tables: Vector, dofs: NDArray[np.int32], carries: NDArray[np.int32]) -> None:
         """Compile what finds the surface at the points of cells, given values and slopes of the basis there."""
         _, nodes, points = tables.shape
-        groups, shift, carried = -(-points // FOUR), self._waves.wall.shift, np.zeros(len(dofs), dtype=np.int32)
-        if shift is not None:
-            carried[self._carried] = 1
+        groups, shifts = -(-points // FOUR), self._waves.wall.shifts
         code = defined({"NODES": nodes, "POINTS": points, "GROUPS": groups}) + LINES + SOURCE
         self._kernel = Kernel("surface_flow", DECLARATIONS, key=code, source=lambda: code, comm=self._comm)
         values, slopes = np.pad(tables, ((0, 0), (0, 0), (0, FOUR * groups - points)), mode="edge")
+        degree = max((shape.degree for _, shape in shifts), default=0)
+        powers = np.zeros((len(shifts), degree + 1))
+        for row, (_, shape) in zip(powers, shifts, strict=True):
+            row[: shape.degree + 1] = shape.powers[0]
+        lengths = self._kernel.pointers([length for length, _ in shifts])
         parts = {
             "cells": self._cells.size,
+            "paddles": len(shifts),
+            "degree": degree,
             "dofs": dofs,
-            "carried": carried,
+            "carried": carries,
             "values": values,
             "slopes": slopes,
             "per_metre": 1.0 / (self._places[:, -1] - self._places[:, 0]),
             "places": self._places,
+            "powers": powers,
+            "per_unit": np.array([-1.0 / shape.powers[1] for _, shape in shifts]),
+            "lengths": lengths,
         }
-        at = self._kernel.pointer
         self._lines = self._kernel.struct("Lines", parts)
-        if shift is not None:
-            self._lines.shift = self._kernel.known(shift)
+        at = self._kernel.pointer
+        function, given = map(self._kernel.address, ("largest", self._lines))
+        self._waves.ask(Glance(function, given, kept=(self._lines, lengths)))
         self._fields, self._at_largest = (at(self._eta.rows), at(self._psi.rows)), at(self._largest)
-        self._usual = self._comm.size == 1 and not self._leaning
 
-    def _look(self, q: Vector, p: Vector, t: float) -> list[float]:
-        self._profile = self._found = None
-        last, point, risen = self._waves.last
-        if self._usual and one_time(t, last):  # the elevation is that of a time and of masses
-            at, into = self._kernel.doubles, (*self._fields, self._at_largest)
-            if self._kernel.call.look(self._lines, q.size, at(q), at(p), at(point), at(risen), *into):
-                return self._largest.tolist()
-        return super()._look(q, p, t)
+    def near(self, state: State, t: float) -> None:
+        """See ``SurfaceVelocity``; elevation and surface potential are set when they are asked for, if they can be."""
+        if state is self._state and one_time(t, self.t):
+            return
+        told = self._waves.told(state, t)
+        if told is None:
+            super().near(state, t)
+            return
+        self._state, self.t, self._is_set, self._found = state, t, False, None
+        self.largest_velocity, self.largest_slope = told
+
+    def _set(self, q: Vector, p: Vector) -> None:
+        super()._set(q, p)
+        self._is_set, self._found = True, None
+
+    def _make_set(self) -> None:
+        if self._state is not None and not self._is_set:
+            self._set(*self._state.known[0])
+
+    @property
+    def elevation(self) -> Vector:
+        """See ``SurfaceVelocity``."""
+        self._make_set()
+        return super().elevation
 
     def _largest_here(self) -> Vector:
-        if self._leaning:
-            return np.array([self.speeds.max(initial=0.0), self.slopes.max(initial=0.0)])
         self._kernel.call.largest(self._lines, *self._fields, self._at_largest)
         return self._largest
 
@@ -255,15 +256,11 @@ class SurfaceFlow(SurfaceVelocity):
         Shape (4, cells, points).
         """
         if self._found is None:
-            self._found = found = np.zeros((4, *self._places.shape))
-            if self._q is not None:
+            self._make_set()
+            if not np.isnan(self.t):
                 self._waves.set_time(self.t)
-            self._kernel.call.surface(self._lines, *self._fields, self._kernel.pointer(found))
-            if self._leaning:
-                found[2:, self._carried] = self._leaning()
-                places, heights = found[:2, self._carried].reshape(2, -1)
-                moved = self._waves.wall.to_physical(np.column_stack([places, 0 * places]), heights)
-                found[0, self._carried] = moved[:, 0].reshape(-1, self._places.shape[1])
+            self._found = np.zeros((4, *self._places.shape))
+            self._kernel.call.surface(self._lines, *self._fields, self._kernel.pointer(self._found))
         return self._found
 
     @property
@@ -280,12 +277,10 @@ class SurfaceFlow(SurfaceVelocity):
     @property
     def profile(self) -> Profile:
         """The surface last taken, the same on all ranks, found where it is asked for."""
-        if self._profile is None:
-            mine = self._find()
-            if self._comm.size > 1:
-                mine = np.concatenate(self._comm.allgather(mine.transpose(1, 0, 2)))[self._order].transpose(1, 0, 2)
-            self._profile = Profile(*mine.reshape(4, -1))
-        return self._profile
+        mine = self._find()
+        if self._comm.size > 1:
+            mine = np.concatenate(self._comm.allgather(mine.transpose(1, 0, 2)))[self._order].transpose(1, 0, 2)
+        return Profile(*mine.reshape(4, -1))
 
     def crests(self) -> list[Crest]:
         """Return the crests above still water, in the order of x; of several within a cell, the highest.

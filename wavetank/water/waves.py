@@ -25,7 +25,7 @@ from wavetank.fe.forms import ScalarForm
 from wavetank.fe.mass import BandedMass, mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
-from wavetank.fe.whole import Solution, Whole
+from wavetank.fe.whole import Glance, Solution, Whole
 from wavetank.hamiltonian.contract import BetweenTwo, Near, Stage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages, Led, Together
 from wavetank.stateful import Held
@@ -167,6 +167,7 @@ class NonlinearWaves:
         self._compile(energy)
         self._point: Vector = np.full((5, plane.owned), np.nan)  # last evaluated, as of ``Solution``
         self._t = np.nan
+        self._found_at = np.nan  # when a point is that was found as a whole
         self._stands = 0.0  # when the wall stands as it does
         self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
         self.level, self._speed = 0.0, float(np.sqrt(gravity * self.depth))  # the latter of long waves [m/s]
@@ -224,6 +225,7 @@ class NonlinearWaves:
         found = self._whole.find(q, p, self.bed.still)
         if found is not None:
             self._take_over(found, t)
+            self._found_at = t
         return found is not None
 
     def _take_over(self, found: Solution, t: float) -> None:
@@ -446,13 +448,20 @@ class NonlinearWaves:
         self.set_time(t)
         return self.columns.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
-    @property
-    def last(self) -> tuple[float, Vector, Vector]:
-        """When the point last evaluated is [s], its rows as of ``Solution``, and what begins with its elevation [m].
+    def ask(self, glance: Glance) -> None:
+        """Let the surface be looked at where its point is found, for who will ask."""
+        if self._whole is not None:
+            self._whole.ask(glance)
 
-        The time is NaN if the wall has moved since.
+    def told(self, state: State, t: float) -> tuple[float, float] | None:
+        """Return the surface's largest velocity [m/s] and slope where the step to a state has ended, at t [s].
+
+        If that point was found as a whole, along a slice on one rank, and it had been asked before; None else.
         """
-        return self._t, self._point, self._rows
+        if self._whole is None or not isinstance(state, BetweenTwo):
+            return None
+        told = self._whole.told(state.minus)
+        return told if told and one_time(t, self._found_at) else None
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""

@@ -49,7 +49,8 @@ class BothEnds:
         self._displacement = plane.function("s X_p of both")
         upright = near.shape is UPRIGHT and far.shape is UPRIGHT
         each = [(paddle.travel.position, paddle.shape) for paddle in self.paddles]
-        self.mapping = Shift(near.axis, [(self._displacement.function, UPRIGHT)] if upright else each)
+        each = [(self._displacement.function, UPRIGHT)] if upright else each
+        self.mapping, self.shifts = Shift(near.axis, each), [(length.x.array, shape) for length, shape in each]
         self._displace()
 
     def _displace(self) -> None:
@@ -76,12 +77,6 @@ class BothEnds:
     def displaced(self) -> float:
         """See ``Wall``."""
         return max(paddle.displaced for paddle in self.paddles)
-
-    @property
-    def shift(self) -> Vector | None:
-        """See ``Wall``."""
-        displacement: Vector = self._displacement.function.x.array
-        return None if self.leans else displacement
 
     def set_time(self, t: float) -> bool:
         """Move to where both stand at t [s]; return whether the mapping has changed; collective."""

@@ -179,10 +179,10 @@ class Wall(Placed, Protocol):
         """How far from their places at rest these are now at most [m]."""
 
     @property
-    def shift(self) -> Vector | None:
-        """How far it has carried the degrees of freedom of this rank along x [m], shape (dofs,), in one array for good.
+    def shifts(self) -> Sequence[tuple[Vector, Shape]]:
+        """L of x = X + sum f L along x, at the degrees of freedom of this rank, and f, of paddles that move.
 
-        None where that is not the same at all heights, or it stands still.
+        L [m] is of shape (dofs,), in one array for good.
         """
 
     def moved_by(self, tangents: Sequence[Tangent]) -> "Wall":

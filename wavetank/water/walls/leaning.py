@@ -69,7 +69,7 @@ class LeaningWork(CompiledWork):
         dofs, (start, end) = plane.V.dofmap.list[cells], geometry.x[geometry.dofmap[cells], 0].T
         direction = np.sign(end - start)[:, None]  # of the cell's own coordinate: a slope times the length has it
         zeta, shares = gauss_legendre(vertical.n + 1 + shape.degree // 2)
-        c = np.array([float(one.value) for one in shape.coefficients])
+        c, unit = shape.powers
         k = np.arange(len(c))
         sizes = {"NODES": element.dim, "POINTS": len(points), "LEVELS": len(zeta), "NUMBERS": vertical.n + 1}
         code = defined({**sizes, "DEGREE": shape.degree}) + SOURCE
@@ -82,7 +82,7 @@ class LeaningWork(CompiledWork):
         }
         upwards = {"zeta": zeta, "rows": shares[:, None] * vertical.at(zeta)[:, :-1]}
         of_shape = {"shape": c, "integral": c / (k + 1), "slope": (-k * c)[1:]}
-        numbers = {"cells": len(cells), "node": node, "depth": depth, "unit": float(shape.unit.value)}
+        numbers = {"cells": len(cells), "node": node, "depth": depth, "unit": unit}
         self._struct = self._kernel.struct("Leaning", {**numbers, **over_cells, **upwards, **of_shape})
         super().__init__(self._kernel, self._struct, self._struct, phi=phi.rows, h=h, travel=travel)
 

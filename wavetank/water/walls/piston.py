@@ -129,10 +129,9 @@ class Piston:
         return self.travel.displaced
 
     @property
-    def shift(self) -> Vector | None:
+    def shifts(self) -> Sequence[tuple[Vector, Shape]]:
         """See ``Wall``."""
-        position: Vector = self.travel.position.x.array
-        return None if self.leans else position
+        return [(self.travel.position.x.array, self.shape)]
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """See ``Wall``."""

@@ -43,6 +43,10 @@ class Shape(Protocol):
     def near_still(self) -> tuple[float, float, float]:
         """Value and slope f' [1/m] at still water, and the mean of f below it."""
 
+    @property
+    def powers(self) -> tuple[Vector, float]:
+        """c_k and the unit [m] of f = sum_k c_k (-z / unit)^k."""
+
     def share(self, z: Any) -> Any:
         """Return f(z)."""
 
@@ -64,6 +68,7 @@ class Upright:
 
     degree = 0
     near_still = 1.0, 0.0, 1.0
+    powers = np.ones(1), 1.0
 
     def share(self, z: Any) -> Any:
         """Return 1."""
@@ -112,11 +117,16 @@ class Polynomial:
         return len(self.coefficients) - 1
 
     @property
+    def powers(self) -> tuple[Vector, float]:
+        """c_k and the unit [m], as numbers."""
+        return np.array([float(one.value) for one in self.coefficients]), float(self.unit.value)
+
+    @property
     def near_still(self) -> tuple[float, float, float]:
         """Value and slope f' [1/m] at still water, and the mean of f down to a unit below it, where the bed is."""
-        c = [float(one.value) for one in self.coefficients]
+        c, unit = self.powers
         mean = sum(one / (k + 1) for k, one in enumerate(c))
-        return c[0], -(c[1] if len(c) > 1 else 0.0) / float(self.unit.value), mean
+        return c[0], -(c[1] if len(c) > 1 else 0.0) / unit, mean
 
     @classmethod
     def near(
@@ -146,7 +156,8 @@ class Polynomial:
 
     def at(self, z: Vector) -> Vector:
         """Return f at heights [m], numbers of any shape."""
-        return np.asarray(horner([float(c.value) for c in self.coefficients], -z / float(self.unit.value)) + 0.0 * z)
+        c, unit = self.powers
+        return np.asarray(horner([*c], -z / unit) + 0.0 * z)
 
 
 def horner(coefficients: Sequence[Any], x: Any) -> Any:

@@ -17,6 +17,7 @@ from wavetank.water.bed import Bed
 from wavetank.water.energy import Part, WaterEnergy
 from wavetank.water.walls.contract import Columns, Heights, Stood
 from wavetank.water.walls.mapping import Identity
+from wavetank.water.walls.shape import Shape
 
 
 class StillWall:
@@ -32,7 +33,7 @@ class StillWall:
     carries, displaced = np.arange(0), 0.0
     stood: Stood = ()
     rates = np.zeros((0, 3))
-    shift = None
+    shifts: Sequence[tuple[Vector, Shape]] = ()
 
     def moved_by(self, tangents: Sequence[Tangent]) -> "StillWall":
         """See ``Wall``: it does not move."""
