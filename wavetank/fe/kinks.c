@@ -1,5 +1,9 @@
 /* What takes kinks between cells along a slice, of wavetank/fe/kinks.py; cells.c, chain.c and banded_mass.c stand before. */
+#include <stdint.h>
+
 #define SIDES (2 * NODES)
+
+typedef void Solve(const void *chain, const double *b, double *x, double *work);
 
 typedef struct {
     int facets;
@@ -57,9 +61,24 @@ static void factor_kinks(const Kinks *k, const Cells *cells, const double *weigh
     factorise(c, first);
 }
 
-/* y <- what is taken of v, (M_J + N)^-1 N v. */
-static void taken_by_kinks(const Kinks *k, const Chain *c, const double *x, double *y, double *work)
+/* y <- v' = (M_J + N)^-1 M_J v = v - (M_J + N)^-1 N v. */
+static void smooth(const Kinks *k, const Chain *c, const double *x, double *y, double *work)
 {
     kinks_of(k, c->dofs, x, y);
     solve_mass(c, y, y, work);
+    EACH(i, c->dofs)
+        y[i] = x[i] - y[i];
+}
+
+/* Q <- Q - N eta' of the elevation eta = M_J^-1 Q - d over still water of depth d. */
+static void smooth_masses(const Kinks *k, const Chain *c, uintptr_t solve, uintptr_t mass, const double *still, const double *q,
+                          double *found, double *eta, double *work)
+{
+    ((Solve *)solve)((const void *)mass, q, found, work);
+    EACH(i, c->dofs)
+        found[i] -= still[i];
+    smooth(k, c, found, eta, work);
+    kinks_of(k, c->dofs, eta, found);
+    EACH(i, c->dofs)
+        found[i] = q[i] - found[i];
 }

@@ -27,7 +27,9 @@ typedef struct {
 DECLARATIONS = f"""{DECLARATION}{CHAIN}{KINKS}
 void kinks_of(const Kinks *, int dofs, const double *x, double *y);
 void factor_kinks(const Kinks *, const Cells *, const double *weights, double *kept, const Chain *);
-void taken_by_kinks(const Kinks *, const Chain *, const double *x, double *y, double *work);
+void smooth(const Kinks *, const Chain *, const double *x, double *y, double *work);
+void smooth_masses(const Kinks *, const Chain *, uintptr_t solve, uintptr_t mass, const double *still, const double *q,
+                   double *found, double *eta, double *work);
 """
 
 
@@ -55,8 +57,10 @@ class KinkSmoothing:
         if shift is not None:
             self._kinks.shift = self._kernel.known(shift)
         self._factors = chain(self._kernel, plane, systems=1, band=band, backwards=True)
-        given = np.empty(plane.size), mass.weights, np.zeros_like(mass.weights)  # those that the factors are of
-        self._at_work, self._at_weights, self._at_kept = map(self._kernel.known, given)
+        given = mass.weights, np.zeros_like(mass.weights), *np.empty((2, plane.size))  # those that the factors are of
+        self._at_weights, self._at_kept, self._at_work, self._at_eta = map(self._kernel.known, given)
+        self._mass, self._solve = mass, [mass.compiled[name] for name in ("solve_mass", "mass")]
+        self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
         self.update()
 
     def update(self) -> None:
@@ -69,16 +73,25 @@ class KinkSmoothing:
         self._kernel.call.kinks_of(self._kinks, values.size, at(np.ascontiguousarray(values)), at(found))
         return found
 
-    def taken(self, values: Vector, start: Vector) -> Vector:
-        """Return v - v' = (M_J + N)^-1 N v, shape (dofs,); it needs no start value."""
-        found, at = np.empty_like(values), self._kernel.pointer
-        given = at(np.ascontiguousarray(values))
-        self._kernel.call.taken_by_kinks(self._kinks, self._factors, given, at(found), self._at_work)
+    def momentum(self, p: Vector) -> Vector:
+        """Return psi' of surface potentials, shape (dofs,)."""
+        found, at = np.empty_like(p), self._kernel.doubles
+        self._kernel.call.smooth(self._kinks, self._factors, at(np.ascontiguousarray(p)), at(found), self._at_work)
         return found
 
-    def moved(self, values: Vector, taken: Vector) -> Vector:
-        """Return N v' of what is taken of v, shape (dofs,); its sum is 0 however well that is known."""
-        return self.apply(values - taken)
+    def forget(self) -> None:
+        """Do nothing: what it takes it needs no start values for."""
+
+    def coordinate(self, q: Vector, still: Vector | float) -> Vector:
+        """Return Q - N eta' of masses over still water's columns [m], shape (dofs,)."""
+        self._mass.make_ready()
+        if still is not self._still:
+            self._still, column = still, np.broadcast_to(still, q.shape).astype(np.float64)
+            self._at_still = self._kernel.pointer(column)
+        found, at = np.empty_like(q), self._kernel.doubles
+        into = self._at_still, at(np.ascontiguousarray(q)), at(found), self._at_eta, self._at_work
+        self._kernel.call.smooth_masses(self._kinks, self._factors, *self._solve, *into)
+        return found
 
 
 def _at_facets(plane: Plane) -> tuple[NDArray[np.int32], Vector]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.fe.mass import FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
 from wavetank.stateful import Held
+from wavetank.water.walls.contract import Columns
 from wavetank.water.waves import NonlinearWaves
 
 
@@ -23,11 +24,57 @@ class Smoother(Protocol):
     def apply(self, values: Vector) -> Vector:
         """Return N v."""
 
+    def coordinate(self, q: Vector, still: Vector | float) -> Vector:
+        """Return Q - N eta' of column masses, over columns of still water [m]."""
+
+    def momentum(self, p: Vector) -> Vector:
+        """Return psi'."""
+
+    def forget(self) -> None:
+        """Begin with another state."""
+
+
+class Solved(Protocol):
+    """N, and what (M_J + N)^-1 finds; values are owned, shape (owned,), and all of it is collective."""
+
+    def update(self) -> None:
+        """Take over M_J and N as they are."""
+
+    def apply(self, values: Vector) -> Vector:
+        """Return N v."""
+
     def taken(self, values: Vector, start: Vector) -> Vector:
         """Return v - v', found from a start value."""
 
     def moved(self, values: Vector, taken: Vector) -> Vector:
         """Return N v' of what is taken of v; its sum is 0 to round-off."""
+
+
+class OneByOne:
+    """A smoother that finds what it takes of each field of a state by itself.
+
+    The points of a state are close to each other: from what it takes of one it finds what it takes of the next.
+    """
+
+    def __init__(self, solved: Solved, columns: Columns):
+        self._solved, self._columns = solved, columns
+        self._last = dict[str, Vector]()  # what has been taken of a state's points, until all are smoothed
+        self.update, self.apply, self.forget = solved.update, solved.apply, self._last.clear
+
+    def _taken(self, of: str, v: Vector) -> Vector:
+        """Return what smoothing takes of v, (M_J + N)^-1 N v; collective."""
+        start = self._last.get(of, np.zeros_like(v))
+        self._last[of] = taken = self._solved.taken(v, start)
+        return taken
+
+    def coordinate(self, q: Vector, still: Vector | float) -> Vector:
+        """See ``Smoother``."""
+        eta = self._columns.solve(q) - still
+        return q - self._solved.moved(eta, self._taken("eta", eta))
+
+    def momentum(self, p: Vector) -> Vector:
+        """See ``Smoother``."""
+        return p - self._taken("psi", p)
 
 
 class Smoothing:
@@ -58,7 +105,6 @@ class Smoothing:
     def __init__(self, waves: NonlinearWaves, form: Callable[[Any, Any], ufl.Form], *, by_wall: bool = False):
         self._waves, self._of, self._by_wall = waves, form, by_wall
         self.energy_taken = 0.0
-        self._last = dict[str, Vector]()  # what has been taken of a state's points, until all are smoothed
 
     @cached_property
     def _smoother(self) -> Smoother:
@@ -71,8 +117,8 @@ class Smoothing:
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
             changing = self._carried() if self._by_wall and self._waves.wall.moves else None
             whole = FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v), changing=changing)
-            return FactoredSmoothing(whole, mass)
-        return RaisedSmoothing(mass, HorizontalMatrix(plane, self._of), plane)
+            return OneByOne(FactoredSmoothing(whole, mass), self._waves.columns)
+        return OneByOne(RaisedSmoothing(mass, HorizontalMatrix(plane, self._of), plane), self._waves.columns)
 
     def _carried(self) -> NDArray[np.int32]:
         """Return the cells that the wall carries, on one rank."""
@@ -83,28 +129,18 @@ class Smoothing:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
         self._smoother.update()
 
-    def _taken(self, of: str, v: Vector) -> Vector:
-        """Return what smoothing takes of v, (M_J + N)^-1 N v; collective.
-
-        The points of a state are close to each other: from what it takes of one it finds what it takes of the next.
-        """
-        start = self._last.get(of, np.zeros_like(v))
-        self._last[of] = taken = self._smoother.taken(v, start)
-        return taken
-
     def coordinate(self, q: Vector) -> Vector:
         """Return Q - N eta': its sum, the mass, is that of Q; collective."""
-        eta = self._waves.columns.solve(q) - self._waves.bed.still
-        return q - self._smoother.moved(eta, self._taken("eta", eta))
+        return self._smoother.coordinate(q, self._waves.bed.still)
 
     def momentum(self, p: Vector) -> Vector:
         """Return psi'; collective."""
-        return p - self._taken("psi", p)
+        return self._smoother.momentum(p)
 
     def account(self, taken: float, *, of: float) -> None:
         """Add what has been taken."""
         self.energy_taken += taken
-        self._last.clear()
+        self._smoother.forget()
 
     def held(self) -> Held:
         """Return what has been taken."""
