@@ -61,9 +61,8 @@ def test_a_sweep_is_parsed_and_short_names_are_keys_of_the_case():
         (["dt=0.02,0.020"], [], "are the same run"),
         (["dt=0.02", "numerics.dt=0.03"], [], "numerics.dt received twice"),
         (["n=4,6"], ["numerics.vertical_order=5"], "numerics.vertical_order received twice"),
-        (["n=4,40", "dt=0.01,0.02"], [], "2 of 4 runs of the study would be refused, first n=40,dt=0.01: "),
-        (["n=4,40"], [], "overridden: numerics.vertical_order = 40: must be less than or equal to 16"),
-        (["integrator=third-order,euler"], [], 'numerics.integrator = "euler"'),
+        (["n=40,50"], [], "overridden: numerics.vertical_order = 40: must be less than or equal to 16"),
+        (["integrator=euler"], [], 'numerics.integrator = "euler"'),
         (["nn=4,6"], [], "nn = 4: is an unknown key"),
         (["mode=1,2"], [], "overridden: mode = 1: is an unknown key; the whole key is initial.mode."),
     ],
@@ -475,6 +474,17 @@ def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
     with pytest.raises(RecordError, match=r"study\.csv: cannot be written \(full\)"):
         write_table(path, [], [])
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["study.csv"]
+
+
+def test_values_that_are_refused_are_rows_as_runs_that_break_down_are(tmp_path, monkeypatch):
+    """In their places; the others are run."""
+    monkeypatch.setattr(Runner, "run", lambda _, found: ((one, Outcome("failed", "it broke")) for one in found))
+    with pytest.raises(RunError, match=r"nothing could be measured: .*must be greater than or equal to .*; it broke$"):
+        run_study(tmp_path, ["dt=1e-9,0.01"], reference="fine")
+    with (tmp_path / "study.csv").open() as file:
+        rows = [(row["dt [s]"], row["status"], row["cause"]) for row in csv.DictReader(file)]
+    assert [row[:2] for row in rows] == [("1e-9", "refused"), ("0.01", "failed")]
+    assert "numerics.dt = 1e-09: must be" in rows[0][2] and rows[1][2] == "it broke"
 
 
 def test_a_study_without_a_finished_run_still_has_its_table(tmp_path, monkeypatch):

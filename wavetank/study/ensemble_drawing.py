@@ -25,7 +25,7 @@ def draw_ensembles(
     along = next((axis for axis in axes if not axis.seeds and axis.physical), None)
     label = "run [-]"
     if along:
-        label = f"{along.name} [{unit(rows[0].combination.scene, along.key) or '-'}]" if numeric(along) else along.name
+        label = f"{along.name} [{unit(rows[0].scene, along.key) or '-'}]" if numeric(along) else along.name
     names = list(dict.fromkeys(one.response for one in found))
     with picture(path, *panels_of(names)[1]) as figure:
         panels = figure.subplots(*panels_of(names)[0], squeeze=False).flat

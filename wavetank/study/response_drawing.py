@@ -57,7 +57,7 @@ def panels_of(names: Sequence[str]) -> tuple[tuple[int, int], tuple[float, float
 
 
 def _label(rows: Sequence[Row], axis: Axis) -> str:
-    one = f" [{unit(rows[0].combination.scene, axis.key) or '-'}]" if numeric(axis) else ""
+    one = f" [{unit(rows[0].scene, axis.key) or '-'}]" if numeric(axis) else ""
     return f"{axis.name}{one}"
 
 

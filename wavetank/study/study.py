@@ -21,7 +21,7 @@ from wavetank.study.refinement import finest, refined, same_but_numerics
 from wavetank.study.response_drawing import draw_responses
 from wavetank.study.responses import Response, responded, responses, usual_responses
 from wavetank.study.runs import Outcome, Runner, cores
-from wavetank.study.sweep import Axis, Combination, combinations, marked_combination, parse_axes
+from wavetank.study.sweep import Axis, Combination, marked_combination, parse_axes, swept
 from wavetank.study.table import CPU, Row, costs, study_table, write_table
 
 TABLE, PICTURE, ENSEMBLES = "study.csv", "study.png", "ensemble.csv"
@@ -61,7 +61,7 @@ class Study:
     yes
         Whether runs that need days, or more memory than there is, are run, too.
 
-    Raises ``InputError`` for anything that cannot be run or judged.
+    Raises ``InputError`` where nothing can be run or judged. What is refused of some values alone is a row.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Study:
     ):
         self._case, self._out, self._console = case, out, console
         self._axes = parse_axes(sweeps, overrides)
-        self._swept = combinations(case, self._axes, overrides)
+        self._swept, self._refused = swept(case, self._axes, overrides)
         self._marked = [marked_combination(case, marked, overrides)] if marked else []
         self._groups = same_but_numerics(self._all)
         self._physical = any(axis.physical for axis in self._axes)
@@ -110,6 +110,8 @@ class Study:
 
         Raises ``RunError`` if interrupted, and, once the table is written, if no error could be measured.
         """
+        for one in self._refused:
+            self._console.print(f"{one.name}: refused: {one.cause}", markup=False, highlight=False)
         outcomes = self._run(self._all, "runs")
         references = self._references or self._refined(outcomes)
         rows = [
@@ -117,10 +119,15 @@ class Study:
             for group, reference in zip(self._groups, references, strict=True)
             for one in group
         ]
-        order = [one.name for one in self._all]
-        rows.sort(key=lambda row: order.index(row.combination.name))
+        rows += [Row(one, Outcome("refused", one.cause)) for one in self._refused]
+        rows.sort(key=self._place)
         self._write(rows)
         return rows
+
+    def _place(self, row: Row) -> tuple[bool, list[int]]:
+        """Return where a row stands: as its values were given, marked ones last."""
+        values = row.combination.values
+        return bool(row.mark), [] if row.mark else [axis.values.index(values[axis.name]) for axis in self._axes]
 
     def _run(self, combinations: Sequence[Combination], what: str) -> Outcomes:
         """Run combinations and say how each has ended."""
@@ -192,17 +199,18 @@ class Study:
         if not any(responded([row.found]) for row in rows):
             causes = "; ".join([*dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause), *self._untold])
             raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")
+        rows = [row for row in rows if isinstance(row.combination, Combination)]
         if any(axis.seeds for axis in self._axes) and (found := ensembles(rows, self._axes)):
             self._write_ensembles(rows, found, wide)
             return
-        draw, title = draw_responses if self._physical else draw_study, rows[0].combination.scene.title
+        draw, title = draw_responses if self._physical else draw_study, rows[0].scene.title
         self._console.print(f"wrote {draw(rows, self._axes, self._out / PICTURE, title=title)}", highlight=False)
 
     def _write_ensembles(self, rows: Sequence[Row], found: Sequence[Ensemble], wide: Console) -> None:
         write_ensembles(self._out / ENSEMBLES, found)
         wide.print(ensemble_table(found))
         self._console.print(f"wrote {self._out / ENSEMBLES}", highlight=False)
-        title = rows[0].combination.scene.title
+        title = rows[0].scene.title
         drawn = draw_ensembles(rows, found, self._axes, self._out / PICTURE, title=title)
         self._console.print(f"wrote {drawn}", highlight=False)
 

@@ -92,6 +92,15 @@ class Combination:
     scene: Scene
 
 
+@dataclass(frozen=True)
+class Refused:
+    """A combination that cannot be run, and why; see ``Combination``."""
+
+    name: str
+    values: dict[str, str]
+    cause: str
+
+
 def unit(scene: Scene, key: str) -> str:
     """Return the unit of a dotted key as its description tells it, e.g. ``"m"``; "" where it tells none."""
     *path, last = key.split(".")
@@ -142,26 +151,36 @@ def parse_axes(texts: Sequence[str], overrides: Sequence[str] = ()) -> list[Axis
 
 
 def combinations(case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()) -> list[Combination]:
-    """Return every combination, the last axis varying fastest, each validated.
+    """Return every combination that can be run; see ``swept``."""
+    return swept(case, axes, overrides)[0]
 
-    Raises ``InputError`` for a case that cannot be used, of those that cannot be only with some values for the first of
-    these, and for two combinations that are the same run.
+
+def swept(case: Path, axes: Sequence[Axis], overrides: Sequence[str] = ()) -> tuple[list[Combination], list[Refused]]:
+    """Return every combination, the last axis varying fastest, and those that are refused.
+
+    Raises ``InputError`` where all are, and for two combinations that are the same run.
     """
-    found, refused = list[Combination](), dict[str, InputError]()
+    found, refused = list[Combination](), list[Refused]()
     for values in _product(axes):
+        settings = dict(zip(axes, values, strict=True))
         try:
-            found.append(combination(case, dict(zip(axes, values, strict=True)), overrides))
+            found.append(combination(case, settings, overrides))
         except InputError as error:
-            refused[",".join(f"{axis.name}={value}" for axis, value in zip(axes, values, strict=True))] = error
-    if refused:
-        name, why = next(iter(refused.items()))
-        runs = f"{len(refused)} of {len(refused) + len(found)} runs of the study would be refused"
-        raise InputError(f"{runs}, first {name}: {why}") if found else why
+            named = {axis.name: value for axis, value in settings.items()}
+            refused.append(Refused(_named(named), named, "; ".join(str(error).splitlines())))
+            if len(refused) == 1:
+                first = error
+    if not found:
+        raise first
     for n, one in enumerate(found):
         same = next((other for other in found[:n] if other.scene == one.scene), None)
         if same:
             raise InputError(f"the combinations {same.name} and {one.name} are the same run; values must be different.")
-    return found
+    return found, refused
+
+
+def _named(values: dict[str, str]) -> str:
+    return quote(",".join(f"{key}={value}" for key, value in values.items()), safe=READABLE)
 
 
 def _product(axes: Sequence[Axis]) -> Iterator[tuple[str, ...]]:
@@ -172,8 +191,7 @@ def combination(case: Path, values: dict[Axis, str], overrides: Sequence[str] = 
     """Return one combination, validated; raises ``InputError``."""
     changes = (*overrides, *(f"{axis.key}={value}" for axis, value in values.items()))
     named = {axis.name: value for axis, value in values.items()}
-    name = quote(",".join(f"{key}={value}" for key, value in named.items()), safe=READABLE)
-    return Combination(name, named, changes, read_case(case, changes))
+    return Combination(_named(named), named, changes, read_case(case, changes))
 
 
 def marked_combination(case: Path, settings: Sequence[str], overrides: Sequence[str] = ()) -> Combination:

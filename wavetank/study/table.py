@@ -11,12 +11,13 @@ from typing import Any
 from rich.box import SIMPLE
 from rich.table import Table
 
+from wavetank.case import Scene
 from wavetank.errors import RecordError
 from wavetank.records.whole import replace
 from wavetank.study.measures import Errors
 from wavetank.study.responses import Responses
 from wavetank.study.runs import Outcome
-from wavetank.study.sweep import Axis, Combination
+from wavetank.study.sweep import Axis, Combination, Refused
 
 CPU = "CPU [s]"
 COSTS = {  # column: where in the manifest; CPU and wall time are those of stepping
@@ -37,6 +38,8 @@ class Row:
 
     Attributes
     ----------
+    combination
+        One that was run, or refused before.
     errors, costs
         By column name; empty if the run is not finished, errors also if its reference is not.
     mark
@@ -45,12 +48,18 @@ class Row:
         By name, those that the run does not tell not a number; of studies over what is modelled.
     """
 
-    combination: Combination
+    combination: Combination | Refused
     outcome: Outcome
     errors: Errors = field(default_factory=dict)
     costs: dict[str, float] = field(default_factory=dict)
     mark: str = ""
     responses: Responses = field(default_factory=dict)
+
+    @property
+    def scene(self) -> Scene:
+        """What was run; only of what could be."""
+        assert isinstance(self.combination, Combination)
+        return self.combination.scene
 
     @property
     def found(self) -> dict[str, float]:
