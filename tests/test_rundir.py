@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavetank.errors import InputError, RunError
-from wavetank.records.csv_lines import csv_lines
 from wavetank.records.directory import RunDirectory
 from wavetank.records.environment import environment
+from wavetank.records.growing import csv_lines
 from wavetank.records.place import Place
 from wavetank.records.writer import RunWriter
 
@@ -97,7 +97,7 @@ def test_of_any_number_as_many_digits_are_written_as_reading_it_back_needs(row):
     def digits(text):
         return text.lower().partition("e")[0].replace(".", "").strip("-0")
 
-    *cells, empty = csv_lines(np.array([[*row, np.nan]])).decode().removesuffix("\n").split(",")
+    *cells, empty = csv_lines([[*row, None]]).decode().removesuffix("\n").split(",")
     assert [np.float64(cell).tobytes() for cell in cells] == [np.float64(value).tobytes() for value in row]
     assert [*map(digits, cells)] == [digits(repr(value)) for value in row] and not empty
 

@@ -14,9 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import RecordError, RunError
-from wavetank.records.csv_lines import csv_lines
 from wavetank.records.whole import replace
 from wavetank.stateful import Held
+
+
+def table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
+    """Return a whole CSV table of columns by their names."""
+    return _csv_line(columns) + csv_lines(np.array([*columns.values()], dtype=np.float64).T)
+
 
 Rows = NDArray[np.float64] | Sequence[Sequence[float | None]]
 INDEX = ".xdmf"  # of a file that has one
@@ -28,9 +33,15 @@ def _csv_line(cells: Iterable[str]) -> bytes:
     return line.getvalue().encode()
 
 
-def table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
-    """Return a whole CSV table of columns by their names."""
-    return _csv_line(columns) + csv_lines(np.array([*columns.values()], dtype=np.float64).T)
+def csv_lines(rows: Rows) -> bytes:
+    """Return lines of numbers, each with as many digits as reading it back exactly needs, and nothing at None.
+
+    Seven times as fast as by ``repr``.
+    """
+    from pydantic_core import to_json  # which whoever only reads records has no need of
+
+    text = to_json(rows.tolist()) if isinstance(rows, np.ndarray) else to_json(rows).replace(b"null", b"")
+    return text.replace(b"],[", b"\n")[2:-2] + b"\n" if len(rows) else b""
 
 
 def _identity(file: os.stat_result) -> tuple[int, int]:
@@ -198,10 +209,11 @@ class TableWriter(GrowingFile):
         values = np.asarray(rows, dtype=np.float64)  # nan at None
         if np.isfinite(values).all():
             return as_many_as_fit(self._write_rows, values)
-        for n, row in enumerate(rows):
-            self._check(np.array([value for value in row if value is not None], dtype=np.float64))
-            self._write_rows(values[n : n + 1])
+        for row in rows:
+            given = [None if value is None else float(value) for value in row]
+            self._check(np.array([value for value in given if value is not None]))
+            self._write_rows([given])
 
-    def _write_rows(self, values: NDArray[np.float64]) -> None:
-        self.write(csv_lines(values))
-        self._rows += len(values)
+    def _write_rows(self, rows: Rows) -> None:
+        self.write(csv_lines(rows))
+        self._rows += len(rows)
