@@ -39,6 +39,12 @@ def span(tank: AnyTank) -> tuple[float, float]:
     return low, low + tank.layout.width
 
 
+def _looked_at(scene: Surroundings) -> int:
+    """Return at how many places of the paddle its motion is summed up."""
+    places = scene.wall.places(scene.tank)
+    return PLACES if places is None else places.size
+
+
 class ObliqueWaveMotion(Noun):
     """A regular wave that leaves the paddle at an angle; side walls reflect it."""
 
@@ -93,8 +99,7 @@ class _FanOfWaves(FocusingWaves):
 
     def _places(self, scene: Surroundings) -> int:
         """Return at how many places of the paddle its motion is summed up."""
-        places = scene.wall.places(scene.tank)
-        return PLACES if places is None else places.size
+        return _looked_at(scene)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any focusing waves, a focus beside the paddle, and too many waves to sum up."""
@@ -206,8 +211,7 @@ class DirectionalIrregularMotion(SpectralWaves):
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any waves of a spectrum, and too many to sum up."""
-        places = scene.wall.places(scene.tank)
-        terms = self.components * (PLACES if places is None else places.size)
+        terms = self.components * _looked_at(scene)
         if terms > TERMS:
             allowed = f"must be fewer: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
             yield Problem((*KEY, "components"), self.components, allowed)
@@ -243,8 +247,7 @@ class _SentWaves(Noun):
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield too many waves to sum up."""
-        places = scene.wall.places(scene.tank)
-        terms = self.plane_waves(scene.tank).omega.size * (PLACES if places is None else places.size)
+        terms = self.plane_waves(scene.tank).omega.size * _looked_at(scene)
         if terms > TERMS:
             allowed = f"must have fewer waves: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
             yield Problem((*KEY, "file"), None, allowed)
@@ -332,11 +335,6 @@ class SegmentedWall(MovingWall):
             return
         yield from () if self.reads_file else self.motion_problems(scene)
 
-    @property
-    def reads_file(self) -> bool:
-        """Whether what fits its motion is known only when a file has been read."""
-        return self.motion.reads_file
-
     def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield segments too wide for the waves, and what is wrong with the motion."""
         widest = self.motion.widest_segment(scene.tank)
@@ -346,7 +344,7 @@ class SegmentedWall(MovingWall):
                 "make spurious waves in other directions"
             )
             yield Problem(("wall", "segment"), self.segment, allowed)
-        yield from self.motion.problems(scene)
+        yield from super().motion_problems(scene)
 
 
 class SegmentedPistonWall(SegmentedWall):

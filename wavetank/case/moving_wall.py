@@ -1,7 +1,7 @@
 """What walls that move have in common: the reach of their mapping, and a shape."""
 
 from collections.abc import Iterator
-from typing import ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -39,6 +39,9 @@ class Limits(Noun):
 
 class MovingWall(Noun):
     """A wall that moves, vertical or of another shape."""
+
+    if TYPE_CHECKING:
+        motion: Any  # a noun, of other types at other walls
 
     moves: ClassVar[bool] = True
     reach: Length | None = Field(
@@ -78,7 +81,7 @@ class MovingWall(Noun):
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
-        return float(getattr(getattr(self, "motion", None), "paddle_amplitude", 0.0))
+        return float(getattr(self.motion, "paddle_amplitude", 0.0))
 
     def reach_in(self, tank: AnyTank, room: float) -> float:
         """Return the reach [m], default resolved in the room [m] that there is."""
@@ -94,7 +97,7 @@ class MovingWall(Noun):
 
     def reach_problems(self, tank: AnyTank, room: float, excursion: float) -> Iterator[Problem]:
         """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
-        motion, reach = getattr(self, "motion", None), self.reach_in(tank, room)
+        motion, reach = self.motion, self.reach_in(tank, room)
         farthest = self.farther(tank) * max(excursion, self.amplitude(tank))
         needed = STEEPEST * farthest
         if needed < reach:
@@ -112,11 +115,11 @@ class MovingWall(Noun):
     @property
     def reads_file(self) -> bool:
         """Whether what fits its motion is known only when a file has been read."""
-        return False
+        return bool(self.motion.reads_file)
 
     def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield what is wrong with the motion; asked when a motion that reads a file is built, of others before."""
-        yield from ()
+        yield from self.motion.problems(scene)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a reach beyond the tank."""

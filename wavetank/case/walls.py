@@ -78,15 +78,6 @@ class PaddleWall(MovingWall):
                 yield Problem(("wall", "motion", "type"), self.motion.type, allowed)
         yield from () if self.reads_file else self.motion_problems(scene)
 
-    @property
-    def reads_file(self) -> bool:
-        """Whether what fits its motion is known only when a file has been read."""
-        return self.motion.reads_file
-
-    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield what is wrong with the motion."""
-        yield from self.motion.problems(scene)
-
 
 class PistonWall(PaddleWall):
     """A vertical wall that moves as a whole."""
