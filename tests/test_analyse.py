@@ -96,7 +96,7 @@ def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
     assert {row["gauge"] for row in rows_of(run, "spectrum")} == {"1", "2"}
 
 
-def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states(tmp_path):
+def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states():
     """Oracle: its table of case A [mm], least squares of its own over eleven periods from 20 s."""
     try:
         data.find("beji_battjes_1994", "a02.dat")

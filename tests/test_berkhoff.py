@@ -121,7 +121,7 @@ def test_waves_bend_towards_the_shallow_side(measured):
     assert peaks == [-0.25, -0.5, -0.5]
 
 
-def test_a_file_of_another_name_at_its_source_is_downloaded(tmp_path, monkeypatch):
+def test_a_file_of_another_name_at_its_source_is_downloaded(tmp_path):
     (tmp_path / "there").mkdir()
     (tmp_path / "there" / "section1.dat").write_text("0 1\n")
     handler = functools.partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))

@@ -40,7 +40,7 @@ CASES = [CHECKOUT / "cases" / f"{name}.toml" for name in ("focusing", "berkhoff-
 
 # ---------------------------------------------------------------- TOML
 @pytest.mark.parametrize("path", CASES, ids=[path.stem for path in CASES])
-def test_a_case_that_is_written_is_read_as_the_same(path, tmp_path):
+def test_a_case_that_is_written_is_read_as_the_same(path):
     """Oracle: tomllib."""
     scene = Scene.model_validate(tomllib.loads(path.read_text()), context={"folder": path.parent})
     said = scene.model_dump(mode="json", exclude_unset=True, exclude_none=True)

@@ -91,7 +91,7 @@ def test_two_at_once_and_a_later_one_compile_once(code, world, tmp_path):
     assert compilations(tmp_path) == 1
 
 
-def test_who_waits_for_another_s_compiler_says_so(world, tmp_path, monkeypatch):
+def test_who_waits_for_another_s_compiler_says_so(world, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", world["XDG_CACHE_HOME"])
     wanted = 'compiled(MPI.COMM_SELF, "code", build=None)'
     code = f"from mpi4py import MPI; from wavetank.fe.compiled import compiled; print({wanted})"

@@ -142,7 +142,8 @@ def test_the_surface_goes_on_between_snapshots(tmp_path, triangles):
 
 def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
     def told(ranks):
-        surface = BasinSurface(record(tmp_path / str(ranks), paddle=swinging, depth=shoal, kept=around, ranks=ranks))
+        parts = {"paddle": swinging, "depth": shoal, "kept": around, "times": TIMES[:12]}
+        surface = BasinSurface(record(tmp_path / str(ranks), ranks=ranks, **parts))
         came_to = history(surface)
         place = surface.first[:, :2].round(9)
         order = np.lexsort(place.T)
@@ -159,7 +160,7 @@ def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
 
 
 def test_the_rim_is_the_walls_then_the_islands(tmp_path):
-    outer, island = BasinSurface(record(tmp_path / "run", kept=around)).loops
+    outer, island = BasinSurface(record(tmp_path / "run", kept=around, times=TIMES[:1])).loops
     assert len(outer) == 2 * (48 + 24) and len(island) == 4 * 6
 
 
@@ -168,13 +169,13 @@ def test_the_paddle_is_the_wall_that_moves_across_its_plane(tmp_path):
     line = surface.first[surface.paddle(history(surface).travel)]
     assert line[:, 1] == pytest.approx(np.linspace(0.0, WIDTH, 25))
     assert np.all(np.abs(line[:, 0]) < 1e-9)
-    still = BasinSurface(record(tmp_path / "still"))
+    still = BasinSurface(record(tmp_path / "still", times=TIMES[:2]))
     assert not still.paddle(history(still).travel).size
 
 
 def test_a_far_wall_that_moves_is_another_paddle(tmp_path):
-    both = BasinView(record(tmp_path / "both", paddle=swinging, far=swinging))
-    near = BasinView(record(tmp_path / "near", paddle=swinging)).at(PERIOD / 4).paddle
+    both = BasinView(record(tmp_path / "both", paddle=swinging, far=swinging, times=TIMES[:8]))
+    near = BasinView(record(tmp_path / "near", paddle=swinging, times=TIMES[:8])).at(PERIOD / 4).paddle
     sight = both.at(PERIOD / 4)
     low, high = sorted((swinging(0.0, PERIOD / 4), swinging(WIDTH, PERIOD / 4)))
     assert sight.paddle.n_points == 2 * near.n_points
@@ -197,7 +198,7 @@ def test_crests_between_snapshots_are_found():
 
 # ---------------------------------------------------------------- what is seen
 def test_the_water_reaches_from_the_bed_to_the_surface_with_the_crest_where_it_is(tmp_path):
-    tank = BasinView(record(tmp_path / "run", depth=shoal, kept=around))
+    tank = BasinView(record(tmp_path / "run", depth=shoal, kept=around, times=TIMES[:13]))
     sight = tank.at(PERIOD / 2)
     assert sight.surface[ELEVATION] == pytest.approx(100 * sight.surface.points[:, 2], abs=1e-5)
     x, _, z = sight.surface.points.T
@@ -222,7 +223,7 @@ def test_the_paddle_stands_at_its_moving_place_over_the_bed(tmp_path):
         assert sight.paddle.bounds[4] == pytest.approx(-DEPTH) and sight.paddle.bounds[5] > HEIGHT_OF_WAVES / 2
         assert sight.surface.bounds[0] == pytest.approx(low, abs=1e-6)
         assert bed.bounds[0] <= sight.paddle.bounds[0] + 1e-6
-    assert BasinView(record(tmp_path / "still")).at(0.5).paddle is None
+    assert BasinView(record(tmp_path / "still", times=TIMES[:2])).at(0.0).paddle is None
 
 
 def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
@@ -236,8 +237,8 @@ def test_a_shoal_is_told_by_lines_of_its_depth_on_the_surface(tmp_path):
     assert np.abs(depths[:, None] - levels).min(axis=1).max() < 0.005
     assert z == pytest.approx(travelling(x, y, 0.3), abs=0.05 * HEIGHT_OF_WAVES)
     assert np.all(z > travelling(x, y, 0.3) - 0.04 * HEIGHT_OF_WAVES)
-    even = BasinView(record(tmp_path / "even"))
-    assert even.at(0.3).contours is None and not even.note
+    even = BasinView(record(tmp_path / "even", times=TIMES[:2]))
+    assert even.at(0.0).contours is None and not even.note
 
 
 def test_walls_leave_the_paddle_out_and_an_island_stands_above_the_crests(tmp_path):
@@ -246,14 +247,14 @@ def test_walls_leave_the_paddle_out_and_an_island_stands_above_the_crests(tmp_pa
     assert parts["walls"].n_cells == 2 * 48 + 24  # both sides and the far end
     assert parts["island 0"].bounds[:5] == pytest.approx((4.0, 5.0, 1.0, 2.0, -DEPTH))
     assert parts["island 0"].bounds[5] > HEIGHT_OF_WAVES / 2
-    assert "walls" in {part.name for part in BasinView(record(tmp_path / "still")).parts()}
+    assert "walls" in {part.name for part in BasinView(record(tmp_path / "still", times=TIMES[:2])).parts()}
 
 
 def test_crest_trough_island_and_paddle_have_their_colours_in_the_picture(tmp_path):
     def humps(x, y, t):
         return HEIGHT_OF_WAVES * (np.exp(-((x - 6.5) ** 2) - (y - 2) ** 2) - np.exp(-((x - 2.5) ** 2) - (y - 2) ** 2))
 
-    run = record(tmp_path / "run", elevation=humps, paddle=swinging, kept=around)
+    run = record(tmp_path / "run", elevation=humps, paddle=swinging, kept=around, times=TIMES[:22])
     picture = view.View(tank := BasinView(run), "", size=(960, 540))
     pixels = picture.pixels(PERIOD)
     crest, trough = (pixel(picture, pixels, place) for place in ((6.5, 2.0, 0.1), (2.5, 2.0, -0.1)))
@@ -330,7 +331,8 @@ def words(run, tmp_path):
 
 
 def test_the_maps_say_what_they_show(tmp_path):
-    text = words(record(tmp_path / "run", depth=shoal, paddle=swinging, damping=lambda x, y: x - 0.0), tmp_path)
+    parts = {"depth": shoal, "paddle": swinging, "damping": lambda x, y: x - 0.0, "times": TIMES[:6]}
+    text = words(record(tmp_path / "run", **parts), tmp_path)
     for word in ("A basin", "at the highest crest, t = ", "the highest elevation reached", "elevation [cm]"):
         assert word in text
     for word in (">x [m]<", ">y [m]<", ">mast<", ">sponge<", ">0.25 m<", ">0.45 m<"):

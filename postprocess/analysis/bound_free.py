@@ -1,7 +1,7 @@
-"""Higher harmonics along a tank: bound to the first, with its speed, or free, with a speed of their own.
+"""The second harmonic along a tank: bound to the first, with its speed, or free, with a speed of its own.
 
-Bound waves of the n-th harmonic have n times the first's wave number, free ones that of their frequency by the
-dispersion relation, so that the sum beats along x; by least squares over gauges they are told apart.
+Bound waves have twice the first's wave number, free ones that of their frequency by the dispersion relation, so that
+the sum beats along x; by least squares over gauges they are told apart.
 """
 
 import numpy as np
@@ -14,30 +14,24 @@ from wavetank.theory.airy import wave_number
 
 
 def bound_and_free(
-    component: DataArray,
-    frequency: float,
-    *,
-    harmonic: int = 2,
-    depth: float,
-    gravity: float = 9.81,
-    returning: bool = False,
+    component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, returning: bool = False
 ) -> Along:
-    """Return the bound and the free wave of a harmonic, and the free one that goes back where that is asked for.
+    """Return the bound and the free wave of the second harmonic, and the free one that goes back where asked for.
 
     ``component`` are complex amplitudes [m] of that harmonic over gauge, as ``harmonics`` returns them, of two gauges
     at least, or three; the frequency [Hz] is the first harmonic's, the depth [m] that of the still water at all gauges,
     gravity in m/s². Amplitudes [m] are those at x = 0, complex. Raises ``InputError`` for too few gauges.
     """
     x, omega = places(component), 2 * np.pi * frequency
-    k, free = wave_number([omega, harmonic * omega], depth, gravity)
-    numbers = [harmonic * k, free, -free] if returning else [harmonic * k, free]
+    k, free = wave_number([omega, 2 * omega], depth, gravity)
+    numbers = [2 * k, free, -free] if returning else [2 * k, free]
     if x.size < len(numbers):
         needed = f"at least {len(numbers)} are needed to tell bound waves from free ones"
         raise InputError(f"{x.size} gauges received; {needed}.")
     return told_apart(component.values, x, numbers)
 
 
-def beat_length(frequency: float, *, harmonic: int = 2, depth: float, gravity: float = 9.81) -> float:
-    """Return the length [m] over which bound and free waves of a harmonic come in and out of phase."""
-    k, free = wave_number([2 * np.pi * frequency, 2 * np.pi * harmonic * frequency], depth, gravity)
-    return float(2 * np.pi / (free - harmonic * k))
+def beat_length(frequency: float, *, depth: float, gravity: float = 9.81) -> float:
+    """Return the length [m] over which bound and free waves of the second harmonic come in and out of phase."""
+    k, free = wave_number([2 * np.pi * frequency, 4 * np.pi * frequency], depth, gravity)
+    return float(2 * np.pi / (free - 2 * k))
