@@ -28,8 +28,7 @@ print(ScalarForm(fem.Constant(line, 1.0) * ufl.dx, MPI.COMM_WORLD).assemble())
 KERNEL = """
 from mpi4py import MPI
 from wavetank.fe.kernels import Kernel
-code = "double one(void) { return 1.0; }"
-kernel = Kernel("one", "double one(void);", key=code, source=lambda: code, comm=MPI.COMM_WORLD)
+kernel = Kernel("one", "double one(void);", key="double one(void) { return 1.0; }", comm=MPI.COMM_WORLD)
 print(kernel.call.one())
 """
 KINDS = [pytest.param(FORM, id="form", marks=pytest.mark.slow), pytest.param(KERNEL, id="kernel")]  # kept alike
@@ -185,7 +184,7 @@ def unkept(cache: str) -> list[str]:
                 if last:
                     there.setattr(module, name, fails)
                 with pytest.raises(WavetankError) as error:
-                    kernels.Kernel("two", "double two(void);", key=code, source=lambda: code, comm=comm)
+                    kernels.Kernel("two", "double two(void);", key=code, comm=comm)
             said.append(str(error.value))
     return said
 

@@ -121,7 +121,7 @@ def energies(integrator: Integrator[Any], *, q: float, p: float, steps: int, per
     """Return the mean energy over each period of the orbit through (q, p), shape (periods,)."""
     state = rows(integrator.start(np.array([q]), np.array([p])))
     found, code = np.empty(periods), source(integrator)
-    orbit = Kernel("orbit", DECLARATION, key=code, source=lambda: code, comm=MPI.COMM_SELF, flags=FLAGS)
+    orbit = Kernel("orbit", DECLARATION, key=code, comm=MPI.COMM_SELF, flags=FLAGS)
     dt = NonSeparable().period(q, p) / steps
     orbit.call.run(periods, steps, dt, orbit.pointer(state), orbit.pointer(found))
     return found

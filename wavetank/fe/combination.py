@@ -70,7 +70,7 @@ class Combination:
     ):
         self._comm, self._shape = comm, shape
         code = POINTS + source("nearest.c") + source("combination.c")
-        self._kernel = Kernel("combination", DECLARATIONS, key=code, source=lambda: code, comm=comm)
+        self._kernel = Kernel("combination", DECLARATIONS, key=code, comm=comm)
         self._points, self._images = np.zeros((2, most, scale.size))  # the newest, and differences to it and before
         self._gram: Vector = np.zeros((most - 1, most - 1))  # of the images' differences
         self._products, self.recorded, self._weight = np.zeros(most), 0, np.nan

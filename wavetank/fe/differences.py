@@ -34,5 +34,4 @@ def _weights(order: int) -> Vector:
 @cache
 def _kernel() -> Kernel:
     """Return what is compiled, the same for all rows."""
-    code = source("differences.c")
-    return Kernel("differences", DECLARATIONS, key=code, source=lambda: code, comm=MPI.COMM_SELF)
+    return Kernel("differences", DECLARATIONS, key=source("differences.c"), comm=MPI.COMM_SELF)

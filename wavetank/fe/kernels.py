@@ -21,9 +21,9 @@ KINDS = {np.dtype(np.int32): "int *", np.dtype(np.float64): "double *", np.dtype
 
 
 @cache
-def source(name: str) -> str:
-    """Return C code that stands beside this file."""
-    return files("wavetank.fe").joinpath(name).read_text(encoding="utf-8")
+def source(name: str, package: str = "wavetank.fe") -> str:
+    """Return C code that stands in a package, by default beside this file."""
+    return files(package).joinpath(name).read_text(encoding="utf-8")
 
 
 def defined(sizes: Mapping[str, object]) -> str:
@@ -41,7 +41,7 @@ class Kernel:
     key
         What tells the code from any other.
     source
-        Returns the code; asked where it is not kept.
+        Returns the code; asked where it is not kept. Default: the key is the code.
     real
         What REAL stands for in declarations; arrays of a struct become that.
     flags
@@ -63,7 +63,7 @@ class Kernel:
         declarations: str,
         *,
         key: str,
-        source: Callable[[], str],
+        source: Callable[[], str] | None = None,
         comm: MPI.Comm,
         real: str = "double",
         flags: Sequence[str] = FLAGS,
@@ -73,7 +73,7 @@ class Kernel:
         def build(folder: Path) -> None:
             builder = cffi.FFI()
             builder.cdef(declarations)
-            builder.set_source(name, source(), extra_compile_args=list(flags))
+            builder.set_source(name, source() if source else key, extra_compile_args=list(flags))
             builder.compile(tmpdir=str(folder))
 
         folder = compiled(comm, f"{name} {declarations} {key} {flags}", build=build)

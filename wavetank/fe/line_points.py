@@ -38,7 +38,7 @@ class LinePoints:
         )
         self._edges = np.append(ends.min(axis=1)[order], ends.max())
         code = defined({"FUNCTIONS": functions}) + source("line_points.c")
-        self._kernel = Kernel("line_points", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
+        self._kernel = Kernel("line_points", DECLARATIONS, key=code, comm=plane.comm)
         self._line = self._kernel.struct(
             "Line",
             {

@@ -47,7 +47,7 @@ class Recall:
     def __init__(self, inputs: int, answers: int, *, owned: int, comm: MPI.Comm, most: int = 8):
         self._comm, self._shapes = comm, ((inputs, owned), (owned, answers))
         code = source("nearest.c") + source("recall.c")
-        self._kernel = Kernel("recall", DECLARATIONS, key=code, source=lambda: code, comm=comm)
+        self._kernel = Kernel("recall", DECLARATIONS, key=code, comm=comm)
         self._input, self._answer = np.zeros(inputs * owned), np.zeros((owned, answers))
         self._ways = np.zeros((most - 1, inputs * owned), dtype=np.float32)  # to start from; answers are exact
         self._steps = np.zeros((most - 1, owned, answers), dtype=np.float32)

@@ -33,7 +33,7 @@ class SurfacePoints:
         sizes = {"REAL": "double", "MOST": self.fields, "FIELDS": self.fields, **cells.sizes}
         code = defined(sizes) + source("cells.c") + source("points.c")
         declarations = DECLARATION + DECLARATIONS
-        self._kernel = Kernel("points", declarations, key=code, source=lambda: code, comm=plane.comm)
+        self._kernel = Kernel("points", declarations, key=code, comm=plane.comm)
         self._cells = self._kernel.struct("Cells", cells.parts)
         self._velocity = np.zeros((cells.parts["batches"], len(cells.points), plane.mesh.geometry.dim, cells.lanes))
         self._at_velocity = self._kernel.pointer(self._velocity)

@@ -17,14 +17,13 @@ call (``carried_waves.c``).
 """
 
 from dataclasses import dataclass
-from importlib.resources import files
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fe.along import AveragedModes
-from wavetank.fe.kernels import Kernel
+from wavetank.fe.kernels import Kernel, source
 from wavetank.fe.mass import BandedMass
 from wavetank.fe.surface_points import SurfacePoints
 from wavetank.hamiltonian.contract import Stage
@@ -45,7 +44,7 @@ double look(const Inverse *, double most, const double *eta, const double *psi, 
             const double *walls);
 void precondition(const Inverse *, double a, int carried, const double *residual, double *found);
 """
-SOURCE = INVERSE + files(__package__).joinpath("carried_waves.c").read_text(encoding="utf-8")
+SOURCE = INVERSE + source("carried_waves.c", __package__)
 
 
 @dataclass(eq=False)
@@ -142,7 +141,7 @@ class CarriedWaves:
         waves, (modes, shares) = self._waves, self._still.solver(weight)
         if not isinstance(waves.mass, BandedMass) or not isinstance(modes, AveragedModes):
             return None
-        kernel = Kernel("carried", DECLARATIONS, key=SOURCE, source=lambda: SOURCE, comm=waves.plane.comm)
+        kernel = Kernel("carried", DECLARATIONS, key=SOURCE, comm=waves.plane.comm)
         fields, dofs = self._points.fields, waves.plane.size
         numbers = {"dofs": dofs, "fields": fields, "gravity": waves.gravity, "of_metre": self._still.of_metre}
         arrays = {"vertical": self._B, "uniform": self._still.uniform, "room": np.empty((fields, dofs))}

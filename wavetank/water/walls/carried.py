@@ -2,13 +2,12 @@
 
 from collections.abc import Sequence
 from functools import cache
-from importlib.resources import files
 
 import numpy as np
 from mpi4py import MPI
 
 from wavetank.arrays import Vector
-from wavetank.fe.kernels import EXACT, FLAGS, Kernel
+from wavetank.fe.kernels import EXACT, FLAGS, Kernel, source
 from wavetank.water.walls.side import Side
 
 CARRIED = """
@@ -61,5 +60,4 @@ def _compiled() -> tuple[Kernel, int]:
 
 
 def _kernel(name: str, declarations: str, flags: Sequence[str]) -> Kernel:
-    code = files(__package__).joinpath(f"{name}.c").read_text(encoding="utf-8")
-    return Kernel(name, declarations, key=code, source=lambda: code, comm=MPI.COMM_SELF, flags=flags)
+    return Kernel(name, declarations, key=source(f"{name}.c", __package__), comm=MPI.COMM_SELF, flags=flags)

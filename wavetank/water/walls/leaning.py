@@ -5,14 +5,12 @@ At 1 m/s, with R = int f dz over the column, and at the paddle's own column the 
     W = - int s psi_X R(h) dX  +  h int f(zeta h - d) (phi - psi) dzeta,     dR/dh = f at the surface.
 """
 
-from importlib.resources import files
-
 import basix
 import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.fe.cell_places import tabulate
-from wavetank.fe.kernels import Kernel, defined
+from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis, gauss_legendre
 from wavetank.water.walls.shape import Polynomial
@@ -32,7 +30,7 @@ void by_potential(const Leaning *, double factor, const double *column, double *
 void by_column(const Leaning *, double factor, const double *column, const double *phi, double *y);
 double whole(const Leaning *, const double *column, const double *phi);
 """
-SOURCE = LEANING + files(__package__).joinpath("leaning.c").read_text(encoding="utf-8")
+SOURCE = LEANING + source("leaning.c", __package__)
 
 
 class LeaningWork(CompiledWork):
@@ -73,7 +71,7 @@ class LeaningWork(CompiledWork):
         k = np.arange(len(c))
         sizes = {"NODES": element.dim, "POINTS": len(points), "LEVELS": len(zeta), "NUMBERS": vertical.n + 1}
         code = defined({**sizes, "DEGREE": shape.degree}) + SOURCE
-        self._kernel = Kernel("leaning", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
+        self._kernel = Kernel("leaning", DECLARATIONS, key=code, comm=plane.comm)
         over_cells = {
             "dofs": dofs,
             "carried": -direction * (travel.share.x.array[dofs] @ values.T) * weights,

@@ -11,7 +11,6 @@ the wall has carried it on.
 """
 
 from dataclasses import replace
-from importlib.resources import files
 from typing import Any, ClassVar, Protocol
 
 import basix
@@ -22,7 +21,7 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.fe.cell_places import tabulate
 from wavetank.fe.forms import ScalarForm, taylor_coefficients
-from wavetank.fe.kernels import Kernel, defined
+from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis
 from wavetank.water.bed import Bed
@@ -30,7 +29,7 @@ from wavetank.water.energy import WaterEnergy
 from wavetank.water.walls.mapping import Shift
 from wavetank.water.walls.travel import Travel
 
-SOURCE = files(__package__).joinpath("power.c").read_text(encoding="utf-8")
+SOURCE = source("power.c", __package__)
 STRIP = """
 typedef struct {
     int cells, nodes, paddle;
@@ -186,7 +185,7 @@ class PowerAlong:
         self._sinking: Any = None
         sizes = {"NODES": element.dim, "GROUPS": len(points) // FOUR, "LEVELS": levels, "NUMBERS": vertical.n + 1}
         code = defined({**sizes, "WIDTH": width}) + STRIP + SOURCE
-        self._kernel = Kernel("power", DECLARATIONS, key=code, source=lambda: code, comm=plane.comm)
+        self._kernel = Kernel("power", DECLARATIONS, key=code, comm=plane.comm)
         parts = {
             "cells": len(cells),
             "nodes": len(dofs),

@@ -4,7 +4,6 @@ As forms they are assembled anew for each potential and column. What a vertical 
 both and goes with its velocity, W = X_p' phi . M h, so M is found once.
 """
 
-from importlib.resources import files
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.kernels import Kernel
+from wavetank.fe.kernels import Kernel, source
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.water.walls.travel import Travel
 
@@ -31,7 +30,7 @@ void by_potential(const Entries *, double factor, const double *column, double *
 void by_column(const Entries *, double factor, const double *column, const double *phi, double *y);
 double between(const Entries *, const double *y, const double *x);
 """
-SOURCE = ENTRIES + files(__package__).joinpath("work.c").read_text(encoding="utf-8")
+SOURCE = ENTRIES + source("work.c", __package__)
 
 
 class Work(Protocol):
@@ -161,7 +160,7 @@ class KeptWork(CompiledWork):
         self._h[:] = column
         of_column, at, entries = map(np.concatenate, zip(*found, strict=True))
         rows, row_of = np.unique(at, return_inverse=True)  # near the paddle; there is nothing in the others
-        self._kernel = Kernel("work", DECLARATIONS, key=SOURCE, source=lambda: SOURCE, comm=h.function_space.mesh.comm)
+        self._kernel = Kernel("work", DECLARATIONS, key=SOURCE, comm=h.function_space.mesh.comm)
         self._M = self._few(rows, row_of, columns[of_column], entries)
         self._M_transposed = self._few(columns, of_column, at, entries)
         super().__init__(self._kernel, self._M, self._M_transposed, phi=phi.rows, h=self._h, travel=travel)
