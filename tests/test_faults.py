@@ -6,7 +6,7 @@ import random
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -22,7 +22,7 @@ from test_stateful import BASIN, SLICE
 
 from wavetank.case import Scene
 from wavetank.errors import BreakdownError, InputError
-from wavetank.observers.contract import Moment, Patient
+from wavetank.observers.contract import Moment, Moments, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.recording import record_run
 from wavetank.records.checkpoint import read_checkpoint
@@ -115,8 +115,8 @@ class Divides:
 class DividesLater(Divides, Patient):
     """The same, of moments that are worked off together."""
 
-    def work_off(self, moments: Sequence[Moment]) -> None:
-        self.observe(moments[0])
+    def work_off(self, moments: Moments) -> None:
+        raise ZeroDivisionError("division by zero")
 
 
 @pytest.mark.parametrize("observer", [Divides, DividesLater])

@@ -464,7 +464,7 @@ def test_a_measured_paddle_s_own_noise_is_no_growth(tmp_path, monkeypatch, integ
     said = {}
     look = getattr(stability, place)
     for known in (look.driven, 0.0):
-        monkeypatch.setattr(stability, place, replace(look, driven=known))
+        monkeypatch.setattr(f"wavetank.runs.build.{place}", replace(look, driven=known))
         run, waves = build_run(driven, MPI.COMM_WORLD)
         said[known] = []
         run.observers += build_watch(driven, run, waves, said[known].append)

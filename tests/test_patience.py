@@ -3,6 +3,7 @@
 import io
 import os
 import signal
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,7 +18,7 @@ from test_stateful import BASIN, FLAP, SLICE, Observed, differing
 from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.errors import BreakdownError, PaddleError, RunError, StoppedError
-from wavetank.fe.differences import largest_differences
+from wavetank.fe.differences import largest_differences, largest_differences_on
 from wavetank.integrators.states import Point
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers import checkpoints
@@ -27,7 +28,7 @@ from wavetank.observers.paddle import PaddleMotion
 from wavetank.observers.passing import Called
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
-from wavetank.observers.stability import StabilityWatch
+from wavetank.observers.stability import IN_ELEVATION, StabilityWatch
 from wavetank.observers.supply import AnsweredWork
 from wavetank.recording import record_run
 from wavetank.records.directory import ENERGY, GAUGES, PADDLE, SURFACE, RunDirectory
@@ -45,7 +46,7 @@ def at_once(parts: dict, moments: int) -> tuple[Observed, list[list[float]], dic
         patched.setattr(running, "MOMENTS", moments)
         one = Observed(Scene.model_validate(parts), MPI.COMM_WORLD)
         settle, kept = one.run.settle, list[int]()
-        patched.setattr(one.run, "settle", lambda: [kept.append(len(one.run._moments)), settle()])
+        patched.setattr(one.run, "settle", lambda: [kept.append(len(one.run._steps)), settle()])
         one.run.execute()
         assert max(kept) == max(moments, 2)  # of which the start is one
         return one.gauges.rows, one.energy.rows, one.run.held()
@@ -81,11 +82,14 @@ def test_so_it_is_on_several_ranks(parts, on_ranks):
     assert found == [[]] * len(found)
 
 
-def looked_at(tank: NonlinearWaves, step: int, t: float, eta: Vector) -> Moment:
-    """Return a moment of an elevation [m] at which the water has been looked at, as a run does when it comes."""
-    moment = Moment(step, t, Point(*tank.state(eta, 0 * eta, t)))
-    moment.look(tank)
-    return moment
+def looked_at(tank: NonlinearWaves, times: Sequence[float], elevation: Callable[[float], Vector]) -> Moments:
+    """Return moments of elevations [m] at which the water has been looked at, as a run does when they come."""
+    steps, sights = np.arange(len(times)), {id(tank): tank.sight(len(times))}
+    for step, t in enumerate(times):
+        tank.set_time(t)
+        eta = elevation(t)
+        Moment(step, t, Point(*tank.state(eta, 0 * eta, t)), sights=sights, row=step).look(tank)
+    return Moments(steps, np.array(times), sights, steps)
 
 
 def test_a_paddle_that_reaches_a_gauge_is_told_of_by_name_at_the_first_moment_and_rows_before_are_kept(make_tank):
@@ -99,19 +103,16 @@ def test_a_paddle_that_reaches_a_gauge_is_told_of_by_name_at_the_first_moment_an
 
     told = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.0, x = 0.2 m: it must stand farther"
     with pytest.raises(PaddleError, match=told):
-        gauges.work_off(Moments([looked_at(tank, 0, t, 0.01 * np.cos(tank.plane.x)) for t in times]))
+        gauges.work_off(looked_at(tank, times, lambda t: 0.01 * np.cos(tank.plane.x)))
     assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
 
 
 def test_gauges_within_a_paddles_reach_and_beyond_read_what_stands_over_them(make_tank):
     """Of a plane surface, at two times together: oracle its height there, though the paddle carries the mesh."""
     tank, rows = make_tank(length=6.0, cells=12, n=2, motion=Sinusoid(0.4, 4.0), reach=3.0), Memory()
-    places, moments = np.array([[0.7, 0.0], [5.0, 0.0], [2.0, 0.0]]), list[Moment]()
+    places = np.array([[0.7, 0.0], [5.0, 0.0], [2.0, 0.0]])
     gauges = Gauges(tank, places, record=rows, schedule=EverySteps())
-    for step, t in enumerate((0.4, 1.3)):
-        tank.set_time(t)
-        moments.append(looked_at(tank, step, t, 0.01 * tank.wall.to_physical(tank.plane.places)[:, 0]))
-    gauges.work_off(Moments(moments))
+    gauges.work_off(looked_at(tank, (0.4, 1.3), lambda t: 0.01 * tank.wall.to_physical(tank.plane.places)[:, 0]))
     assert rows.array()[:, 1:] == pytest.approx(0.01 * np.tile(places[:, 0], (2, 1)), abs=1e-12)
 
 
@@ -123,18 +124,14 @@ def test_a_watch_warns_of_the_same_time_and_place_however_many_moments_it_judges
     """
     motion = Sinusoid(0.2, 4.0)
     tank, said = make_tank(length=2.0, cells=4, n=2, motion=motion, reach=1.0), list[str]()
-    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=said.append)
-    kept = list[Moment]()
-    for step in range(48):
-        height = 0.01 * (1 + (step > 12) * 0.1 * (-1) ** step)
-        kept.append(looked_at(tank, step, 0.02 * step, height * np.exp(-tank.plane.x)))
-        watch.keep(kept[-1])
-        if len(kept) == together:
-            watch.work_off(Moments(kept))
-            kept.clear()
+    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=said.append, look=IN_ELEVATION)
+    heights = [0.01 * (1 + (step > 12) * 0.1 * (-1) ** step) for step in range(48)]
+    moments = looked_at(tank, 0.02 * np.arange(48), lambda t: heights[round(t / 0.02)] * np.exp(-tank.plane.x))
+    for first in range(0, 48, together):
+        watch.work_off(moments.some(np.arange(first, min(48, first + together))))
     assert len(said) == 1 and said[0].startswith(f"t = {watch.since:.6g} s: ") and watch.since == pytest.approx(0.48)
     assert f"most at x = {motion.position(watch.since):.4g} m" in said[0]
-    other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=said.append)
+    other = StabilityWatch(tank, surface_of(tank), dt=0.01, limit=2.0, warn=said.append, look=IN_ELEVATION)
     other.carry(watch.held())
     assert other.since == watch.since and other.noise == 0.0  # it may warn again: of a state that was not sound before
 
@@ -148,6 +145,8 @@ def test_the_largest_differences_are_those_of_numpy_and_the_same_bits_of_any_row
         exact = np.abs(np.diff(values, order, axis=0)).max(axis=1, initial=0.0) / 2**order
         assert found == pytest.approx(exact, rel=1e-13)
         assert (largest_differences(values[5:17], order) == found[5 : 17 - order]).all()
+        for first in (0, 2, 9):
+            assert (largest_differences_on(values[:first], values[first:], order) == found).all()
     assert largest_differences(values[:3], 3).size == 0
     values[10, columns // 2 :] = np.nan
     assert (np.isnan(largest_differences(values, 3)) == [columns > 0 and 7 <= row <= 10 for row in range(17)]).all()
@@ -248,7 +247,7 @@ class Reached(Patient):
     schedule = EverySteps()
 
     def work_off(self, moments):
-        if moments[-1].step > 4:
+        if moments.steps[-1] > 4:
             raise PaddleError("it was there")
 
 
@@ -281,7 +280,7 @@ def test_what_was_kept_of_a_moment_that_another_look_has_ended_is_not_recorded()
     for moment in (first, second):
         work.keep(water, moment)
         paddle.keep(moment)
-    paddle.work_off(Moments([first]))
+    paddle.work_off(Moments.of(first))
     assert record.array()[:, 0].tolist() == [0.0] and work.work_off(np.zeros(1), np.zeros(1))[0].shape == (1,)
 
 

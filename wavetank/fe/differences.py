@@ -14,6 +14,12 @@ void largest_differences(long rows, long columns, int terms, const double *weigh
 """
 
 
+def largest_differences_on(before: Vector, values: Vector, order: int) -> Vector:
+    """Return the same of rows before, and values: those are not copied."""
+    across = largest_differences(np.concatenate([before, values[:order]]), order)
+    return np.concatenate([across, largest_differences(values, order)])
+
+
 def largest_differences(values: Vector, order: int) -> Vector:
     """Return the largest magnitude of each difference of an order between rows, over 2^order, shape (K - order,).
 

@@ -1,8 +1,8 @@
 """The contract of an observer, and what observers ask of waves."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from typing import Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,67 +12,31 @@ from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
 from wavetank.water.energy import Energies
 from wavetank.water.seen import Seen, Sight, State
-from wavetank.water.walls.contract import Heights, Paddle, Stood, stands
+from wavetank.water.walls.contract import Heights, Paddle, Stood, stands, stood
+
+Steps = NDArray[np.int64]
 
 
-class MomentState(State, Protocol):
-    """What a scheme carries from step to step, as observers see it."""
-
-    @property
-    def q_jump(self) -> Vector | None:
-        """The jump of the coordinates; None where the scheme lets them have none."""
-
-
-class Past:
-    """One step, when it has been looked at: its state is gone.
-
-    Of hundreds of states the vectors would take the caches that a step lives in.
+class Moment:
+    """The state at one step.
 
     Attributes
     ----------
     step, t
         t = step dt [s].
+    state
+        Coordinates, momenta and what else the scheme knows.
     sights
         What has been seen of waves, by their ids.
     row
         Where it is there.
     """
 
-    __slots__ = "row", "sights", "step", "t"
+    __slots__ = "row", "sights", "state", "step", "t"
 
-    def __init__(self, step: int, t: float, sights: dict[int, Sight], row: int):
-        self.step, self.t, self.sights, self.row = step, t, sights, row
-
-    def look(self, waves: "ObservedWaves") -> Sight:
-        """Return where what is seen of waves at this step is; collective."""
-        return self.sights[id(waves)]
-
-    def elevation(self, waves: "ObservedWaves") -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
-        eta: Vector = self.look(waves).eta[self.row]
-        return eta
-
-    def stood(self, waves: "ObservedWaves") -> Stood:
-        """Return how the wall stood, as its ``stand`` asks for it; collective."""
-        return self.look(waves).stood(self.row, self.t)
-
-
-class Moment(Past):
-    """The state at one step; see ``Past``, too.
-
-    Attributes
-    ----------
-    state
-        Coordinates, momenta and what else the scheme knows.
-    """
-
-    __slots__ = ("state",)
-
-    def __init__(
-        self, step: int, t: float, state: MomentState, *, sights: dict[int, Sight] | None = None, row: int = 0
-    ):
-        self.step, self.t, self.sights, self.row = step, t, {} if sights is None else sights, row
-        self.state = state
+    def __init__(self, step: int, t: float, state: State, *, sights: dict[int, Sight] | None = None, row: int = 0):
+        self.step, self.t, self.state = step, t, state
+        self.sights, self.row = {} if sights is None else sights, row
 
     @property
     def q(self) -> Vector:
@@ -85,19 +49,9 @@ class Moment(Past):
         return self.state.p
 
     @property
-    def jump(self) -> Vector | None:
-        """The jump of the coordinates, shape (owned,); None where the scheme lets them have none."""
-        return self.state.q_jump
-
-    @property
     def points(self) -> Sequence[tuple[Vector, Vector]]:
         """Points next to (q, p) at which the system is evaluated anyway, in the order in which that costs nothing."""
         return self.state.known
-
-    @property
-    def is_mean(self) -> bool:
-        """Whether the state is the mean of two traces, of which the later is the last of the known points."""
-        return self.points[-1][0] is not self.q
 
     def look(self, waves: "ObservedWaves") -> Sight:
         """Return where what is seen of waves at this moment is, found once for all who look; collective."""
@@ -110,34 +64,53 @@ class Moment(Past):
             sight.filled = self.row + 1
         return sight
 
+    def elevation(self, waves: "ObservedWaves") -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+        eta: Vector = self.look(waves).eta[self.row]
+        return eta
 
-class Moments(list[Past]):
-    """Moments that are worked off together: what several observers ask of all of them is found once.
 
-    Its arrays are of the run, which takes others into them when these moments have been worked off.
+class Moments:
+    """Moments that are worked off together: their states are gone, what has been seen of them stands in rows.
+
+    Of hundreds of states the vectors would take the caches that a step lives in. These rows are of the run, which takes
+    others into them when these moments have been worked off.
+
+    Attributes
+    ----------
+    steps, times
+        Ascending, times in seconds, shape (K,) each.
     """
 
-    def __init__(self, moments: Iterable[Past] = ()):
-        super().__init__(moments)
+    def __init__(self, steps: Steps, times: Vector, sights: dict[int, Sight], rows: Steps):
+        self.steps, self.times, self._sights, self._rows = steps, times, sights, rows
         self._seen = dict[int, Seen]()
-        self._times: Vector | None = None
 
-    @property
-    def times(self) -> Vector:
-        """When they are [s], shape (K,)."""
-        if self._times is None:
-            self._times = np.array([moment.t for moment in self])
-        return self._times
+    @classmethod
+    def of(cls, moment: Moment) -> "Moments":
+        """Return one alone."""
+        return cls(np.array([moment.step]), np.array([moment.t]), moment.sights, np.array([moment.row]))
+
+    def __len__(self) -> int:
+        return len(self.steps)
+
+    def some(self, which: Any) -> "Moments":
+        """Return those of some indices, one at least."""
+        return Moments(self.steps[which], self.times[which], self._sights, self._rows[which])
 
     def seen(self, waves: "ObservedWaves") -> Seen:
-        """Return what is seen of waves, of all moments; collective."""
+        """Return what is seen of waves, of all moments."""
         if id(waves) not in self._seen:
-            self._seen[id(waves)] = Seen.of([(moment.look(waves), moment.row) for moment in self])
+            self._seen[id(waves)] = Seen(self._sights[id(waves)], self._rows)
         return self._seen[id(waves)]
 
     def elevations(self, waves: "ObservedWaves") -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (K, owned); collective."""
+        """Return eta at the owned degrees of freedom [m], shape (K, owned)."""
         return self.seen(waves).eta
+
+    def stood(self, waves: "ObservedWaves", number: int) -> Stood:
+        """Return how the wall stood at one of them, as its ``stand`` asks for it."""
+        return stood(float(self.times[number]), self.seen(waves).rates[number, :, 0])
 
     def stands(self, waves: "ObservedWaves", places: Vector) -> Vector:
         """Return how far from rest the wall's paddles stood beside places [m], shape (paddles, K, N); collective."""
@@ -183,16 +156,20 @@ class Patient(ABC):
 
     def observe(self, moment: Moment) -> None:
         """Record the moment; collective."""
-        self.work_off(Moments([moment]))
+        if self.sees is not None:
+            moment.look(self.sees)
+        self.work_off(Moments.of(moment))
 
 
 class Keeping(Patient):
-    """One that looks at each moment when it comes, too."""
+    """One that looks at moments when they come, too."""
+
+    schedule: Schedule
 
     @property
-    def keeps(self) -> bool:
-        """Whether there is anything that does not last."""
-        return True
+    def keeps(self) -> Schedule | None:
+        """When there is something that does not last; None: never."""
+        return self.schedule
 
     @abstractmethod
     def keep(self, moment: Moment) -> None:

@@ -35,9 +35,9 @@ class HighestCrest(Patient):
         if heights[first] > self._own.height:
             highest, wall = int(surfaces[first].argmax()), self._waves.wall
             place, height = self._waves.plane.places[[highest]], surfaces[first][[highest]]
-            stand = wall.stand(place, moments[first].stood(self._waves))
+            stand = wall.stand(place, moments.stood(self._waves, first))
             ((x, y),) = wall.to_physical(place, height, stand)
-            self._own = Crest(float(height[0]), float(x), float(y), moments[first].t)
+            self._own = Crest(float(height[0]), float(x), float(y), float(moments.times[first]))
 
     def highest(self) -> Crest:
         """Return the highest crest on all ranks; collective."""

@@ -19,7 +19,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
 from wavetank.observers.record import Record
-from wavetank.observers.schedule import EverySteps
+from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.observers.supply import Power, Supply
 from wavetank.stateful import Held
 
@@ -108,9 +108,9 @@ class EnergyBudget(Keeping):
         return [sink.energy_taken for sink in self._sinks.values()]
 
     @property
-    def keeps(self) -> bool:
+    def keeps(self) -> Schedule | None:
         """See ``Keeping``."""
-        return not self._supply.lasts(self._waves)
+        return None if self._supply.lasts(self._waves) else self.schedule
 
     def keep(self, moment: Moment) -> None:
         """Keep what the paddles do, if that does not last; collective."""
@@ -118,7 +118,7 @@ class EnergyBudget(Keeping):
 
     def work_off(self, moments: Moments) -> None:
         """See how far off the balance has been, and append the rows that are due."""
-        t, first = moments.times, moments[0].step
+        t, first = moments.times, int(moments.steps[0])
         kinetic, potential, wall, mass, power = numbers = moments.seen(self._waves).numbers.T
         supplied, absorbed = self._supply.work_off(t, power)
         if first == 0:

@@ -63,8 +63,8 @@ class Gauges(Patient):
             if self._near.size:
                 elevations[:, self._near] = self._over_the_near(moments, rows)
         except RunError:
-            for moment in moments if len(moments) > 1 else ():  # up to the one where that is
-                self.work_off(Moments([moment]))
+            for row in range(len(moments)) if len(moments) > 1 else ():  # up to the one where that is
+                self.work_off(moments.some([row]))
             raise
         self._record.extend(np.column_stack([moments.times, elevations]))
 
@@ -75,9 +75,9 @@ class Gauges(Patient):
             return self._beside.each(rows, stand)
         except OutsideError as error:
             row, place = divmod(error.index, len(self._beside.places))
-            raise self._passing.error(moments[row].t, place, stand[:, row]) from None
+            raise self._passing.error(float(moments.times[row]), place, stand[:, row]) from None
         except ConvergenceError as error:
-            raise ConvergenceError(f"t = {moments[0].t:.6g} s: {error}") from None
+            raise ConvergenceError(f"t = {moments.times[0]:.6g} s: {error}") from None
 
     def _rows(self, moments: Moments) -> Vector:
         """Return the elevations at all degrees of freedom, those of other ranks among them, (K, rows); collective."""

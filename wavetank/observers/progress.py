@@ -6,7 +6,7 @@ from math import inf
 
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
-from wavetank.observers.contract import Moments, Past, Patient
+from wavetank.observers.contract import Moments, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.records.log import RunLog
 
@@ -60,19 +60,18 @@ class ProgressBar(Patient):
 
     def work_off(self, moments: Moments) -> None:
         """Show the last moment."""
-        now, moment = time.monotonic(), moments[-1]
-        if not self._bar.disable and (now > self._shown + self.every or moment.t >= self._duration):
-            self._shown, done = now, min(moment.t, self._duration)
-            self._bar.update(self._task, completed=done, description=self._per_step(moment))
-        if moment.t >= self._reported + self._duration / self.plain_lines:
-            self._reported = moment.t
-            left = (now - self._began) * (self._duration - moment.t) / (moment.t - self._t)
-            self._say(f"t = {moment.t:.2f} / {self._duration:g} s, {left:.0f} s left, {self._per_step(moment)}")
+        now, step, t = time.monotonic(), int(moments.steps[-1]), float(moments.times[-1])
+        if not self._bar.disable and (now > self._shown + self.every or t >= self._duration):
+            self._shown, done = now, min(t, self._duration)
+            self._bar.update(self._task, completed=done, description=self._per_step(step))
+        if t >= self._reported + self._duration / self.plain_lines:
+            self._reported = t
+            left = (now - self._began) * (self._duration - t) / (t - self._t)
+            self._say(f"t = {t:.2f} / {self._duration:g} s, {left:.0f} s left, {self._per_step(step)}")
 
-    def _per_step(self, moment: Past) -> str:
+    def _per_step(self, step: int) -> str:
         solves, iterations = (
-            (now - before) / max(1, moment.step - self._step)
-            for now, before in zip(self._cost(), self._set_up, strict=True)
+            (now - before) / max(1, step - self._step) for now, before in zip(self._cost(), self._set_up, strict=True)
         )
         return f"{solves:.1f} solves, {iterations:.1f} iterations a step"
 
@@ -100,9 +99,9 @@ class Standing(Patient):
 
     def work_off(self, moments: Moments) -> None:
         """Note the last moment."""
-        moment = moments[-1]
-        now, when = time.monotonic(), {"t": moment.t, "begin": self._begin, "end": self._end}
-        self._note({"progress": {**when, "step": moment.step, "wall_s": now - self._began}})
+        step, t = int(moments.steps[-1]), float(moments.times[-1])
+        now, when = time.monotonic(), {"t": t, "begin": self._begin, "end": self._end}
+        self._note({"progress": {**when, "step": step, "wall_s": now - self._began}})
         if now > self._told + self.every:
             self._tell()
             self._told = now

@@ -1,7 +1,12 @@
-"""When an observer acts: every so many steps, or at the steps nearest to equally spaced times."""
+"""When an observer acts: every so many steps, or at the steps nearest to equally spaced times.
+
+Whether it does is told of a step, or of many of them at once: of numbers or of arrays.
+"""
 
 from dataclasses import dataclass
-from math import ceil
+from typing import Any
+
+import numpy as np
 
 ROUNDING = 1e-4  # of a step, by which sums of up to a million of them may be off
 
@@ -12,7 +17,7 @@ class EverySteps:
 
     every: int = 1
 
-    def due(self, step: int, t: float = 0.0, before: float = 0.0) -> bool:
+    def due(self, step: Any, t: Any = 0.0, before: Any = 0.0) -> Any:
         """Return whether to act at this step, at t [s]; the one before it was at another time."""
         return step % self.every == 0
 
@@ -23,9 +28,9 @@ class EveryTime:
 
     every: float
 
-    def due(self, step: int, t: float, before: float) -> bool:
+    def due(self, step: Any, t: Any, before: Any) -> Any:
         """Return whether to act at this step, at t [s]; the one before it was at another time."""
-        return step == 0 or int(t / self.every + 1e-9) > int(before / self.every + 1e-9)
+        return (step == 0) | ((t / self.every + 1e-9) // 1 > (before / self.every + 1e-9) // 1)
 
 
 @dataclass(frozen=True)
@@ -39,19 +44,19 @@ class EveryTimeBetween:
     begin: float
     until: float
 
-    def spacing(self, dt: float) -> float:
+    def spacing(self, dt: Any) -> Any:
         """Return the time between two acts [s], for steps of dt [s]."""
         return self._steps(dt) * dt
 
-    def due(self, step: int, t: float, before: float) -> bool:
+    def due(self, step: Any, t: Any, before: Any) -> Any:
         """Return whether to act at this step, at t [s]; the one before it was at another time."""
         dt = t - before
-        after = ceil((t - self.begin) / dt - ROUNDING)  # steps since the first act
-        reached = t - self.spacing(dt) >= self.until - ROUNDING * dt
-        return after >= 0 and after % self._steps(dt) == 0 and not (after and reached)
+        after = np.ceil((t - self.begin) / dt - ROUNDING)  # steps since the first act
+        goes_on = (after == 0) | (t - self.spacing(dt) < self.until - ROUNDING * dt)
+        return (after >= 0) & (after % self._steps(dt) == 0) & goes_on
 
-    def _steps(self, dt: float) -> int:
-        return max(1, int(self.every / dt + ROUNDING))
+    def _steps(self, dt: Any) -> Any:
+        return np.maximum(1, (self.every / dt + ROUNDING) // 1)
 
 
 Schedule = EverySteps | EveryTime | EveryTimeBetween

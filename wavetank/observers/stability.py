@@ -16,14 +16,14 @@ That dt omega_max under the crests is beyond the scheme's limit is no sign of it
 behind that it has made grow, and the edge penalty takes them. It only tells what would help.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from wavetank.arrays import Vector, largest
-from wavetank.fe.differences import largest_differences
-from wavetank.observers.contract import Keeping, Moment, Moments, Past
+from wavetank.fe.differences import largest_differences, largest_differences_on
+from wavetank.observers.contract import Keeping, Moment, Moments
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
 from wavetank.water.short_waves import FARTHEST, ShortWaves
@@ -44,6 +44,8 @@ class Alternating:
 
     Attributes
     ----------
+    quantity, scale
+        What of that which is seen of moments it is, and by what factor.
     order
         Of the difference in time that tells it; that two orders higher tells it from waves of few steps.
     noise
@@ -52,31 +54,32 @@ class Alternating:
         The highest that a paddle's noise makes, of what alternates of its way in a step.
     """
 
+    quantity: str
+    scale: float
     order: int
     noise: float
     driven: float
 
     @property
-    def length(self) -> int:
-        """The number of values needed."""
-        return self.order + 3
+    def before(self) -> int:
+        """The number of values that are needed beside one."""
+        return self.order + 2
 
-    def lower(self, values: Vector) -> Vector:
-        """Return the largest of the differences of K + length - 1 rows, about the middle of so many, shape (K,)."""
-        return largest_differences(values, self.order)[1:-1]
+    def lower(self, before: Vector, values: Vector) -> Vector:
+        """Return the largest of the differences of K rows and those before, about the middle, shape (K,) or fewer."""
+        return largest_differences_on(before, values, self.order)[1:-1]
 
-    def higher(self, values: Vector) -> Vector:
-        """Return those of the differences two orders higher, shape (K,)."""
-        return largest_differences(values, self.order + 2)
+    def higher(self, before: Vector, values: Vector) -> Vector:
+        """Return those of the differences two orders higher, shape (K,) or fewer."""
+        return largest_differences_on(before, values, self.order + 2)
+
+    def last(self, before: Vector, values: Vector) -> Vector:
+        """Return what the next values are to be seen with."""
+        return np.concatenate([before, values[-self.before :]])[-self.before :]
 
 
-IN_ELEVATION = Alternating(order=6, noise=5e-3, driven=4.0)
-IN_JUMP = Alternating(order=3, noise=1e-2, driven=16.0)
-
-
-def _rows(arrays: Sequence[Vector]) -> Vector:
-    """Return arrays of one shape, one at least, as rows."""
-    return np.concatenate(arrays).reshape(len(arrays), arrays[0].size)
+IN_ELEVATION = Alternating("eta", 1.0, order=6, noise=5e-3, driven=4.0)
+IN_JUMP = Alternating("rise", 2.0, order=3, noise=1e-2, driven=16.0)
 
 
 def _so_far(before: float, values: Vector) -> Vector:
@@ -89,6 +92,8 @@ class StabilityWatch(Keeping):
 
     Parameters
     ----------
+    look
+        What it looks at: the jump of a scheme that has one.
     waves
         The water.
     flow
@@ -116,78 +121,69 @@ class StabilityWatch(Keeping):
         dt: float,
         limit: float,
         warn: Callable[[str], None],
+        look: Alternating,
     ):
         self.schedule = EverySteps()
         self._waves, self._flow, self._dt, self._limit, self._warn = waves, flow, dt, limit, warn
         self._short = ShortWaves(waves)
-        self.sees, self._look = waves, IN_JUMP
-        # of steps that are not judged: the largest frequency where that was looked at [rad/s], and jumps [m]
-        self._frequencies, self._jumps = dict[int, float](), dict[int, Vector]()
-        self._leaps = self._of_mean = False  # whether only the mass matrix tells jumps, whether the state is a mean
-        self._begun = False
-        self._last, self._wall = list[Vector](), list[Vector]()  # before what is kept, as many as are needed
+        self.sees, self._look = waves, look
+        # the largest frequency where that was looked at [rad/s], of steps that are not judged
+        self._frequencies = dict[int, float]()
+        none = np.zeros((0, 0))
+        self._last: Vector = none  # what it looks at, and how the wall moves [m/s], before what is judged
+        self._wall: Vector = none
         self._driven: float = 0.0  # the highest waves that alternate and are a paddle's [m]
         self._highest: float = CALM * waves.depth
         self._steps, self._frequency = 0, waves.largest_frequency
         self.noise = 0.0
         self.since: float | None = None
 
+    @property
+    def keeps(self) -> EverySteps:
+        """See ``Keeping``."""
+        return EverySteps(OFTEN)
+
     def keep(self, moment: Moment) -> None:
-        """Look now and then how the surface moves, and at a jump that only the mass matrix tells; collective."""
-        if moment.step % OFTEN == 0:
-            self._flow.near(moment.state, moment.t)
-            self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
-        if not self._begun:
-            self._begun, jumps = True, moment.jump is not None
-            self._look, self._of_mean = IN_JUMP if jumps else IN_ELEVATION, jumps and moment.is_mean
-            self._leaps = jumps and not self._of_mean
-        if self._leaps and (jump := moment.jump) is not None:
-            self._jumps[moment.step] = self._waves.mass.solve(jump)
+        """Look how the surface moves; collective."""
+        self._flow.near(moment.state, moment.t)
+        self._frequencies[moment.step] = self._short.largest_frequency(self._flow, least=self._frequency)
 
     def work_off(self, moments: Moments) -> None:
         """See whether what alternates has grown; collective."""
-        look = self._look
-        last, wall = (kept[1 - look.length :] for kept in (self._last, self._wall))
-        eta = moments.elevations(self._waves)
-        values = _rows([*last, *(eta if look is IN_ELEVATION else self._jumps_at(moments))])
-        if self._of_mean:
-            values[len(last) :] *= 2  # half of one lies between a mean of two traces and the later of these
-        ways = _rows([*wall, *moments.seen(self._waves).velocities])
-        ways[len(last) :] *= self._dt
-        self._last, self._wall = ([*kept[1 - look.length :].copy()] for kept in (values, ways))
-        found = largest_differences(eta, 0), look.lower(values), look.higher(values), look.lower(ways)
+        look, seen = self._look, moments.seen(self._waves)
+        values, ways = getattr(seen, look.quantity), seen.velocities
+        last, wall = (old if len(old) else new[:0] for old, new in ((self._last, values), (self._wall, ways)))
+        self._last, self._wall = look.last(last, values), look.last(wall, ways)
+        of_values = look.lower(last, values), look.higher(last, values)
+        found = largest_differences(seen.eta, 0), *of_values, look.lower(wall, ways)
         heights, lower, higher, ways = (largest(self._waves.plane.comm, each) for each in found)
         unjudged = len(moments) - len(lower)  # with too few before
-        highest, driven = _so_far(self._highest, heights), _so_far(self._driven, look.driven * ways)
+        highest = _so_far(self._highest, heights)
+        driven = _so_far(self._driven, look.driven * self._dt * ways)
         self._highest, self._driven = float(highest[-1]), float(driven[-1])
         noise = np.zeros(len(moments))
-        noise[unjudged:] = np.where(higher > SHORT * lower, np.maximum(0.0, lower - driven[1:]), 0.0)
+        noise[unjudged:] = np.where(higher > SHORT * lower, np.maximum(0.0, look.scale * lower - driven[1:]), 0.0)
         noise /= highest[1:]
         if noise.max() < look.noise / 10:  # what moves is still the water
             self._frequency, self._steps = max(self._frequency, *self._frequencies.values(), 0.0), 0
             self._frequencies.clear()
             return
-        for n, (moment, one) in enumerate(zip(moments, noise.tolist(), strict=True)):
-            if self._grown(moment, one):
-                about = values[n - unjudged :][1 : look.order + 2]
+        for n, one in enumerate(noise.tolist()):
+            t = float(moments.times[n])
+            if self._grown(int(moments.steps[n]), t, one):
+                about = np.concatenate([last, values])[n - unjudged :][1 : look.order + 2]
                 heights = np.abs(np.diff(about, look.order, axis=0)[0])
-                self._warn(self._sentence(moment.t, one, self._place(moment, heights)))
+                self._warn(self._sentence(t, one, self._place(moments, n, heights)))
 
-    def _jumps_at(self, moments: Moments) -> Iterable[Vector]:
-        """Return the jumps of the elevation [m], or how much higher the later of two traces is than their mean."""
-        if self._of_mean:
-            return moments.seen(self._waves).rise
-        return [self._jumps.pop(moment.step) for moment in moments]
-
-    def _grown(self, moment: Past, noise: float) -> bool:
+    def _grown(self, step: int, t: float, noise: float) -> bool:
         """Take note of the noise at a moment; return whether that is when to warn."""
-        frequency = self._frequencies.pop(moment.step, 0.0)
+        frequency = self._frequencies.pop(step, 0.0)
         if noise < self._look.noise / 10:  # what moves is still the water
             self._frequency = max(self._frequency, frequency)
         self._steps = self._steps + 1 if noise > self._look.noise else 0
         warns = self._steps == IN_A_ROW and self.noise <= self._look.noise
         if warns and self.since is None:
-            self.since = moment.t
+            self.since = t
         if self._steps >= IN_A_ROW:
             self.noise = max(self.noise, noise)
         return warns
@@ -202,12 +198,12 @@ class StabilityWatch(Keeping):
     def held(self) -> Held:
         """Return the last steps' values, and the largest of what has been seen."""
         wall = [way.tolist() if way.size == 1 else way for way in self._wall]  # one, of a wall that moves as a whole
-        last = np.array(self._last).reshape(len(self._last), self._waves.plane.owned)
+        last = self._last.reshape(len(self._last), self._waves.plane.owned)
         return {"last": last, "wall": wall} | {name: getattr(self, name) for name in SEEN}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._last, self._wall = [*held["last"]], [*map(np.asarray, held["wall"])]
+        self._last, self._wall = held["last"], np.array(held["wall"])
         for name in SEEN:
             setattr(self, name, held[name])
 
@@ -215,11 +211,11 @@ class StabilityWatch(Keeping):
         """Take over from when on the state is not to be trusted: other numerics do not mend it."""
         self.since = held["since"]
 
-    def _place(self, moment: Past, heights: Vector) -> str:
-        """Return in words where heights were largest then; collective."""
+    def _place(self, moments: Moments, number: int, heights: Vector) -> str:
+        """Return in words where heights were largest at a moment; collective."""
         places, wall = self._waves.plane.places, self._waves.wall
-        stand = wall.stand(places, moment.stood(self._waves))
-        places = wall.to_physical(places, moment.elevation(self._waves), stand)
+        stand = wall.stand(places, moments.stood(self._waves, number))
+        places = wall.to_physical(places, moments.elevations(self._waves)[number], stand)
         own = max(
             ((float(height), *map(float, at)) for height, at in zip(heights, places, strict=True)), default=(0.0,)
         )

@@ -32,7 +32,7 @@ from wavetank.observers.passing import Called
 from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
-from wavetank.observers.stability import StabilityWatch
+from wavetank.observers.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.observers.surface import SurfaceSnapshots
 from wavetank.observers.windows import WindowObserver, WindowRecord
 from wavetank.runs.answering import added_motions, build_answers, build_supply
@@ -245,8 +245,8 @@ def build_watch(scene: Scene, run: Run, waves: AnyWaves, warn: Callable[[str], N
     """Return what watches the step of nonlinear waves and warns; collective."""
     if isinstance(waves, LinearWaves):
         return []  # the limit is known before the run, and kept
-    limit = run.integrator.stability_limit
-    return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn)]
+    limit, look = run.integrator.stability_limit, IN_ELEVATION if run.state.q_jump is None else IN_JUMP
+    return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, look=look)]
 
 
 def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:

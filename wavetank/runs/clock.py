@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, replace
 from math import ceil, inf
+from typing import Any, overload
 
+from wavetank.arrays import Vector
 from wavetank.errors import InputError
 
 ROUNDING = 1e-9  # relative, by which a number of steps may miss a whole one
@@ -34,8 +36,14 @@ class Clock:
         """When the last step ends [s]."""
         return self.time(self.steps)
 
-    def time(self, step: int) -> float:
-        """Return t_n [s]."""
+    @overload
+    def time(self, step: int) -> float: ...
+
+    @overload
+    def time(self, step: Vector) -> Vector: ...
+
+    def time(self, step: Any) -> Any:
+        """Return t_n [s], of one step or of many."""
         return self.begin + (step - self.first) * self.dt
 
     def after(self, t: float, step: int) -> "Clock":

@@ -12,7 +12,7 @@ from wavetank.errors import RunError, locate
 from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Evaluated, Integrator
 from wavetank.integrators.filtered import Filter, Filtered
-from wavetank.observers.contract import Ending, Keeping, Moment, Moments, Observer, Past, Patient
+from wavetank.observers.contract import Ending, Keeping, Moment, Moments, Observer, Patient
 from wavetank.observers.energy import Sink
 from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.runs.clock import Clock
@@ -56,7 +56,7 @@ class Run:
         self.step = clock.first
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
-        self._moments, self._most = Moments(), 1  # that are not worked off, and how many these may be
+        self._steps, self._most = list[int](), 1  # that are not worked off, and how many these may be
         self._hasty = list[Patient]()  # those whose moments may have to be
         self._sights = dict[int, Sight]()  # what is seen of them
 
@@ -68,7 +68,7 @@ class Run:
     @property
     def settles(self) -> bool:
         """Whether patient observers will work off their moments once the present one has been observed."""
-        return len(self._moments) >= self._most or any(one.hurries for one in self._hasty)
+        return len(self._steps) >= self._most or (bool(self._hasty) and any(one.hurries for one in self._hasty))
 
     @property
     def sinks(self) -> list[Sink]:
@@ -79,16 +79,18 @@ class Run:
         """Step to the end; collective. Raises ``RunError`` where it breaks down: ``settle`` records all before."""
         self._patient = [one for one in self.observers if isinstance(one, Patient)]
         self._hasty = [one for one in self._patient if not one.foreseen]
-        self._keeps = [(_when(one), one.keep) for one in self.observers if isinstance(one, Keeping) and one.keeps]
-        self._acts = [(_when(one), one.observe) for one in self.observers if not isinstance(one, Patient)]
+        keeping = [one for one in self.observers if isinstance(one, Keeping)]
+        self._keeps = [(*_when(schedule), one.keep) for one in keeping if (schedule := one.keeps)]
+        self._acts = [(*_when(one.schedule), one.observe) for one in self.observers if not isinstance(one, Patient)]
         self._seen = [*{id(one.sees): one.sees for one in self._patient if one.sees}.values()]
         self._most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
         self._sights = {id(waves): waves.sight(1 + self._most) for waves in self._seen}  # the start comes with a step
         if not self._begun:
             self._begun = True
             self._observe()
-        while self.step < self.clock.steps:
-            self.state = self._stepper.step(self.system, self.state, self.t, self.clock.dt)
+        clock, system, stepper = self.clock, self.system, self._stepper
+        while self.step < clock.steps:
+            self.state = stepper.step(system, self.state, clock.time(self.step), clock.dt)
             self.step += 1
             self._observe()
             if self.settles:
@@ -97,11 +99,11 @@ class Run:
 
     def settle(self) -> None:
         """Let patient observers work off their moments; raises what the first of them raises; collective."""
-        moments, self._moments = self._moments, Moments()
-        if not moments:
+        steps, self._steps = np.array(self._steps), []
+        if not steps.size:
             return
         try:
-            self._work_off(moments)
+            self._work_off(Moments(steps, self.clock.time(steps), self._sights, np.arange(steps.size)))
         finally:
             worked_off, self._sights = self._sights, {**self._sights}
             worked_off.clear()  # rows are others' from now on: whoever has kept a moment finds none of it
@@ -112,7 +114,7 @@ class Run:
         failures = list[RunError]()
         for observer in self._patient:
             try:
-                if due := self._due(observer.schedule, moments):
+                if len(due := self._due(observer.schedule, moments)):
                     observer.work_off(due)
             except RunError as error:
                 failures.append(error)
@@ -179,18 +181,18 @@ class Run:
             observer.ended(at, t)
 
     def _observe(self) -> None:
-        step, t, row = self.step, self.t, len(self._moments)
-        moment = Moment(step, t, self.state, sights=self._sights, row=row)
+        step, t = self.step, self.t
+        moment = Moment(step, t, self.state, sights=self._sights, row=len(self._steps))
         self.observed = False
-        for schedule, keep in self._keeps:
-            if schedule is None or self._is_due(schedule, step, t):
+        for every, schedule, keep in self._keeps:
+            if not step % every and (schedule is None or self._is_due(schedule, step, t)):
                 keep(moment)
         for waves in self._seen:
             moment.look(waves)
-        self._moments.append(Past(step, t, self._sights, row))
+        self._steps.append(step)
         try:
-            for schedule, act in self._acts:
-                if schedule is None or self._is_due(schedule, step, t):
+            for every, schedule, act in self._acts:
+                if not step % every and (schedule is None or self._is_due(schedule, step, t)):
                     act(moment)
         except Exception as error:
             locate(error, f"the observer {type(getattr(act, '__self__', act)).__name__}")
@@ -201,15 +203,15 @@ class Run:
         """Return the moments at which to act."""
         if schedule == EverySteps():
             return moments
-        return Moments(one for one in moments if self._is_due(schedule, one.step, one.t))
+        return moments.some(np.flatnonzero(self._is_due(schedule, moments.steps, moments.times)))
 
-    def _is_due(self, schedule: Schedule, step: int, t: float) -> bool:
+    def _is_due(self, schedule: Schedule, step: Any, t: Any) -> Any:
         return schedule.due(step, t, self.clock.time(step - 1))
 
 
-def _when(one: Observer) -> Schedule | None:
-    """Return when an observer acts, None being at every step."""
-    return None if one.schedule == EverySteps() else one.schedule
+def _when(schedule: Schedule) -> tuple[int, Schedule | None]:
+    """Return every how many steps that is, and what else is to be asked then."""
+    return (schedule.every, None) if isinstance(schedule, EverySteps) else (1, schedule)
 
 
 def _values(state: Any) -> Held:

@@ -5,17 +5,14 @@ seen of many moments stands in rows of arrays, so that who looks at all of them 
 """
 
 from collections.abc import Sequence
-from copy import copy
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.water.energy import Energies
-from wavetank.water.walls.contract import Stood, stood
 
-ROWS = "eta", "rise", "psi", "numbers", "rates", "velocities"
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER = range(5)  # in a row
 
 
@@ -50,7 +47,7 @@ class Sight:
     eta
         The elevation [m], shape (most, owned).
     rise
-        How much higher that of the points is [m], shape (most, owned).
+        How much higher it is after the state's jump than in the mean of both sides [m], shape (most, owned).
     psi
         The surface potential [m²/s], shape (most, owned).
     numbers
@@ -85,67 +82,21 @@ class Sight:
             self.velocities = np.zeros((len(self.velocities), velocities.size))
         self.velocities[row] = velocities
 
-    @classmethod
-    def of(cls, places: "Sequence[tuple[Sight, int]]") -> "Sight":
-        """Return rows of several."""
-        one = copy(places[0][0])
-        for name in ROWS:
-            setattr(one, name, np.array([getattr(sight, name)[row] for sight, row in places]))
-        return one
-
     def energy(self, row: int) -> float:
         """Return H of a state."""
         return float(self.numbers[row, :MASS].sum())
 
-    def stood(self, row: int, t: float) -> Stood:
-        """Return how the wall stood at t [s]; see ``Placed``."""
-        return stood(t, self.rates[row, :, 0])
-
 
 class Seen:
-    """What is seen of K moments, rows of a ``Sight``, which says what is what."""
+    """What is seen of K moments: rows of the arrays of a ``Sight``, which says what is what, by their names."""
 
-    def __init__(self, sight: Sight, rows: slice | list[int]):
-        self._sight, self._rows = sight, rows
-
-    @classmethod
-    def of(cls, places: Sequence[tuple[Sight, int]]) -> "Seen":
-        """Return it of rows, one at least, in ascending order where they are of one sight."""
-        sights, rows = ([*each] for each in zip(*places, strict=True))
-        if any(one is not sights[0] for one in sights):
-            return cls(Sight.of(places), slice(len(rows)))
+    def __init__(self, sight: Sight, rows: NDArray[np.int64]):
         together = rows[-1] - rows[0] == len(rows) - 1
-        return cls(sights[0], slice(rows[0], rows[-1] + 1) if together else rows)
+        self._sight, self._rows = sight, slice(rows[0], rows[-1] + 1) if together else rows
 
-    @cached_property
-    def eta(self) -> Vector:
-        """The elevation [m], shape (K, owned)."""
-        return self._sight.eta[self._rows]
-
-    @cached_property
-    def rise(self) -> Vector:
-        """How much higher that of the points is [m], shape (K, owned)."""
-        return self._sight.rise[self._rows]
-
-    @cached_property
-    def numbers(self) -> Vector:
-        """The numbers, shape (K, 5)."""
-        return self._sight.numbers[self._rows]
-
-    @cached_property
-    def psi(self) -> Vector:
-        """The surface potential [m²/s], shape (K, owned)."""
-        return self._sight.psi[self._rows]
-
-    @cached_property
-    def rates(self) -> Vector:
-        """How paddles stood and moved, shape (K, paddles, 3)."""
-        return self._sight.rates[self._rows]
-
-    @cached_property
-    def velocities(self) -> Vector:
-        """How the wall moved, shape (K, speeds)."""
-        return self._sight.velocities[self._rows]
+    def __getattr__(self, name: str) -> Vector:
+        rows: Vector = getattr(self._sight, name)[self._rows]
+        return rows
 
 
 class State(Protocol):
@@ -162,6 +113,10 @@ class State(Protocol):
     @property
     def known(self) -> Sequence[tuple[Vector, Vector]]:
         """Points next to them, of which the last is evaluated anyway."""
+
+    @property
+    def q_jump(self) -> Vector | None:
+        """The jump of the column masses; None where the scheme lets them have none."""
 
 
 class Evaluable(Protocol):
@@ -207,7 +162,7 @@ def see(water: Evaluable, state: State, t: float, into: Sight, row: int) -> None
         change = water.inner(water.H_q(*at, t), away) + water.inner(water.H_p(*at, t), p - at[1])
         lift, here = water.gravity * water.inner(eta, away), water.elevation(q, p, t)
     into.eta[row] = eta if here is None else here
-    into.rise[row] = 0.0 if here is None else eta - here
+    into.rise[row] = 0.0 if here is None else eta - here  # of the two sides of a jump it is half of what is between
     moved = energies.kinetic + change - lift, energies.potential + lift, energies.wall, water.total_mass(q)
     into.numbers[row, : len(moved)] = moved
     into.psi[row], into.rates[row] = p, wall.rates

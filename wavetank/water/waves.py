@@ -392,23 +392,30 @@ class NonlinearWaves:
 
     def see(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
-        whole, found = self._seeing, None
-        if whole is None:
-            see(self, state, t, into, row)
-            return
-        if isinstance(state, BetweenTwo) and one_time(t, self._t) and not self.potential.renews:
-            found = whole.look(state.pairs, self._point, self.bed.still, self.gravity, into, row)
-        if found is not None:
-            self._take_over(found, t)
-        else:
-            first, last = state.known[0], state.known[-1]
-            known = first is not last and self._knows(*first, t)
-            before = self.explicit_rate(*first, t) if known else np.nan
-            self._see(whole, (state.q, state.p), t, at=last, into=into, row=row)
-            if known:
-                into.numbers[row, POWER] = (before + into.numbers[row, POWER]) / 2
+        if not self._looks(state, t, into, row):
+            first, last, whole = state.known[0], state.known[-1], self._seeing
+            if whole is None:
+                see(self, state, t, into, row)
+            else:
+                known = first is not last and self._knows(*first, t)
+                before = self.explicit_rate(*first, t) if known else np.nan
+                self._see(whole, (state.q, state.p), t, at=last, into=into, row=row)
+                if known:
+                    into.numbers[row, POWER] = (before + into.numbers[row, POWER]) / 2
+            if last[0] is state.q and (jump := state.q_jump) is not None:
+                into.rise[row] = 0.5 * self.mass.solve(jump)  # which no point beside the state tells
         if len(self.wall.paddles) > 1:
             into.move(row, self.wall.velocities)
+
+    def _looks(self, state: State, t: float, into: Sight, row: int) -> bool:
+        """See a state between two points the same, compiled as a whole where all is as usual; return whether it was."""
+        whole = self._seeing
+        if whole is None or not isinstance(state, BetweenTwo) or self.potential.renews or not one_time(t, self._t):
+            return False
+        found = whole.look(state.pairs, self._point, self.bed.still, self.gravity, into, row)
+        if found is not None:
+            self._take_over(found, t)
+        return found is not None
 
     def _see(self, whole: Whole, state: Pair, t: float, *, at: Pair, into: Sight, row: int) -> None:
         """See a state from a point, with the power there."""
