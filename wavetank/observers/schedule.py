@@ -30,7 +30,7 @@ class EveryTime:
 
     def due(self, step: Any, t: Any, before: Any) -> Any:
         """Return whether to act at this step, at t [s]; the one before it was at another time."""
-        return (step == 0) | ((t / self.every + 1e-9) // 1 > (before / self.every + 1e-9) // 1)
+        return (step == 0) | (np.floor(t / self.every + 1e-9) > np.floor(before / self.every + 1e-9))
 
 
 @dataclass(frozen=True)

@@ -201,8 +201,11 @@ class NonlinearWaves:
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
         """Find water column and potential of a state, unless it is the one last evaluated; collective."""
-        if self._knows(q, p, t):
-            return
+        if not self._knows(q, p, t):
+            self._find(q, p, t)
+
+    def _find(self, q: Vector, p: Vector, t: float) -> None:
+        """Find them; collective."""
         if self._found(q, p, t):
             return
         wall = self._begin(q, p, t)
@@ -353,11 +356,7 @@ class NonlinearWaves:
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,); collective."""
-        self.evaluate(q, p, t)
-        if not self._has_H_q:
-            derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
-            self._set_H_q(self.mass.solve(derivative + self._wall_terms.by_column()))
-        found: Vector = self._point[2]
+        found: Vector = self._evaluated(q, p, t)[2]
         return found
 
     def _set_H_q(self, H_q: Vector) -> None:
@@ -366,14 +365,21 @@ class NonlinearWaves:
 
     def flow(self, z: Vector, t: float) -> Vector:
         """Return dz/dt of z = [Q, psi], one behind the other, shape (2 owned,); collective."""
-        q, p = z.reshape(2, -1)
-        return self._evaluated(q, p, t)[:2].reshape(-1)
+        if not (one_time(t, self._t) and self._all(z.tobytes() == self._point[3:].tobytes())):
+            q, p = z.reshape(2, -1)
+            self._find(q, p, t)
+        return self._derived()[:2].reshape(-1)
 
     def _evaluated(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return what is known of a point, as a ``Solution`` has it, shape (5, owned); collective."""
         self.evaluate(q, p, t)
+        return self._derived()
+
+    def _derived(self) -> Vector:
+        """Return the same of the point last evaluated; collective."""
         if not self._has_H_q:
-            self.H_q(q, p, t)
+            derivative = self.operator.derivative(self.phi.rows)  # the operator has all but the wall's
+            self._set_H_q(self.mass.solve(derivative + self._wall_terms.by_column()))
         return self._point
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
