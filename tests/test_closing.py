@@ -125,6 +125,20 @@ def test_what_broke_down_of_a_breaking_wave_is_not_told_to_dissipate_what_it_dis
     assert last == f"next: anew from the start with --set {other}: there is no checkpoint"
 
 
+@pytest.mark.parametrize(
+    ("ratio", "cure", "other"),
+    [
+        (0.5, "numerics.tolerance=1e-05", "numerics.tolerance=1e-05"),
+        (0.9, "numerics.dt=0.03", "run.on_breaking=dissipate --set numerics.dt=0.03"),
+    ],
+)
+def test_what_the_cause_names_is_what_is_told_to_be_set(tmp_path, ratio, cure, other):
+    broken = SPENT | {"checkpoints": [], "broke_down": {"crests": [{"speed_ratio": ratio}]}, "cure": cure}
+    outcome = Outcome(Crest(0.1131, 10.46, -2.0, 20.18), 2e-15, 3.4e-5)
+    *_, last = closing(outcome, broken, warnings=[], path=tmp_path, flat=True)
+    assert last == f"next: anew from the start with --set {other}: there is no checkpoint"
+
+
 def test_what_only_another_case_would_cure_is_not_resumed_though_it_broke_down(tmp_path):
     broken = SPENT | {"t": 9.9, "checkpoints": [9.0], "broke_down": {"crests": []}, "anew": True}
     *_, surface, kept, last = closing(

@@ -79,11 +79,11 @@ class BreakdownError(RunError):
 
     Attributes
     ----------
-    step
-        The step that does, as far as is known [s]; None of nothing known.
+    cure
+        The setting that does, as far as is known, ``KEY=VALUE``; empty of nothing known.
     """
 
-    step: float | None = None
+    cure = ""
 
 
 class ConvergenceError(BreakdownError):

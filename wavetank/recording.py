@@ -191,8 +191,8 @@ def record_run(
                 writer.note(figures | outcome.figures)
                 if outcome.figures:
                     warnings.show()
-                    step = error.step if isinstance(error, BreakdownError) else None
-                    ended = {"anew": error and error.anew, "unwritten": isinstance(error, RecordError), "step": step}
+                    cure = error.cure if isinstance(error, BreakdownError) else ""
+                    ended = {"anew": error and error.anew, "unwritten": isinstance(error, RecordError), "cure": cure}
                     spent = known | figures | ended | {"checkpoints": [one["t"] for _, one in checkpoints(writer.path)]}
                     shown = {"flat": waves.plane.mesh.topology.dim == 1, "drawn": draw is not None}
                     for line in closing(outcome, spent, warnings=warnings.sentences, path=writer.path, **shown):
@@ -430,22 +430,23 @@ def _ended(
 
 
 def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Scene) -> BreakdownError:
-    """Return a breakdown with its cause, and with the step that does; collective."""
+    """Return a breakdown with its cause and cure; collective."""
     warned = (one.longest for one in run.observers if isinstance(one, StabilityWatch))
-    why, step = cause(
+    why, cure = cause(
         waves,
         run.state.q,
         run.state.p,
         run.t,
         dt=run.clock.dt,
         limit=run.integrator.stability_limit,
+        tolerance=scene.numerics.tolerance,
         quickened=scene.quickened,
         warned=next(warned, None),
     )
     for breaking in (one for one in _breaking(run) if one.began):
         why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
     explained = type(error)(f"{error}: {why}.")
-    explained.step = step
+    explained.cure = cure
     return explained
 
 

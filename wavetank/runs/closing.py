@@ -117,10 +117,8 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
     kept, crests = spent["checkpoints"], spent["broke_down"]["crests"]
     dissipates = spent["scene"]["run"].get("on_breaking") == "dissipate"
     breaks = not dissipates and any(crest["speed_ratio"] > ONSET for crest in crests)
-    step, others = spent.get("step"), ["run.on_breaking=dissipate"] if breaks else []
-    if step or not breaks:
-        others.append(f"numerics.dt={step or 0.5 * spent['numerics']['dt']:.3g}")
-    other = " --set ".join(others)
+    half = "" if breaks else f"numerics.dt={0.5 * spent['numerics']['dt']:.3g}"
+    other = " --set ".join(filter(None, ["run.on_breaking=dissipate" if breaks else "", spent.get("cure") or half]))
     files = ", ".join(str(path / file) for file in (BROKEN, *([BROKEN_PICTURE] if drawn else [])))
     lines = [f"the surface it broke down from, t = {spent['t']:.6g} s: {files}"]
     sound = [t for t in kept if untrue is None or t < untrue]

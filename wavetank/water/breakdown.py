@@ -15,6 +15,7 @@ NEARLY_STEEPEST = 0.5  # slope; the steepest progressive wave has 0.58
 GENTLE = 0.3  # slope, of waves that break nowhere by themselves
 FLAT = 0.05  # slope, of waves that no theory calls steep
 LEANING = 40.0  # degrees; beside paddles that lean more the surface may fold (docs/waves.md)
+LOOSEST = 1e-4  # tolerance that a case may have
 NARROW = 0.75  # of a cell's width: what a mapping leaves less of is said
 BESIDE = 2.0  # depths
 STEP = 1e-3  # of the depth, over which a paddle's lean is looked at
@@ -61,12 +62,13 @@ class Cause(NamedTuple):
     ----------
     words
         What was so, and what may do.
-    step
-        The step that does, as far as is known [s]: the only one that the words name; None of nothing known.
+    cure
+        The setting of the numerics that does, as far as is known, ``KEY=VALUE``; empty of nothing known. It has the
+        only step that the words name.
     """
 
     words: str
-    step: float | None = None
+    cure: str = ""
 
 
 def _stands(waves: NonlinearWaves) -> list[_Stand]:
@@ -114,9 +116,13 @@ def _are_numbers(waves: NonlinearWaves, q: Vector, p: Vector) -> bool:
     return isfinite(waves.plane.sum(q) + waves.plane.sum(p))
 
 
-def _told(step: float) -> float:
+def _told(step: float) -> str:
     """Return a step as it is named [s]."""
-    return float(f"{step:.2g}")
+    return f"{float(f'{step:.2g}'):g}"
+
+
+def _set(step: str) -> str:
+    return f"numerics.dt={step}"
 
 
 def cause(
@@ -127,6 +133,7 @@ def cause(
     *,
     dt: float,
     limit: float,
+    tolerance: float,
     quickened: float = 1.0,
     warned: float | None = None,
 ) -> Cause:
@@ -138,6 +145,8 @@ def cause(
         The water, and the state that the step began with.
     dt, limit
         The step [s], and the scheme's limit of omega dt.
+    tolerance
+        Of the step's solves, relative.
     quickened
         How much faster the shortest waves of still water get where paddles go farthest: the step named does there, too.
     warned
@@ -165,19 +174,20 @@ def cause(
         if flow.largest_slope < FLAT and not narrow:
             return Cause(
                 f"{what}: the solves do not get as exact as asked in water {waves.depth:.3g} m deep on "
-                f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do"
+                f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do",
+                f"numerics.tolerance={min(10 * tolerance, LOOSEST):g}",
             )
         step = _told(min(known, 0.5 * dt))
-        grown = f"short waves that the mesh carries have grown; a step of {step:g} s, or finer cells{longer}, may do"
-        return Cause(f"{what}{squeezes}: {grown}", step)
+        grown = f"short waves that the mesh carries have grown; a step of {step} s, or finer cells{longer}, may do"
+        return Cause(f"{what}{squeezes}: {grown}", _set(step))
     step = _told(min(known, FARTHEST * limit / frequency))
     if narrow and dt * squeezed > FARTHEST * limit:
         shortest = f"dt omega_max = {dt * still:.3g} on still water with the paddle at rest, {dt * squeezed:.3g} there"
         long = f"the step is too long for waves as short as these: {shortest}, {moves}"
-        return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step:g} s{longer}", step)
+        return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step} s{longer}", _set(step))
     steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
     if not dt * frequency > limit:
-        return Cause(steep, _told(known) if known < dt else None)
+        return Cause(steep, _set(_told(known)) if known < dt else "")
     long = f"the step is too long: dt omega_max = {dt * still:.3g} on still water, {moves}"
-    long = f"{long}{squeezes}; try {step:g} s{longer}"
-    return Cause(long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}", step)
+    long = f"{long}{squeezes}; try {step} s{longer}"
+    return Cause(long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}", _set(step))
