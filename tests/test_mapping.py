@@ -20,7 +20,7 @@ from wavetank.fe.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
 from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
-from wavetank.motions.mapping import STEEPEST, largest_stroke, share
+from wavetank.motions.mapping import STEEPEST, largest_stroke, quickened, share
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
@@ -257,3 +257,9 @@ def test_a_new_step_needs_no_compilation(make_tank):
     tank = make_tank(length=2.0, cells=4, n=2)
     one, other = (EdgePenalty(tank, SurfaceFlow(tank), cell_size=0.5, dt=dt) for dt in (0.01, 0.02))
     assert one._smoother._kernel.call is other._smoother._kernel.call
+
+
+@pytest.mark.parametrize("left", [0.1, 0.001])
+def test_a_piston_quickens_waves_by_what_it_leaves_of_the_narrowest_cell(left):
+    """By hand: 1 / J where s' is steepest; of less than a hundredth a hundred was told, and broke down at that step."""
+    assert quickened(0.0, (1.0 - left) / STEEPEST) == pytest.approx(1.0 / left, rel=0.1)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 TOP = 0.5  # depths above still water, up to which a paddle's shape is looked at
-NARROWEST = 0.01  # J, at which a mapping is looked at
+NARROWEST = 1e-4  # J, at which a mapping is looked at: less is a fold
 SAMPLES = np.linspace(0.0, 1.0, 101, dtype=np.float64)  # r, at which it is
 STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
 

@@ -264,10 +264,11 @@ def _farthest(scene: Scene, clock: Clock, waves: AnyWaves, integrator: Integrato
     """Yield a sentence if the step may be too long where a paddle has gone as far as it goes, or leans so far."""
     faster = scene.quickened
     longest = integrator.stability_limit / (waves.largest_frequency * faster)
+    does = f"one of {FARTHEST * longest:.2g} s is not on still water"
     if clock.dt > longest:
         yield (
             f"where the paddle goes farthest, the mesh's shortest waves are up to {faster:.3g} times as fast: "
-            f"the step of {clock.dt:.3g} s may be unstable there, one of {FARTHEST * longest:.2g} s is not"
+            f"the step of {clock.dt:.3g} s may be unstable there, {does}"
         )
 
 

@@ -1,5 +1,6 @@
 """Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
 
+from collections.abc import Iterable
 from math import atan, degrees, inf, isfinite
 from typing import Any, NamedTuple
 
@@ -17,6 +18,7 @@ FLAT = 0.05  # slope, of waves that no theory calls steep
 LEANING = 40.0  # degrees; beside paddles that lean more the surface may fold (docs/waves.md)
 LOOSEST = 1e-4  # tolerance that a case may have
 NARROW = 0.75  # of a cell's width: what a mapping leaves less of is said
+SQUEEZED = 0.5  # of the stability limit: above it a paddle may be to blame for what is steep in its reach
 BESIDE = 2.0  # depths
 STEP = 1e-3  # of the depth, over which a paddle's lean is looked at
 
@@ -116,6 +118,14 @@ def _are_numbers(waves: NonlinearWaves, q: Vector, p: Vector) -> bool:
     return isfinite(waves.plane.sum(q) + waves.plane.sum(p))
 
 
+def _steep_beside(waves: NonlinearWaves, stands: Iterable[_Stand]) -> bool:
+    """Return whether the surface of a slice is steepest within the reach of one of these paddles."""
+    assert isinstance(waves.surface, SurfaceFlow)
+    x, _, slope, _ = waves.surface.profile
+    steepest = float(x[np.argmax(np.abs(slope))])
+    return any(abs(steepest - one.place) < one.reach for one in stands)
+
+
 def _told(step: float) -> str:
     """Return a step as it is named [s]."""
     return f"{float(f'{step:.2g}'):g}"
@@ -181,7 +191,7 @@ def cause(
         grown = f"short waves that the mesh carries have grown; a step of {step} s, or finer cells{longer}, may do"
         return Cause(f"{what}{squeezes}: {grown}", _set(step))
     step = _told(min(known, FARTHEST * limit / frequency))
-    if narrow and dt * squeezed > FARTHEST * limit:
+    if narrow and dt * squeezed > (SQUEEZED if _steep_beside(waves, narrow) else FARTHEST) * limit:
         shortest = f"dt omega_max = {dt * still:.3g} on still water with the paddle at rest, {dt * squeezed:.3g} there"
         long = f"the step is too long for waves as short as these: {shortest}, {moves}"
         return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step} s{longer}", _set(step))
