@@ -67,18 +67,20 @@ class BreakingWatch:
 
         They have a steeper ``front``. The first look sees none.
         """
-        self._flow.near(state, t)
-        last, self._last, rests, fastest = self._last, None, self._rests, self._flow.largest_velocity
-        self._rests = max(0, rests - 1)
-        if self._flow.largest_slope < front or (rests and fastest < self._fast):
+        flow, last, self._last = self._flow, self._last, None
+        flow.near(state, t)
+        if flow.largest_slope < front:
             return []
-        self._last, self._rests = (t, self._flow.profile), 0
+        if self._rests and flow.largest_velocity < self._fast:
+            self._rests -= 1
+            return []
+        self._last, self._rests = (t, flow.profile), 0
         if last is None:
             return []
         self.crests = self._steep(last, self._last, front)
         swift = [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
         if all(crest.overtaking < RECOVERED for crest in swift):
-            self._last, self._rests, self._fast = None, RESTS, FASTER * fastest
+            self._last, self._rests, self._fast = None, RESTS, FASTER * flow.largest_velocity
         return swift
 
     def _steep(self, last: tuple[float, Profile], now: tuple[float, Profile], front: float) -> list[SteepCrest]:

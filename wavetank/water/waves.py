@@ -467,13 +467,18 @@ class NonlinearWaves:
             self._whole.ask(glance)
 
     def told(self, state: State, t: float) -> tuple[float, float] | None:
-        """Return the surface's largest velocity [m/s] and slope where the step to a state has ended, at t [s].
+        """Return the surface's largest velocity [m/s] and slope where the step to a state has ended; collective.
 
-        If that point was found as a whole, along a slice on one rank, and it had been asked before; None else.
+        If that point, at t [s], was found as a whole, on one rank, and that had been asked before; None else.
         """
-        if self._whole is None or not isinstance(state, BetweenTwo):
+        if self._whole is None:
             return None
-        told = self._whole.told(state.minus)
+        if isinstance(state, BetweenTwo):
+            point = state.minus
+        else:
+            self.evaluate(*state.known[0], t)  # as is done anyway
+            point = np.array(state.known[0])
+        told = self._whole.told(point)
         return told if told and one_time(t, self._found_at) else None
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
