@@ -102,9 +102,9 @@ def test_a_paddle_that_reaches_a_gauge_is_told_of_by_name_at_the_first_moment_an
     assert tank.wall.motion.position(times[-1]) < 0.0
 
     told = rf"^t = {reached:.6g} s: the paddle of wall has reached gauges.0, x = 0.2 m: it must stand farther"
-    with pytest.raises(PaddleError, match=told):
+    with pytest.raises(PaddleError, match=told) as found:
         gauges.work_off(looked_at(tank, times, lambda t: 0.01 * np.cos(tank.plane.x)))
-    assert [row[0] for row in rows.rows] == times[: times.index(reached)] != []
+    assert [row[0] for row in rows.rows] == times[: times.index(reached)] != [] and found.value.t == reached
 
 
 def test_gauges_within_a_paddles_reach_and_beyond_read_what_stands_over_them(make_tank):
@@ -246,15 +246,19 @@ class Reached(Patient):
 
     schedule = EverySteps()
 
+    def __init__(self, said, t):
+        self._said, self._t = said, t
+
     def work_off(self, moments):
-        if moments.steps[-1] > 4:
-            raise PaddleError("it was there")
+        if moments.times[-1] > self._t:
+            raise PaddleError(self._said, t=self._t)
 
 
 @pytest.mark.usefixtures("patient")
 def test_a_run_that_breaks_down_says_what_had_happened_before_and_was_not_worked_off(tmp_path):
-    """So that a gauge which a paddle has passed is the cause, and no surface that folds because it goes on."""
-    own = [lambda waves: Reached(), lambda waves: Ending(lambda: fail(BreakdownError))]
+    """So that a gauge which a paddle has passed is the cause, the first in time, and no surface that folds later on."""
+    reached = [Reached("later", 0.25), Reached("it was there", 0.15), Reached("later", 0.2)]
+    own = [*([lambda waves, one=one: one for one in reached]), lambda waves: Ending(lambda: fail(BreakdownError))]
     with pytest.raises(PaddleError, match="it was there"):
         record_run(scene(SLICE), tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()), observers=own)
     assert rows(tmp_path) == [8, 8, 8]

@@ -6,6 +6,7 @@ A run that breaks down is a ``RunError`` (exit code 1): its text says what happe
 
 from collections.abc import Sequence
 from difflib import get_close_matches
+from math import inf
 
 
 def printable(text: str) -> str:
@@ -51,9 +52,15 @@ class RunError(WavetankError):
         What the manifest calls a run that has ended so.
     anew
         Whether only another case gets farther, from its start.
+    t
+        When that was [s], for who looks at many moments at once; infinite where nobody has said.
     """
 
     status, anew = "broke down", False
+
+    def __init__(self, *said: object, t: float = inf):
+        super().__init__(*said)
+        self.t = t
 
 
 class StoppedError(RunError):

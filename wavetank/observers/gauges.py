@@ -77,7 +77,7 @@ class Gauges(Patient):
             row, place = divmod(error.index, len(self._beside.places))
             raise self._passing.error(float(moments.times[row]), place, stand[:, row]) from None
         except ConvergenceError as error:
-            raise ConvergenceError(f"t = {moments.times[0]:.6g} s: {error}") from None
+            raise ConvergenceError(f"t = {moments.times[0]:.6g} s: {error}", t=float(moments.times[0])) from None
 
     def _rows(self, moments: Moments) -> Vector:
         """Return the elevations at all degrees of freedom, those of other ranks among them, (K, rows); collective."""

@@ -54,4 +54,4 @@ class Passing:
         (x, y), (names, paddles) = self._places[place], self._called
         where = f"x = {x:.6g} m{f', y = {y:.6g} m' if y else ''}"
         who = f"the paddle of {paddles[which]} has reached {names[place]}, {where}"
-        return PaddleError(f"t = {t:.6g} s: {who}: it must stand farther from the wall")
+        return PaddleError(f"t = {t:.6g} s: {who}: it must stand farther from the wall", t=t)

@@ -30,6 +30,11 @@ class FieldRecord(Protocol):
         """Append a snapshot at t [s]: points [m], shape (N, 3), the cells between them, fields at them; collective."""
 
 
+def _not_finite(t: Any) -> RunError:
+    said = "a recorded value is not a finite number; the run has broken down."
+    return RunError(f"t = {t:.6g} s: {said}", t=float(t))
+
+
 class Discard:
     """The record of every rank but the first, which has the same row: it fails where the first one's fails."""
 
@@ -37,7 +42,7 @@ class Discard:
         """Drop the rows; raises ``RunError`` for a number that is not finite."""
         for row in rows:
             if not all(value is None or isfinite(value) for value in row):
-                raise RunError(f"t = {row[0]:.6g} s: a recorded value is not a finite number; the run has broken down.")
+                raise _not_finite(row[0])
 
 
 class DiscardArrays:
@@ -46,7 +51,7 @@ class DiscardArrays:
     def append(self, t: float, *arrays: Vector) -> None:
         """Drop them; raises ``RunError`` for a number that is not finite."""
         if not all(np.isfinite(one).all() for one in arrays):
-            raise RunError(f"t = {t:.6g} s: a recorded value is not a finite number; the run has broken down.")
+            raise _not_finite(t)
 
 
 class Memory:

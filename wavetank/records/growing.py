@@ -112,9 +112,8 @@ class GrowingFile:
 
     def _check(self, row: NDArray[np.float64]) -> None:
         if not np.isfinite(row).all():
-            raise RunError(
-                f"t = {row[0]:.6g} s: a value for {self._path.name} is not a finite number; the run has broken down."
-            )
+            said = f"a value for {self._path.name} is not a finite number; the run has broken down."
+            raise RunError(f"t = {row[0]:.6g} s: {said}", t=float(row[0]))
 
     def write(self, content: bytes | memoryview, *, at: int | None = None, over: int = 0) -> None:
         """Hand bytes to the operating system at once: that costs microseconds, and a kill loses nothing.

@@ -98,7 +98,7 @@ class Run:
         self.settle()
 
     def settle(self) -> None:
-        """Let patient observers work off their moments; raises what the first of them raises; collective."""
+        """Let patient observers work off their moments; raises the first error in time; collective."""
         steps, self._steps = np.array(self._steps), []
         if not steps.size:
             return
@@ -123,7 +123,7 @@ class Run:
                 raise
         if failures:
             self.observed = False  # not by all
-            raise failures[0]
+            raise min(failures, key=lambda error: error.t)
 
     @cached_property
     def _carrying(self) -> dict[str, Stateful]:
