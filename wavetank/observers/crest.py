@@ -28,6 +28,8 @@ class HighestCrest(Patient):
 
     def work_off(self, moments: Moments) -> None:
         """See whether the surface was higher than ever; collective."""
+        if (moments.seen(self._waves).heights <= self._own.height).all():
+            return
         surfaces = moments.elevations(self._waves)
         heights = surfaces.max(axis=1, initial=-np.inf)
         heights[np.isnan(heights)] = -np.inf  # of a surface that is none any more

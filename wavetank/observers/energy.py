@@ -153,7 +153,7 @@ class EnergyBudget(Keeping):
 
     def _judge(self, name: str, t: Vector, taken: Vector) -> None:
         """Take note of the most that a sink had taken, and of what it has given back of it."""
-        most = np.fmax.accumulate(np.append(self._most.get(name, taken[0]), taken))[1:]
+        most = np.fmax(np.fmax.accumulate(taken), self._most.get(name, taken[0]))
         given = np.fmax(most - taken, 0.0)
         worst, self._most[name] = int(np.argmax(given)), float(most[-1])
         if given[worst] > self._given.get(name, (0.0, 0.0))[0]:

@@ -5,12 +5,14 @@ seen of many moments stands in rows of arrays, so that who looks at all of them 
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
+from wavetank.fe.differences import largest_differences
 from wavetank.water.energy import Energies
 
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER = range(5)  # in a row
@@ -97,6 +99,11 @@ class Seen:
     def __getattr__(self, name: str) -> Vector:
         rows: Vector = getattr(self._sight, name)[self._rows]
         return rows
+
+    @cached_property
+    def heights(self) -> Vector:
+        """The largest magnitude of this rank's elevations [m], shape (K,), found once for all who ask."""
+        return largest_differences(self.eta, 0)
 
 
 class State(Protocol):

@@ -152,7 +152,7 @@ def stands(stand: Callable[[Vector, Stood], Vector], places: Vector, times: Vect
 
     ``positions`` are X_p [m], nan of those that do not move as a whole, shape (K, paddles).
     """
-    if np.isnan(positions).any():
+    if isnan(positions[0].sum()):
         each = zip(times, positions, strict=True)
         return np.stack([stand(places, stood(float(t), of_paddles)) for t, of_paddles in each], axis=1)
     return np.repeat(positions.T[..., None], len(places), axis=-1)
