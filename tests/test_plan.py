@@ -9,6 +9,7 @@ import pytest
 from conftest import fitted_slope, recorded
 from mpi4py import MPI
 
+from wavetank import recording
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.cli import main
@@ -574,6 +575,24 @@ def test_waves_that_no_numerics_hold_are_told_where_nobody_has_set_an_accuracy(c
         assert said in capsys.readouterr().err and not (tmp_path / "run").exists()
 
 
+def test_a_step_that_is_surely_unstable_is_refused_before_the_mesh_is_made_and_after_what_is_really_wrong(
+    capsys, monkeypatch, tmp_path
+):
+    """It was found by 100 s of iterations for the mesh's frequency; that is the oracle of a shallow tank's limit."""
+    monkeypatch.setattr(recording, "build_run", lambda *_, **__: pytest.fail("it was built"))
+    motion = '{ type = "regular", height = 0.04, period = 1.4 }'
+    text = f'[tank]\nlength = 10.0\ndepth = 0.5\n[wall]\ntype = "piston"\nmotion = {motion}\n[numerics]\n'
+    numerics = "cell_size = 0.25\nvertical_order = 5\ndt = 0.08\n"
+    (tmp_path / "deep.toml").write_text(f"{text}{numerics}[run]\nduration = 5.0\n")
+    run = ["run", str(tmp_path / "deep.toml"), "--out", str(tmp_path / "run")]
+    for changes, told in (
+        ((), r"line 10: numerics.dt = 0.08: must be below 0.0696\d* s, .* numerics.cell_size = 0.25\.\n"),
+        (("tank.depth=500", "tank.length=10000"), r"no vertical order holds .*less deep\.\n.* 0.00278 s, .*\n"),
+    ):
+        assert main([*run, *(word for change in changes for word in ("--set", change))]) == 2
+        assert re.search(f"{told}$", capsys.readouterr().err) and not (tmp_path / "run").exists()
+
+
 def test_of_an_accuracy_that_cannot_be_had_it_is_said_that_nobody_has_named_it(monkeypatch):
     def unreachable(scene, accuracy):
         raise UnreachableError(f"accuracy = {accuracy:g}: must be above 0.21")
@@ -626,6 +645,15 @@ def test_a_trial_over_a_bed_has_the_waves_in_the_tank():
 def test_of_a_basin_no_plan_is_made(wavetank):
     refused = wavetank("plan", "cases/bend.toml", "--accuracy", "0.1")
     assert refused.returncode == 2 and "plans are made for slices and rings with a flat bed" in refused.stderr
+
+
+def test_where_no_plan_can_be_made_it_is_said_that_the_accuracy_can_be_left_out_and_where_it_stands(tmp_path, capsys):
+    bed, numerics = '[tank.bed]\ntype = "beach"\nstart = 2.0\nslope = 0.1\n', "[numerics]\naccuracy = 1e-2\n"
+    (tmp_path / "beach.toml").write_text(f"[tank]\nlength = 4.0\ndepth = 1.0\n{bed}{numerics}[run]\nduration = 1.0\n")
+    for command in ("plan", "run"):
+        assert main([command, str(tmp_path / "beach.toml")]) == 2
+        said = "beach.toml, line 9: numerics.accuracy = 0.01: must be left out, then cells and vertical order follow a "
+        assert f'{said}rule: tank.bed.type = "beach": plans are' in capsys.readouterr().err
 
 
 def test_the_energy_that_is_told_is_the_one_that_is_computed():

@@ -15,6 +15,7 @@ from wavetank.case.contents import contents
 from wavetank.case.windows import Window
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
 from wavetank.fe.agreed import agreed, all_here, ending_together, from_first, on_first
+from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.breaking import BreakingNews
 from wavetank.observers.contract import Judge, Observer
@@ -26,6 +27,7 @@ from wavetank.observers.stability import StabilityWatch
 from wavetank.plan.affordable import check_affordable
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
+from wavetank.plan.stable import check_stable
 from wavetank.records.checkpoint import kept as checkpoints
 from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import ANALYSES, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
@@ -149,7 +151,8 @@ def record_run(
         asked, (scene, doubts) = scene, kept.planned(scene) if kept else planned(scene, comm)
         if not unasked:
             check_affordable(scene, comm)
-        with mesh_told(asked, scene):
+        with mesh_told(asked, scene), console.status("preparing the run"):
+            check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
             run, waves = build_run(scene, comm, integrator, beginning=kept.beginning if kept else None)
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves, own=integrator, sinks=run.sinks)):
             warnings.add(doubt)

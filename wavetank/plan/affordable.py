@@ -16,10 +16,10 @@ from wavetank.fe.agreed import on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.meshes import MeshFile
 from wavetank.plan.cost_model import BASE, known_costs
-from wavetank.plan.dispersion import Cells, Mesh
 from wavetank.plan.error_model import Settings
 from wavetank.plan.kinds import entries_of, kind_of
 from wavetank.plan.looks import Looks
+from wavetank.plan.stable import still_mesh
 from wavetank.runs.build import build_clock
 from wavetank.runs.memory import available_memory
 from wavetank.values.noun import Problem, SceneError
@@ -114,8 +114,6 @@ def _cells_of_basin(tank: BasinTank, size: float) -> tuple[float, float]:
 def _steps(scene: Scene, cell_size: float) -> tuple[float, float, float]:
     """Return the step [s], the number of steps, and dt omega_max, on still water of the tank's depth."""
     chosen, integrator = scene.numerics, INTEGRATORS[scene.numerics.integrator]()
-    cells = Cells(chosen.order, cell_size)
-    mesh = Mesh(cells=cells, vertical_order=chosen.vertical_order, depth=scene.tank.depth, gravity=scene.tank.gravity)
-    omega = mesh.largest_frequency
+    omega = still_mesh(scene, cell_size).largest_frequency
     dt = build_clock(scene, omega, integrator).dt if chosen.dt is None else chosen.dt
     return dt, scene.run.duration / dt, float(min(dt * omega, integrator.stability_limit))

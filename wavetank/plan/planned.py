@@ -62,7 +62,8 @@ def _cells_are_named(scene: Scene) -> bool:
 
 def check_held(scene: Scene) -> None:
     """Raise ``SceneError`` if a scene has waves of a paddle that no numerics hold: a plan knows nothing of them."""
-    if problems := list(too_short(scene)):
+    named = "; cells that the case names are taken as they are"
+    if problems := [one._replace(allowed=one.allowed + named) for one in too_short(scene)]:
         raise SceneError(problems)
 
 

@@ -37,6 +37,7 @@ from wavetank.plan.kinds import kind_of
 from wavetank.theory import airy, standing_wave
 from wavetank.theory.conformal import SteadyWave
 from wavetank.theory.second_order import Strokes, second_order
+from wavetank.values.noun import Problem, SceneError
 
 LEFT = 0.05  # of the free second harmonic: what second-order generation leaves of it, in steep waves
 MOST_COMPONENTS = 40
@@ -196,7 +197,8 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     """
     tank = scene.tank
     if why := unplanned(scene):
-        raise InputError(f"{why}; give the numerics instead.")
+        allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
+        raise SceneError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
     waves, crest, form, lasting = _all_waves(scene, accuracy)
     motions = [seen.motion() for seen in scene.paddles]
     energy = waves.amplitude**2

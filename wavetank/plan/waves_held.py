@@ -45,8 +45,8 @@ def too_short(scene: Scene) -> Iterator[Problem]:
         k = float(wave_number(omega, depth, g))
         if relative_frequency_error(k * depth, HIGHEST_VERTICAL_ORDER) > HELD:
             size = f"T = {2 * np.pi / omega:.3g} s, {2 * np.pi / k:.2g} m long in water {depth:.3g} m deep"
-            cure = "they are the same in a tank that is less deep; cells that the case names are taken as they are"
-            yield Problem((seen.key, "motion"), None, f"no vertical order holds its waves of {size}: {cure}")
+            held = f"no vertical order holds its waves of {size}"
+            yield Problem((seen.key, "motion"), None, f"{held}: they are the same in a tank that is less deep")
 
 
 def _by_cells(scene: Scene, cell_size: float, depth: float, which: str, omega: float) -> str:
