@@ -62,10 +62,21 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
     came_to = history(surface)
     rows = {row["name"] for row in run.manifest.get("scene", {}).get("gauge_lines", ())}
     paddles, high = [surface.paddle(came_to.travel, far=far) for far in (False, True)], came_to.extremes.high
-    title, both = f"at the highest crest, t = {came_to.crest_time:.2f} s", (-came_to.usual, came_to.usual)
+    title, both = (
+        f"at the highest crest of the snapshots, t = {came_to.crest_time:.2f} s",
+        (-came_to.usual, came_to.usual),
+    )
     maps = [
         Map(title, "elevation [cm]", came_to.crest, came_to.crest[:, 2], both, "RdBu_r", DARK),
-        Map("the highest elevation reached", "elevation [cm]", surface.first, high, _limits(high), "viridis", LIGHT),
+        Map(
+            "the highest elevation of the snapshots",
+            "elevation [cm]",
+            surface.first,
+            high,
+            _limits(high),
+            "viridis",
+            LIGHT,
+        ),
         *_wave_heights(run, surface),
     ]
     with picture(path, *_size(surface, len(maps))) as figure:

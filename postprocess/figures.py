@@ -119,7 +119,7 @@ def _draw_profile(axes: Axes, surface: Surface, depth: float) -> None:
     step = _half_period(surface)
     for snapshot, colour, note in (
         (crest - step, BEFORE, ""),
-        (crest, CREST, ", the highest crest"),
+        (crest, CREST, ", the highest crest of the snapshots"),
         (crest + step, AFTER, ""),
     ):
         if 0 <= snapshot < surface.t.size:

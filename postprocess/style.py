@@ -86,5 +86,5 @@ def _number(value: float) -> str:
     if 1e-3 <= value < 1e5:
         return f"{value:g}"
     power = floor(log10(value) + 1e-9)
-    factor = f"{value / 10**power:.1g}"
+    factor = f"{value / 10**power:.6g}"
     return f"${'' if factor == '1' else factor + '·'}10^{{{power}}}$"

@@ -15,7 +15,15 @@ from rich.console import Console
 from wavetank import data
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.postprocess.compare import COLUMNS, compare, comparison_table, extremes_table, matched, write_comparison
+from wavetank.postprocess.compare import (
+    COLUMNS,
+    compare,
+    comparison_table,
+    extremes_table,
+    matched,
+    told_of_clock,
+    write_comparison,
+)
 from wavetank.postprocess.compare_command import told_of_tanks
 from wavetank.postprocess.compare_harmonics import compare_harmonics, harmonics_table
 from wavetank.postprocess.figures import gauges_figure
@@ -266,6 +274,22 @@ def test_what_makes_no_sense_has_no_number():
     console = Console(width=100, file=StringIO(), markup=False)
     console.print(extremes_table([found]))
     assert "nan" not in console.file.getvalue() and "arrival" not in console.file.getvalue()
+
+
+def test_a_share_that_is_nearly_none_has_no_sign_of_its_own():
+    console = Console(width=100, file=StringIO(), markup=False)
+    console.print(extremes_table([against(0.9998 * waves(T), waves(T))]))
+    assert "+0.0 %" in console.file.getvalue() and "-0.0 %" not in console.file.getvalue()
+
+
+@pytest.mark.parametrize(("late", "factor", "told"), [(6.0, 1.0, "-6.000 s added"), (6.0, -1.0, ""), (0.5, 1.0, "")])
+def test_of_records_on_another_clock_that_is_told(late, factor, told):
+    """Oracle: a group, later in the reference, or besides upside down; what is less than a second a table has."""
+    t = np.arange(0, 60, 0.02)
+    here, there = (0.05 * np.exp(-(((t - t0) / 3) ** 2)) * np.cos(4 * (t - t0)) for t0 in (20.0, 20.0 + late))
+    computed, measured = [series("g", 1.0, t, factor * here)], [series("g", 1.0, t, there)]
+    said = told_of_clock(computed, measured, compare(computed, measured))
+    assert told in said and bool(said) == bool(told) == ("--clock free" in said)
 
 
 def test_harmonics_are_compared_in_amplitude_and_phase():

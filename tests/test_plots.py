@@ -105,7 +105,8 @@ def test_a_run_killed_at_its_start_gives_the_pictures_it_has_records_for(tmp_pat
 
 def test_the_surface_picture_names_crest_place_time_and_exaggeration(tmp_path):
     text = words(lambda path: surface_figure(group(), path, title="A focusing group", depth=1.0), tmp_path)
-    for word in ("A focusing group", "t = 20.00 s, the highest crest", "10 cm at x = 10.00 m", "vertical exaggeration"):
+    crest = "t = 20.00 s, the highest crest of the snapshots", "10 cm at x = 10.00 m"
+    for word in ("A focusing group", *crest, "vertical exaggeration"):
         assert word in text
     for axis in ("elevation [cm]", "time [s]", "x [m]", ">paddle<"):
         assert axis in text

@@ -401,8 +401,11 @@ def test_the_paddle_for_a_wished_surface_makes_it_there(tmp_path):
     group = scene(FOCUSED).motion().motion
     paddle = group.position(t[seen])
     assert np.abs(motion.position(t[seen] + 15.0) - paddle).max() < 0.02 * np.abs(paddle).max()
-    with pytest.raises(SceneError, match=r"wall\.motion\.delay = 1\.0: must be at least 5\.\d+ s"):
+    late = r"wall\.motion\.delay = 1\.0: must be at least 5\.\d+ s: after a ramp of 3 s its waves need 2\.\d+ s to x"
+    with pytest.raises(SceneError, match=late):
         scene(wish | {"delay": 1.0}).motion()
+    with pytest.raises(SceneError, match=r"after a ramp of \d\.\d+ s, the default, its waves need"):
+        scene({**wish, "ramp": None, "delay": 1.0}).motion()
 
 
 # ---------------------------------------------------------------- what is refused

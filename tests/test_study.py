@@ -18,12 +18,14 @@ import pytest
 from conftest import CHECKOUT, commanded
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 from ranks import begun, members
 from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RecordError, RunError, StoppedError
+from wavetank.postprocess.style import number_logarithms
 from wavetank.records.checkpoint import Checkpoint, last_checkpoint
 from wavetank.records.directory import CHECKPOINT, RunDirectory
 from wavetank.records.writer import RunWriter
@@ -488,13 +490,24 @@ def test_values_that_are_refused_are_rows_as_runs_that_break_down_are(tmp_path, 
 
 
 def test_a_study_without_a_finished_run_still_has_its_table(tmp_path, monkeypatch):
-    monkeypatch.setattr(Runner, "_called", lambda *of: Outcome("refused", "numerics.dt = 0.5: must be below"))
+    monkeypatch.setattr(Runner, "_called", lambda *of: Outcome("refused", "numerics.dt = 0.5: must be below."))
+    console = Console(file=io.StringIO(), width=300)
+    study = Study(CASE, ["dt=0.5,0.4"], overrides=LINEAR, out=tmp_path, console=console, at_once=1, reference="fine")
     with pytest.raises(RunError, match=r"nothing could be measured.*numerics.dt = 0.5: must be below"):
-        run_study(tmp_path, ["dt=0.5"], reference="fine")
+        study.execute()
     assert "refused" in (tmp_path / "study.csv").read_text()
+    assert re.search(r"must be below; about \d+ seconds? left\n", console.file.getvalue())
 
 
 # ---------------------------------------------------------------- the picture
+@pytest.mark.parametrize("limits", [(5.6e-4, 5.67e-4), (5.6e-4, 9e-4), (2e-5, 3e-3)])
+def test_ticks_of_errors_that_are_alike_differ(limits):
+    axis = Figure().subplots(subplot_kw={"yscale": "log", "ylim": limits}).yaxis
+    number_logarithms(axis)
+    ticks = [tick for tick in axis.get_majorticklocs() if limits[0] <= tick <= limits[1]]
+    assert 1 < len(ticks) == len({*axis.get_major_formatter().format_ticks(ticks)})
+
+
 @given(st.lists(st.tuples(st.integers(1, 20), st.integers(1, 20)), min_size=1))
 def test_no_point_beats_the_pareto_front(points):
     """Oracle: the definition, pair by pair."""

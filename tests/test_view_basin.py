@@ -333,7 +333,12 @@ def words(run, tmp_path):
 def test_the_maps_say_what_they_show(tmp_path):
     parts = {"depth": shoal, "paddle": swinging, "damping": lambda x, y: x - 0.0, "times": TIMES[:6]}
     text = words(record(tmp_path / "run", **parts), tmp_path)
-    for word in ("A basin", "at the highest crest, t = ", "the highest elevation reached", "elevation [cm]"):
+    for word in (
+        "A basin",
+        "at the highest crest of the snapshots, t = ",
+        "elevation of the snapshots",
+        "elevation [cm]",
+    ):
         assert word in text
     for word in (">x [m]<", ">y [m]<", ">mast<", ">sponge<", ">0.25 m<", ">0.45 m<"):
         assert word in text

@@ -117,7 +117,8 @@ class SurfaceFile(WaveFile):
         travel = self.way / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
         if found.begin < ramp + travel:
             least = self.delay + ramp + travel - found.begin
-            allowed = f"must be at least {least:.4g} s: its waves need {travel:.4g} s from the ramp's end to x"
+            ramped = f"after a ramp of {ramp:.4g} s{', the default,' if self.ramp is None else ''}"
+            allowed = f"must be at least {least:.4g} s: {ramped} its waves need {travel:.4g} s to x"
             yield Problem((*KEY, "delay"), self.delay, allowed)
         elif found.begin > travel + found.length:
             allowed = f"must be at most {self.delay + travel + found.length - found.begin:.4g} s: a copy comes before"

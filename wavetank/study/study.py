@@ -153,7 +153,7 @@ class Study:
 
     def _ended(self, one: Combination, outcome: Outcome) -> str:
         if outcome.status != "finished":
-            return f"{outcome.status}: {outcome.cause}"
+            return f"{outcome.status}: {outcome.cause.removesuffix('.')}"
         spent = self._costs(one)[CPU]
         return f"{spent:.1f} s of CPU time{'' if outcome.again else ', finished before'}"
 
