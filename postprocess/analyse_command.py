@@ -20,7 +20,7 @@ KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection
 WIDTH = 120  # characters a table may need, on whatever terminal
 MOST = 24  # rows of a table on the terminal
 REFLECTION = "reflection"  # of regular waves, or of a sea
-REGULAR = ("harmonics", "bound-free", REFLECTION)  # that take a period
+REGULAR = ("harmonics", "bound-free", REFLECTION, "speed")  # that take a period
 
 
 def analyse(

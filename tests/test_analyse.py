@@ -17,8 +17,9 @@ from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.postprocess.analyse_command import KINDS
 from wavetank.postprocess.analysis import kinds
-from wavetank.postprocess.analysis.record import read_record
-from wavetank.postprocess.analysis.records import between
+from wavetank.postprocess.analysis.record import Record, read_record
+from wavetank.postprocess.analysis.records import between, elevation
+from wavetank.records.series import GaugeSeries
 from wavetank.records.writer import RunWriter
 from wavetank.theory.airy import wave_number
 
@@ -109,6 +110,45 @@ def test_harmonics_over_a_bar_are_those_that_the_datas_readme_states():
         assert 1e3 * np.array(found[gauge]) == pytest.approx(amplitudes, abs=0.02), gauge
 
 
+def regular(x, *, length=40.0, way=1):
+    """Return the record of Stokes waves of 8 cm and 1.6 s over 1 m at gauges x [m], in their steady part."""
+    k, t = float(wave_number(2 * np.pi / 1.6, 1.0, 9.81)), np.arange(20.0, 20.0 + length, 0.03)
+    series = []
+    for n, at in enumerate(x, 1):
+        phase = way * k * at - 2 * np.pi * t / 1.6
+        series.append(GaugeSeries(str(n), at, t, 0.04 * np.cos(phase) + 0.003 * np.cos(2 * phase), "made"))
+    return Record(elevation(series), "regular", None, 1.0), 2 * np.pi / 1.6 / k
+
+
+@pytest.mark.parametrize("period", [None, 1.6])
+@pytest.mark.parametrize("way", [1, -1])
+def test_regular_waves_go_with_their_phase_speed_and_no_other_frequency_has_one(period, way, tmp_path, monkeypatch):
+    """Oracle: c by the dispersion relation of the one period; the largest correlation of 3 m apart is at -0.3 s."""
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
+    record, c = regular((2.0, 5.0, 5.5), way=way)
+    found = kinds.analysed("speed", replace(record, told_period=period))
+    assert found.columns[3] == "phase speed [m/s]" and [row[1] for row in found.rows] == [3.0, 0.5]
+    for _, apart, late, speed, linear in found.rows:
+        assert (speed, linear) == (pytest.approx(way * c, rel=1e-6), pytest.approx(c))
+        assert late == pytest.approx(way * apart / c, rel=1e-6)
+    assert "T = 1.6 s" in found.said and "whole periods the one nearest to linear waves'" in found.said
+    assert "cannot be told" not in found.said
+    found.draw(tmp_path / "speed.png")
+    assert not faults(figures[0]) and [line.get_xdata().size for line in figures[0].axes[0].lines] == [1, 1, 200]
+
+
+def test_where_whole_periods_cannot_be_told_it_is_said():
+    """Oracle: of records of two frequencies alike a period later; of a depth whose waves are off by over a quarter."""
+    record, _ = regular((2.0, 5.0, 5.5), length=48.0)
+    wrong = kinds.analysed("speed", replace(record, told_depth=0.2)).said
+    assert "whole periods cannot be told between gauges 1-2: they differ by more than a quarter" in wrong
+    other = 0.03 * np.cos(2 * np.pi * 0.7 * (record.eta.time - record.eta.x / 2.1))
+    said = kinds.analysed("speed", replace(record, eta=record.eta + other.transpose(*record.eta.dims)))
+    assert "whole periods cannot be told between gauges" in said.said
+    assert {round(f, 2) for *_, f, _, _ in said.rows} == {0.62}
+
+
 @pytest.mark.parametrize("kind", ["reflection", "harmonics", "bound-free"])
 def test_what_is_not_of_the_period_is_told(table, kind):
     """Oracle: of amplitudes 50 and 30 mm, at places where they do not beat with themselves, 9/34 of the variance."""
@@ -159,7 +199,7 @@ def test_a_sea_is_told_apart_without_a_period(table, tmp_path):
     ("words", "said"),
     [
         (["spectra"], "analysis 'spectra' received; did you mean 'spectrum'? allowed are: spectrum, heights"),
-        (["--period", "2"], "--period received with spectrum; it is for harmonics, bound-free, reflection."),
+        (["--period", "2"], "--period received with spectrum; it is for harmonics, bound-free, reflection, speed."),
         (["--sea"], "--sea received with spectrum; it is for reflection."),
         (["reflection", "--sea", "--period", "2"], "--sea and --period 2 received; reflection is of one of them."),
         (["reflection"], "the depth is needed for this; give --depth METRES."),

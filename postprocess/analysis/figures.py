@@ -21,6 +21,7 @@ from wavetank.theory.airy import wave_number
 from wavetank.theory.wave import Array
 
 FEW = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, INK)
+BESIDE = 0.1  # of frequencies: how far beyond them linear waves are drawn
 MOST = 12  # gauges in one panel; of more, some between are left out
 SHARE = 0.99  # of the variance that a spectrum is drawn up to
 LEGEND = {"loc": "outside lower center", "ncols": 4}
@@ -186,24 +187,22 @@ def regular_reflection_figure(component: DataArray, found: Reflection, path: Pat
     return along_figure(component, [found.k, -found.k], ["incident", "reflected"], told, path, title=said)
 
 
-def speed_figure(found: Dataset, told: Array, path: Path, *, title: str, depth: float, gravity: float) -> Path:
-    """Draw phase speeds between gauges over frequency beside the dispersion relation's; return ``path``.
+def speed_figure(
+    speed: Array, pairs: Sequence[str], frequencies: Array, path: Path, *, title: str, depth: float, gravity: float
+) -> Path:
+    """Draw phase speeds [m/s] between gauges over frequency [Hz] beside the dispersion relation's; return ``path``.
 
-    ``told`` says which of them the records tell, of shape (pairs, frequencies); others are not drawn.
+    They are of shape (pairs, frequencies), not numbers where the records do not tell them.
     """
     with picture(path, 9, 5.4) as figure:
-        axes, shown = figure.subplots(), _shown(found.sizes["pair"])
+        axes, shown = figure.subplots(), _shown(len(pairs))
         for n, colour in zip(shown, _looks(len(shown)), strict=True):
-            speed = found.speed[n].where(told[n])
-            axes.plot(found.frequency, speed, ".", color=colour, label=f"gauges {found.pair.values[n]}")
-        f = np.linspace(*_ends(found.frequency.values[told.any(axis=0)]), 200)
+            axes.plot(frequencies, speed[n], ".", color=colour, label=f"gauges {pairs[n]}")
+        told = frequencies[np.isfinite(speed).any(axis=0)]
+        f = np.linspace((1 - BESIDE) * told.min(), (1 + BESIDE) * told.max(), 200)
         k = wave_number(2 * np.pi * f, depth, gravity)
         axes.plot(f, 2 * np.pi * f / k, "-", color=INK, lw=1, label="linear waves")
         axes.set(xlabel="frequency [Hz]", ylabel="phase speed [m/s]")
         figure.legend(**LEGEND)
         figure.suptitle(f"{title}: speed between gauges", fontsize=12, parse_math=False)
     return path
-
-
-def _ends(frequencies: Array) -> tuple[float, float]:
-    return float(frequencies.min()), float(frequencies.max())

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from xarray import DataArray
+from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis import figures
@@ -18,13 +18,15 @@ from wavetank.postprocess.analysis.record import Record
 from wavetank.postprocess.analysis.records import waves_begin, waving
 from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, Reflection, reflected_spectra, regular_reflection
 from wavetank.postprocess.analysis.spectra import PERIODS, mean_period, sea_state, spectrum
-from wavetank.postprocess.analysis.speed import phase_speed, travel
+from wavetank.postprocess.analysis.speed import phase_speed, regular_speed, travel
 from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
 from wavetank.theory.airy import wave_number
 from wavetank.theory.wave import Array
 
 COHERENT = 0.9  # less has no phase speed
 DOUBTFUL = 0.1  # of the variance: more that is not of the period is told
+FEWEST_PERIODS = 3  # in a record that is taken for one of regular waves unasked
+MANY = 6  # pairs of gauges that are named
 SEVERAL = 5  # of a sea's mean periods: over which its height is looked at
 STEEP = 0.05  # of the wave number: within which that of regular waves is looked for, where gauges allow
 
@@ -94,8 +96,7 @@ def harmonic(record: Record) -> Result:
     A, numbers = found.component.values, found.harmonic.values
     columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in numbers), *(f"phase{n} [rad]" for n in numbers), "rest [m]"]
     rows = _rows(record, np.abs(A), np.angle(A), found.rest)
-    said = f"T = {1 / record.frequency:.6g} s" + ("" if record.told_period else ", as found in the record (--period)")
-    said += _others_told(record)
+    said = _period_told(record) + _others_told(record)
     return Result(columns, rows, said, lambda path: figures.harmonics_figure(found, path, title=record.title))
 
 
@@ -176,10 +177,19 @@ def _regular(record: Record) -> Result:
     )
 
 
+def _period_told(record: Record) -> str:
+    return f"T = {1 / record.frequency:.6g} s" + ("" if record.told_period else ", as found in the record (--period)")
+
+
+def _share_of_others(record: Record) -> float:
+    """Return how much of the variance is neither of the waves' frequency nor of its harmonics."""
+    rest = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency)).rest
+    return float((rest**2).sum() / record.eta.var("time").sum())
+
+
 def _others_told(record: Record) -> str:
     """Return words on the variance that is neither of the waves' frequency nor of its harmonics, where that is much."""
-    rest = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency)).rest
-    share = float((rest**2).sum() / record.eta.var("time").sum())
+    share = _share_of_others(record)
     others = f"; {100 * share:.2g} % of the variance is not of this period, but of other waves or of growing ones"
     return (others if share > DOUBTFUL else "") + _begin_told(record, 1 / record.frequency)
 
@@ -206,15 +216,45 @@ def _irregular(record: Record) -> Result:
 
 
 def speed(record: Record) -> Result:
-    """How fast waves go from gauge to gauge: by cross-correlation, and each frequency by its phase."""
+    """How fast waves go from gauge to gauge: regular ones by their phase, others by cross-correlation, too."""
+    return _speed_of_regular(record) if _is_regular(record) else _speed_of_sea(record)
+
+
+def _is_regular(record: Record) -> bool:
+    """Return whether a period is told, or one that is found has nearly all of the variance."""
+    if record.told_period:
+        return True
+    length = float(record.eta.time[-1] - record.eta.time[0])
+    return record.frequency * length > FEWEST_PERIODS and _share_of_others(record) < DOUBTFUL
+
+
+def _speed_of_regular(record: Record) -> Result:
+    f = record.frequency
+    component = harmonics(record.on_its_way, f, number=resolved(record.eta, f)).component[:, 0]
+    found = regular_speed(component, f, depth=record.depth, gravity=record.gravity)
+    linear = 2 * np.pi * f / float(wave_number(2 * np.pi * f, record.depth, record.gravity))
+    pairs, apart, late, c = (found[name].values for name in ("pair", "distance", "delay", "speed"))
+    return Result(
+        ("gauges", "distance [m]", "delay [s]", "phase speed [m/s]", "linear [m/s]"),
+        [(str(pair), *map(float, row), linear) for pair, *row in zip(pairs, apart, late, c, strict=True)],
+        f"{_period_told(record)}; of delays that differ by whole periods the one nearest to linear waves' is told"
+        f"{_uncertain(found, 'they differ by more than a quarter of one')}{_others_told(record)}{record.told_way}",
+        lambda path: figures.speed_figure(
+            c[:, None], list(pairs), np.array([f]), path, title=record.title, depth=record.depth, gravity=record.gravity
+        ),
+    )
+
+
+def _speed_of_sea(record: Record) -> Result:
     eta = record.on_its_way
     found, between = phase_speed(eta, depth=record.depth, gravity=record.gravity), travel(eta)
-    density = found.density.values
+    density, frequencies = found.density.values, found.frequency.values
     told = (found.coherence.values > COHERENT) & (density > ENERGETIC * density.max(axis=1, keepdims=True))
+    told &= found.own.values
     if not told.any():
         raise InputError(f"{record.title}: from gauge to gauge no frequency has a coherence of {COHERENT:g}.")
     peak = np.argmax(np.where(told, density, 0.0), axis=1)
-    f, c = found.frequency.values[peak], found.speed.values[np.arange(peak.size), peak]
+    f, c = frequencies[peak], found.speed.values[np.arange(peak.size), peak]
     linear = 2 * np.pi * f / wave_number(2 * np.pi * f, record.depth, record.gravity)
     columns = ["gauges", "distance [m]", "delay [s]", "speed [m/s]"]
     columns += ["peak [Hz]", "phase speed there [m/s]", "linear [m/s]"]
@@ -222,11 +262,26 @@ def speed(record: Record) -> Result:
     return Result(
         columns,
         [(str(pair), *map(float, row)) for pair, row in zip(between.pair.values, numbers, strict=True)],
-        f"delay and speed are those of the largest cross-correlation{record.told_way}",
+        "delay and speed are those of the largest cross-correlation"
+        f"{_uncertain(between, 'a period earlier or later the records are as alike')}"
+        f"; frequencies are {frequencies[0]:.3g} Hz apart{record.told_way}",
         lambda path: figures.speed_figure(
-            found, told, path, title=record.title, depth=record.depth, gravity=record.gravity
+            found.speed.where(told).values,
+            list(found.pair.values),
+            frequencies,
+            path,
+            title=record.title,
+            depth=record.depth,
+            gravity=record.gravity,
         ),
     )
+
+
+def _uncertain(found: Dataset, why: str) -> str:
+    """Return words on pairs of gauges between which whole periods cannot be told."""
+    pairs = found.pair.values[~found.certain.values]
+    some = ", ".join(map(str, pairs[:MANY])) + (f" and {pairs.size - MANY} more" if pairs.size > MANY else "")
+    return f"; whole periods cannot be told between gauges {some}: {why}" if pairs.size else ""
 
 
 def analysed(kind: str, record: Record) -> Result:

@@ -17,11 +17,10 @@ from xarray import DataArray, Dataset
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis.along import told_apart
 from wavetank.postprocess.analysis.records import places, time_step
-from wavetank.postprocess.analysis.spectra import mean_period, peak_frequency, samples, spectrum
+from wavetank.postprocess.analysis.spectra import ends_low, mean_period, peak_frequency, samples, spectrum
 from wavetank.theory.airy import group_velocity, wave_number
 
 WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
-LOW = 0.25  # of the highest: where waves at the ends of a record are lower, no window is needed
 ENERGETIC = 0.02  # of the largest incident density: of less, no reflection is told
 
 
@@ -93,7 +92,7 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     values = np.array([one[n : n + length] for n, one in zip(late, eta.transpose("gauge", "time").values, strict=True)])
     size = min(samples(eta, segment), length)
     whole = size == length
-    window = "boxcar" if whole and _ends_low(values, round(mean_period(eta) / dt)) else "hann"
+    window = "boxcar" if whole and ends_low(values, round(mean_period(eta) / dt)) else "hann"
     f, cross = signal.csd(values[:, None], values[None], 1 / dt, window, nperseg=size, detrend="constant")
     f, cross = f[1:], np.moveaxis(cross, -1, 0)[1:]
     turned = np.exp(2j * np.pi * dt * f[:, None] * late)
@@ -124,12 +123,6 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
             "one_window": whole and window == "hann",
         },
     )
-
-
-def _ends_low(values: NDArray[np.float64], period: int) -> bool:
-    """Return whether the first and last waves of records, in that many samples, are low beside their highest."""
-    high = np.abs(values - values.mean(axis=1, keepdims=True))
-    return bool(max(high[:, :period].max(), high[:, -period:].max()) < LOW * high.max())
 
 
 def _delays(eta: DataArray, x: NDArray[np.float64], depth: float, gravity: float) -> NDArray[np.intp]:

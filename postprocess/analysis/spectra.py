@@ -4,6 +4,7 @@ Source: L. H. Holthuijsen, *Waves in Oceanic and Coastal Waters*, 2007, chapters
 """
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import signal
 from xarray import DataArray, Dataset
 
@@ -11,6 +12,7 @@ from wavetank.postprocess.analysis.records import time_step
 
 PERIODS = 32  # mean periods in a segment
 WHOLE = np.inf  # s; a segment that is all of a record
+LOW = 0.25  # of the highest: where waves at the ends of a record are lower, no window is needed
 PEAKED = 4  # power of S by which the peak's frequency is weighted: I. R. Young, Ocean Eng. 22, 1995
 
 
@@ -45,6 +47,12 @@ def spectrum(eta: DataArray, *, segment: float | None = None) -> DataArray:
         name="spectrum",
         attrs={"long_name": "variance density", "units": "m2 Hz-1", "segments": 2 * eta.time.size // size - 1},
     )
+
+
+def ends_low(values: NDArray[np.float64], period: int) -> bool:
+    """Return whether the first and last waves of records, in that many samples, are low beside their highest."""
+    high = np.abs(values - values.mean(axis=1, keepdims=True))
+    return bool(max(high[:, :period].max(), high[:, -period:].max()) < LOW * high.max())
 
 
 def moment(S: DataArray, n: int) -> DataArray:
