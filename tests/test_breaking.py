@@ -21,14 +21,12 @@ from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
 from wavetank.fe.plane import Plane
 from wavetank.integrators.states import Point
-from wavetank.observers.breaking import StopAtBreaking
-from wavetank.observers.contract import Moment
 from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
 from wavetank.theory.stream_function import maximum_height, stream_function_wave
 from wavetank.verify.breaking import bore, cases, over_steep, row
-from wavetank.water.breaking import BreakingDissipation, BreakingWatch
+from wavetank.water.breaking import BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.water.crests import LEAST, Profile, SteepCrest, steep_crests
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.footprint import Ring, Slice
@@ -246,6 +244,25 @@ def test_a_bore_is_not_taken_for_breaking():
     assert t >= 1.2 and not cause
 
 
+def test_where_waves_break_a_run_stops_that_would_dissipate_and_goes_on_from_the_step_before(tmp_path):
+    """On coarse cells the penalty takes what is steep before others see it: 0.4 s later there was a wave to stop at."""
+    case = {
+        "tank": {"length": 5.0, "depth": 0.5},
+        "wall": {"type": "piston", "motion": {"type": "regular", "height": 0.25, "period": 1.4}},
+        "run": {"duration": 3.4, "on_breaking": "dissipate"},
+        "numerics": {"cell_size": 0.25, "vertical_order": 5, "dt": 0.04},
+    }
+    run, _ = build_run(Scene.model_validate(case), MPI.COMM_SELF)
+    run.execute()
+    (breaking,) = (one for one in run.filters if isinstance(one, BreakingDissipation))
+    ((t, x), *_) = breaking.began
+    case["run"]["on_breaking"], quiet = "stop", {"comm": MPI.COMM_SELF, "console": Console(quiet=True)}
+    for resume in (False, True):
+        with pytest.raises(RunError, match=re.escape(f"t = {t:.6g} s, x = {x:.4g} m: a wave breaks")):
+            record_run(Scene.model_validate(case), tmp_path / "run", resume=resume, **quiet)
+        assert RunDirectory(tmp_path / "run").manifest["last_checkpoint"] == pytest.approx(t - 0.04)
+
+
 def test_a_sine_too_steep_for_any_wave_breaks_and_stops_unless_it_is_ignored():
     case = over_steep(0.6)
     t, cause = outcome(case)
@@ -329,6 +346,6 @@ def test_no_sound_wave_is_taken_for_a_breaking_one_and_no_breaking_one_is_missed
 def test_of_a_crest_that_hardly_travels_its_speed_is_told(speed, said):
     """Beside a flap that leans far water falls off crests that stand: thousands of per cent say nothing."""
     crest = SteepCrest(x=1.0, height=0.1, velocity=1.9, current=0.0, speed=speed, mean=1.0, front=0.5)
-    moment = Moment(0, 1.0, Point(np.zeros(1), np.zeros(1)))
+    watch = SimpleNamespace(last=None, look=lambda state, t: [crest])
     with pytest.raises(RunError, match=re.escape(f"moves at 1.9 m/s, {said}")):
-        StopAtBreaking(SimpleNamespace(look=lambda state, t: [crest])).observe(moment)
+        StopAtBreaking(watch).needed(Point(np.zeros(1), np.zeros(1)), 1.0)

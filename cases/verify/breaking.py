@@ -11,15 +11,15 @@ import numpy as np
 from mpi4py import MPI
 from scipy.integrate import solve_ivp
 
-from wavetank.case import Scene
+from wavetank.case import RingTank, Scene
 from wavetank.errors import RunError
-from wavetank.observers.contract import Moment
-from wavetank.observers.schedule import EverySteps
-from wavetank.runs.build import breaking_watch, build_run
+from wavetank.runs.build import build_run
 from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.verify.report import Report
 from wavetank.verify.steepness import scene as ring
-from wavetank.water.breaking import BreakingWatch
+from wavetank.water.breaking import STEEP, BreakingWatch, StopAtBreaking
+from wavetank.water.crests import SteepCrest
+from wavetank.water.seen import State
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
@@ -45,8 +45,8 @@ class Row(NamedTuple):
     stopped: str
 
 
-class LargestB:
-    """Observes the largest B = u/c of all crests that could be breaking.
+class LargestB(BreakingWatch):
+    """Keeps the largest B = u/c of all crests that could be breaking.
 
     Attributes
     ----------
@@ -54,22 +54,23 @@ class LargestB:
         (B, t [s], x [m]).
     """
 
-    def __init__(self, watch: BreakingWatch):
-        self.schedule, self._watch, self.found = EverySteps(), watch, (0.0, 0.0, 0.0)
+    found = (0.0, 0.0, 0.0)
 
-    def observe(self, moment: Moment) -> None:
-        """Look at the surface; collective."""
-        for crest in self._watch.look(moment.state, moment.t):
-            self.found = max(self.found, (crest.overtaking, moment.t, crest.x))
+    def look(self, state: State, t: float, *, front: float = STEEP) -> list[SteepCrest]:
+        """See ``BreakingWatch``."""
+        crests = super().look(state, t, front=front)
+        self.found = max([self.found, *((crest.overtaking, t, crest.x) for crest in crests)])
+        return crests
 
 
 def row(case: Case) -> Row:
-    """Run a case until it stops."""
-    run, waves = build_run(case.scene, MPI.COMM_SELF)
-    assert isinstance(waves, NonlinearWaves)
-    largest = LargestB(breaking_watch(case.scene, waves, SurfaceFlow(waves)))
-    run.observers.append(largest)
-    stopped = ""
+    """Run a case until it stops, as it does at breaking."""
+    tank, stopping = case.scene.tank, case.scene.run.model_copy(update={"on_breaking": "stop"})
+    run, waves = build_run(case.scene.model_copy(update={"run": stopping}), MPI.COMM_SELF)
+    (stop,) = (one for one in run.filters if isinstance(one, StopAtBreaking))
+    assert isinstance(waves, NonlinearWaves) and isinstance(waves.surface, SurfaceFlow)
+    largest = LargestB(waves, waves.surface, length=tank.length if isinstance(tank, RingTank) else None)
+    stop.watch, stopped = largest, ""
     try:
         run.execute()
     except RunError as error:

@@ -115,10 +115,15 @@ class Answer:
         self._times, self._measured = [t], [np.asarray(u, dtype=float)]
 
     def next(self, t: float, dt: float, u: Array) -> tuple[float, float]:
-        """Return position [m] and velocity [m/s] at t + dt, u having been measured at t, shape (m,)."""
+        """Return position [m] and velocity [m/s] at t + dt, u having been measured at t, shape (m,).
+
+        A step that has failed is taken again.
+        """
         last = t if self._x is None else self._times[-1]
         if self._x is None:
             self._x = self._equation.rest @ u
+        elif t <= last:
+            del self._times[-1], self._measured[-1]
         self._times = [*self._times[1 - REMEMBERED :], t]
         self._measured = [*self._measured[1 - REMEMBERED :], np.asarray(u, dtype=float)]
         if t > last:  # a step has been taken

@@ -20,7 +20,6 @@ from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.answering import Answering
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
-from wavetank.observers.breaking import StopAtBreaking
 from wavetank.observers.contract import Observer
 from wavetank.observers.crest import HighestCrest
 from wavetank.observers.energy import EnergyBudget, Sink
@@ -45,7 +44,7 @@ from wavetank.runs.starts import initial_surface
 from wavetank.runs.waters import AnyWaves, fill, moving_water
 from wavetank.stateful import Held, Stateful
 from wavetank.values.noun import Problem, SceneError, about
-from wavetank.water.breaking import BreakingDissipation, BreakingWatch
+from wavetank.water.breaking import BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.rates import MovingWater
@@ -188,7 +187,7 @@ def build_run(
             sponge = Absorbing(build_sponge(scene, scene.sponge, footprint, waves), dt=clock.dt)
         filters.insert(0, sponge)
         start = start if beginning else (start[0], sponge.begun(start[1]))
-    return Run(waves, integrator, _stopping(scene, waves), start=start, clock=clock, filters=filters), waves
+    return Run(waves, integrator, [], start=start, clock=clock, filters=filters), waves
 
 
 def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:
@@ -221,24 +220,14 @@ def build_filters(scene: Scene, waves: AnyWaves, dt: float) -> list[Filter]:
     if isinstance(waves, LinearWaves):
         return []  # neither breaks nor has a current
     flow, filters = waves.surface, list[Filter]()
-    if isinstance(flow, SurfaceFlow) and scene.run.on_breaking == "dissipate":
-        filters.append(BreakingDissipation(waves, breaking_watch(scene, waves, flow), dt=dt))
+    if isinstance(flow, SurfaceFlow) and scene.run.on_breaking != "ignore":
+        watch = BreakingWatch(waves, flow, length=scene.tank.length if isinstance(scene.tank, RingTank) else None)
+        stops = scene.run.on_breaking == "stop"
+        filters.append(StopAtBreaking(watch) if stops else BreakingDissipation(waves, watch, dt=dt))
     if scene.numerics.edge_penalty > 0:
         size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
         filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
     return filters
-
-
-def _stopping(scene: Scene, waves: AnyWaves) -> list[Observer]:
-    """Return what stops a run where a wave breaks, if anything does; collective."""
-    if isinstance(waves, LinearWaves) or not isinstance(waves.surface, SurfaceFlow) or scene.run.on_breaking != "stop":
-        return []
-    return [StopAtBreaking(breaking_watch(scene, waves, waves.surface))]
-
-
-def breaking_watch(scene: Scene, waves: NonlinearWaves, flow: SurfaceFlow) -> BreakingWatch:
-    """Return what looks for breaking crests along a slice or ring; collective."""
-    return BreakingWatch(waves, flow, length=scene.tank.length if isinstance(scene.tank, RingTank) else None)
 
 
 def build_watch(scene: Scene, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Observer]:

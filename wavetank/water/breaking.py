@@ -4,8 +4,9 @@ A crest breaks when its water moves at more than 85 % of the crest's own speed, 
 W. L. Peirson, F. Fedele, M. Allis, F. Dias, J. Fluid Mech. 841, 2018: of the waves they tried, none that passed
 B = 0.85-0.86 recovered), both seen from the current around (water/crests.py), if its front is steep and its water
 swift for its height: a wave that breaks is both long before, and of ripples, standing waves and crests that are just
-born or about to vanish, whose speeds say nothing, none is. What is done then is one of two: stop, or an eddy viscosity
-around the crest, in the manner of Z. Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010),
+born or about to vanish, whose speeds say nothing, none is. All is seen where a step has ended, before anything acts on
+the state. What is done then is one of two: stop, or an eddy viscosity around the crest, in the manner of Z. Tian,
+M. Perlin, W. Choi (Phys. Fluids 22, 2010),
 
     (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
 
@@ -20,6 +21,7 @@ import numpy as np
 import ufl
 
 from wavetank.arrays import Vector
+from wavetank.errors import RunError
 from wavetank.stateful import Held
 from wavetank.water.crests import Profile, SteepCrest, steep_crests
 from wavetank.water.seen import State
@@ -32,6 +34,7 @@ STEEP, GENTLE = 0.3, 0.15  # slopes of the front without which it does not begin
 SWIFT = 0.25  # mean u - U of its upper half / (g H)^(1/2): 0.45 and more of what breaks, near 0 of what stands or meets
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
+HARDLY = 2.0  # of the crest's speed, at which water moves where a crest hardly travels: how much more says nothing
 FASTER, RESTS = 1.15, 2  # so much the water may get where all B are below 0.6, and so many steps pass, without a look
 
 
@@ -52,13 +55,15 @@ class BreakingWatch:
 
     Attributes
     ----------
+    last
+        When the surface was looked at last, and how it was, if crests are to be judged by that.
     crests
         The steep ones last judged, swift or not.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
         self._waves, self._flow, self._length = waves, flow, length
-        self._last: tuple[float, Profile] | None = None
+        self.last: tuple[float, Profile] | None = None
         self._rests, self._fast = 0, 0.0  # steps to come without a look, and the velocity that ends them [m/s]
         self.crests: list[SteepCrest] = []
 
@@ -67,20 +72,20 @@ class BreakingWatch:
 
         They have a steeper ``front``. The first look sees none.
         """
-        flow, last, self._last = self._flow, self._last, None
+        flow, last, self.last = self._flow, self.last, None
         flow.near(state, t)
         if flow.largest_slope < front:
             return []
         if self._rests and flow.largest_velocity < self._fast:
             self._rests -= 1
             return []
-        self._last, self._rests = (t, flow.profile), 0
+        self.last, self._rests = (t, flow.profile), 0
         if last is None:
             return []
-        self.crests = self._steep(last, self._last, front)
+        self.crests = self._steep(last, self.last, front)
         swift = [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
         if all(crest.overtaking < RECOVERED for crest in swift):
-            self._last, self._rests, self._fast = None, RESTS, FASTER * flow.largest_velocity
+            self.last, self._rests, self._fast = None, RESTS, FASTER * flow.largest_velocity
         return swift
 
     def _steep(self, last: tuple[float, Profile], now: tuple[float, Profile], front: float) -> list[SteepCrest]:
@@ -95,19 +100,69 @@ class BreakingWatch:
 
     def held(self) -> Held:
         """Return the surface of the last look, if it is to be judged by, and when it is looked again."""
-        last = self._last and {"t": self._last[0], "profile": [values.tolist() for values in self._last[1]]}
+        last = self.last and {"t": self.last[0], "profile": [values.tolist() for values in self.last[1]]}
         return {"last": last, "rests": self._rests, "fast": self._fast}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         last = held["last"]
-        self._last = last and (last["t"], Profile(*map(np.array, last["profile"])))
+        self.last = last and (last["t"], Profile(*map(np.array, last["profile"])))
         self._rests, self._fast = held["rests"], held["fast"]
 
 
 def breaks(crest: SteepCrest) -> bool:
     """Return whether a crest begins to break."""
     return crest.front > STEEP and crest.overtaking > ONSET
+
+
+class StopAtBreaking:
+    """Ends a run in the step in which the first crest breaks, among filters: as ``BreakingDissipation`` sees it.
+
+    Parameters
+    ----------
+    watch
+        What looks for it.
+    """
+
+    def __init__(self, watch: BreakingWatch):
+        self.watch = watch
+
+    def needed(self, state: State, t: float) -> bool:
+        """Return False, or raise ``RunError`` if a wave breaks; collective."""
+        last = self.watch.last
+        for crest in filter(breaks, self.watch.look(state, t)):
+            self.watch.last = last  # who goes on from the step before sees it again
+            moves = abs(crest.current) > 0.02 * abs(crest.speed)
+            seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
+            part = f"{100 * crest.overtaking:.0f} % of the crest's speed"
+            told = part if crest.overtaking < HARDLY else f"the crest itself at {crest.speed:.3g} m/s"
+            raise RunError(
+                f"t = {t:.6g} s, x = {crest.x:.4g} m: a wave breaks: the water in its crest, "
+                f"{crest.height:.3g} m above its trough, moves at {crest.velocity:.3g} m/s, "
+                f"{told}{seen} (limit {100 * ONSET:.0f} %{'' if told is part else ' of it'})"
+            )
+        return False
+
+    def coordinate(self, q: Vector) -> Vector:
+        """Return q."""
+        return q
+
+    def momentum(self, p: Vector) -> Vector:
+        """Return p."""
+        return p
+
+    def account(self, taken: float, *, of: float) -> None:
+        """Do nothing: nothing is taken."""
+
+    def held(self) -> Held:
+        """Return what was seen last."""
+        return self.watch.held()
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self.watch.take(held)
+
+    carry = take
 
 
 class BreakingDissipation(Smoothing):
