@@ -71,7 +71,15 @@ def analyse(
 
     record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
     records = {REFLECTION: replace(record, told_period=None)} if sea else {}
-    results = {kind: known.analysed(kind, records.get(kind, record)) for kind in asked}
+    results, refused = {}, dict[str, list[str]]()
+    for kind in asked:
+        try:
+            results[kind] = known.analysed(kind, records.get(kind, record))
+        except InputError as error:
+            refused.setdefault(str(error).removeprefix(f"{kind}: "), []).append(kind)
+    why = InputError(" ".join(f"{', '.join(of)}: {reason}" for reason, of in refused.items()))
+    if not results:
+        raise why
     _make(folder)
     terminal = console(least=WIDTH)
     if units := data.told_of_units(source):
@@ -82,6 +90,8 @@ def analyse(
             terminal.print(found.said, highlight=False)
         write_rows(files[kind], found.columns, found.rows)
         terminal.print(f"wrote {files[kind]} and {found.draw(files[kind].with_suffix('.png'))}", highlight=False)
+    if refused:
+        raise why
 
 
 def own_folder(source: str) -> Path:

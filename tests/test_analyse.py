@@ -13,6 +13,7 @@ from pictures import faults
 from xarray import concat
 
 from wavetank import data
+from wavetank.case.new import write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.postprocess.analyse_command import KINDS
@@ -21,7 +22,7 @@ from wavetank.postprocess.analysis.record import Record, read_record
 from wavetank.postprocess.analysis.records import between, elevation
 from wavetank.records.series import GaugeSeries
 from wavetank.records.writer import RunWriter
-from wavetank.theory.airy import wave_number
+from wavetank.theory.airy import group_velocity, wave_number
 
 PERIOD, DEPTH = 2.0, 1.0
 K, FREE = (float(one) for one in wave_number(2 * np.pi / PERIOD * np.array([1, 2]), DEPTH, 9.81))
@@ -160,7 +161,7 @@ def test_what_is_not_of_the_period_is_told(table, kind):
     assert "; 26 % of the variance is not of this period" in kinds.analysed(kind, mixed).said
 
 
-@pytest.mark.parametrize("kind", ["reflection", "harmonics", "bound-free"])
+@pytest.mark.parametrize("kind", ["reflection", "harmonics", "speed"])
 def test_a_record_that_begins_before_its_waves_advises_a_start_that_leaves_that_out(table, kind):
     """Oracle: waves that are of their height from 20 s on, and a group, whose beginning is its own."""
     regular = read_record(str(table), period=PERIOD, depth=DEPTH)
@@ -174,6 +175,33 @@ def test_a_record_that_begins_before_its_waves_advises_a_start_that_leaves_that_
     assert not re.search(told, kinds.analysed(kind, later).said)
     group = regular.eta * np.exp(-(((regular.eta.time - 30.0) / 8.0) ** 2))
     assert not re.search(told, kinds.analysed(kind, replace(regular, eta=group.transpose(*regular.eta.dims))).said)
+
+
+def test_bound_and_free_waves_are_waited_for(table):
+    """Oracle: the free wave comes x / c_g(k_2) after it has left the paddle, which the first did x / c_g(k) before."""
+    regular = read_record(str(table), period=PERIOD, depth=DEPTH)
+    late = X[-1] * (1 / group_velocity(FREE, DEPTH, 9.81) - 1 / group_velocity(K, DEPTH, 9.81))
+    told = r"the free second harmonic, which is slower, has come to all gauges by (\S+) s: --start \1 leaves out"
+    grown = np.clip((regular.eta.time - 12.0) / 8.0, 0.0, 1.0)
+    begun = replace(regular, eta=(regular.eta * grown).transpose(*regular.eta.dims))
+    start = float(re.search(told, kinds.analysed("bound-free", begun).said)[1])
+    assert 5.0 < late < 6.0 and 17.0 < start - late < 20.0
+    for first, early in ((21.0, True), (round(start, 2), False)):  # the first harmonic is there in both
+        cut = replace(begun, eta=between(begun.eta, first), before=begun.eta)
+        assert bool(re.search(told, kinds.analysed("bound-free", cut).said)) == early
+    short = replace(begun, eta=between(begun.eta, 21.0, start), before=begun.eta)
+    assert f"by {start:.4g} s: the record is too short for it" in kinds.analysed("bound-free", short).said
+    assert "free second harmonic" not in kinds.analysed("bound-free", regular).said
+
+
+def test_gauges_a_beat_apart_are_said_to_stand_badly_and_a_new_slices_are_not(tmp_path):
+    """Oracle: condition of two waves at three gauges; at 2, 4 and 6 m the beat of 1.887 m is nearly as far."""
+    scene = read_case(write_case(f"{tmp_path}/waves", "slice"))
+    period, t = scene.wall.motion.period, np.arange(0.0, 14.0, 0.05)
+    for x, badly in (((2.0, 4.0, 6.0), True), ([gauge.x for gauge in scene.gauges], False)):
+        eta = elevation([GaugeSeries(str(at), at, t, np.cos(2 * np.pi * t / period - at), "made") for at in x])
+        said = kinds.analysed("bound-free", Record(eta, "made", period, scene.tank.depth)).said
+        assert ("gauges stand badly" in said) == badly and ("condition 6.47: " in said) == badly
 
 
 def test_a_record_of_one_window_is_said_to_be(table):
@@ -202,7 +230,7 @@ def test_a_sea_is_told_apart_without_a_period(table, tmp_path):
         (["--period", "2"], "--period received with spectrum; it is for harmonics, bound-free, reflection, speed."),
         (["--sea"], "--sea received with spectrum; it is for reflection."),
         (["reflection", "--sea", "--period", "2"], "--sea and --period 2 received; reflection is of one of them."),
-        (["reflection"], "the depth is needed for this; give --depth METRES."),
+        (["reflection"], "reflection: flume: the depth is needed for this; give --depth METRES."),
         (["--along", "1,2,3"], "--along reads the surface of a run; this is none."),
         (["--along", "2,1,3"], "along '2,1,3' received; allowed is X,X,NUMBER"),
         (["--gauges", "G1,G9"], "gauge 'G9' received; there are G1, G2, G3, G4, G5."),
@@ -216,6 +244,14 @@ def test_what_cannot_be_analysed_is_said_before_anything_is_written(table, tmp_p
     done = commanded("analyse", str(table), *words, "--out", str(tmp_path / "out"))
     assert (done.returncode, done.stderr.count("\n")) == (2, 1) and said in done.stderr, done.stderr
     assert not (tmp_path / "out").exists()
+
+
+def test_of_several_kinds_those_that_can_be_are_done_and_the_others_told(table, tmp_path, monkeypatch):
+    monkeypatch.setattr(Figure, "savefig", lambda *_, **__: None)
+    done = commanded("analyse", str(table), "reflection", "groups", "bound-free", "--out", str(tmp_path))
+    why = "reflection, bound-free: flume: the depth is needed for this; give --depth METRES."
+    assert (done.returncode, done.stderr) == (2, f"wavetank: {why}\n")
+    assert {file.name for file in tmp_path.iterdir()} == {"analysis-groups.csv"}
 
 
 def test_what_is_there_is_not_replaced_unasked(table, tmp_path):

@@ -20,7 +20,7 @@ from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, Reflectio
 from wavetank.postprocess.analysis.spectra import PERIODS, mean_period, sea_state, spectrum
 from wavetank.postprocess.analysis.speed import phase_speed, regular_speed, travel
 from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
-from wavetank.theory.airy import wave_number
+from wavetank.theory.airy import group_velocity, wave_number
 from wavetank.theory.wave import Array
 
 COHERENT = 0.9  # less has no phase speed
@@ -96,7 +96,7 @@ def harmonic(record: Record) -> Result:
     A, numbers = found.component.values, found.harmonic.values
     columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in numbers), *(f"phase{n} [rad]" for n in numbers), "rest [m]"]
     rows = _rows(record, np.abs(A), np.angle(A), found.rest)
-    said = _period_told(record) + _others_told(record)
+    said = _period_told(record) + _others_told(record) + _begin_told(record, 1 / record.frequency)
     return Result(columns, rows, said, lambda path: figures.harmonics_figure(found, path, title=record.title))
 
 
@@ -111,9 +111,11 @@ def bound_free(record: Record) -> Result:
     rows: list[tuple[Value, ...]] = [
         (name, q, abs(a), float(np.angle(a))) for name, q, a in zip(names, numbers, found.amplitudes, strict=True)
     ]
+    badly = ": gauges stand badly, which should be apart by parts of the beat, not by all of it (--gauges, --along)"
     said = (
         f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; rest {found.rest:.3g} m (rms); "
-        f"condition {found.condition:.3g}{_others_told(record)}{record.told_way}"
+        f"condition {found.condition:.3g}{badly if found.condition > WORST else ''}{_others_told(record)}"
+        f"{_slowest_told(record, k, free)}{record.told_way}"
     )
     title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
     return Result(
@@ -172,7 +174,7 @@ def _regular(record: Record) -> Result:
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
         [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
-        said + _others_told(record) + record.told_way,
+        said + _others_told(record) + _begin_told(record, 1 / record.frequency) + record.told_way,
         lambda path: figures.regular_reflection_figure(component, found, path, title=record.title),
     )
 
@@ -191,13 +193,32 @@ def _others_told(record: Record) -> str:
     """Return words on the variance that is neither of the waves' frequency nor of its harmonics, where that is much."""
     share = _share_of_others(record)
     others = f"; {100 * share:.2g} % of the variance is not of this period, but of other waves or of growing ones"
-    return (others if share > DOUBTFUL else "") + _begin_told(record, 1 / record.frequency)
+    return others if share > DOUBTFUL else ""
 
 
 def _begin_told(record: Record, period: float) -> str:
     """Return how to leave out the beginning of the waves, looked at over a period [s], where the record has it."""
     start = waves_begin(record.eta, period)
     return "" if start is None else f"; its waves begin in this record: --start {start:.4g} leaves that out"
+
+
+def _slowest_told(record: Record, k: float, free: float) -> str:
+    """Return from when on free second harmonics of wave number ``free`` [rad/m] are at all gauges, if that is later.
+
+    They leave the wall with the first harmonic, of wave number k [rad/m], whose beginning is looked for before the
+    record's start, too.
+    """
+    whole, period = record.eta if record.before is None else record.before, 1 / record.frequency
+    if (begin := waves_begin(whole, period)) is None:
+        return ""
+    first, second = (float(group_velocity(q, record.depth, record.gravity)) for q in (k, free))
+    x = record.on_its_way.x.values
+    start = begin + float(max(x.max(), np.ptp(x))) * (1 / second - 1 / first)
+    if record.eta.time[0] > start - period / 2:
+        return ""
+    enough = record.eta.time[-1] > start + period
+    advice = f"--start {start:.4g} leaves out what is before" if enough else "the record is too short for it"
+    return f"; the free second harmonic, which is slower, has come to all gauges by {start:.4g} s: {advice}"
 
 
 def _irregular(record: Record) -> Result:
@@ -238,7 +259,8 @@ def _speed_of_regular(record: Record) -> Result:
         ("gauges", "distance [m]", "delay [s]", "phase speed [m/s]", "linear [m/s]"),
         [(str(pair), *map(float, row), linear) for pair, *row in zip(pairs, apart, late, c, strict=True)],
         f"{_period_told(record)}; of delays that differ by whole periods the one nearest to linear waves' is told"
-        f"{_uncertain(found, 'they differ by more than a quarter of one')}{_others_told(record)}{record.told_way}",
+        f"{_uncertain(found, 'they differ by more than a quarter of one')}{_others_told(record)}"
+        f"{_begin_told(record, 1 / f)}{record.told_way}",
         lambda path: figures.speed_figure(
             c[:, None], list(pairs), np.array([f]), path, title=record.title, depth=record.depth, gravity=record.gravity
         ),

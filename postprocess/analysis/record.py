@@ -38,6 +38,8 @@ class Record:
         g [m/s²].
     far_end
         Where the far wall is [m], if it alone makes the waves, which go against x.
+    before
+        The elevation from the record's first time on, where what is analysed starts later.
     """
 
     eta: DataArray
@@ -46,6 +48,7 @@ class Record:
     told_depth: float | Depth | None = None
     gravity: float = GRAVITY
     far_end: float | None = None
+    before: DataArray | None = None
 
     @property
     def on_its_way(self) -> DataArray:
@@ -125,7 +128,8 @@ def read_record(
         eta, title = records.elevation(data.gauge_records(known)[0].series), known.name
     if gauges:
         eta = records.chosen(eta, gauges)
-    return Record(records.between(eta, start, end), title, period, told, gravity, far_end)
+    before = None if start is None else eta.sel(time=slice(None, end))
+    return Record(records.between(eta, start, end), title, period, told, gravity, far_end, before)
 
 
 def _driven(scene: dict[str, Any]) -> list[str]:
