@@ -16,7 +16,7 @@ from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
 from wavetank.plan.forewarnings import forewarnings
 from wavetank.recording import record_run
-from wavetank.runs.build import build_clock, build_run
+from wavetank.runs.build import build_clock, build_run, told_of_end
 from wavetank.runs.clock import Clock
 from wavetank.values.noun import SceneError
 
@@ -41,6 +41,13 @@ def test_given_steps_cover_the_duration(duration, part):
 @given(steps=st.integers(1, 100_000), dt=times)
 def test_a_step_that_divides_the_duration_does_so_despite_rounding(steps, dt):
     assert Clock.covering(steps * dt, dt, until=steps * dt).steps == steps
+
+
+def test_an_end_beyond_the_duration_is_told():
+    scene = read_case(CHECKOUT / "cases" / "standing-wave.toml", ["run.duration=22.0"])
+    said = "the run ends at 22.01 s, with a whole step of 0.03 s, not at 22 s"
+    assert told_of_end(scene, Clock(0.03, 1067, 20.0, 1000)) == said
+    assert told_of_end(scene, Clock.covering(22.0, 0.04)) == ""
 
 
 @pytest.mark.parametrize(("scheme", "most"), [("simpson-4", 1.4 * 1.6930043715), ("gauss-legendre-4", 2.8)])

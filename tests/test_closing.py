@@ -41,6 +41,8 @@ def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on
             f"next: wavetank view {run.path}; wavetank compare {run.path} --with DATA",
         ]
         assert last == "finished"
+        few = f" unknowns are few for {ranks}, which pay from about 100000 on: one may be as fast\n"
+        assert (few in (run.path / "run.log").read_text()) is (run is together)
 
 
 def test_a_place_at_the_origin_is_told_as_that(tmp_path):

@@ -1,11 +1,15 @@
 """The gauges' records: places in the header of the table, and the same numbers as CF-NetCDF when a run has ended."""
 
+import csv
+
 import numpy as np
 import pytest
 
 from wavetank.errors import RunError
 from wavetank.records.directory import RunDirectory
+from wavetank.records.growing import TableWriter
 from wavetank.records.place import Place
+from wavetank.records.series import place
 from wavetank.records.writer import RunWriter
 
 xarray = pytest.importorskip("xarray")
@@ -30,9 +34,20 @@ def test_places_are_in_the_header_and_read_back(tmp_path):
     with write(tmp_path):
         pass
     header = (tmp_path / "gauges.csv").read_text().splitlines()[0]
-    assert header == 't [s],1@x=10,"Süd, the focus@x=49.5,y=-2.25",a@x=b@x=0.1'
+    assert header == 't [s],1@x=10,"Süd, the focus@x=49.5;y=-2.25",a@x=b@x=0.1'
     found = [(gauge.name, gauge.x, gauge.y) for gauge in RunDirectory(tmp_path).gauge_series()]
     assert found == [("1", 10.0, 0.0), ("Süd, the focus", 49.5, -2.25), ("a@x=b", 0.1, 0.0)]
+    assert place("Süd, the focus@x=49.5,y=-2.25") == found[1]  # as they were told
+
+
+def test_a_table_that_told_places_with_commas_goes_on_with_what_it_had(tmp_path):
+    (tmp_path / "gauges.csv").write_text('t [s],1@x=10,"a, b@x=5,y=2"\n0.0,1.0,2.0\n')
+    table = TableWriter(tmp_path / "gauges.csv", ["t [s]", "1@x=10", "a, b@x=5;y=2", "c@x=7;y=1"])
+    table.take({"rows": 1})
+    table.open()
+    table.close()
+    rows = list(csv.reader((tmp_path / "gauges.csv").read_text().splitlines()))
+    assert rows == [["t [s]", "1@x=10", "a, b@x=5;y=2", "c@x=7;y=1"], ["0.0", "1.0", "2.0", ""]]
 
 
 @pytest.mark.parametrize("engine", ["netcdf4", "scipy"])

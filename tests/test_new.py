@@ -19,7 +19,9 @@ def test_a_new_case_names_the_schema_and_its_title_and_runs(kind, tmp_path):
     path = tmp_path / f'my "{kind}".toml'
     assert (said.returncode, said.stderr) == (0, "") and said.stdout.startswith(f"wrote {path}; now: wavetank run ")
     assert path.read_text().startswith(f"#:schema {SCHEMA}\n#")
-    assert read_case(path).title == f'my "{kind}"'
+    case = read_case(path)
+    places = [(gauge.x, gauge.y) for gauge in case.all_gauges]
+    assert case.title == f'my "{kind}"' and len({*places}) == len(places)  # one on another is drawn over it
     recorded(path, TWICE, tmp_path / "run")
     assert RunDirectory(tmp_path / "run").manifest["status"] == "finished"
 

@@ -169,6 +169,8 @@ def test_probes_are_recorded_and_dry_ones_are_gaps(run):
     above, below = (probes.pressure.sel(probe=name).values for name in ("above", "below"))
     assert below[0] == pytest.approx(0.2 * DENSITY * GRAVITY, rel=1e-12)
     assert np.isnan(above[0]) and np.nanmin(above) > 0.0
+    table = np.genfromtxt(run.path / "probes.csv", delimiter=",", names=True)  # which knows of no quotation marks
+    assert len(table.dtype.names) == 1 + 7 * 2 and len(table) == probes.sizes["time"]
     with xarray.open_dataset(run.path / "probes.nc") as kept:
         xarray.testing.assert_equal(kept.load(), probes)
 

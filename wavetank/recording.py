@@ -42,7 +42,16 @@ from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
 from wavetank.resuming import GoingOn, KeptRun, kept_scene
 from wavetank.runs.broken import BrokenSurface
-from wavetank.runs.build import Records, build_observers, build_run, build_watch, summary, told_of_windows
+from wavetank.runs.build import (
+    Records,
+    build_observers,
+    build_run,
+    build_watch,
+    summary,
+    told_of_end,
+    told_of_ranks,
+    told_of_windows,
+)
 from wavetank.runs.closing import Outcome, closing
 from wavetank.runs.own import called, own_observers
 from wavetank.runs.parts import Parts
@@ -209,7 +218,8 @@ def record_run(
             at_the_end.callback(warnings.show)
             start = "" if resume else told_of_start(scene, waves, run.state.q)
             at_first = summary(scene, run, waves), told_of_rule(asked), told_of_bed(scene, waves), start
-            for line in (*at_first, *told_of_windows(scene, run.clock)):
+            of_clock = told_of_end(scene, run.clock), *told_of_windows(scene, run.clock)
+            for line in (*at_first, told_of_ranks(waves), *of_clock):
                 if line:
                     log.say(line)
             warnings.show()

@@ -78,7 +78,7 @@ def _from(data: Dataset, source: str) -> Dataset:
 def plain(path: Path) -> Dataset:
     """Return a table as a data set: the first column is the time [s], the header names the gauges [m] of the others.
 
-    A name may tell its place, ``5@x=50`` or ``5@x=50,y=2``, as in a run's own ``gauges.csv``. Raises ``InputError`` for
+    A name may tell its place, ``5@x=50`` or ``5@x=50;y=2``, as in a run's own ``gauges.csv``. Raises ``InputError`` for
     a file without a header, for other units, and for gauges of one name.
     """
     columns = read_columns(path).names

@@ -2,13 +2,13 @@
 
     manifest.json   the evaluated scene, versions, host, command, git revision, timings, counters, status
     gauges.csv      t [s], then one column a gauge, elevation [m]; the header names each by its place, "5@x=50" or
-                    "5@x=50,y=2" beside the line y = 0
+                    "5@x=50;y=2" beside the line y = 0
     gauges.nc       the same as CF-NetCDF, when the run has ended
     energy.csv      the energy budget, units in the header
     paddle.csv      position [m], velocity [m/s], acceleration [m/s^2] of a wall that moves, when the gauges are read;
                     of one in segments at places along it, "position@y=2 [m]"; of a far wall in far-paddle.csv
     probes.csv      velocity [m/s], accelerations [m/s^2] and pressure [Pa] of each probe, empty while it is dry:
-                    "velocity_x A@x=2,z=-0.1 [m/s]"
+                    "velocity_x A@x=2;z=-0.1 [m/s]"
     probes.nc       the same as CF-NetCDF, when the run has ended
     loads.csv       force and moment on walls, "force_x paddle [N/m]", of a slice per width
     window-NAME.nc  what columns of water do, for other programs (``window.py``), or window-NAME.csv
@@ -329,7 +329,7 @@ class RunDirectory:
         try:
             places = [place(column) for column in header[1:]]
         except ValueError:
-            allowed = "NAME@x=METRES, NAME@x=METRES,y=METRES"
+            allowed = "NAME@x=METRES, NAME@x=METRES;y=METRES"
             raise InputError(f"{self.path / GAUGES}: column names {header[1:]}; allowed are {allowed}.") from None
         names, x, y = zip(*places, strict=True) if places else ((), (), ())
         return _Gauges(names, x, y, rows[:, 0], rows.T[1:])

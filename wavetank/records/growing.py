@@ -178,6 +178,8 @@ class TableWriter(GrowingFile):
         with self._path.open(newline="", encoding="utf-8") as file:
             header, *rows = islice(csv.reader(file), 1 + self._rows)
         if header != list(self._columns):
+            told = {name.replace(",", ";"): name for name in self._columns}  # places were told with commas once
+            header = [told.get(name.replace(",", ";"), name) for name in header]
             cells = (dict(zip(header, row, strict=True)) for row in rows)
             lines = (_csv_line(row.get(name, "") for name in self._columns) for row in cells)
             content = b"".join([_csv_line(self._columns), *lines])

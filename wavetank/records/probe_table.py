@@ -34,7 +34,7 @@ def quantities(dimensions: int) -> dict[str, tuple[str, str]]:
 
 
 def columns(points: Sequence[tuple[str, float, float, float]], dimensions: int) -> list[str]:
-    """Return the table's columns: all quantities of the first point, such as ``velocity_x A@x=2,z=-0.1 [m/s]``, ..."""
+    """Return the table's columns: all quantities of the first point, such as ``velocity_x A@x=2;z=-0.1 [m/s]``, ..."""
     told = quantities(dimensions)
     return ["t [s]", *(f"{name} {_told(Point(*point))} [{told[name][0]}]" for point in points for name in told)]
 

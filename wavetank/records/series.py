@@ -47,14 +47,17 @@ def place(column: str) -> tuple[str, float, float]:
 
 
 def named_place(name: str, place: Mapping[str, float]) -> str:
-    """Return a name with its place [m], axis by axis from x on, as ``5@x=50,y=2``."""
-    return f"{name}@" + ",".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
+    """Return a name with its place [m], axis by axis from x on, as ``5@x=50;y=2``: without a table's comma."""
+    return f"{name}@" + ";".join(f"{axis}={np.format_float_positional(at, trim='-')}" for axis, at in place.items())
 
 
 def place_named(told: str) -> tuple[str, dict[str, float]]:
-    """Return name and place [m] by axis of what ``named_place`` told; raises ``ValueError`` for anything else."""
+    """Return name and place [m] by axis of what ``named_place`` tells, or told once, with commas.
+
+    Raises ``ValueError`` for anything else.
+    """
     name, found, place = told.rpartition("@x=")
     if not found:
         raise ValueError(f"{told!r} tells no place")
-    axes = (part.partition("=") for part in f"x={place}".split(","))
+    axes = (part.partition("=") for part in f"x={place}".replace(",", ";").split(";"))
     return name, {axis: float(at) for axis, _, at in axes}

@@ -35,7 +35,7 @@ from wavetank.observers.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
 from wavetank.observers.surface import SurfaceSnapshots
 from wavetank.observers.windows import WindowObserver, WindowRecord
 from wavetank.runs.answering import added_motions, build_answers, build_supply
-from wavetank.runs.clock import Clock
+from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.footprints import build_footprint
 from wavetank.runs.own import own_scheme
 from wavetank.runs.run import Run
@@ -54,6 +54,7 @@ from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.wall_pressure import PaddlePush, WallPressure
 from wavetank.water.waves import NonlinearWaves
 
+ENOUGH = 100_000  # unknowns, from which on several ranks pay: 7 350 took six times the CPU time on two
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
 
 
@@ -200,14 +201,14 @@ def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:
 
 def summary(scene: Scene, run: Run, waves: AnyWaves) -> str:
     """Return what a run is, in a line."""
-    unknowns, limit = waves.plane.size * (waves.vertical.n + 2), run.integrator.stability_limit
+    limit = run.integrator.stability_limit
     bound = f" of {limit:g}" if limit < inf else ", stable at any"
     steps = run.clock.steps - run.clock.first
     water = "linear water, " if isinstance(waves, LinearWaves) else ""
     return (
         f"{scene.title or 'untitled'}: {water}{waves.plane.cells} cells of order {waves.plane.order}, "
         f"n = {waves.vertical.n}, "
-        f"{unknowns} unknowns; {steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
+        f"{_unknowns(waves)} unknowns; {steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
         f"dt omega_max = {run.clock.dt * waves.largest_frequency:.2f}{bound})"
     )
 
@@ -365,6 +366,26 @@ def _window(scene: Scene, waves: AnyWaves, water: MovingWater, n: int, record: W
 def _rows(window: Window) -> EveryTimeBetween:
     """Return when a window has rows."""
     return EveryTimeBetween(window.every, window.begin, np.inf if window.until is None else window.until)
+
+
+def told_of_end(scene: Scene, clock: Clock) -> str:
+    """Return that a run's last step ends beyond its duration; empty where it does not."""
+    if clock.end <= scene.run.duration * (1 + ROUNDING):
+        return ""
+    step = f"a whole step of {clock.dt:.4g} s"
+    return f"the run ends at {clock.end:.6g} s, with {step}, not at {scene.run.duration:.6g} s"
+
+
+def told_of_ranks(waves: AnyWaves) -> str:
+    """Return that there is too little to do for several ranks; empty where there is enough, and of one."""
+    ranks, unknowns = waves.plane.comm.size, _unknowns(waves)
+    if ranks == 1 or unknowns >= ENOUGH:
+        return ""
+    return f"{unknowns} unknowns are few for {ranks} ranks, which pay from about {ENOUGH} on: one may be as fast"
+
+
+def _unknowns(waves: AnyWaves) -> int:
+    return waves.plane.size * (waves.vertical.n + 2)
 
 
 def told_of_windows(scene: Scene, clock: Clock) -> list[str]:
