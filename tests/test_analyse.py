@@ -121,8 +121,7 @@ def regular(x, *, length=40.0, way=1):
     return Record(elevation(series), "regular", None, 1.0), 2 * np.pi / 1.6 / k
 
 
-@pytest.mark.parametrize("period", [None, 1.6])
-@pytest.mark.parametrize("way", [1, -1])
+@pytest.mark.parametrize(("period", "way"), [(None, 1), (1.6, -1)])
 def test_regular_waves_go_with_their_phase_speed_and_no_other_frequency_has_one(period, way, tmp_path, monkeypatch):
     """Oracle: c by the dispersion relation of the one period; the largest correlation of 3 m apart is at -0.3 s."""
     figures = []
@@ -148,6 +147,8 @@ def test_where_whole_periods_cannot_be_told_it_is_said():
     said = kinds.analysed("speed", replace(record, eta=record.eta + other.transpose(*record.eta.dims)))
     assert "whole periods cannot be told between gauges" in said.said
     assert {round(f, 2) for *_, f, _, _ in said.rows} == {0.62}
+    late = record.eta.where(record.eta.time > 60.0, 0.0)
+    assert kinds.analysed("speed", replace(record, eta=late.transpose(*late.dims))).columns[3] == "speed [m/s]"
 
 
 @pytest.mark.parametrize("kind", ["reflection", "harmonics", "bound-free"])
@@ -178,8 +179,8 @@ def test_a_record_that_begins_before_its_waves_advises_a_start_that_leaves_that_
 
 
 def test_bound_and_free_waves_are_waited_for(table):
-    """Oracle: the free wave comes x / c_g(k_2) after it has left the paddle, which the first did x / c_g(k) before."""
-    regular = read_record(str(table), period=PERIOD, depth=DEPTH)
+    """Oracle: both leave the paddle at once, or the first gauge, and go with their group velocities."""
+    regular = replace(read_record(str(table), period=PERIOD, depth=DEPTH), from_wall=True)
     late = X[-1] * (1 / group_velocity(FREE, DEPTH, 9.81) - 1 / group_velocity(K, DEPTH, 9.81))
     told = r"the free second harmonic, which is slower, has come to all gauges by (\S+) s: --start \1 leaves out"
     grown = np.clip((regular.eta.time - 12.0) / 8.0, 0.0, 1.0)
@@ -192,6 +193,8 @@ def test_bound_and_free_waves_are_waited_for(table):
     short = replace(begun, eta=between(begun.eta, 21.0, start), before=begun.eta)
     assert f"by {start:.4g} s: the record is too short for it" in kinds.analysed("bound-free", short).said
     assert "free second harmonic" not in kinds.analysed("bound-free", regular).said
+    of_a_bar = kinds.analysed("bound-free", replace(begun, from_wall=False)).said
+    assert start - float(re.search(told, of_a_bar)[1]) == pytest.approx(late * X[0] / X[-1], abs=0.01)
 
 
 def test_gauges_a_beat_apart_are_said_to_stand_badly_and_a_new_slices_are_not(tmp_path):

@@ -1,6 +1,7 @@
 """The kinds of analysis that ``wavetank analyse`` offers: of a record a table, and what draws its picture."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from wavetank.postprocess.analysis.exceedance import forristall_crests
 from wavetank.postprocess.analysis.groups import envelope, groupiness
 from wavetank.postprocess.analysis.harmonics import harmonics, resolved
 from wavetank.postprocess.analysis.record import Record
-from wavetank.postprocess.analysis.records import waves_begin, waving
+from wavetank.postprocess.analysis.records import SMALLEST, time_step, waves_begin, waving
 from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, Reflection, reflected_spectra, regular_reflection
 from wavetank.postprocess.analysis.spectra import PERIODS, mean_period, sea_state, spectrum
 from wavetank.postprocess.analysis.speed import phase_speed, regular_speed, travel
@@ -26,6 +27,7 @@ from wavetank.theory.wave import Array
 COHERENT = 0.9  # less has no phase speed
 DOUBTFUL = 0.1  # of the variance: more that is not of the period is told
 FEWEST_PERIODS = 3  # in a record that is taken for one of regular waves unasked
+MIDDLE = 16  # mean periods that are looked at before all of a record is
 MANY = 6  # pairs of gauges that are named
 SEVERAL = 5  # of a sea's mean periods: over which its height is looked at
 STEEP = 0.05  # of the wave number: within which that of regular waves is looked for, where gauges allow
@@ -205,15 +207,16 @@ def _begin_told(record: Record, period: float) -> str:
 def _slowest_told(record: Record, k: float, free: float) -> str:
     """Return from when on free second harmonics of wave number ``free`` [rad/m] are at all gauges, if that is later.
 
-    They leave the wall with the first harmonic, of wave number k [rad/m], whose beginning is looked for before the
-    record's start, too.
+    They leave the wall with the first harmonic, of wave number k [rad/m], or where no wall is known, or a bed may make
+    them, the first gauge at the latest. The beginning is looked for before the record's start, too.
     """
     whole, period = record.eta if record.before is None else record.before, 1 / record.frequency
     if (begin := waves_begin(whole, period)) is None:
         return ""
     first, second = (float(group_velocity(q, record.depth, record.gravity)) for q in (k, free))
     x = record.on_its_way.x.values
-    start = begin + float(max(x.max(), np.ptp(x))) * (1 / second - 1 / first)
+    way = x.max() if record.from_wall else np.ptp(x)
+    start = begin + float(way) * (1 / second - 1 / first)
     if record.eta.time[0] > start - period / 2:
         return ""
     enough = record.eta.time[-1] > start + period
@@ -245,6 +248,15 @@ def _is_regular(record: Record) -> bool:
     """Return whether a period is told, or one that is found has nearly all of the variance."""
     if record.told_period:
         return True
+    times, some = record.eta.time.size, round(MIDDLE * mean_period(record.eta) / time_step(record.eta))
+    middle = record.eta.isel(time=slice(max(0, (times - some) // 2), (times + some) // 2))
+    # most of what is not regular is not in its middle either, which takes no time
+    return all(_of_one_period(replace(record, eta=part)) for part in (middle, record.eta))
+
+
+def _of_one_period(record: Record) -> bool:
+    if not record.eta.var("time").max() > SMALLEST**2:
+        return False
     length = float(record.eta.time[-1] - record.eta.time[0])
     return record.frequency * length > FEWEST_PERIODS and _share_of_others(record) < DOUBTFUL
 

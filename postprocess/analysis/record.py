@@ -38,6 +38,8 @@ class Record:
         g [m/s²].
     far_end
         Where the far wall is [m], if it alone makes the waves, which go against x.
+    from_wall
+        Whether x counts from the wall that makes the waves, with one depth all the way, as a run over a flat bed knows.
     before
         The elevation from the record's first time on, where what is analysed starts later.
     """
@@ -48,6 +50,7 @@ class Record:
     told_depth: float | Depth | None = None
     gravity: float = GRAVITY
     far_end: float | None = None
+    from_wall: bool = False
     before: DataArray | None = None
 
     @property
@@ -112,13 +115,14 @@ def read_record(
     Raises ``InputError`` for what cannot be had.
     """
     told: float | Depth | None = depth
-    gravity, path, far_end = GRAVITY, Path(source), None
+    gravity, path, far_end, from_wall = GRAVITY, Path(source), None, False
     if (path / MANIFEST).is_file():
         run = RunDirectory(path)
         scene = run.manifest.get("scene", {})
         tank, driven = scene.get("tank", {}), _driven(scene)
         far_end = _end(tank) if driven == ["far_wall"] else None
-        told, gravity = depth or still_water(run) or tank.get("depth"), tank.get("gravity", GRAVITY)
+        bed = still_water(run)
+        told, gravity, from_wall = depth or bed or tank.get("depth"), tank.get("gravity", GRAVITY), bed is None
         eta, title = _of_run(run, along), run.title or path.name
         period = period or next(filter(None, (_period(scene[wall]["motion"]) for wall in driven)), None)
     elif along:
@@ -129,7 +133,7 @@ def read_record(
     if gauges:
         eta = records.chosen(eta, gauges)
     before = None if start is None else eta.sel(time=slice(None, end))
-    return Record(records.between(eta, start, end), title, period, told, gravity, far_end, before)
+    return Record(records.between(eta, start, end), title, period, told, gravity, far_end, from_wall, before)
 
 
 def _driven(scene: dict[str, Any]) -> list[str]:
