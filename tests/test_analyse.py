@@ -138,14 +138,22 @@ def test_regular_waves_go_with_their_phase_speed_and_no_other_frequency_has_one(
     assert not faults(figures[0]) and [line.get_xdata().size for line in figures[0].axes[0].lines] == [1, 1, 200]
 
 
-def test_where_whole_periods_cannot_be_told_it_is_said():
-    """Oracle: of records of two frequencies alike a period later; of a depth whose waves are off by over a quarter."""
-    record, _ = regular((2.0, 5.0, 5.5), length=48.0)
+def test_where_whole_periods_cannot_be_told_it_is_said(tmp_path, monkeypatch):
+    """Oracle: of records of two frequencies alike a period later; of a depth whose waves are off by over a quarter.
+
+    The two have speeds, to half of what frequencies are apart, and none of those that they leak into.
+    """
+    figures = []
+    monkeypatch.setattr(Figure, "savefig", lambda figure, path, **_: figures.append(figure))
+    record, c = regular((2.0, 5.0, 5.5), length=48.0)
     wrong = kinds.analysed("speed", replace(record, told_depth=0.2)).said
     assert "whole periods cannot be told between gauges 1-2: they differ by more than a quarter" in wrong
     other = 0.03 * np.cos(2 * np.pi * 0.7 * (record.eta.time - record.eta.x / 2.1))
     said = kinds.analysed("speed", replace(record, eta=record.eta + other.transpose(*record.eta.dims)))
     assert "whole periods cannot be told between gauges" in said.said
+    said.draw(tmp_path / "speed.png")
+    drawn = figures[0].axes[0].lines[0].get_ydata()
+    assert drawn[np.isfinite(drawn)] == pytest.approx([c, 2.1], rel=0.02)
     assert {round(f, 2) for *_, f, _, _ in said.rows} == {0.62}
     late = record.eta.where(record.eta.time > 60.0, 0.0)
     assert kinds.analysed("speed", replace(record, eta=late.transpose(*late.dims))).columns[3] == "speed [m/s]"
