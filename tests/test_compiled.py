@@ -6,10 +6,12 @@ Oracle: the form's value, 1, and the compiler's own record of how often it ran.
 import os
 import subprocess
 import sys
+import weakref
 from contextlib import ExitStack
 from pathlib import Path
 from time import sleep
 
+import numpy as np
 import pytest
 from mpi4py import MPI
 from ranks import begun, on
@@ -187,6 +189,18 @@ def unkept(cache: str) -> list[str]:
                     kernels.Kernel("two", "double two(void);", key=code, comm=comm)
             said.append(str(error.value))
     return said
+
+
+def test_what_a_struct_points_to_lives_as_long_as_it_does():
+    """On two ranks paddles' lengths were let go of, and looking at the surface crashed."""
+    rows = "typedef struct { const double **rows; } Rows;"
+    kernel = kernels.Kernel("rows", rows, key=f"{rows} int none;", comm=MPI.COMM_SELF)
+    pointers = kernel.pointers([np.ones(2)])
+    struct, there = kernel.struct("Rows", {"rows": pointers}), weakref.ref(pointers)
+    del pointers
+    assert there() is not None
+    del struct
+    assert there() is None
 
 
 def test_what_one_rank_alone_cannot_keep_or_load_ends_all_with_one_sentence(on_ranks, tmp_path):

@@ -118,9 +118,10 @@ class Kernel:
         return self._ffi.gc(struct, lambda _: kept.clear())
 
     def struct(self, kind: str, parts: dict[str, Any]) -> Any:
-        """Return a struct of numbers and of arrays, which live as long as it does."""
-        kept = {name: self._plain(part) for name, part in parts.items() if isinstance(part, np.ndarray)}
-        struct = self._ffi.new(f"{kind} *", {**parts, **{name: self.pointer(array) for name, array in kept.items()}})
+        """Return a struct of numbers, arrays and addresses, which live as long as it does."""
+        arrays = {name: self._plain(part) for name, part in parts.items() if isinstance(part, np.ndarray)}
+        struct = self._ffi.new(f"{kind} *", {**parts, **{name: self.pointer(array) for name, array in arrays.items()}})
+        kept = {**parts, **arrays}
         return self._ffi.gc(struct, lambda _, kept=kept: kept.clear())
 
     def _plain(self, array: NDArray[Any]) -> NDArray[Any]:

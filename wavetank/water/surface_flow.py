@@ -218,7 +218,7 @@ class SurfaceFlow(SurfaceVelocity):
         self._lines = self._kernel.struct("Lines", parts)
         at = self._kernel.pointer
         function, given = map(self._kernel.address, ("largest", self._lines))
-        self._waves.ask(Glance(function, given, kept=(self._lines, lengths)))
+        self._waves.ask(Glance(function, given, kept=(self._lines,)))
         self._fields, self._at_largest = (at(self._eta.rows), at(self._psi.rows)), at(self._largest)
 
     def near(self, state: State, t: float) -> None:
