@@ -276,8 +276,9 @@ def test_the_surface_of_each_step_is_told_where_its_potential_is_found(monkeypat
     monkeypatch.setattr(SurfaceFlow, "near", compared)
     monkeypatch.setattr(flow, "update", lambda q, p, t: looks.append(t) or SurfaceFlow.update(flow, q, p, t))
     run.execute()
-    assert len(told) == 2 * run.clock.steps + 1 and np.array(told) == pytest.approx(1.0, rel=1e-12)
-    assert looks == [0.0]  # of the start, by the watch
+    flow.near(run.state.mapped(lambda q: q, lambda p: 2 * p), run.t)  # where no step has ended
+    assert len(told) == 2 * run.clock.steps + 2 and np.array(told) == pytest.approx(1.0, rel=1e-12)
+    assert looks == [0.0, run.t]  # of the start, by the watch, and of that
 
 
 def test_waves_of_six_steps_a_period_are_not_taken_for_what_alternates():
