@@ -178,7 +178,8 @@ def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, t
 
 def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):
     out = tmp_path / "run"
-    command = [sys.executable, "-m", "wavetank", "run", "cases/focusing.toml", "--no-plots", "--out", str(out)]
+    longer = ["--set", "run.duration=130", "--no-plots", "--out", str(out)]
+    command = [sys.executable, "-m", "wavetank", "run", "cases/focusing.toml", *longer]
     with begun(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         while not ((out / "gauges.csv").exists() and (out / "gauges.csv").stat().st_size > 1000):
             assert process.poll() is None
