@@ -271,8 +271,8 @@ def test_where_one_of_two_ranks_is_killed_both_end_and_the_run_goes_on(basin, tm
 
 @pytest.mark.slow
 def test_a_thousand_periods_that_are_killed_ten_times_equal_those_that_are_not(tmp_path, monkeypatch):
-    """Of a regular wave in a ring, bit for bit; in shorter blocks, so that there are calls enough to be killed at."""
-    monkeypatch.setattr(running, "MOMENTS", 64)
+    """Of a regular wave in a ring, bit for bit; each moment alone, so that there are calls enough to be killed at."""
+    monkeypatch.setattr(running, "MOMENTS", 1)
     parts, part = REGULAR, tmp_path / "part"
     rng, kills = random.Random(3), 0
     assert forked(lambda: recorded(parts, tmp_path / "whole", every=1.0)) == 0
