@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -30,7 +31,6 @@ from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, MANIFEST, 
 from wavetank.records.lock import LOCK
 from wavetank.records.place import Place
 from wavetank.records.whole import unfinished
-from wavetank.runs import run as running
 from wavetank.status import line, standing
 from wavetank.values.toml import toml
 
@@ -270,20 +270,20 @@ def test_where_one_of_two_ranks_is_killed_both_end_and_the_run_goes_on(basin, tm
 
 
 @pytest.mark.slow
-def test_a_thousand_periods_that_are_killed_ten_times_equal_those_that_are_not(tmp_path, monkeypatch):
-    """Of a regular wave in a ring, bit for bit; each moment alone, so that there are calls enough to be killed at."""
-    monkeypatch.setattr(running, "MOMENTS", 1)
-    parts, part = REGULAR, tmp_path / "part"
-    rng, kills = random.Random(3), 0
-    assert forked(lambda: recorded(parts, tmp_path / "whole", every=1.0)) == 0
+def test_a_thousand_periods_that_are_killed_ten_times_equal_those_that_are_not(tmp_path):
+    """Of a regular wave in a ring, bit for bit."""
+    rng, kills, runs = random.Random(3), 0, 0
+    assert forked(lambda: recorded(REGULAR, tmp_path / "whole", every=1.0)) == 0
     while kills < 10:
-        call = rng.randrange(100, 6000)
-        assert forked(lambda: gone_on(parts, part, every=1.0), call) == -signal.SIGKILL
-        readable(part)
-        kills += 1
-    assert forked(lambda: gone_on(parts, part, every=1.0)) == 0
-    same(tmp_path / "whole", part)
-    assert RunDirectory(part).manifest["numerics"]["steps_taken"] == 11_500
+        part, ended = tmp_path / f"part-{runs}", -signal.SIGKILL
+        while ended != 0:
+            ended = forked(partial(gone_on, REGULAR, part, every=1.0), rng.randrange(100, 3000))
+            assert ended in (0, -signal.SIGKILL)
+            readable(part)
+            kills += ended != 0
+        same(tmp_path / "whole", part)
+        assert RunDirectory(part).manifest["numerics"]["steps_taken"] == 11_500
+        runs += 1
 
 
 class Held:
