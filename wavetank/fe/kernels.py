@@ -80,6 +80,7 @@ class Kernel:
         module = loaded(comm, lambda: _module(folder / f"{name}{EXTENSION_SUFFIXES[0]}"), folder)
         self.call, self._ffi = module.lib, module.ffi
         self.doubles = partial(self._ffi.from_buffer, self._ffi.typeof("double *"))
+        self._spread: tuple[Any, Any] = None, None
         self._known: dict[int, tuple[NDArray[Any], Any]] = {}  # by their ids, which they keep as long as they are here
         self.real = np.dtype(np.float32 if real == "float" else np.float64)
 
@@ -92,6 +93,12 @@ class Kernel:
         if id(array) not in self._known:
             self._known[id(array)] = array, self.pointer(array)
         return self._known[id(array)][1]
+
+    def spread(self, values: NDArray[Any] | float, size: int) -> Any:
+        """Return where so many doubles are, one number for all or as given: found anew for others than the last."""
+        if values is not self._spread[0]:
+            self._spread = values, self.pointer(np.broadcast_to(values, size).astype(np.float64))
+        return self._spread[1]
 
     def address(self, what: Any) -> Any:
         """Return where a function of a name, or a struct, is, for another kernel."""

@@ -60,7 +60,6 @@ class KinkSmoothing:
         given = mass.weights, np.zeros_like(mass.weights), *np.empty((2, plane.size))  # those that the factors are of
         self._at_weights, self._at_kept, self._at_work, self._at_eta = map(self._kernel.known, given)
         self._mass, self._solve = mass, [mass.compiled[name] for name in ("solve_mass", "mass")]
-        self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
         self.update()
 
     def update(self) -> None:
@@ -85,11 +84,8 @@ class KinkSmoothing:
     def coordinate(self, q: Vector, still: Vector | float) -> Vector:
         """Return Q - N eta' of masses over still water's columns [m], shape (dofs,)."""
         self._mass.make_ready()
-        if still is not self._still:
-            self._still, column = still, np.broadcast_to(still, q.shape).astype(np.float64)
-            self._at_still = self._kernel.pointer(column)
         found, at = np.empty_like(q), self._kernel.doubles
-        into = self._at_still, at(np.ascontiguousarray(q)), at(found), self._at_eta, self._at_work
+        into = self._kernel.spread(still, q.size), at(np.ascontiguousarray(q)), at(found), self._at_eta, self._at_work
         self._kernel.call.smooth_masses(self._kinks, self._factors, *self._solve, *into)
         return found
 

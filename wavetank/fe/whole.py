@@ -272,7 +272,6 @@ class Whole:
         self._followed: Vector | float | None = None  # the column of still water that walls know
         self._rooms = dict[int, tuple[Rows, Any]]()  # rows by their ids, which they keep, and where they are
         self._trials: dict[tuple[Inverse, Combination], Any] = {}
-        self._still: Vector | float | None = None  # of which ``_at_still`` is a copy
 
     def _leaning(self, leaning: Leaning) -> dict[str, Any]:
         """Return what finds columns beside a paddle that leans."""
@@ -293,7 +292,7 @@ class Whole:
         if not recorded:
             return None
         at, found = self._kernel.doubles, np.empty((5, p.size))
-        surface, into = (at(q), at(p), self._of_still(still, p.size)), at(found)
+        surface, into = (at(q), at(p), self._kernel.spread(still, p.size)), at(found)
         self._at_last = into
         return self._solution(self._kernel.call.find(self._struct, *surface, recorded, into, self._at_told), found)
 
@@ -325,7 +324,7 @@ class Whole:
             return None
         at, found, following = self._kernel.doubles, np.empty((5, size)), np.empty_like(z)
         trial = self._trial(inverse, mixing, size)
-        how = weight, inverse.carried, self._of_still(still, size), recorded, mixed
+        how = weight, inverse.carried, self._kernel.spread(still, size), recorded, mixed
         into = at(found), self._at_told, at(following)
         solution = self._solution(self._kernel.call.attempt(trial, at(z), at(known), *how, *into), found)
         if solution is None:
@@ -394,7 +393,7 @@ class Whole:
         self._mass.make_ready()
         self._follow(still)
         at = self._kernel.doubles
-        where = at(q), at(p), at(point), self._of_still(still, q.size)
+        where = at(q), at(p), at(point), self._kernel.spread(still, q.size)
         self._kernel.call.see(self._struct, *where, kinetic, gravity, self._room(into), row)
 
     def look(
@@ -412,7 +411,7 @@ class Whole:
             self._follow(still)
         state, first, last = pairs
         at, found = self._kernel.doubles, np.empty((5, state.shape[1]))
-        given = at(state), at(first), at(last), at(point), self._of_still(still, state.shape[1])
+        given = at(state), at(first), at(last), at(point), self._kernel.spread(still, state.shape[1])
         room = at(found), self._at_told, self._room(into), row
         return self._solution(self._kernel.call.look(self._struct, *given, recorded, gravity, *room), found)
 
@@ -430,10 +429,3 @@ class Whole:
             rows = {name: getattr(into, name) for name in ROWS}
             self._rooms[id(into)] = room = into, self._kernel.shared("Sight", {**sizes, **rows})
         return room[1]
-
-    def _of_still(self, still: Vector | float, size: int) -> Any:
-        """Return where the column of still water is."""
-        if still is not self._still:
-            self._still, column = still, np.broadcast_to(still, size).astype(np.float64)
-            self._at_still = self._kernel.pointer(column)
-        return self._at_still
