@@ -82,17 +82,19 @@ class Run:
         keeping = [one for one in self.observers if isinstance(one, Keeping)]
         self._keeps = [(*_when(schedule), one.keep) for one in keeping if (schedule := one.keeps)]
         self._acts = [(*_when(one.schedule), one.observe) for one in self.observers if not isinstance(one, Patient)]
-        self._seen = [*{id(one.sees): one.sees for one in self._patient if one.sees}.values()]
+        seen = {id(one.sees): one.sees for one in self._patient if one.sees}
         self._most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
-        self._sights = {id(waves): waves.sight(1 + self._most) for waves in self._seen}  # the start comes with a step
+        self._sights = {key: waves.sight(1 + self._most) for key, waves in seen.items()}  # the start comes with a step
+        self._seen = [(waves, self._sights[key]) for key, waves in seen.items()]
+        clock, system, stepper, t = self.clock, self.system, self._stepper, self.t
         if not self._begun:
             self._begun = True
-            self._observe()
-        clock, system, stepper = self.clock, self.system, self._stepper
+            self._observe(t)
         while self.step < clock.steps:
-            self.state = stepper.step(system, self.state, clock.time(self.step), clock.dt)
+            self.state = stepper.step(system, self.state, t, clock.dt)
             self.step += 1
-            self._observe()
+            t = clock.time(self.step)
+            self._observe(t)
             if self.settles:
                 self.settle()
         self.settle()
@@ -180,15 +182,17 @@ class Run:
         for observer in self._ending:
             observer.ended(at, t)
 
-    def _observe(self) -> None:
-        step, t = self.step, self.t
-        moment = Moment(step, t, self.state, sights=self._sights, row=len(self._steps))
+    def _observe(self, t: float) -> None:
+        step, row = self.step, len(self._steps)
+        moment = Moment(step, t, self.state, sights=self._sights, row=row)
         self.observed = False
         for every, schedule, keep in self._keeps:
             if not step % every and (schedule is None or self._is_due(schedule, step, t)):
                 keep(moment)
-        for waves in self._seen:
-            moment.look(waves)
+        for waves, sight in self._seen:
+            if row >= sight.filled:  # unless who keeps has looked
+                waves.see(self.state, t, sight, row)
+                sight.filled = row + 1
         self._steps.append(step)
         try:
             for every, schedule, act in self._acts:

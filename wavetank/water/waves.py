@@ -178,6 +178,7 @@ class NonlinearWaves:
         self._near = self.sight(1)  # of a state near a point
         self._whole = self._compiled(minimum)
         self._seeing = self._whole if self._whole and self._whole.pushes else None
+        self._several = len(wall.paddles) > 1
         self._set_up_stages(tolerances)
 
     # ------------------------------------------------------------------------------------------ forms
@@ -398,30 +399,29 @@ class NonlinearWaves:
 
     def see(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
-        if not self._looks(state, t, into, row):
-            first, last, whole = state.known[0], state.known[-1], self._seeing
-            if whole is None:
-                see(self, state, t, into, row)
-            else:
-                known = first is not last and self._knows(*first, t)
-                before = self.explicit_rate(*first, t) if known else np.nan
-                self._see(whole, (state.q, state.p), t, at=last, into=into, row=row)
-                if known:
-                    into.numbers[row, POWER] = (before + into.numbers[row, POWER]) / 2
-            if last[0] is state.q and (jump := state.q_jump) is not None:
-                into.rise[row] = 0.5 * self.mass.solve(jump)  # which no point beside the state tells
-        if len(self.wall.paddles) > 1:
-            into.move(row, self.wall.velocities)
-
-    def _looks(self, state: State, t: float, into: Sight, row: int) -> bool:
-        """See a state between two points the same, compiled as a whole where all is as usual; return whether it was."""
-        whole = self._seeing
-        if whole is None or not isinstance(state, BetweenTwo) or self.potential.renews or not one_time(t, self._t):
-            return False
-        found = whole.look(state.pairs, self._point, self.bed.still, self.gravity, into, row)
+        whole, found = self._seeing, None
+        if whole is not None and isinstance(state, BetweenTwo) and not self.potential.renews and one_time(t, self._t):
+            found = whole.look(state.pairs, self._point, self.bed.still, self.gravity, into, row)
         if found is not None:
             self._take_over(found, t)
-        return found is not None
+        else:
+            self._see_from_last(state, t, into, row)
+        if self._several:
+            into.move(row, self.wall.velocities)
+
+    def _see_from_last(self, state: State, t: float, into: Sight, row: int) -> None:
+        """See a state from the last of its points, one thing after the other."""
+        first, last, whole = state.known[0], state.known[-1], self._seeing
+        if whole is None:
+            see(self, state, t, into, row)
+        else:
+            known = first is not last and self._knows(*first, t)
+            before = self.explicit_rate(*first, t) if known else np.nan
+            self._see(whole, (state.q, state.p), t, at=last, into=into, row=row)
+            if known:
+                into.numbers[row, POWER] = (before + into.numbers[row, POWER]) / 2
+        if last[0] is state.q and (jump := state.q_jump) is not None:
+            into.rise[row] = 0.5 * self.mass.solve(jump)  # which no point beside the state tells
 
     def _see(self, whole: Whole, state: Pair, t: float, *, at: Pair, into: Sight, row: int) -> None:
         """See a state from a point, with the power there."""

@@ -7,6 +7,7 @@ that fulfils ``Wall``, a noun (``case/walls.py``) and a row in the table of ``ru
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import isclose, isnan
 from typing import Protocol
 
@@ -27,12 +28,8 @@ from wavetank.water.walls.shape import Shape
 from wavetank.water.walls.side import Side
 
 Heights = Vector | float  # of places, shape (N,) or at K times (K, N), or all alike [m]
+one_time = partial(isclose, rel_tol=1e-12)  # of two times, but for their last bits, as t_n + dt and t_n+1 are
 Stood = tuple[tuple[float, float | None], ...]  # of each paddle, when [s], and how far from rest [m] if all of it is so
-
-
-def one_time(t: float, other: float) -> bool:
-    """Return whether two times are one but for their last bits, as t_n + dt and t_n+1 are."""
-    return isclose(t, other, rel_tol=1e-12)
 
 
 class Columns(Protocol):
