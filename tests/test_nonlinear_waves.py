@@ -21,7 +21,7 @@ from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.runs.build import build_run
 from wavetank.water.carried_waves import CarriedWaves
-from wavetank.water.seen import POWER, see
+from wavetank.water.seen import HIGHEST, POWER, see
 from wavetank.water.still_water import StillWaterWaves, scales
 from wavetank.water.walls.contract import stood
 
@@ -162,6 +162,7 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
             for name, scale in (("eta", 1e-14), ("rise", 1e-14), ("psi", 0.0), ("rates", 0.0), ("velocities", 0.0)):
                 assert np.abs(getattr(found, name)[row] - getattr(told, name)[0]).max() <= scale, name
             assert found.numbers[row, :4] == pytest.approx(told.numbers[0, :4], rel=1e-12, abs=1e-13)
+            assert [*found.numbers[row, HIGHEST:]] == [found.eta[row].max(), np.abs(found.eta[row]).max()]
         powers = [tank._wall_terms.explicit_rate(partial(tank.H_q, *point, t)) for point in (before, at)]
         assert found.numbers[0, POWER] == pytest.approx(powers[1], rel=1e-9)
         assert stood(t, found.rates[0, :, 0]) == tank.wall.stood
@@ -169,6 +170,8 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
         H, potential = tank.energy_near(q, p, t, at=at), found.numbers[0, 1]
         off = H - tank.energy(q, p, t), potential - tank.energies(q, p, t).potential
         errors.append([*map(abs, off), abs(found.numbers[1, POWER] - np.mean(powers))])
+        tank.energy_near(np.where(q > q.min(), q, np.nan), p, t, at=at)
+        assert np.isnan(tank._near.numbers[0, HIGHEST:]).all()
     assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0, 2.0, 2.0], abs=0.1)
 
 

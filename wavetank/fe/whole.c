@@ -35,7 +35,7 @@ typedef void AimAt(const void *points, int known, const double *c);
 typedef void Combine(const void *points, int known, double wrong, double *z, double *missed);
 
 enum { POSITION, SPEED, ACCELERATION };
-enum { KINETIC, POTENTIAL, WALL, MASS, POWER, OF_A_ROW };   /* of water/seen.py */
+enum { KINETIC, POTENTIAL, WALL, MASS, POWER, HIGHEST, LARGEST, OF_A_ROW };   /* of water/seen.py */
 
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 #define EACH_PADDLE(one) for (Paddle *one = w->paddles; one; one = one->next)
@@ -266,6 +266,20 @@ static double push(const Whole *w, const double *point, int between, double *of_
     return power;
 }
 
+/* The highest of numbers, and the largest magnitude, as their bits are ordered, which puts what is no number beyond all. */
+static void heights(const double *x, long n, double *highest, double *largest)
+{
+    int64_t most = INT64_MIN, size = 0;
+    EACH(i, n) {
+        int64_t bits;
+        memcpy(&bits, x + i, sizeof bits);
+        const int64_t rank = bits ^ (bits >> 63 & INT64_MAX), without_sign = bits & INT64_MAX;
+        most = rank > most ? rank : most, size = without_sign > size ? without_sign : size;
+    }
+    most ^= most >> 63 & INT64_MAX;
+    memcpy(largest, &size, sizeof size), memcpy(highest, *largest == *largest ? &most : &size, sizeof size);
+}
+
 /* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told: into a
    row, all but W and power. */
 static void see_from(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
@@ -288,6 +302,7 @@ static void see_from(Whole *w, const double *q, const double *p, const double *p
     CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
     EACH(i, n)
         eta[i] -= rise[i];
+    heights(eta, n, numbers + HIGHEST, numbers + LARGEST);
     numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = gravity * (0.5 * twice + lift);
     numbers[MASS] = mass;
     long paddle = into->paddles; /* each knows the one before it */

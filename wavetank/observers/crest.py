@@ -7,6 +7,7 @@ import numpy as np
 from wavetank.observers.contract import Moments, ObservedWaves, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
+from wavetank.water.seen import HIGHEST
 
 
 class Crest(NamedTuple):
@@ -28,15 +29,12 @@ class HighestCrest(Patient):
 
     def work_off(self, moments: Moments) -> None:
         """See whether the surface was higher than ever; collective."""
-        if (moments.seen(self._waves).heights <= self._own.height).all():
-            return
-        surfaces = moments.elevations(self._waves)
-        heights = surfaces.max(axis=1, initial=-np.inf)
-        heights[np.isnan(heights)] = -np.inf  # of a surface that is none any more
+        seen = moments.seen(self._waves)
+        heights = np.fmax(seen.numbers[:, HIGHEST], -np.inf)  # of a surface that is none any more
         first = int(heights.argmax())
         if heights[first] > self._own.height:
-            highest, wall = int(surfaces[first].argmax()), self._waves.wall
-            place, height = self._waves.plane.places[[highest]], surfaces[first][[highest]]
+            highest, wall = int(seen.eta[first].argmax()), self._waves.wall
+            place, height = self._waves.plane.places[[highest]], seen.eta[first, [highest]]
             stand = wall.stand(place, moments.stood(self._waves, first))
             ((x, y),) = wall.to_physical(place, height, stand)
             self._own = Crest(float(height[0]), float(x), float(y), float(moments.times[first]))

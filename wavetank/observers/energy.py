@@ -119,7 +119,7 @@ class EnergyBudget(Keeping):
     def work_off(self, moments: Moments) -> None:
         """See how far off the balance has been, and append the rows that are due."""
         t, first = moments.times, int(moments.steps[0])
-        kinetic, potential, wall, mass, power = numbers = moments.seen(self._waves).numbers.T
+        kinetic, potential, wall, mass, power, *_ = numbers = moments.seen(self._waves).numbers.T
         supplied, absorbed = self._supply.work_off(t, power)
         if first == 0:
             self._total, self._wall, self._mass = float(kinetic[0] + potential[0]), float(wall[0]), float(mass[0])

@@ -26,6 +26,7 @@ from wavetank.fe.differences import largest_differences_on
 from wavetank.observers.contract import Keeping, Moment, Moments
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
+from wavetank.water.seen import LARGEST
 from wavetank.water.short_waves import FARTHEST, ShortWaves
 from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
@@ -155,7 +156,7 @@ class StabilityWatch(Keeping):
         last, wall = (old if len(old) else new[:0] for old, new in ((self._last, values), (self._wall, ways)))
         self._last, self._wall = look.last(last, values), look.last(wall, ways)
         of_values = look.lower(last, values), look.higher(last, values)
-        found = seen.heights, *of_values, look.lower(wall, ways)
+        found = seen.numbers[:, LARGEST], *of_values, look.lower(wall, ways)
         heights, lower, higher, ways = (largest(self._waves.plane.comm, each) for each in found)
         unjudged = len(moments) - len(lower)  # with too few before
         highest = _so_far(self._highest, heights)

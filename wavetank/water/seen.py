@@ -5,17 +5,15 @@ seen of many moments stands in rows of arrays, so that who looks at all of them 
 """
 
 from collections.abc import Sequence
-from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fe.differences import largest_differences
 from wavetank.water.energy import Energies
 
-NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER = range(5)  # in a row
+NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, HIGHEST, LARGEST = range(7)  # in a row
 
 
 class SeenWall(Protocol):
@@ -56,8 +54,8 @@ class Sight:
         Kinetic and potential energy and the wall's part, those of the states: H, and the potential energy, to the
         square of what lies between, and W as of the points, so that what that changes by is in the kinetic energy; the
         water's volume, of a slice per width [m³, m²]; where it is told, the power dH/dt at fixed (Q, psi), in energy a
-        second, of the mean of first and last of the known points, or of the last where the first would cost a solve.
-        Shape (most, 5).
+        second, of the mean of first and last of the known points, or of the last where the first would cost a solve;
+        of the elevation the highest and the largest magnitude [m], on this rank, nan where any is. Shape (most, 7).
     rates
         X_p, X_p' and X_p'' of each paddle, nan of one that does not move as a whole [m, m/s, m/s²], shape (most,
         paddles, 3).
@@ -99,11 +97,6 @@ class Seen:
     def __getattr__(self, name: str) -> Vector:
         rows: Vector = getattr(self._sight, name)[self._rows]
         return rows
-
-    @cached_property
-    def heights(self) -> Vector:
-        """The largest magnitude of this rank's elevations [m], shape (K,), found once for all who ask."""
-        return largest_differences(self.eta, 0)
 
 
 class State(Protocol):
@@ -168,9 +161,10 @@ def see(water: Evaluable, state: State, t: float, into: Sight, row: int) -> None
         away = q - at[0]
         change = water.inner(water.H_q(*at, t), away) + water.inner(water.H_p(*at, t), p - at[1])
         lift, here = water.gravity * water.inner(eta, away), water.elevation(q, p, t)
-    into.eta[row] = eta if here is None else here
     into.rise[row] = 0.0 if here is None else eta - here  # of the two sides of a jump it is half of what is between
+    into.eta[row] = eta = eta if here is None else here
     moved = energies.kinetic + change - lift, energies.potential + lift, energies.wall, water.total_mass(q)
-    into.numbers[row, : len(moved)] = moved
+    into.numbers[row, :POWER] = moved
+    into.numbers[row, HIGHEST:] = eta.max(initial=-np.inf), np.abs(eta).max(initial=0.0)
     into.psi[row], into.rates[row] = p, wall.rates
     into.move(row, wall.velocities)
