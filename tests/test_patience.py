@@ -300,10 +300,11 @@ class Spoiling:
 
 @pytest.mark.usefixtures("patient")
 def test_a_snapshot_is_of_its_moment_though_somebody_changes_the_state_then(tmp_path):
-    """So that it is the next step that tells what is wrong."""
+    """So that it is the next step that tells what is wrong; of a scheme that lets others write into its state."""
+    verlet = SLICE | {"numerics": {**SLICE["numerics"], "integrator": "stormer-verlet"}}
     parts = {"comm": MPI.COMM_SELF, "console": Console(file=io.StringIO()), "observers": [lambda waves: Spoiling()]}
     with pytest.raises(BreakdownError, match="the surface's potential is no longer a number"):
-        record_run(scene(SLICE), tmp_path, **parts)
+        record_run(scene(verlet), tmp_path, **parts)
     surface = snapshots((tmp_path / SURFACE).read_bytes())
     assert surface.t == pytest.approx([0.0, 0.1, 0.2, 0.3]) and np.isfinite(surface.psi).all()
 

@@ -135,14 +135,31 @@ def test_watch_gauges_and_snapshots_solve_for_nothing_besides_the_energies(monke
     run.execute()
     asked = [run.state.q, run.state.q_jump]
     assert [sum(np.array_equal(right, one) for right in solved) for one in asked] in ([0, 0], [1, 0])
-    eta = waves.elevation(run.state.q, run.state.p, run.t)
+    q = run.state.q.copy()
+    eta = waves.elevation(q, run.state.p, run.t)
     eta += 1.0  # nobody else's
-    run.state.q[:] += waves.mass.apply(np.full(waves.plane.owned, 0.1))  # the same array, another surface
+    q += waves.mass.apply(np.full(waves.plane.owned, 0.1))  # the same array, another surface
     solved.clear()
-    higher = waves.elevation(run.state.q, run.state.p, run.t)
+    higher = waves.elevation(q, run.state.p, run.t)
     assert len(solved) == 1 and np.abs(higher - eta + 0.9).max() < 1e-12
-    waves.elevation(run.state.q, run.state.p, run.t + 0.1)  # the paddle has moved on
+    waves.elevation(q, run.state.p, run.t + 0.1)  # the paddle has moved on
     assert len(solved) == 2
+
+
+def test_a_point_is_known_by_its_array_only_while_nobody_can_write_into_that():
+    """Oracle: another system's flow at what the array is by then; a step's own points cannot be written into."""
+    run, waves = built(SLICE, integrator="simpson-4", dt=0.04)
+    _, other = built(SLICE, integrator="simpson-4", dt=0.04)
+    run.clock = replace(run.clock, steps=3)
+    run.execute()
+    for point in run.state.points:
+        with pytest.raises(ValueError, match="read-only"):
+            point += 0.0
+    z = run.state.points[-1].copy()
+    waves.flow(z, run.t)
+    z[z.size // 2 :] *= 2.0
+    there = waves.flow(z, run.t)
+    np.testing.assert_allclose(there, other.flow(z.copy(), run.t), rtol=0.0, atol=1e-8 * np.abs(there).max())
 
 
 def test_a_run_goes_on_from_its_pickled_state_in_a_new_tank():

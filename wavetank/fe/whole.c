@@ -126,6 +126,7 @@ static int set(Whole *w, const double *q, const double *p, const double *still, 
     const long n = w->dofs, inputs = (w->paddles ? 3 : 2) * n;
     double *by_column = flow + 2 * n;
     int iterations = 0;
+    w->glanced = 0;
     if (!begin(w, q, p, still, told, told + 2))
         return -1;
     EACH(f, FIELDS)
@@ -197,13 +198,6 @@ static int is_point(const Whole *w, const double *point, const double *state)
 static void ask(Whole *w, uintptr_t largest, uintptr_t lines)
 {
     w->largest = (void *)largest, w->lines = (void *)lines, w->asked = 0, w->glanced = 0;
-}
-
-/* Whether those are of a state [q, p], ``point`` being what ``find`` found last; of the next two it finds they will be found. */
-static int tells(Whole *w, const double *point, const double *state)
-{
-    w->asked = 2;
-    return w->glanced && is_point(w, point, state);
 }
 
 /* Where to begin the stage z = c + a f(z): points combined by their c, which are ``wrong`` by so much, one more of which is z

@@ -69,7 +69,6 @@ ROWS = "eta", "rise", "psi", "numbers", "rates", "velocities"
 DECLARATIONS = f"""{WHOLE}
 int find(Whole *, const double *q, const double *p, const double *still, int recorded, double *flow, double *told);
 void ask(Whole *, uintptr_t largest, uintptr_t lines);
-int tells(Whole *, const double *point, const double *state);
 void begin_stage(const Attempt *, const double *z, const double *slope, const double *c, double a, int carried,
                  int mixed, double wrong, double *start);
 int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int recorded,
@@ -268,7 +267,6 @@ class Whole:
         self._struct = self._kernel.shared("Whole", parts)
         self._told = np.zeros(3)
         self._at_told = self._kernel.pointer(self._told)
-        self._at_last = self._kernel.doubles(np.zeros((5, plane.size)))  # what ``find`` found last
         self._followed: Vector | float | None = None  # the column of still water that walls know
         self._rooms = dict[int, tuple[Rows, Any]]()  # rows by their ids, which they keep, and where they are
         self._trials: dict[tuple[Inverse, Combination], Any] = {}
@@ -292,24 +290,22 @@ class Whole:
         if not recorded:
             return None
         at, found = self._kernel.doubles, np.empty((5, p.size))
-        surface, into = (at(q), at(p), self._kernel.spread(still, p.size)), at(found)
-        self._at_last = into
-        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, into, self._at_told), found)
+        surface = at(q), at(p), self._kernel.spread(still, p.size)
+        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, at(found), self._at_told), found)
 
     def ask(self, glance: Glance) -> None:
         """Let a surface be looked at where its point is found, for the last who has asked."""
         self._glance = glance
         self._kernel.call.ask(self._struct, glance.function, glance.lines)
 
-    def told(self, state: Vector) -> tuple[float, float] | None:
-        """Return the surface's largest velocity and slope at (q, p), shape (2, dofs), if ``find`` found that last.
+    def told(self) -> tuple[float, float] | None:
+        """Return the surface's largest velocity and slope at the point last found, if ``find`` found it.
 
         And if it was asked before: of the next two that it finds they are found, too. None else.
         """
         water = self._struct
-        if self._kernel.call.tells(water, self._at_last, self._kernel.doubles(state)):
-            return water.fastest, water.steepest
-        return None
+        water.asked = 2
+        return (water.fastest, water.steepest) if water.glanced else None
 
     def attempt(
         self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination
@@ -401,17 +397,16 @@ class Whole:
     ) -> Solution | None:
         """Find the last of two points of a state, and see the state from there, as ``see``; None as ``find``.
 
-        ``pairs`` are state, first and last point, (q, p) each, shape (2, dofs), and ``point`` is the one last found:
-        None, too, if it is not the first, or is the last. The power is that of the mean of both.
+        ``pairs`` are state, first and last point, [q, p] each, and ``point`` is the one last found: None, too, if it is
+        not the first, or is the last. The power is that of the mean of both.
         """
         recorded = self._ready()
         if not recorded:
             return None
         if still is not self._followed:
             self._follow(still)
-        state, first, last = pairs
-        at, found = self._kernel.doubles, np.empty((5, state.shape[1]))
-        given = at(state), at(first), at(last), at(point), self._kernel.spread(still, state.shape[1])
+        at, found = self._kernel.doubles, np.empty_like(point)
+        given = *map(at, pairs), at(point), self._kernel.spread(still, point.shape[1])
         room = at(found), self._at_told, self._room(into), row
         return self._solution(self._kernel.call.look(self._struct, *given, recorded, gravity, *room), found)
 

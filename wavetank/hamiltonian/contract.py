@@ -114,19 +114,22 @@ class Flowing(Protocol):
 
 
 class BetweenTwo:
-    """A state between two points at which its system is evaluated anyway, all of them in one array each.
+    """A state between two points at which its system is evaluated anyway.
 
     Attributes
     ----------
-    minus
-        The point before it, (q, p), shape (2, n), where a step has ended.
+    mean
+        The state, (q, p), shape (2, n).
     """
 
-    minus: Vector
+    mean: Vector
 
     @property
-    def pairs(self) -> tuple[Vector, Vector, Vector]:
-        """The state, and the points before and after it, (q, p), shape (2, n) each."""
+    def points(self) -> tuple[Vector, Vector]:
+        """The points before and after it, where a step has ended and where the next one begins.
+
+        They are as ``flow`` is asked of them: [q, p], one behind the other, shape (2n,) each.
+        """
         raise NotImplementedError
 
 

@@ -45,13 +45,17 @@ class Formulae:
         )
 
     def __call__(self, *given: Any) -> Any:
-        """Return what they make of vectors and numbers, a vector or rows of them; of symbols, as Python has it."""
+        """Return what they make of vectors and numbers, a vector or rows of them; of symbols, as Python has it.
+
+        Nobody can write into what is returned, so that who has it again knows what is in it.
+        """
         if given[0].dtype.char != "d":
             return self._of_symbols(given)
         kernel, size, returned = self.kernel, given[0].size, len(self._returns)
         found: Vector = np.empty((returned, size) if returned > 1 else size)
         vectors = map(kernel.doubles, given[: self._vectors])
         kernel.call.go_through(size, *vectors, *given[self._vectors :], kernel.doubles(found))
+        found.setflags(write=False)
         return found
 
     def _of_symbols(self, given: Sequence[Any]) -> Any:

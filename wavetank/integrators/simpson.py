@@ -31,7 +31,6 @@ from wavetank.integrators.contract import Evaluated, Map
 from wavetank.integrators.flow import flow_of
 
 KAPPA = 0.1
-PLUS = Formulae("plus = z + d / 2", vectors=("z", "d"), returns=("plus",))
 KNOWN = Formulae("known = z - d / 4 + dt / 4 * f_0", vectors=("z", "d", "f_0"), numbers=("dt",), returns=("known",))
 MINUS = Formulae("minus = plus + 4 * (z_half - known)", vectors=("plus", "z_half", "known"), returns=("minus",))
 ENDED = Formulae(
@@ -85,23 +84,19 @@ class MeanAndJumps(Pairs, BetweenTwo):
         return jump
 
     @cached_property
-    def plus(self) -> Vector:
-        """The plus trace."""
-        return self.mean + self.jump / 2
-
-    @property
-    def pairs(self) -> tuple[Vector, Vector, Vector]:
-        """Mean and traces."""
-        return self.mean, self.minus, self.plus
+    def points(self) -> tuple[Vector, Vector]:
+        """Both traces, that before the jump as it was evaluated last, and that after it."""
+        return self.minus.ravel(), (self.mean + self.jump / 2).ravel()
 
     @cached_property
     def known(self) -> tuple[Evaluated, ...]:
-        """Both traces, that before the jump as it was evaluated last, and that after it."""
-        return Evaluated(*self.minus), Evaluated(*self.plus)
+        """The same."""
+        before, after = self.points
+        return Evaluated(*before.reshape(2, -1)), Evaluated(*after.reshape(2, -1))
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
-        mean, plus = (np.array([coordinate(q), momentum(p)]) for q, p in (self.mean, self.plus))
+        mean, plus = (np.array([coordinate(q), momentum(p)]) for q, p in (self.mean, self.known[-1]))
         jump = 2 * (plus - mean)
         return self._replace(mean=mean, jump=jump, minus=mean + jump / 2)
 
@@ -131,7 +126,7 @@ class Simpson4:
         """Return the state at t + dt; collective."""
         f = flow_of(system)
         z, d, d_1, d_2 = [pair.ravel() for pair in state[:-1]]
-        plus: Vector = PLUS(z, d)
+        plus = state.points[-1]
         f_0 = f(plus, t)
         known: Vector = KNOWN(z, d, f_0, dt)
 
@@ -142,9 +137,10 @@ class Simpson4:
         z_half = system.stages.pair.solve(stage, residual, plus, near=Near(known, plus, f_0))
         minus = MINUS(plus, z_half, known)
         mean, jump, plus = self.ended(z, d, d_1, d_2, z_half, known, f_0, f(minus, t + dt), dt=dt)
-        mean, jump, plus, minus = [pair.reshape(2, -1) for pair in (mean, jump, plus, minus)]
+        points = minus, plus
+        mean, jump, minus = [pair.reshape(2, -1) for pair in (mean, jump, minus)]
         after = MeanAndJumps(mean, jump, state.jump, state.jump_1, minus)
-        after.__dict__["plus"] = plus  # which is found already
+        after.__dict__["points"] = points  # which are found already
         return after
 
     def ended(self, *vectors: Vector, dt: float) -> Sequence[Vector]:

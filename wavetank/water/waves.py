@@ -167,7 +167,8 @@ class NonlinearWaves:
         self._compile(energy)
         self._point: Vector = np.full((5, plane.owned), np.nan)  # last evaluated, as of ``Solution``
         self._t = np.nan
-        self._found_at = np.nan  # when a point is that was found as a whole
+        self._asked: Vector | None = None  # that, where nobody can have written into it since
+        self._glances = False  # whether the surface may have been looked at where it was found
         self._stands = 0.0  # when the wall stands as it does
         self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
         self.level, self._speed = 0.0, float(np.sqrt(gravity * self.depth))  # the latter of long waves [m/s]
@@ -229,7 +230,7 @@ class NonlinearWaves:
         found = self._whole.find(q, p, self.bed.still)
         if found is not None:
             self._take_over(found, t)
-            self._found_at = t
+            self._glances = True
         return found is not None
 
     def _take_over(self, found: Solution, t: float) -> None:
@@ -279,6 +280,7 @@ class NonlinearWaves:
     def _know(self, point: Vector, t: float) -> None:
         """Keep that the potential is that of a point, with its derivatives, but for H_q."""
         self._point, self._has_H_q, self._square, self._t = point, False, None, t
+        self._asked, self._glances = None, False
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
@@ -366,10 +368,16 @@ class NonlinearWaves:
 
     def flow(self, z: Vector, t: float) -> Vector:
         """Return dz/dt of z = [Q, psi], one behind the other, shape (2 owned,); collective."""
-        if not (one_time(t, self._t) and self._all(z.tobytes() == self._point[3:].tobytes())):
+        last, known = self._point[3:], one_time(t, self._t)
+        if not (known and (z is self._asked or self._all(z.tobytes() == last.tobytes()))):
             q, p = z.reshape(2, -1)
             self._find(q, p, t)
+        self._remember(z)
         return self._derived()[:2].reshape(-1)
+
+    def _remember(self, z: Vector) -> None:
+        """Know the point last evaluated by its array, too, if nobody can write into that."""
+        self._asked = None if z.flags.writeable else z
 
     def _evaluated(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return what is known of a point, as a ``Solution`` has it, shape (5, owned); collective."""
@@ -401,9 +409,11 @@ class NonlinearWaves:
         """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
         whole, found = self._seeing, None
         if whole is not None and isinstance(state, BetweenTwo) and not self.potential.renews and one_time(t, self._t):
-            found = whole.look(state.pairs, self._point, self.bed.still, self.gravity, into, row)
+            pairs = state.mean, *state.points
+            found = whole.look(pairs, self._point, self.bed.still, self.gravity, into, row)
         if found is not None:
             self._take_over(found, t)
+            self._remember(pairs[-1])
         else:
             self._see_from_last(state, t, into, row)
         if self._several:
@@ -474,12 +484,12 @@ class NonlinearWaves:
         if self._whole is None:
             return None
         if isinstance(state, BetweenTwo):
-            point = state.minus
+            known = state.points[0] is self._asked and one_time(t, self._t)
         else:
+            known = True
             self.evaluate(*state.known[0], t)  # as is done anyway
-            point = np.array(state.known[0])
-        told = self._whole.told(point)
-        return told if told and one_time(t, self._found_at) else None
+        told = self._whole.told()
+        return told if known and self._glances else None
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
