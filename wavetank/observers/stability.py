@@ -155,17 +155,19 @@ class StabilityWatch(Keeping):
         values, ways = getattr(seen, look.quantity), seen.velocities
         last, wall = (old if len(old) else new[:0] for old, new in ((self._last, values), (self._wall, ways)))
         self._last, self._wall = look.last(last, values), look.last(wall, ways)
-        of_values = look.lower(last, values), look.higher(last, values)
-        found = seen.numbers[:, LARGEST], *of_values, look.lower(wall, ways)
-        heights, lower, higher, ways = (largest(self._waves.plane.comm, each) for each in found)
+        found = seen.numbers[:, LARGEST], look.lower(last, values), look.lower(wall, ways)
+        heights, lower, ways = (largest(self._waves.plane.comm, each) for each in found)
         unjudged = len(moments) - len(lower)  # with too few before
         highest = _so_far(self._highest, heights)
         driven = _so_far(self._driven, look.driven * self._dt * ways)
         self._highest, self._driven = float(highest[-1]), float(driven[-1])
-        noise = np.zeros(len(moments))
-        noise[unjudged:] = np.where(higher > SHORT * lower, np.maximum(0.0, look.scale * lower - driven[1:]), 0.0)
+        noise, calm = np.zeros(len(moments)), look.noise / 10
+        noise[unjudged:] = np.maximum(0.0, look.scale * lower - driven[1:])
         noise /= highest[1:]
-        if noise.max() < look.noise / 10:  # what moves is still the water
+        if not noise.max() < calm:
+            higher = largest(self._waves.plane.comm, look.higher(last, values))
+            noise[unjudged:] = np.where(higher > SHORT * lower, noise[unjudged:], 0.0)
+        if noise.max() < calm:  # what moves is still the water
             self._frequency, self._steps = max(self._frequency, *self._frequencies.values(), 0.0), 0
             self._frequencies.clear()
             return
