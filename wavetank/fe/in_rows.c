@@ -1,10 +1,11 @@
-/* Fields of many times in rows, each a time, places and the fields in their order; for wavetank/fe/in_rows.py. */
+/* Fields at some times in rows, each a time, places and the fields in their order; for wavetank/fe/in_rows.py. */
 #include <string.h>
 
-void in_rows(long times, long n, const double *t, const double *x, const int *order, const double *first,
-             const double *second, double *rows)
+void in_rows(long times, long n, const double *t, const double *x, const int *which, const int *order,
+             const double *fields, const double *others, double *rows)
 {
-    for (long k = 0; k < times; ++k, first += n, second += n, rows += 1 + 3 * n) {
+    for (long k = 0; k < times; ++k, rows += 1 + 3 * n) {
+        const double *first = fields + which[k] * n, *second = others + which[k] * n;
         rows[0] = t[k];
         memcpy(rows + 1, x, sizeof(double) * n);
         for (long i = 0; i < n; ++i)

@@ -1,4 +1,4 @@
-"""Fields of many times in rows, compiled: numpy goes through all of them once to put them in order, and once more."""
+"""Fields at some times in rows, compiled: numpy copies them to choose them, to put them in order, and once more."""
 
 from functools import cache
 
@@ -9,17 +9,20 @@ from numpy.typing import NDArray
 from wavetank.arrays import Vector
 from wavetank.fe.kernels import Kernel, source
 
+Indices = NDArray[np.integer]
 DECLARATIONS = """
-void in_rows(long times, long n, const double *t, const double *x, const int *order, const double *first,
-             const double *second, double *rows);
+void in_rows(long times, long n, const double *t, const double *x, const int *which, const int *order,
+             const double *fields, const double *others, double *rows);
 """
 
 
-def in_rows(t: Vector, x: Vector, fields: tuple[Vector, Vector], order: NDArray[np.int32]) -> Vector:
-    """Return rows (K, 1 + 3 N): times, shape (K,), places, (N,), and two fields (K, N) in an order, (N,)."""
+def in_rows(t: Vector, x: Vector, fields: tuple[Vector, Vector], which: Indices, order: Indices) -> Vector:
+    """Return rows (K, 1 + 3 N): times, (K,), places, (N,), and which rows, (K,), of two fields in an order, (N,)."""
     rows, at = np.empty((len(t), 1 + 3 * len(x))), _kernel().pointer
-    times, places, *each = (np.ascontiguousarray(one, dtype=np.float64) for one in (t, x, *fields))
-    _kernel().call.in_rows(len(t), len(x), at(times), at(places), at(order), *map(at, each), at(rows))
+    numbers = [np.ascontiguousarray(one, dtype=np.float64) for one in (t, x, *fields)]
+    indices = [np.ascontiguousarray(one, dtype=np.int32) for one in (which, order)]
+    times, places, *each = map(at, numbers)
+    _kernel().call.in_rows(len(t), len(x), times, places, *map(at, indices), *each, at(rows))
     return rows
 
 

@@ -141,11 +141,11 @@ class EnergyBudget(Keeping):
         self._record.extend(due.T)
 
     def _by_sinks(self, t: Vector) -> Vector:
-        """Return what each sink had taken by times, shape (sinks, K), and judge it: the same until they act."""
+        """Return what each sink had taken by times, (sinks, K), and judge it: the same until they act, (sinks, 1)."""
         acted, self._taken = self._taken, []
         taken = np.array([before for _, before in acted] + [self._taken_now()])
         acts = [when - 1e-9 * abs(when) for when, _ in acted]
-        of_sinks: Vector = taken[np.searchsorted(acts, t, side="right")].T
+        of_sinks: Vector = (taken[np.searchsorted(acts, t, side="right")] if acted else taken).T
         for name, one in zip(self._sinks, of_sinks, strict=True):
             if acted or self._most.get(name) != one[-1]:
                 self._judge(name, t, one)

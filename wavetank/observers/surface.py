@@ -25,7 +25,7 @@ class SurfaceSnapshots(Patient):
         self._waves, self._record, self.schedule = waves, record, schedule
         self.sees = waves
         comm, reference = waves.plane.comm, self._gather(waves.plane.x)
-        self._order = np.argsort(reference, kind="stable").astype(np.int32)
+        self._order = np.argsort(reference, kind="stable")
         self._look_at(comm.bcast(reference[self._order]))
         self._points: Points | None = None  # where those are not the places of this mesh
 
@@ -38,17 +38,17 @@ class SurfaceSnapshots(Patient):
 
     def _gather(self, owned: Vector) -> Vector:
         """Return what all ranks own of the last axis, on the first of them."""
-        if self._waves.plane.comm.size == 1:
-            return owned
         parts = self._waves.plane.comm.gather(owned)
         return np.concatenate(parts, axis=-1) if parts else owned[..., :0]
 
     def work_off(self, moments: Moments) -> None:
         """Append the snapshots; collective."""
         seen = moments.seen(self._waves)
-        eta, psi = self._found(seen.eta), self._found(seen.psi)
+        fields, which = (seen.sight.eta, seen.sight.psi), seen.rows
+        if self._points is not None or self._waves.plane.comm.size > 1:
+            fields, which = (self._found(seen.eta), self._found(seen.psi)), np.arange(len(moments))
         if self._record is not None:
-            rows, near = in_rows(moments.times, self._reference, (eta, psi), self._order), self._near
+            rows, near = in_rows(moments.times, self._reference, fields, which, self._order), self._near
             x, above, _ = rows[:, 1:].reshape(len(rows), 3, -1).swapaxes(0, 1)
             stands = moments.stands(self._waves, self._beside)
             x[:, near] = self._waves.wall.to_physical(self._beside, above[:, near], stands)[..., 0]
@@ -75,6 +75,6 @@ class SurfaceSnapshots(Patient):
             return
         self._look_at(x)
         self._field = plane.function("on the surface")
-        self._points, self._order = Points(plane, plane.chart.place(self._places)), np.arange(x.size, dtype=np.int32)
+        self._points, self._order = Points(plane, plane.chart.place(self._places)), np.arange(x.size)
 
     carry = take

@@ -88,14 +88,14 @@ class Sight:
 
 
 class Seen:
-    """What is seen of K moments: rows of the arrays of a ``Sight``, which says what is what, by their names."""
+    """What is seen of K moments: which rows of the arrays of a ``Sight``, which says what is what, by their names."""
 
     def __init__(self, sight: Sight, rows: NDArray[np.int64]):
         together = rows[-1] - rows[0] == len(rows) - 1
-        self._sight, self._rows = sight, slice(rows[0], rows[-1] + 1) if together else rows
+        self.sight, self.rows, self._some = sight, rows, slice(rows[0], rows[-1] + 1) if together else rows
 
     def __getattr__(self, name: str) -> Vector:
-        rows: Vector = getattr(self._sight, name)[self._rows]
+        rows: Vector = getattr(self.sight, name)[self._some]
         return rows
 
 
