@@ -13,7 +13,7 @@ from mpi4py import MPI
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks import beside, costs, scaling
+from benchmarks import beside, costs, looks, scaling
 from benchmarks.direct import DirectMinimum
 from wavetank.fe.plane import Plane
 from wavetank.integrators import INTEGRATORS
@@ -133,6 +133,7 @@ def main() -> None:
         "profile": lambda asked: where_the_time_goes(asked.steps),
         "scaling": lambda asked: scaling.report(largest=asked.largest, cells=asked.cells),
         "beside": lambda asked: asked.other and beside.report(asked.other, CONSOLE),
+        "looks": lambda _: looks.report(CONSOLE),
         "costs": lambda _: costs.report(CONSOLE),
     }
     parser = argparse.ArgumentParser(description=__doc__)

@@ -86,18 +86,21 @@ class Run:
         self._most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
         self._sights = {key: waves.sight(1 + self._most) for key, waves in seen.items()}  # the start comes with a step
         self._seen = [(waves, self._sights[key]) for key, waves in seen.items()]
-        clock, system, stepper, t = self.clock, self.system, self._stepper, self.t
         if not self._begun:
             self._begun = True
-            self._observe(t)
-        while self.step < clock.steps:
-            self.state = stepper.step(system, self.state, t, clock.dt)
-            self.step += 1
-            t = clock.time(self.step)
-            self._observe(t)
+            self._observe(self.t)
+        while self.step < self.clock.steps:
+            self.advance()
             if self.settles:
                 self.settle()
         self.settle()
+
+    def advance(self) -> None:
+        """Take one step more, and let observers look, as ``execute`` does, which has begun; collective."""
+        clock = self.clock
+        self.state = self._stepper.step(self.system, self.state, clock.time(self.step), clock.dt)
+        self.step += 1
+        self._observe(clock.time(self.step))
 
     def settle(self) -> None:
         """Let patient observers work off their moments; raises the first error in time; collective."""

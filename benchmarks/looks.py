@@ -1,0 +1,117 @@
+"""What looks at a step takes beside it: gauges, energy budget, the watch on the step, breaking and the edge penalty.
+
+That is some tens of µs, by which steps differ from second to second. So groups of steps with all of it and with none
+follow each other on one water, and of the differences of neighbours the mean of the middle three fifths is told, and
+what that is known to. A look finds the point that the next step begins with, so a group without finds it at its end.
+Rows that are worked off together are timed in a run as it is.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+from mpi4py import MPI
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.beside import HERE
+from wavetank.arrays import Vector
+from wavetank.case.reading import read_case
+from wavetank.integrators.flow import flow_of
+from wavetank.observers.energy import EnergyBudget
+from wavetank.observers.energy import columns as energy_columns
+from wavetank.observers.gauges import Gauges
+from wavetank.observers.stability import StabilityWatch
+from wavetank.records.growing import TableWriter
+from wavetank.runs.build import Records, build_observers, build_run, build_watch
+from wavetank.runs.run import Run
+
+CASES = {"focusing": 130.0, "marin-202002": 118.0}  # and how long they go on [s]
+LOOKS = EnergyBudget, Gauges, StabilityWatch  # beside the filters
+GROUP, BEFORE, PASSES = 10, 100, 4  # steps of a group, and before the first; and how often all of it is done
+
+
+def built(case: str, folder: Path) -> Run:
+    """Return the run of a case, with what is named above."""
+    scene = read_case(HERE / "cases" / f"{case}.toml", [f"run.duration={CASES[case]}"])
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    gauges = TableWriter(folder / "gauges.csv", ["t", *(gauge.name for gauge in scene.all_gauges)])
+    energy = TableWriter(folder / "energy.csv", energy_columns(1, absorbed=False))
+    for table in (gauges, energy):
+        table.open()
+    observers = build_observers(scene, waves, Records(gauges, energy, None), sinks=run.sinks)
+    observers += build_watch(scene, run, waves, print)
+    run.observers = [one for one in observers if isinstance(one, LOOKS)]
+    return run
+
+
+def in_groups(run: Run, *, looked: bool) -> tuple[Vector, Vector]:
+    """Return the µs a step of groups with all that looks, and of those around each; the first is one, or is not."""
+    clock, flow = run.clock, flow_of(run.system)
+    bare = Run(run.system, run.integrator, [], start=(run.state.q, run.state.p), clock=clock)
+    for each, steps in ((run, BEFORE), (bare, 0)):
+        each.clock = replace(clock, steps=steps)
+        each.execute()
+    run._patient = []  # rows are timed apart
+    now, taken = run, list[tuple[bool, float]]()
+    while now.step + GROUP <= clock.steps:
+        state, step, now = now.state, now.step, run if looked else bare
+        now.state, now.step, now.clock = state, step, clock
+        began = time.process_time_ns()
+        for _ in range(GROUP):
+            now.advance()
+            if now.settles:
+                now.settle()
+        if not looked:
+            flow(np.concatenate(now.state.known[-1]), now.t)
+        taken.append((looked, (time.process_time_ns() - began) / 1e3 / GROUP))
+        looked = not looked
+    groups = [(one, (before + after) / 2) for (_, before), (looks, one), (_, after) in triples(taken) if looks]
+    with_them, without = np.array(groups).T
+    return with_them, without
+
+
+def triples(taken: list[tuple[bool, float]]) -> Iterator[tuple[tuple[bool, float], ...]]:
+    """Return each but the ends between its neighbours."""
+    return zip(taken, taken[1:], taken[2:], strict=False)
+
+
+def rows(run: Run) -> float:
+    """Return the µs a step of the rows that are worked off together, the median of the blocks of a run."""
+    settle, taken = run.settle, list[float]()
+
+    def timed() -> None:
+        began, steps = time.process_time_ns(), run.step - sum(counted)
+        settle()
+        if steps:
+            counted.append(steps)
+            taken.append((time.process_time_ns() - began) / 1e3 / steps)
+
+    counted = list[int]()
+    run.settle = timed  # type: ignore[method-assign]
+    run.execute()
+    return float(np.median(taken[1:-1]))
+
+
+def middle(values: Vector) -> tuple[float, float]:
+    """Return the mean of the middle three fifths, and what it is known to."""
+    ordered, n = np.sort(values), len(values)
+    spread = (ordered[int(0.84 * n)] - ordered[int(0.16 * n)]) / 2
+    return float(ordered[n // 5 : n - n // 5].mean()), float(1.1 * spread / np.sqrt(n))
+
+
+def report(console: Console) -> None:
+    """Print what looks at the steps of two cases, in µs a step and as a part of the step."""
+    table = Table("case", "a step without", "looks within steps", "rows", "together, of a step", title="µs a step")
+    for case in CASES:
+        with TemporaryDirectory() as folder:
+            passes = [in_groups(built(case, Path(folder)), looked=bool(k % 2)) for k in range(PASSES)]
+            worked_off = rows(built(case, Path(folder)))
+        with_them, without = (np.concatenate(each) for each in zip(*passes, strict=True))
+        (step, _), (within, known_to) = middle(without), middle(with_them - without)
+        part = f"{100 * (within + worked_off) / step:.1f} ± {100 * known_to / step:.1f} %"
+        table.add_row(case, f"{step:.0f}", f"{within:.1f} ± {known_to:.1f}", f"{worked_off:.1f}", part)
+    console.print(table)
