@@ -3,6 +3,8 @@
 NODES, POINTS   of a cell, its points four at a time: GROUPS of them
 LEVELS, NUMBERS of the column, and of the potential in each node
 WIDTH           groups of numbers that values and rises at all levels are */
+#include <string.h>
+
 typedef double v __attribute__((vector_size(32)));
 typedef double stored __attribute__((vector_size(32), aligned(8)));
 
@@ -16,33 +18,36 @@ typedef union {
 
 enum { H = NUMBERS, MU, OF_A_NODE };    /* behind the potential's numbers */
 
-/* Take over what is at nodes, one after the other. */
-static void take(const Strip *s, const double *mu, double *rows)
+/* Take over what is at nodes, one after the other, or its mean with what is held. */
+static inline __attribute__((always_inline)) void take(const Strip *s, const double *mu, int between, double *restrict rows)
 {
-    for (int k = 0; k < s->nodes; ++k, rows += OF_A_NODE) {
-        for (int j = 0; j < NUMBERS; ++j)
-            rows[j] = s->phi[(long)s->dofs[k] * NUMBERS + j];
-        rows[H] = s->column[s->dofs[k]], rows[MU] = mu[s->dofs[k]];
+    const double *phi = s->phi, *column = s->column, *held = s->held;
+    const int nodes = s->nodes, *dofs = s->dofs;
+    for (int k = 0; k < nodes; ++k, rows += OF_A_NODE, held += OF_A_NODE) {
+        EACH(j, NUMBERS)
+            rows[j] = phi[(long)dofs[k] * NUMBERS + j];
+        rows[H] = column[dofs[k]], rows[MU] = mu[dofs[k]];
+        if (between)
+            EACH(j, OF_A_NODE)
+                rows[j] = 0.5 * (rows[j] + held[j]);
     }
 }
 
 /* Hold the point as it is, for what is between that and another. */
 void hold(const Strip *s, const double *mu)
 {
-    take(s, mu, s->held);
+    take(s, mu, 0, s->held);
 }
 
-/* The potential over some nodes that follow each other. */
-static inline __attribute__((always_inline)) void over(const Strip *s, const double *rows, int nodes, Column *c)
+/* The potential over a node, whose sums stand in registers. */
+static inline __attribute__((always_inline)) void over(const v upwards[NUMBERS][WIDTH], const double *row, Column *c)
 {
-    v sums[NODES][WIDTH] = {{{0.0}}};
+    v sums[WIDTH] = {{0.0}};
     for (int j = 0; j < NUMBERS; ++j)
-        EACH(i, nodes)
-            EACH(z, WIDTH)
-                sums[i][z] += rows[i * OF_A_NODE + j] * ((const stored *)s->upwards)[j * WIDTH + z];
-    EACH(i, nodes)
         EACH(z, WIDTH)
-            c[i].groups[z] = sums[i][z];
+            sums[z] += row[j] * upwards[j][z];
+    EACH(z, WIDTH)
+        c->groups[z] = sums[z];
 }
 
 /* Sets dH/dt as the paddle goes on at its velocity, and dH/dX', at the point as it is, or at its mean with the one held. */
@@ -50,34 +55,36 @@ void push(const Strip *s, double position, double speed, const double *mu, int b
 {
     const stored *values = (const stored *)s->values, *slopes = (const stored *)s->slopes;
     Column c[NODES];
-    v going = {0.0}, sped = {0.0};
-    take(s, mu, s->rows);
-    for (int k = 0; k < (between ? s->nodes * OF_A_NODE : 0); ++k)
-        s->rows[k] = 0.5 * (s->rows[k] + s->held[k]);
-    over(s, s->rows, 1, c + NODES - 1);
+    v going = {0.0}, sped = {0.0}, upwards[NUMBERS][WIDTH];
+    memcpy(upwards, s->upwards, sizeof(upwards)); /* where none is in two lines of the cache */
+    take(s, mu, between, s->rows);
+    over(upwards, s->rows, c + NODES - 1);
     for (int cell = 0; cell < s->cells; ++cell) {
         const double *rows = s->rows + cell * (NODES - 1) * OF_A_NODE;
         const double per_metre = 1.0 / s->lengths[cell];
         c[0] = c[NODES - 1];
-        over(s, rows + OF_A_NODE, NODES - 1, c + 1);
+        for (int i = 1; i < NODES; ++i)
+            over(upwards, rows + i * OF_A_NODE, c + i);
         for (int g = 0; g < GROUPS; ++g) {
             const int at = cell * GROUPS + g;
             v h = {0.0}, h_x = {0.0}, psi_x = {0.0}, by_column = {0.0}, up = {0.0}, along = {0.0}, both = {0.0};
+            v value[NODES], slope[NODES];
             EACH(i, NODES) {
                 const double *at_node = rows + i * OF_A_NODE;
-                h += values[i * GROUPS + g] * at_node[H];
-                h_x += slopes[i * GROUPS + g] * (at_node[H] * per_metre);
-                psi_x += slopes[i * GROUPS + g] * (at_node[NUMBERS - 1] * per_metre);
-                by_column += values[i * GROUPS + g] * at_node[MU];
+                value[i] = values[i * GROUPS + g], slope[i] = slopes[i * GROUPS + g] * per_metre;
+                h += value[i] * at_node[H];
+                h_x += slope[i] * at_node[H];
+                psi_x += slope[i] * at_node[NUMBERS - 1];
+                by_column += value[i] * at_node[MU];
             }
             const v per_column = 1.0 / h, rising = h_x * per_column, sloping = ((const stored *)s->depth_x)[at] * per_column;
             for (int z = 0; z < LEVELS; ++z) {
-                v u_x = {0.0}, w = {0.0};
+                v S = {0.0}, w = {0.0};
                 EACH(i, NODES) {
-                    u_x += slopes[i * GROUPS + g] * c[i].of[0][z];
-                    w += values[i * GROUPS + g] * c[i].of[1][z];
+                    S += slope[i] * c[i].of[0][z];
+                    w += value[i] * c[i].of[1][z];
                 }
-                const v S = u_x * per_metre - (s->zeta[z] * rising - sloping) * w;
+                S -= (s->zeta[z] * rising - sloping) * w;
                 up += w * w, along += S * S, both += S * w;
             }
             const v stretch = ((const stored *)s->stretch)[at], J = 1.0 + stretch * position, per_J = 1.0 / J;
