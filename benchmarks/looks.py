@@ -28,6 +28,8 @@ from wavetank.observers.stability import StabilityWatch
 from wavetank.records.growing import TableWriter
 from wavetank.runs.build import Records, build_observers, build_run, build_watch
 from wavetank.runs.run import Run
+from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.waves import NonlinearWaves
 
 CASES = {"focusing": 130.0, "marin-202002": 118.0}  # and how long they go on [s]
 LOOKS = EnergyBudget, Gauges, StabilityWatch  # beside the filters
@@ -56,10 +58,12 @@ def in_groups(run: Run, *, looked: bool) -> tuple[Vector, Vector]:
         each.clock = replace(clock, steps=steps)
         each.execute()
     run._patient = []  # rows are timed apart
-    now, taken = run, list[tuple[bool, float]]()
+    now, taken, waves = run, list[tuple[bool, float]](), run.system
+    assert isinstance(waves, NonlinearWaves) and isinstance(waves.surface, SurfaceFlow)
     while now.step + GROUP <= clock.steps:
         state, step, now = now.state, now.step, run if looked else bare
         now.state, now.step, now.clock = state, step, clock
+        waves.ask(waves.surface.glance if looked else None)
         began = time.process_time_ns()
         for _ in range(GROUP):
             now.advance()

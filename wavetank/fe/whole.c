@@ -126,7 +126,6 @@ static int set(Whole *w, const double *q, const double *p, const double *still, 
     const long n = w->dofs, inputs = (w->paddles ? 3 : 2) * n;
     double *by_column = flow + 2 * n;
     int iterations = 0;
-    w->glanced = 0;
     if (!begin(w, q, p, still, told, told + 2))
         return -1;
     EACH(f, FIELDS)
@@ -176,16 +175,12 @@ static int set(Whole *w, const double *q, const double *p, const double *still, 
     return iterations;
 }
 
-/* The same; while that is asked for, the surface's largest velocity and slope are found, too. */
+/* The same, and where that has been asked for, the surface's largest velocity and slope are told, too. */
 static int find(Whole *w, const double *q, const double *p, const double *still, int recorded, double *flow, double *told)
 {
     const int iterations = set(w, q, p, still, recorded, flow, told);
-    w->glanced = iterations >= 0 && w->asked-- > 0;
-    if (w->glanced) {
-        double found[2];
-        CALL(Largest, largest)(w->lines, w->inputs, p, found);
-        w->fastest = found[0], w->steepest = found[1];
-    }
+    if (iterations >= 0 && w->largest)
+        CALL(Largest, largest)(w->lines, w->inputs, p, told + 3);
     return iterations;
 }
 
@@ -194,10 +189,10 @@ static int is_point(const Whole *w, const double *point, const double *state)
     return !memcmp(point + 3 * w->dofs, state, 2 * sizeof(double) * w->dofs);
 }
 
-/* Who asks for the surface's largest velocity and slope. */
+/* What finds the surface's largest velocity and slope; 0: nothing. */
 static void ask(Whole *w, uintptr_t largest, uintptr_t lines)
 {
-    w->largest = (void *)largest, w->lines = (void *)lines, w->asked = 0, w->glanced = 0;
+    w->largest = (void *)largest, w->lines = (void *)lines;
 }
 
 /* Where to begin the stage z = c + a f(z): points combined by their c, which are ``wrong`` by so much, one more of which is z

@@ -37,8 +37,8 @@ typedef struct Paddle {
     struct Paddle *next;
 } Paddle;
 typedef struct {
-    int dofs, iterations, most, last_iterations, trials, asked, glanced;
-    double celerity, tolerance, shortest, round_off, fastest, steepest;
+    int dofs, iterations, most, last_iterations, trials;
+    double celerity, tolerance, shortest, round_off;
     Paddle *paddles;
     Weighed *mean, *weighed;
     double *mean_column, *before, *change, *kept;
@@ -189,15 +189,18 @@ class Solution:
         phi A phi.
     square
         The sum of the squares of elevation, and of potential over celerity.
+    surface
+        Its largest velocity [m/s] and slope, where ``find`` was asked for them; what that told last else.
     rows
         (A phi)_n less its mean, and the wall's; the negative of M^-1 of the derivative of the energy by the column, the
         wall's included, and that; masses and surface potential that it is of: shape (5, dofs).
     """
 
-    __slots__ = "iterations", "kinetic", "level", "rows", "square"
+    __slots__ = "iterations", "kinetic", "level", "rows", "square", "surface"
 
-    def __init__(self, iterations: int, level: float, kinetic: float, square: float, rows: Vector):
-        self.iterations, self.level, self.kinetic, self.square, self.rows = iterations, level, kinetic, square, rows
+    def __init__(self, iterations: int, rows: Vector, told: Sequence[float]):
+        self.level, self.kinetic, self.square, *self.surface = told
+        self.iterations, self.rows = iterations, rows
 
 
 class Whole:
@@ -265,7 +268,7 @@ class Whole:
             **(self._leaning(leaning) if leaning else {"mean": None}),
         }
         self._struct = self._kernel.shared("Whole", parts)
-        self._told = np.zeros(3)
+        self._told = np.zeros(5)
         self._at_told = self._kernel.pointer(self._told)
         self._followed: Vector | float | None = None  # the column of still water that walls know
         self._rooms = dict[int, tuple[Rows, Any]]()  # rows by their ids, which they keep, and where they are
@@ -293,19 +296,10 @@ class Whole:
         surface = at(q), at(p), self._kernel.spread(still, p.size)
         return self._solution(self._kernel.call.find(self._struct, *surface, recorded, at(found), self._at_told), found)
 
-    def ask(self, glance: Glance) -> None:
-        """Let a surface be looked at where its point is found, for the last who has asked."""
+    def ask(self, glance: Glance | None) -> None:
+        """Let ``find`` tell the surface's largest velocity and slope, too, by what was asked last; None: no more."""
         self._glance = glance
-        self._kernel.call.ask(self._struct, glance.function, glance.lines)
-
-    def told(self) -> tuple[float, float] | None:
-        """Return the surface's largest velocity and slope at the point last found, if ``find`` found it.
-
-        And if it was asked before: of the next two that it finds they are found, too. None else.
-        """
-        water = self._struct
-        water.asked = 2
-        return (water.fastest, water.steepest) if water.glanced else None
+        self._kernel.call.ask(self._struct, *(glance[:2] if glance else (0, 0)))
 
     def attempt(
         self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination
@@ -352,8 +346,7 @@ class Whole:
             return None
         self._recall.recorded += 1
         self._minimum.last = self._struct.last_iterations
-        level, kinetic, square = self._told.tolist()
-        return Solution(iterations, level, kinetic, square, found)
+        return Solution(iterations, found, self._told.tolist())
 
     def _trial(self, inverse: Inverse, mixing: Combination, size: int) -> Any:
         """Return what attempts are made with, made once for an inverse and a mixing, which live as long as this."""

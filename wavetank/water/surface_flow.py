@@ -3,6 +3,7 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
+from collections.abc import Sequence
 from importlib.resources import files
 from typing import NamedTuple, Protocol
 
@@ -69,10 +70,10 @@ class Water(Protocol):
     plane: Plane
     wall: Wall
 
-    def ask(self, glance: Glance) -> None:
-        """Let the surface be looked at where its point is found, for who will ask."""
+    def ask(self, glance: Glance | None) -> None:
+        """Let the surface be looked at where its point is found, by what was asked last; None: no more."""
 
-    def told(self, state: State, t: float) -> tuple[float, float] | None:
+    def told(self, state: State, t: float) -> Sequence[float] | None:
         """Return the surface's largest velocity and slope where the step to a state has ended, if that told them."""
 
     def set_time(self, t: float) -> None:
@@ -160,6 +161,8 @@ class SurfaceFlow(SurfaceVelocity):
     ----------
     cell
         The size of the largest cell [m].
+    glance
+        What finds its largest velocity and slope with a potential.
     """
 
     _found: Vector | None = None
@@ -218,7 +221,8 @@ class SurfaceFlow(SurfaceVelocity):
         self._lines = self._kernel.struct("Lines", parts)
         at = self._kernel.pointer
         function, given = map(self._kernel.address, ("largest", self._lines))
-        self._waves.ask(Glance(function, given, kept=(self._lines,)))
+        self.glance = Glance(function, given, kept=(self._lines,))
+        self._waves.ask(self.glance)
         self._fields, self._at_largest = (at(self._eta.rows), at(self._psi.rows)), at(self._largest)
 
     def near(self, state: State, t: float) -> None:

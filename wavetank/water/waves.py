@@ -8,6 +8,7 @@ derivative is a partial derivative of the one discrete functional K(phi, h) + V(
 stationary.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import sqrt
@@ -167,8 +168,9 @@ class NonlinearWaves:
         self._compile(energy)
         self._point: Vector = np.full((5, plane.owned), np.nan)  # last evaluated, as of ``Solution``
         self._t = np.nan
-        self._asked: Vector | None = None  # that, where nobody can have written into it since
-        self._glances = False  # whether the surface may have been looked at where it was found
+        self._array: Vector | None = None  # that as it was given, where nobody can have written into it since
+        self._glances = False  # whether how the surface moves is found with potentials
+        self._told: Sequence[float] | None = None  # that, of the point last evaluated
         self._stands = 0.0  # when the wall stands as it does
         self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
         self.level, self._speed = 0.0, float(np.sqrt(gravity * self.depth))  # the latter of long waves [m/s]
@@ -230,7 +232,7 @@ class NonlinearWaves:
         found = self._whole.find(q, p, self.bed.still)
         if found is not None:
             self._take_over(found, t)
-            self._glances = True
+            self._told = found.surface if self._glances else None
         return found is not None
 
     def _take_over(self, found: Solution, t: float) -> None:
@@ -280,7 +282,7 @@ class NonlinearWaves:
     def _know(self, point: Vector, t: float) -> None:
         """Keep that the potential is that of a point, with its derivatives, but for H_q."""
         self._point, self._has_H_q, self._square, self._t = point, False, None, t
-        self._asked, self._glances = None, False
+        self._array = self._told = None
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
@@ -369,7 +371,7 @@ class NonlinearWaves:
     def flow(self, z: Vector, t: float) -> Vector:
         """Return dz/dt of z = [Q, psi], one behind the other, shape (2 owned,); collective."""
         last, known = self._point[3:], one_time(t, self._t)
-        if not (known and (z is self._asked or self._all(z.tobytes() == last.tobytes()))):
+        if not (known and (z is self._array or self._all(z.tobytes() == last.tobytes()))):
             q, p = z.reshape(2, -1)
             self._find(q, p, t)
         self._remember(z)
@@ -377,7 +379,7 @@ class NonlinearWaves:
 
     def _remember(self, z: Vector) -> None:
         """Know the point last evaluated by its array, too, if nobody can write into that."""
-        self._asked = None if z.flags.writeable else z
+        self._array = None if z.flags.writeable else z
 
     def _evaluated(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return what is known of a point, as a ``Solution`` has it, shape (5, owned); collective."""
@@ -471,25 +473,23 @@ class NonlinearWaves:
         self.set_time(t)
         return self.columns.apply(self.bed.still + eta), np.array(psi, dtype=float)
 
-    def ask(self, glance: Glance) -> None:
-        """Let the surface be looked at where its point is found, for who will ask."""
+    def ask(self, glance: Glance | None) -> None:
+        """Let the surface be looked at where its point is found, along a slice on one rank; by what was asked last."""
         if self._whole is not None:
             self._whole.ask(glance)
+            self._glances = glance is not None
 
-    def told(self, state: State, t: float) -> tuple[float, float] | None:
+    def told(self, state: State, t: float) -> Sequence[float] | None:
         """Return the surface's largest velocity [m/s] and slope where the step to a state has ended; collective.
 
-        If that point, at t [s], was found as a whole, on one rank, and that had been asked before; None else.
+        If that point, at t [s], was looked at where it was found; None else.
         """
-        if self._whole is None:
-            return None
         if isinstance(state, BetweenTwo):
-            known = state.points[0] is self._asked and one_time(t, self._t)
-        else:
-            known = True
+            return self._told if state.points[0] is self._array and one_time(t, self._t) else None
+        if self._glances:
             self.evaluate(*state.known[0], t)  # as is done anyway
-        told = self._whole.told()
-        return told if known and self._glances else None
+            return self._told
+        return None
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
