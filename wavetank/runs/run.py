@@ -19,7 +19,7 @@ from wavetank.runs.clock import Clock
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by, named
 from wavetank.water.seen import Sight
 
-MOMENTS, NUMBERS = 768, 2.4e5  # that patient observers keep at most, and of all of their unknowns
+MOMENTS, NUMBERS = 768, 3.6e5  # that patient observers keep at most, and of all of their unknowns
 
 
 class Run:
