@@ -16,6 +16,7 @@ from wavetank.plan.requirements import requirements
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import Records, build_observers, build_run
 from wavetank.values.noun import SceneError
+from wavetank.water.surface_flow import SurfaceFlow, SurfaceVelocity
 
 GRAVITY = 9.81
 BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")
@@ -141,6 +142,19 @@ def test_a_plane_surface_has_one_slope_wherever_its_walls_stand(ends):
     assert flow.largest_slope == slope and flow.largest_velocity == speed
     assert flow.slopes == slope and flow.speeds == speed
     assert flow.profile.slope == slope and flow.profile.velocity == pytest.approx(-0.3, rel=1e-11)
+
+
+def test_the_surface_moves_beside_walls_as_its_expressions_say():
+    """A flap and a piston, which carry it by their shapes. Oracle: slope and velocity in UFL, evaluated by dolfinx."""
+    _, waves = build_run(scene(FLAP, {**PISTON, "reach": 1.0}, cells=9, n=2), MPI.COMM_SELF)
+    x, t = waves.plane.x, 3.3
+    flow, other = (kind(waves) for kind in (SurfaceFlow, SurfaceVelocity))
+    for one in (flow, other):
+        one.update(*waves.state(0.1 * np.cos(3 * x), 0.3 * np.sin(2 * x), t), t)
+    assert flow.largest_velocity == pytest.approx(other.largest_velocity, rel=1e-12)
+    assert flow.largest_slope == pytest.approx(other.largest_slope, rel=1e-12)
+    assert flow.speeds == pytest.approx(other.speeds, rel=1e-12)
+    assert flow.slopes == pytest.approx(other.slopes, rel=1e-12)
 
 
 def test_the_power_of_two_pistons_over_a_bed_is_the_rate_of_the_energy():

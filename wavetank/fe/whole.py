@@ -166,14 +166,11 @@ class Glance(NamedTuple):
     Attributes
     ----------
     function, lines
-        Where the function is, and what it is called with.
-    kept
-        What must live as long.
+        Where the function is, and the struct that it is called with.
     """
 
     function: int
-    lines: int
-    kept: Any
+    lines: Any
 
 
 class Solution:
@@ -299,7 +296,8 @@ class Whole:
     def ask(self, glance: Glance | None) -> None:
         """Let ``find`` tell the surface's largest velocity and slope, too, by what was asked last; None: no more."""
         self._glance = glance
-        self._kernel.call.ask(self._struct, *(glance[:2] if glance else (0, 0)))
+        function, lines = glance or (0, 0)
+        self._kernel.call.ask(self._struct, function, self._kernel.address(lines))
 
     def attempt(
         self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination

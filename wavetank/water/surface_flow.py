@@ -3,7 +3,7 @@
 Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from typing import NamedTuple, Protocol
 
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, largest
 from wavetank.fe.cell_places import tabulate
+from wavetank.fe.cells import lanes
 from wavetank.fe.forms import compile_expression
 from wavetank.fe.kernels import Kernel, defined
 from wavetank.fe.plane import Plane
@@ -26,7 +27,7 @@ from wavetank.water.walls import Wall, one_time
 SOURCE = files(__package__).joinpath("surface_flow.c").read_text(encoding="utf-8")
 LINES = """
 typedef struct {
-    int cells, paddles, degree;
+    int batches, cells, paddles;
     const int *dofs, *carried;
     const double *values, *slopes, *per_metre, *places, *powers, *per_unit;
     const double **lengths;
@@ -36,7 +37,6 @@ DECLARATIONS = f"""{LINES}
 void surface(const Lines *, const double *eta, const double *psi, double *found);
 void largest(const Lines *, const double *eta, const double *psi, double *found);
 """
-FOUR = 4  # points at a time
 AMONG = {1: 2, 2: 1}  # so many times as close as nodes are points: as close in a basin, a look took 3 to 4 % of a step
 
 
@@ -186,44 +186,40 @@ class SurfaceFlow(SurfaceVelocity):
         carried = plane.function("carried")
         carried.owned[self._waves.wall.carries] = 1.0
         carried.fetch()
-        carries = carried.rows[dofs, 0].any(axis=1).astype(np.int32)
-        self._largest = np.zeros(2)
-        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes].transpose(0, 2, 1), dofs, carries)
+        carries = carried.rows[dofs, 0].any(axis=1)
+        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes], dofs, carries)
         self._order = np.argsort(np.concatenate(self._comm.allgather(self._places.mean(axis=1))))  # all ranks' cells
         self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
 
-    def _compile(self, tables: Vector, dofs: NDArray[np.int32], carries: NDArray[np.int32]) -> None:
+    def _compile(self, tables: Vector, dofs: NDArray[np.int32], carries: NDArray[np.bool_]) -> None:
         """Compile what finds the surface at the points of cells, given values and slopes of the basis there."""
-        _, nodes, points = tables.shape
-        groups, shifts = -(-points // FOUR), self._waves.wall.shifts
-        code = defined({"NODES": nodes, "POINTS": points, "GROUPS": groups}) + LINES + SOURCE
-        self._kernel = Kernel("surface_flow", DECLARATIONS, key=code, source=lambda: code, comm=self._comm)
-        values, slopes = np.pad(tables, ((0, 0), (0, 0), (0, FOUR * groups - points)), mode="edge")
+        values, slopes = tables
+        points, nodes = values.shape
+        shifts, cells, width = self._waves.wall.shifts, self._cells.size, lanes("double")
         degree = max((shape.degree for _, shape in shifts), default=0)
+        code = defined({"NODES": nodes, "POINTS": points, "DEGREE": degree, "LANES": width}) + LINES + SOURCE
+        self._kernel = Kernel("surface_flow", DECLARATIONS, key=code, source=lambda: code, comm=self._comm)
         powers = np.zeros((len(shifts), degree + 1))
         for row, (_, shape) in zip(powers, shifts, strict=True):
             row[: shape.degree + 1] = shape.powers[0]
-        lengths = self._kernel.pointers([length for length, _ in shifts])
+        batch = np.minimum(np.arange(cells + -cells % width), cells - 1).reshape(-1, width)  # the last one is filled up
         parts = {
-            "cells": self._cells.size,
+            "batches": len(batch),
+            "cells": cells,
             "paddles": len(shifts),
-            "degree": degree,
-            "dofs": dofs,
-            "carried": carries,
+            "dofs": dofs[batch].transpose(0, 2, 1),
+            "carried": carries[batch].any(axis=1).astype(np.int32),
             "values": values,
             "slopes": slopes,
-            "per_metre": 1.0 / (self._places[:, -1] - self._places[:, 0]),
+            "per_metre": 1.0 / np.ptp(self._places, axis=1)[batch],
             "places": self._places,
             "powers": powers,
             "per_unit": np.array([-1.0 / shape.powers[1] for _, shape in shifts]),
-            "lengths": lengths,
+            "lengths": self._kernel.pointers([length for length, _ in shifts]),
         }
         self._lines = self._kernel.struct("Lines", parts)
-        at = self._kernel.pointer
-        function, given = map(self._kernel.address, ("largest", self._lines))
-        self.glance = Glance(function, given, kept=(self._lines,))
+        self.glance = Glance(self._kernel.address("largest"), self._lines)
         self._waves.ask(self.glance)
-        self._fields, self._at_largest = (at(self._eta.rows), at(self._psi.rows)), at(self._largest)
 
     def near(self, state: State, t: float) -> None:
         """See ``SurfaceVelocity``; elevation and surface potential are set when they are asked for, if they can be."""
@@ -251,8 +247,12 @@ class SurfaceFlow(SurfaceVelocity):
         return super().elevation
 
     def _largest_here(self) -> Vector:
-        self._kernel.call.largest(self._lines, *self._fields, self._at_largest)
-        return self._largest
+        return self._looked(self._kernel.call.largest, np.zeros(2))
+
+    def _looked(self, look: Callable[..., None], found: Vector) -> Vector:
+        at = self._kernel.pointer
+        look(self._lines, at(self._eta.rows), at(self._psi.rows), at(found))
+        return found
 
     def _find(self) -> Vector:
         """Return place, height, slope and d psi / dx at this rank's points in the order of x, found when asked for.
@@ -263,8 +263,7 @@ class SurfaceFlow(SurfaceVelocity):
             self._make_set()
             if not np.isnan(self.t):
                 self._waves.set_time(self.t)
-            self._found = np.zeros((4, *self._places.shape))
-            self._kernel.call.surface(self._lines, *self._fields, self._kernel.pointer(self._found))
+            self._found = self._looked(self._kernel.call.surface, np.zeros((4, *self._places.shape)))
         return self._found
 
     @property
