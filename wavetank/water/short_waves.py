@@ -15,6 +15,7 @@ from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
 FARTHEST = 0.8  # of the stability limit: a step that does, where a paddle has gone as far as it goes, or crests stand
+ALIKE = 1e-9  # relative: so much do wave numbers differ of cells that are as wide as each other
 LITTLE = 0.02  # of a lean's tangent, or of the reach: nothing that is seen
 HEIGHTS = np.linspace(-1.0, 0.0, 101, dtype=np.float64)  # depths, at which it is looked where a paddle is
 
@@ -30,6 +31,7 @@ class ShortWaves:
         self._comm, self._quickened = plane.comm, Quickened(waves)
         self._k = np.pi * plane.order / _widths(waves)
         highest = largest(self._comm, float(self._k.max(initial=0.0)))
+        self._alike = largest(self._comm, float((highest - self._k).max(initial=0.0))) <= ALIKE * highest
         self._still = waves.largest_frequency * np.sqrt(self._k / highest)
         self._highest = waves.largest_frequency, highest
 
@@ -41,8 +43,9 @@ class ShortWaves:
     def largest_frequency(self, flow: SurfaceVelocity, *, least: float = 0.0) -> float:
         """Return the largest frequency [rad/s] on the surface as it moves, ``least`` if that is more; collective."""
         (still, k), faster = self._highest, self.quickened
-        if faster * (still + k * flow.largest_velocity) <= least:
-            return least
+        most = faster * (still + k * flow.largest_velocity)
+        if most <= least or self._alike:
+            return max(least, most)
         shifted = float((self._still + self._k * flow.speeds).max(initial=0.0))
         return max(least, faster * largest(self._comm, shifted))
 
@@ -55,24 +58,23 @@ class Quickened:
 
     def __init__(self, waves: NonlinearWaves):
         plane, depth = waves.plane, waves.depth
-        self._wall, self._comm, self._paddles = waves.wall, plane.comm, list[tuple[float, Vector, float]]()
+        self._wall, self._comm, self._paddles = waves.wall, plane.comm, list[tuple[float, tuple[float, float], float]]()
         self._places = plane.places[:1] if plane.mesh.topology.dim == 1 else plane.places  # beside all it stands alike
         paddles: Any = waves.wall.paddles
         for paddle in paddles:
             shares = paddle.shape.at(depth * HEIGHTS)
             slope = float(np.abs(np.diff(shares)).max()) / (depth * (HEIGHTS[1] - HEIGHTS[0]))
-            self._paddles.append((slope, np.array([shares.min(), shares.max()]), paddle.reach))
+            self._paddles.append((slope, (float(shares.min()), float(shares.max())), paddle.reach))
 
     def by(self) -> float:
         """Return the factor, for paddles as they stand now; collective."""
         faster = 1.0
         for (slope, shares, reach), stand in zip(self._paddles, self._wall.stand(self._places), strict=True):
-            ends = np.array([-stand.min(initial=np.inf), stand.max(initial=-np.inf)])
-            least, most = largest(self._comm, ends) * [-1.0, 1.0]
-            into = max(0.0, *(shares * most), *(shares * least))
-            lean = slope * max(abs(most), abs(least))
+            ends = [sign * largest(self._comm, float((sign * stand).max(initial=-np.inf))) for sign in (1.0, -1.0)]
+            into = max(0.0, *(share * end for share in shares for end in ends))
+            lean = slope * max(map(abs, ends))
             if max(lean, into / reach) > LITTLE:
-                faster = max(faster, quickened(float(lean), float(into / reach)))
+                faster = max(faster, quickened(lean, into / reach))
         return faster
 
 
