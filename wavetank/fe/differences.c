@@ -2,16 +2,16 @@
 #include <limits.h>
 #include <string.h>
 
-/* The bits of the largest magnitude of sum_i weights[i] row_i at columns: they are in the order of numbers, and what is not a
-   number is beyond all. */
+/* The bits of the largest magnitude of sum_i weights[i] rows[i] at columns: they are in the order of numbers, and what is not
+   a number is beyond all. */
 static inline __attribute__((always_inline)) long long largest(long columns, int terms, const double *weights,
-                                                               const double *rows)
+                                                               const double *const *rows)
 {
     long long most = 0, size;
     for (long j = 0; j < columns; ++j) {
         double sum = 0.0;
         for (int i = 0; i < terms; ++i)
-            sum += weights[i] * rows[i * columns + j];
+            sum += weights[i] * rows[i][j];
         memcpy(&size, &sum, sizeof size);
         size &= LLONG_MAX;
         most = size > most ? size : most;
@@ -19,9 +19,9 @@ static inline __attribute__((always_inline)) long long largest(long columns, int
     return most;
 }
 
-/* Of one row at a time, so that it is the same whichever others are asked for; columns are summed together where it is known
-   how many terms there are. */
-static __attribute__((noinline)) long long of_row(long columns, int terms, const double *weights, const double *rows)
+/* One difference at a time, so that it is the same whichever others are asked for; columns are summed together where it is
+   known how many terms there are. */
+static __attribute__((noinline)) long long of_rows(long columns, int terms, const double *weights, const double *const *rows)
 {
     switch (terms) {
     case 4: return largest(columns, 4, weights, rows);
@@ -30,10 +30,15 @@ static __attribute__((noinline)) long long of_row(long columns, int terms, const
     }
 }
 
-void largest_differences(long rows, long columns, int terms, const double *weights, const double *given, double *found)
+/* Of some rows before, and others. */
+void largest_differences(long first, long others, long columns, int terms, const double *weights, const double *before,
+                         const double *values, double *found)
 {
-    for (long k = 0; k <= rows - terms; ++k) {
-        const long long most = of_row(columns, terms, weights, given + k * columns);
+    const double *rows[terms];
+    for (long k = 0; k <= first + others - terms; ++k) {
+        for (long i = 0; i < terms; ++i)
+            rows[i] = k + i < first ? before + (k + i) * columns : values + (k + i - first) * columns;
+        const long long most = of_rows(columns, terms, weights, rows);
         memcpy(found + k, &most, sizeof most);
     }
 }

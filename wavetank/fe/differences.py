@@ -10,25 +10,21 @@ from wavetank.arrays import Vector
 from wavetank.fe.kernels import Kernel, source
 
 DECLARATIONS = """
-void largest_differences(long rows, long columns, int terms, const double *weights, const double *given, double *found);
+void largest_differences(long first, long others, long columns, int terms, const double *weights, const double *before,
+                         const double *values, double *found);
 """
 
 
-def largest_differences_on(before: Vector, values: Vector, order: int) -> Vector:
-    """Return the same of rows before, and values: those are not copied."""
-    across = largest_differences(np.concatenate([before, values[:order]]), order)
-    return np.concatenate([across, largest_differences(values, order)])
-
-
-def largest_differences(values: Vector, order: int) -> Vector:
+def largest_differences(before: Vector, values: Vector, order: int) -> Vector:
     """Return the largest magnitude of each difference of an order between rows, over 2^order, shape (K - order,).
 
-    The values have the shape (K, columns); of no columns it is 0, of what is not a number nan.
+    The K rows are some before, and values, of shape (..., columns) each, which are not copied; of no columns it is 0,
+    of what is not a number nan.
     """
-    values, found = np.ascontiguousarray(values), np.empty(max(0, len(values) - order))
-    kernel, weights = _kernel(), _weights(order)
-    at = kernel.pointer
-    kernel.call.largest_differences(*values.shape, order + 1, kernel.known(weights), at(values), at(found))
+    before, values = np.ascontiguousarray(before), np.ascontiguousarray(values)
+    found, kernel, weights = np.empty(max(0, len(before) + len(values) - order)), _kernel(), _weights(order)
+    sizes, known, at = (len(before), *values.shape, order + 1), kernel.known(weights), kernel.pointer
+    kernel.call.largest_differences(*sizes, known, at(before), at(values), at(found))
     return found
 
 

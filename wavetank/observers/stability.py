@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wavetank.arrays import Vector, largest
-from wavetank.fe.differences import largest_differences_on
+from wavetank.fe.differences import largest_differences
 from wavetank.observers.contract import Keeping, Moment, Moments
 from wavetank.observers.schedule import EverySteps
 from wavetank.stateful import Held
@@ -68,11 +68,11 @@ class Alternating:
 
     def lower(self, before: Vector, values: Vector) -> Vector:
         """Return the largest of the differences of K rows and those before, about the middle, shape (K,) or fewer."""
-        return largest_differences_on(before, values, self.order)[1:-1]
+        return largest_differences(before, values, self.order)[1:-1]
 
     def higher(self, before: Vector, values: Vector) -> Vector:
         """Return those of the differences two orders higher, shape (K,) or fewer."""
-        return largest_differences_on(before, values, self.order + 2)
+        return largest_differences(before, values, self.order + 2)
 
     def last(self, before: Vector, values: Vector) -> Vector:
         """Return what the next values are to be seen with."""
