@@ -9,7 +9,8 @@ ring is cut: one of its rows borders the rest, and is last. */
 #include <math.h>
 #include <string.h>
 
-/* What is to be found before what it stands beside: a row waits for its neighbour with one product alone. */
+/* What is to be found before what it stands beside: a row waits for its neighbour with one product alone. That of one system
+   alone takes all its neighbours in turn, the furthest first, which is what it waits for least. */
 #ifdef __has_builtin
 #if __has_builtin(__builtin_assoc_barrier)
 #define FIRST __builtin_assoc_barrier
@@ -19,10 +20,13 @@ ring is cut: one of its rows borders the rest, and is last. */
 #define FIRST
 #endif
 
+#define IN_TURN (ABREAST == 1)
 #if ABREAST == 1
 typedef REAL abreast;
+typedef REAL beside __attribute__((vector_size(2 * sizeof(REAL)), aligned(sizeof(REAL))));  /* two right-hand sides */
 #else
 typedef REAL abreast __attribute__((vector_size(sizeof(REAL) * ABREAST), aligned(sizeof(REAL))));
+typedef abreast beside;
 #endif
 
 typedef struct {
@@ -80,35 +84,49 @@ static void factor(long first, long rows, abreast *restrict A)
     }
 }
 
-/* x <- the inverse of the rest of b, both [row][group]. */
-INLINE void forth_and_back(long rows, const abreast *restrict L, const abreast *b, abreast *x)
+/* Numbers of a row and group are read and written, of one right-hand side or two; one stands in a vector all the same: what is
+   found of it is the same beside another, and a vector is copied in no time, where a number is not. */
+INLINE beside side_at(int sides, const abreast *b, long at)
 {
-    abreast last[BAND][GROUPS] = {0};
+    return sides > 1 ? ((const beside *)b)[at] : (beside){0.0} + b[at];
+}
+
+INLINE void put_side(int sides, abreast *x, long at, beside what)
+{
+    if (sides > 1)
+        ((beside *)x)[at] = what;
+    else
+        x[at] = *(const abreast *)&what;
+}
+
+/* x <- the inverse of the rest of b, both [row][group][side]. */
+INLINE void forth_and_back(int sides, long rows, const abreast *restrict L, const abreast *b, abreast *x)
+{
+    beside last[BAND][GROUPS] = {0};
     for (long i = 0; i < rows; ++i) {
         const abreast *row = L + i * (BAND + 1) * GROUPS;
         EACH(g, GROUPS) {
-            abreast here = b[i * GROUPS + g];
-            for (int d = BAND; d > 1; --d)
-                here -= row[d * GROUPS + g] * last[d - 1][g];
-            here = FIRST(here) - row[GROUPS + g] * last[0][g];
+            beside here = side_at(sides, b, i * GROUPS + g);
+            for (int d = BAND; d > 0; --d)
+                here = (IN_TURN || d == 1 ? FIRST(here) : here) - row[d * GROUPS + g] * last[d - 1][g];
             for (int d = BAND - 1; d > 0; --d)
                 last[d][g] = last[d - 1][g];
             last[0][g] = here;
-            x[i * GROUPS + g] = here * row[g];
+            put_side(sides, x, i * GROUPS + g, here * row[g]);
         }
     }
     EACH(d, BAND)
         EACH(g, GROUPS)
-            last[d][g] = (abreast){0.0};
+            last[d][g] = (beside){0.0};
     for (long i = rows - 1; i >= 0; --i)
         EACH(g, GROUPS) {
-            abreast here = x[i * GROUPS + g];
-            for (int d = BAND; d > 1; --d)  /* BAND rows of zeros follow the last one */
-                here -= L[((i + d) * (BAND + 1) + d) * GROUPS + g] * last[d - 1][g];
-            here = FIRST(here) - L[((i + 1) * (BAND + 1) + 1) * GROUPS + g] * last[0][g];
+            beside here = side_at(sides, x, i * GROUPS + g);
+            for (int d = BAND; d > 0; --d)  /* BAND rows of zeros follow the last one */
+                here = (IN_TURN || d == 1 ? FIRST(here) : here) - L[((i + d) * (BAND + 1) + d) * GROUPS + g] * last[d - 1][g];
             for (int d = BAND - 1; d > 0; --d)
                 last[d][g] = last[d - 1][g];
-            last[0][g] = x[i * GROUPS + g] = here;
+            last[0][g] = here;
+            put_side(sides, x, i * GROUPS + g, here);
         }
 }
 
@@ -119,7 +137,7 @@ INLINE void solve_chain(const Chain *c, const abreast *b, abreast *x)
     abreast border[GROUPS];
     EACH(g, GROUPS)
         border[g] = c->cut ? b[rows * GROUPS + g] : (abreast){0.0};
-    forth_and_back(rows, (const abreast *)c->L, b, x);
+    forth_and_back(1, rows, (const abreast *)c->L, b, x);
     if (c->cut)
         EACH(g, GROUPS) {
             const abreast *column = (const abreast *)c->column + g, *reduced = (const abreast *)c->reduced + g;
@@ -142,7 +160,7 @@ static void factorise(const Chain *c, long first)
         factor(first, rows, (abreast *)c->L + g);
     if (!c->cut)
         return;
-    forth_and_back(rows, (const abreast *)c->L, column, reduced);
+    forth_and_back(1, rows, (const abreast *)c->L, column, reduced);
     EACH(g, GROUPS) {
         for (long i = 0; i < rows; ++i)
             corner[g] -= column[i * GROUPS + g] * reduced[i * GROUPS + g];

@@ -46,6 +46,32 @@ static void multiply(const Cells *c, const double *weights, const double *x, dou
     }
 }
 
+typedef struct {
+    const double *weights;
+    v sum;
+} Squares;
+
+INLINE void square_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    Squares *squares = (Squares *)what;
+    squares->sum += ((const stored *)squares->weights)[b * POINTS + q] * (u[0] * u[0]);
+}
+
+/* x M x. */
+static double square(const Cells *c, const double *weights, const double *x)
+{
+    Squares squares = {weights};
+    double sum = 0.0;
+    EACH(b, c->batches) {
+        v X[NODES];
+        gather(c, b, 1, x, 1, X);
+        through(c, b, 0, 1, X, 0, X, square_at, &squares);
+    }
+    EACH(l, LANES)
+        sum += squares.sum[l];
+    return sum;
+}
+
 /* y += the diagonal of M. */
 static void diagonal(const Cells *c, const double *weights, double *y)
 {

@@ -29,12 +29,14 @@ ROUND_OFF, EIGHT_DIGITS = 1e-15, 1e-8  # of a solution, in its energy
 DECLARATIONS = """
 void weigh(const Cells *, const double *constants, const double *fields, double *weights);
 void multiply(const Cells *, const double *weights, const double *x, double *y);
+double square(const Cells *, const double *weights, const double *x);
 void diagonal(const Cells *, const double *weights, double *y);
 void cellwise(const Cells *, const double *K, const double *scale, const double *x, double *y);
 """
 ALONG = f"""{CHAIN}
 void factor_mass(const Cells *, const double *weights, double *kept, const Chain *);
 void solve_mass(const Chain *, const double *b, double *x, double *work);
+void solve_both(const Chain *, const double *b, const double *d, double *x, double *y, double *work);
 """
 
 
@@ -326,7 +328,7 @@ class BandedMass(MassMatrix):
             + source("banded_mass.c"),
             ALONG,
         )
-        self._plane, self._work = plane, np.empty(plane.size)
+        self._plane, self._work = plane, np.empty(2 * plane.size)
         super().__init__(plane, J)
 
     @cached_property
@@ -358,6 +360,13 @@ class BandedMass(MassMatrix):
         """What products are called with, for other kernels."""
         address = self._kernel.address
         return {"multiply": address("multiply"), "mass_cells": address(self._cells), "weights": self.weights}
+
+    @property
+    def compiled_beside(self) -> dict[str, Any]:
+        """What two solves at once and squares are called with, for ``whole.c``."""
+        address = self._kernel.address
+        called = {name: address(name) for name in ("solve_both", "square")}
+        return {**called, "mass_cells": address(self._cells), "weights": self.weights}
 
     def apply(self, values: Vector) -> Vector:
         """Return the product with owned values x, shape (owned,)."""

@@ -7,11 +7,13 @@ NUMBERS, FIELDS of a degree of freedom: of the potential, of what the layer's en
 #include <string.h>
 
 typedef void Solve(const void *chain, const double *b, double *x, double *work);
+typedef void SolveBoth(const void *chain, const double *b, const double *d, double *x, double *y, double *work);
 typedef double Take(const void *cells, const void *layers, const double *fields, double *state);
 typedef float TakeSingle(const void *cells, const void *layers, const float *fields, float *state);
 typedef void Product(const void *cells, const void *layers, const double *state, const double *x, double *y);
 typedef void Weigh(const void *cells, const double *constants, const double *fields, double *weights);
 typedef void Multiply(const void *cells, const double *weights, const double *x, double *y);
+typedef double Square(const void *cells, const double *weights, const double *x);
 typedef void Factor(const void *cells, const double *weights, double *kept, const void *chain);
 typedef void ByPotential(const void *work, double speed, const double *column, double *y);
 typedef void ByColumn(const void *work, double speed, const double *column, const double *phi, double *y);
@@ -82,16 +84,24 @@ static int lean(Whole *w, const double *q)
     return 0;
 }
 
-/* The column, the surface potential less its mean, and what start values are found by; 0 of what is no surface of water. */
-static int begin(Whole *w, const double *q, const double *p, const double *still, double *level, double *square)
+/* The column, the surface potential less its mean, and what start values are found by; 0 of what is no surface of water.
+   And how much higher it is than at masses ``near``, if there are any. */
+static int begin(Whole *w, const double *q, const double *p, const double *still, const double *near, double *rise,
+                 double *level, double *square)
 {
     const long n = w->dofs;
     double sum = 0.0;
     int positive = 1;
-    if (!w->mean)
-        CALL(Solve, solve_mass)(w->mass, q, w->column, w->mass_work);
-    else if (!lean(w, q))
+    EACH(i, near ? n : 0)
+        rise[i] = q[i] - near[i];
+    if (w->mean && !lean(w, q))
         return 0;
+    if (w->mean && near)
+        CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
+    else if (near)
+        CALL(SolveBoth, solve_both)(w->mass, q, rise, w->column, rise, w->mass_work);
+    else if (!w->mean)
+        CALL(Solve, solve_mass)(w->mass, q, w->column, w->mass_work);
     EACH(i, n)
         sum += p[i], positive &= w->column[i] > 0.0;
     *level = sum / n, *square = 0.0;
@@ -119,14 +129,16 @@ static void by_walls(Whole *w)
 
 /* Set the potential of masses q and surface potential p, as the walls move. What is found, one behind the other: its flow
    less its mean, and the wall's; the negative of M^-1 of its energy's derivative by the column, and that; q and p.
-   ``recorded`` ones are known. Told are the mean of p, phi A phi, and the square of what it is found by. Returns the iterations, or -1 of what is not as usual. */
-static int set(Whole *w, const double *q, const double *p, const double *still, int recorded, double *flow, double *told)
+   ``recorded`` ones are known, ``near`` and ``rise`` are as of ``begin``. Told are the mean of p, phi A phi, and the square of
+   what it is found by. Returns the iterations, or -1 of what is not as usual. */
+static int set(Whole *w, const double *q, const double *p, const double *still, int recorded, const double *near, double *rise,
+               double *flow, double *told)
 {
     const int known = recorded - 1 < w->most ? recorded - 1 : w->most, place = (recorded - 1) % w->most;
     const long n = w->dofs, inputs = (w->paddles ? 3 : 2) * n;
     double *by_column = flow + 2 * n;
     int iterations = 0;
-    if (!begin(w, q, p, still, told, told + 2))
+    if (!begin(w, q, p, still, near, rise, told, told + 2))
         return -1;
     EACH(f, FIELDS)
         EACH(i, n)
@@ -178,7 +190,7 @@ static int set(Whole *w, const double *q, const double *p, const double *still, 
 /* The same, and where that has been asked for, the surface's largest velocity and slope are told, too. */
 static int find(Whole *w, const double *q, const double *p, const double *still, int recorded, double *flow, double *told)
 {
-    const int iterations = set(w, q, p, still, recorded, flow, told);
+    const int iterations = set(w, q, p, still, recorded, NULL, NULL, flow, told);
     if (iterations >= 0 && w->largest)
         CALL(Largest, largest)(w->lines, w->inputs, p, told + 3);
     return iterations;
@@ -219,7 +231,7 @@ static int attempt(Attempt *s, const double *z, const double *c, double a, int c
                    int mixed, double *found, double *told, double *next)
 {
     const long n = s->whole->dofs;
-    const int iterations = set(s->whole, z, z + n, still, recorded, found, told);
+    const int iterations = set(s->whole, z, z + n, still, recorded, NULL, NULL, found, told);
     const int others = mixed < s->most_mixed ? mixed : s->most_mixed;
     double *residual = s->residual, *image = s->image, *point = s->residual;
     if (iterations < 0)
@@ -269,28 +281,23 @@ static void heights(const double *x, long n, double *highest, double *largest)
     memcpy(largest, &size, sizeof size), memcpy(highest, *largest == *largest ? &most : &size, sizeof size);
 }
 
-/* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told: into a
-   row, all but W and power. */
+/* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told, and whose
+   rise from them stands there: into a row, all but W and power. */
 static void see_from(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
                      double gravity, const Sight *into, long row)
 {
     const long n = w->dofs;
-    memcpy(into->psi + row * n, p, sizeof(double) * n);
-    const double *by_p = point, *by_q = point + 2 * n, *at_q = point + 3 * n, *at_p = point + 4 * n;
-    double *eta = into->eta + row * n, *rise = into->rise + row * n, *numbers = into->numbers + row * OF_A_ROW;
-    double *by_mass = w->image, twice = 0.0, change = 0.0, lift = 0.0, mass = 0.0;
-    EACH(i, n)
-        eta[i] = w->column[i] - still[i], rise[i] = at_q[i] - q[i], mass += q[i];
-    memset(by_mass, 0, sizeof(double) * n);
-    CALL(Multiply, multiply)(w->mass_cells, w->weights, eta, by_mass);
+    const double *by_p = point, *by_q = point + 2 * n, *at_q = point + 3 * n, *at_p = point + 4 * n, *rise = into->rise + row * n;
+    double *restrict eta = into->eta + row * n, *restrict psi = into->psi + row * n, *restrict at_point = w->image;
+    double *numbers = into->numbers + row * OF_A_ROW, change = 0.0, lift = 0.0, mass = 0.0;
     EACH(i, n) {
-        twice += eta[i] * by_mass[i];
-        change -= by_q[i] * rise[i] + by_p[i] * (at_p[i] - p[i]);
-        lift -= eta[i] * rise[i];
+        const double away = at_q[i] - q[i];
+        at_point[i] = w->column[i] - still[i], mass += q[i];
+        change -= by_q[i] * away + by_p[i] * (at_p[i] - p[i]);
+        lift -= at_point[i] * away;
+        eta[i] = at_point[i] - rise[i], psi[i] = p[i];
     }
-    CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
-    EACH(i, n)
-        eta[i] -= rise[i];
+    const double twice = CALL(Square, square)(w->mass_cells, w->weights, at_point);
     heights(eta, n, numbers + HIGHEST, numbers + LARGEST);
     numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = gravity * (0.5 * twice + lift);
     numbers[MASS] = mass;
@@ -307,7 +314,10 @@ static void see_from(Whole *w, const double *q, const double *p, const double *p
 static void see(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
                 double gravity, const Sight *into, long row)
 {
-    double *numbers = into->numbers + row * OF_A_ROW;
+    double *numbers = into->numbers + row * OF_A_ROW, *rise = into->rise + row * w->dofs;
+    EACH(i, w->dofs)
+        rise[i] = point[3 * w->dofs + i] - q[i];
+    CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
     see_from(w, q, p, point, still, kinetic, gravity, into, row);
     numbers[POWER] = push(w, point, 0, numbers + WALL);
 }
@@ -324,7 +334,7 @@ static int look(Whole *w, const double *state, const double *first, const double
         return -1;
     EACH_PADDLE(one)
         ((Hold *)one->hold)(one->strip, at + 2 * n);
-    const int iterations = set(w, last, last + n, still, recorded, found, told);
+    const int iterations = set(w, last, last + n, still, recorded, state, into->rise + row * n, found, told);
     if (iterations < 0)
         return iterations;
     see_from(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);

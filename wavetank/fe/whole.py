@@ -42,8 +42,8 @@ typedef struct {
     Paddle *paddles;
     Weighed *mean, *weighed;
     double *mean_column, *before, *change, *kept;
-    void *factor_mass, *solve_mass, *mass, *multiply, *mass_cells, *take, *cells, *layers, *product, *derivative;
-    void *take_single, *single_cells, *single_layers, *correct, *modes;
+    void *factor_mass, *solve_mass, *solve_both, *mass, *square, *mass_cells;
+    void *take, *cells, *layers, *product, *derivative, *take_single, *single_cells, *single_layers, *correct, *modes;
     void *aim, *start, *keep, *largest, *lines;
     const int *order;
     const double **fields;
@@ -258,7 +258,7 @@ class Whole:
             "image": image,
             "inputs": inputs,
             **mass.compiled,
-            **mass.compiled_product,
+            **mass.compiled_beside,
             **operator.compiled,
             **minimum.compiled,
             **recall.compiled,
