@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 from mpi4py import MPI
@@ -26,6 +27,8 @@ from wavetank.observers.energy import columns as energy_columns
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.stability import StabilityWatch
 from wavetank.records.growing import TableWriter
+from wavetank.records.paddle_table import RATES
+from wavetank.records.surface import SurfaceWriter
 from wavetank.runs.build import Records, build_observers, build_run, build_watch
 from wavetank.runs.run import Run
 from wavetank.water.surface_flow import SurfaceFlow
@@ -33,20 +36,21 @@ from wavetank.water.waves import NonlinearWaves
 
 CASES = {"focusing": 130.0, "marin-202002": 118.0}  # and how long they go on [s]
 LOOKS = EnergyBudget, Gauges, StabilityWatch  # beside the filters
-GROUP, BEFORE, PASSES = 10, 100, 4  # steps of a group, and before the first; and how often all of it is done
+GROUP, BEFORE, PASSES = 10, 100, 6  # steps of a group, and before the first; and how often all of it is done
 
 
 def built(case: str, folder: Path) -> Run:
-    """Return the run of a case, with what is named above."""
+    """Return the run of a case, with all that looks at it."""
     scene = read_case(HERE / "cases" / f"{case}.toml", [f"run.duration={CASES[case]}"])
     run, waves = build_run(scene, MPI.COMM_SELF)
-    gauges = TableWriter(folder / "gauges.csv", ["t", *(gauge.name for gauge in scene.all_gauges)])
-    energy = TableWriter(folder / "energy.csv", energy_columns(1, absorbed=False))
-    for table in (gauges, energy):
-        table.open()
-    observers = build_observers(scene, waves, Records(gauges, energy, None), sinks=run.sinks)
-    observers += build_watch(scene, run, waves, print)
-    run.observers = [one for one in observers if isinstance(one, LOOKS)]
+    surface = SurfaceWriter(folder / "surface.nc", {})
+    tables = {"gauges": [gauge.name for gauge in scene.all_gauges], "energy": energy_columns(1, absorbed=False)[1:]}
+    tables |= {seen.key: list(RATES) for seen in scene.paddles}
+    gauges, energy, *paddles = (TableWriter(folder / f"{name}.csv", ["t", *tables[name]]) for name in tables)
+    for record in (surface, gauges, energy, *paddles):
+        record.open()
+    records = Records(gauges, energy, surface, paddles=paddles)
+    run.observers = build_observers(scene, waves, records, sinks=run.sinks) + build_watch(scene, run, waves, print)
     return run
 
 
@@ -83,8 +87,9 @@ def triples(taken: list[tuple[bool, float]]) -> Iterator[tuple[tuple[bool, float
     return zip(taken, taken[1:], taken[2:], strict=False)
 
 
-def rows(run: Run) -> float:
-    """Return the µs a step of the rows that are worked off together, the median of the blocks of a run."""
+def rows(run: Run, only: Any) -> float:
+    """Return the µs a step of rows worked off together, by observers of some kinds: the median of a run's blocks."""
+    run.observers = [one for one in run.observers if isinstance(one, only)]
     settle, taken = run.settle, list[float]()
 
     def timed() -> None:
@@ -109,13 +114,15 @@ def middle(values: Vector) -> tuple[float, float]:
 
 def report(console: Console) -> None:
     """Print what looks at the steps of two cases, in µs a step and as a part of the step."""
-    table = Table("case", "a step without", "looks within steps", "rows", "together, of a step", title="µs a step")
+    columns = "a step without", "looks within steps", "rows of them", "together", "with all records"
+    table = Table("case", *columns, title="µs a step: gauges, energy budget, watch, filters; and all records")
     for case in CASES:
         with TemporaryDirectory() as folder:
             passes = [in_groups(built(case, Path(folder)), looked=bool(k % 2)) for k in range(PASSES)]
-            worked_off = rows(built(case, Path(folder)))
+            of_all, of_these = (rows(built(case, Path(folder)), only) for only in (object, LOOKS))
         with_them, without = (np.concatenate(each) for each in zip(*passes, strict=True))
         (step, _), (within, known_to) = middle(without), middle(with_them - without)
-        part = f"{100 * (within + worked_off) / step:.1f} ± {100 * known_to / step:.1f} %"
-        table.add_row(case, f"{step:.0f}", f"{within:.1f} ± {known_to:.1f}", f"{worked_off:.1f}", part)
+        parts = [f"{100 * (within + one) / step:.1f} %" for one in (of_these, of_all)]
+        parts[0] = parts[0].replace(" %", f" ± {100 * known_to / step:.1f} %")
+        table.add_row(case, f"{step:.0f}", f"{within:.1f} ± {known_to:.1f}", f"{of_these:.1f}", *parts)
     console.print(table)
