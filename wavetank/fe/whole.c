@@ -196,11 +196,6 @@ static int find(Whole *w, const double *q, const double *p, const double *still,
     return iterations;
 }
 
-static int is_point(const Whole *w, const double *point, const double *state)
-{
-    return !memcmp(point + 3 * w->dofs, state, 2 * sizeof(double) * w->dofs);
-}
-
 /* What finds the surface's largest velocity and slope; 0: nothing. */
 static void ask(Whole *w, uintptr_t largest, uintptr_t lines)
 {
@@ -322,19 +317,18 @@ static void see(Whole *w, const double *q, const double *p, const double *point,
     numbers[POWER] = push(w, point, 0, numbers + WALL);
 }
 
-/* The ``last`` point found, as ``set`` does, where the ``first`` is the one found last, ``at``, and another; and the
-   ``state`` between them seen from there, [q, p] each, with the power of their mean. Returns as ``set``; -1 too of what is
-   not so. */
-static int look(Whole *w, const double *state, const double *first, const double *last, const double *at,
-                const double *still, int recorded, double gravity, double *found, double *told, const Sight *into, long row)
+/* The point ``to`` found, as ``set`` does, and a ``state`` between that ``at`` which is known and it seen from there, [q, p]
+   each, with the power of the mean of both. Returns as ``set``; -1 too where both are one. */
+static int look(Whole *w, const double *state, const double *to, const double *at, const double *still, int recorded,
+                double gravity, double *found, double *told, const Sight *into, long row)
 {
     const long n = w->dofs;
     double *numbers = into->numbers + row * OF_A_ROW, of_walls = 0.0, of_mean;
-    if (!is_point(w, at, first) || is_point(w, at, last))
+    if (!memcmp(at + 3 * n, to, 2 * sizeof(double) * n))
         return -1;
     EACH_PADDLE(one)
         ((Hold *)one->hold)(one->strip, at + 2 * n);
-    const int iterations = set(w, last, last + n, still, recorded, state, into->rise + row * n, found, told);
+    const int iterations = set(w, to, to + n, still, recorded, state, into->rise + row * n, found, told);
     if (iterations < 0)
         return iterations;
     see_from(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);

@@ -76,8 +76,8 @@ int attempt(Attempt *, const double *z, const double *c, double a, int carried, 
 double push(const Whole *, const double *point, int between, double *of_walls);
 void see(Whole *, const double *q, const double *p, const double *point, const double *still, double kinetic,
          double gravity, const Sight *into, long row);
-int look(Whole *, const double *state, const double *first, const double *last, const double *at, const double *still,
-         int recorded, double gravity, double *found, double *told, const Sight *into, long row);
+int look(Whole *, const double *state, const double *to, const double *at, const double *still, int recorded,
+         double gravity, double *found, double *told, const Sight *into, long row);
 """
 
 
@@ -267,6 +267,7 @@ class Whole:
         self._struct = self._kernel.shared("Whole", parts)
         self._told = np.zeros(5)
         self._at_told = self._kernel.pointer(self._told)
+        self._last: tuple[Vector | None, Any] = None, None  # what ``find`` found last, and where that is
         self._followed: Vector | float | None = None  # the column of still water that walls know
         self._rooms = dict[int, tuple[Rows, Any]]()  # rows by their ids, which they keep, and where they are
         self._trials: dict[tuple[Inverse, Combination], Any] = {}
@@ -290,8 +291,9 @@ class Whole:
         if not recorded:
             return None
         at, found = self._kernel.doubles, np.empty((5, p.size))
-        surface = at(q), at(p), self._kernel.spread(still, p.size)
-        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, at(found), self._at_told), found)
+        surface, into = (at(q), at(p), self._kernel.spread(still, p.size)), at(found)
+        self._last = found, into
+        return self._solution(self._kernel.call.find(self._struct, *surface, recorded, into, self._at_told), found)
 
     def ask(self, glance: Glance | None) -> None:
         """Let ``find`` tell the surface's largest velocity and slope, too, by what was asked last; None: no more."""
@@ -384,12 +386,12 @@ class Whole:
         self._kernel.call.see(self._struct, *where, kinetic, gravity, self._room(into), row)
 
     def look(
-        self, pairs: Sequence[Vector], point: Vector, still: Vector | float, gravity: float, into: Rows, row: int
+        self, state: Vector, to: Vector, point: Vector, still: Vector | float, gravity: float, into: Rows, row: int
     ) -> Solution | None:
-        """Find the last of two points of a state, and see the state from there, as ``see``; None as ``find``.
+        """Find the second of two points, and see a state between them from there, as ``see``; None as ``find``.
 
-        ``pairs`` are state, first and last point, [q, p] each, and ``point`` is the one last found: None, too, if it is
-        not the first, or is the last. The power is that of the mean of both.
+        State and second point are [q, p], one behind the other, and ``point`` is the first, the one last found, as
+        ``push`` takes it: None, too, if that is the second. The power is that of the mean of both.
         """
         recorded = self._ready()
         if not recorded:
@@ -397,7 +399,9 @@ class Whole:
         if still is not self._followed:
             self._follow(still)
         at, found = self._kernel.doubles, np.empty_like(point)
-        given = *map(at, pairs), at(point), self._kernel.spread(still, point.shape[1])
+        last, at_last = self._last
+        first = at_last if point is last else at(point)
+        given = at(state), at(to), first, self._kernel.spread(still, point.shape[1])
         room = at(found), self._at_told, self._room(into), row
         return self._solution(self._kernel.call.look(self._struct, *given, recorded, gravity, *room), found)
 

@@ -410,16 +410,20 @@ class NonlinearWaves:
     def see(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
         whole, found = self._seeing, None
-        if whole is not None and isinstance(state, BetweenTwo) and not self.potential.renews and one_time(t, self._t):
-            pairs = state.mean, *state.points
-            found = whole.look(pairs, self._point, self.bed.still, self.gravity, into, row)
+        if whole is not None and isinstance(state, BetweenTwo) and not self.potential.renews and self._ended(state, t):
+            next_point = state.points[-1]
+            found = whole.look(state.mean, next_point, self._point, self.bed.still, self.gravity, into, row)
         if found is not None:
             self._take_over(found, t)
-            self._remember(pairs[-1])
+            self._remember(next_point)
         else:
             self._see_from_last(state, t, into, row)
         if self._several:
             into.move(row, self.wall.velocities)
+
+    def _ended(self, state: BetweenTwo, t: float) -> bool:
+        """Return whether the point last evaluated is that where the step to a state has ended."""
+        return state.points[0] is self._array and one_time(t, self._t)
 
     def _see_from_last(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state from the last of its points, one thing after the other."""
@@ -485,7 +489,7 @@ class NonlinearWaves:
         If that point, at t [s], was looked at where it was found; None else.
         """
         if isinstance(state, BetweenTwo):
-            return self._told if state.points[0] is self._array and one_time(t, self._t) else None
+            return self._told if self._ended(state, t) else None
         if self._glances:
             self.evaluate(*state.known[0], t)  # as is done anyway
             return self._told
