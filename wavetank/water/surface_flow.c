@@ -1,6 +1,6 @@
 /* Slopes and velocities of a surface along a slice, of wavetank/water/surface_flow.py: of LANES cells at a time.
 
-NODES, POINTS   of a cell, which lie as in a mirror: points that mirror each other take the sums of one
+NODES, POINTS   of a cell
 DEGREE          of paddles' shapes, the highest */
 typedef double v __attribute__((vector_size(sizeof(double) * LANES)));
 typedef double stored __attribute__((vector_size(sizeof(double) * LANES), aligned(sizeof(double))));
@@ -8,7 +8,7 @@ typedef double stored __attribute__((vector_size(sizeof(double) * LANES), aligne
 #define EACH(i, most) _Pragma("GCC unroll 32") for (int i = 0; i < (most); ++i)
 #define INLINE static inline __attribute__((always_inline))
 
-/* Two fields, given at the degrees of freedom: differences of nodes that mirror each other, the middle one, and sums. */
+/* Two fields, given at the degrees of freedom, at the nodes. */
 INLINE void gather(const Lines *s, int b, const double *one, const double *other, v at_nodes[2][NODES])
 {
     EACH(i, NODES)
@@ -16,24 +16,15 @@ INLINE void gather(const Lines *s, int b, const double *one, const double *other
             const int dof = s->dofs[(b * NODES + i) * LANES + l];
             ((double *)&at_nodes[0][i])[l] = one[dof], ((double *)&at_nodes[1][i])[l] = other[dof];
         }
-    EACH(k, 2)
-        EACH(i, NODES / 2) {
-            const v near = at_nodes[k][i], far = at_nodes[k][NODES - 1 - i];
-            at_nodes[k][i] = near - far, at_nodes[k][NODES - 1 - i] = near + far;
-        }
 }
 
-/* These at the points, by a table of values, or of slopes in the cell's own coordinate, which a mirror turns round. */
-INLINE void at_points(const double *table, double mirrored, const v at_nodes[2][NODES], v *one, v *other)
+/* These at the points, by a table of values, or of slopes in the cell's own coordinate. */
+INLINE void at_points(const double *table, const v at_nodes[2][NODES], v *one, v *other)
 {
-    v *found[2] = {one, other};
-    EACH(q, (POINTS + 1) / 2) {
-        v parts[2][2] = {{{0.0}}};
+    EACH(q, POINTS) {
+        one[q] = other[q] = (v){0.0};
         EACH(i, NODES)
-            EACH(k, 2)
-                parts[k][i >= NODES / 2] += table[q * NODES + i] * at_nodes[k][i];
-        EACH(k, 2)
-            found[k][POINTS - 1 - q] = mirrored * (parts[k][1] - parts[k][0]), found[k][q] = parts[k][1] + parts[k][0];
+            one[q] += table[q * NODES + i] * at_nodes[0][i], other[q] += table[q * NODES + i] * at_nodes[1][i];
     }
 }
 
@@ -42,16 +33,16 @@ INLINE void find(const Lines *s, int b, const double *eta, const double *psi, v 
 {
     v at_nodes[2][NODES], per_metre[POINTS], x_X[POINTS], length[POINTS], length_X[POINTS], unused[POINTS];
     gather(s, b, eta, psi, at_nodes);
-    at_points(s->values, 1.0, at_nodes, height, unused);
-    at_points(s->slopes, -1.0, at_nodes, slope, psi_x);
+    at_points(s->values, at_nodes, height, unused);
+    at_points(s->slopes, at_nodes, slope, psi_x);
     EACH(q, POINTS)
         per_metre[q] = ((const stored *)s->per_metre)[b], far[q] = (v){0.0}, x_X[q] = far[q] + 1.0;
     if (s->carried[b]) {
         for (int k = 0; k < s->paddles; ++k) {
             const double *powers = s->powers + k * (DEGREE + 1), per_unit = s->per_unit[k];
             gather(s, b, s->lengths[k], s->lengths[k], at_nodes);
-            at_points(s->values, 1.0, at_nodes, length, unused);
-            at_points(s->slopes, -1.0, at_nodes, length_X, unused);
+            at_points(s->values, at_nodes, length, unused);
+            at_points(s->slopes, at_nodes, length_X, unused);
             EACH(q, POINTS) {
                 v f = powers[DEGREE] + (v){0.0}, f_z = {0.0};
                 for (int one = DEGREE - 1; one >= 0; --one)

@@ -193,9 +193,8 @@ class SurfaceFlow(SurfaceVelocity):
 
     def _compile(self, tables: Vector, dofs: NDArray[np.int32], carries: NDArray[np.bool_]) -> None:
         """Compile what finds the surface at the points of cells, given values and slopes of the basis there."""
-        _, points, nodes = tables.shape
-        half, sign = tables[:, : (points + 1) // 2], np.where(np.arange(nodes) < nodes // 2, -1.0, 1.0)
-        values, slopes = (half + sign * half[..., ::-1]) / 2
+        values, slopes = tables
+        points, nodes = values.shape
         shifts, cells, width = self._waves.wall.shifts, self._cells.size, lanes("double")
         degree = max((shape.degree for _, shape in shifts), default=0)
         code = defined({"NODES": nodes, "POINTS": points, "DEGREE": degree, "LANES": width}) + LINES + SOURCE
