@@ -654,6 +654,8 @@ def test_where_no_plan_can_be_made_it_is_said_that_the_accuracy_can_be_left_out_
         assert main([command, str(tmp_path / "beach.toml")]) == 2
         said = "beach.toml, line 9: numerics.accuracy = 0.01: must be left out, then cells and vertical order follow a "
         assert f'{said}rule: tank.bed.type = "beach": plans are' in capsys.readouterr().err
+    assert main(["run", "cases/bend.toml", "--set", "numerics.accuracy=0.01", "--set", "numerics.cell_size=1.0"]) == 2
+    assert "numerics.accuracy = 0.01: must be left out" in capsys.readouterr().err  # a basin's cells are not counted
 
 
 def test_the_energy_that_is_told_is_the_one_that_is_computed():

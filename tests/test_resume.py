@@ -7,6 +7,7 @@ import os
 import shutil
 from contextlib import suppress
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, StormerVerlet
-from wavetank.observers import checkpoints
+from wavetank.observers import checkpoints, energy
 from wavetank.observers.schedule import EverySteps
 from wavetank.plan import forewarnings
 from wavetank.records import whole
@@ -30,6 +31,7 @@ from wavetank.runs.kept_surface import KeptSurface
 from wavetank.runs.waters import build_waves
 
 DT = SLICE["numerics"]["dt"]
+MISS = "these numerics are predicted to miss the elevation by"
 
 
 @pytest.fixture(scope="module")
@@ -129,12 +131,13 @@ def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted
 def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
     """From its very end, from Python; the step stays. What was made of the record until then is gone."""
     record(SLICE, tmp_path / "run", {"duration": 0.3})
-    of_the_record = [tmp_path / "run" / name for name in ("analysis-spectrum.csv", "compare.png", "energy.png")]
+    made = "analysis-spectrum.csv", "compare-harmonics.png", "compare.png", "energy.png"
+    of_the_record = [tmp_path / "run" / name for name in made]
     for file in of_the_record:
         file.touch()
     run = wt.resume(tmp_path / "run", extend=0.2)
     assert not any(file.exists() for file in of_the_record)
-    told = "removed, as the record they are of goes on: analysis-spectrum.csv, compare.png\n"
+    told = "removed, as the record they are of goes on: analysis-spectrum.csv, compare-harmonics.png, compare.png\n"
     assert told in (tmp_path / "run" / "run.log").read_text()
     same(uninterrupted, tmp_path / "run")
     assert run.manifest["scene"]["run"]["duration"] == 0.5
@@ -223,8 +226,12 @@ def sloshing(tmp_path_factory) -> tuple[Path, Path]:
     ],
     ids=["cells", "orders", "integrator"],
 )
-def test_a_run_goes_on_on_another_mesh_or_with_another_scheme(sloshing, tmp_path, changes, points, capsys):
-    """As it would have, to what either misses; the surface is recorded where it was."""
+def test_a_run_goes_on_on_another_mesh_or_with_another_scheme(sloshing, tmp_path, changes, points, capsys, monkeypatch):
+    """As it would have, to what either misses; the surface is recorded where it was.
+
+    Where other elements have another energy of it a shorter step was told to help.
+    """
+    monkeypatch.setattr(energy, "TRUE", 1e-5)
     part = Path(shutil.copytree(sloshing[1], tmp_path / "part"))
     run = resumed(part, *(word for change in changes for word in ("--set", change)))
     said, usual = capsys.readouterr().out, RunDirectory(sloshing[0])
@@ -237,6 +244,8 @@ def test_a_run_goes_on_on_another_mesh_or_with_another_scheme(sloshing, tmp_path
     np.testing.assert_array_equal(surface.x[-1], before.x[-1])
     assert np.abs(surface.eta[-1] - before.eta[-1]).max() < 2e-3 * np.abs(before.eta).max()
     assert run.manifest["errors"]["mass"] < 1e-6
+    another = [one for one in run.manifest["warnings"] if one.endswith("went on with its surface had another energy")]
+    assert another == run.manifest["warnings"] and len(another) == ("numerics.order=2" in changes)
 
 
 def test_a_surface_is_carried_to_another_mesh_where_it_is_in_the_laboratory():
@@ -336,16 +345,21 @@ def test_a_file_of_the_same_name_and_another_content_is_another_scene(tmp_path, 
 def test_what_was_said_of_waves_that_break_is_over_where_something_else_is_done_about_them(tmp_path, monkeypatch):
     """The advice to dissipate stood in the manifest of a run that does, or that ignores them.
 
-    And what was said of a short run stood in that of a longer one: a ramp that takes the whole run is said of this one.
+    And what was said of a short run stood in that of a longer one: a ramp that takes the whole run is said of this one,
+    and what is predicted to be missed; of other numerics that is what it was.
     """
+    monkeypatch.setattr(forewarnings, "own_plan", lambda one, _: SimpleNamespace(error=2 * one.run.duration))
     monkeypatch.setattr(forewarnings, "too_high", lambda one: ["breaks"] if one.run.on_breaking == "stop" else [])
     record(SLICE, tmp_path / "run", {"duration": 0.1, "on_breaking": "stop"})
     kept = resumed(tmp_path / "run", "--extend", "0.05")
     assert "breaks" in kept.manifest["warnings"]
+    assert [one.partition(";")[0] for one in kept.manifest["warnings"] if "predicted" in one] == [f"{MISS} 30%"]
     changed = resumed(tmp_path / "run", "--extend", "0.05", "--set", "run.on_breaking=ignore")
     said = changed.manifest["warnings"]
     ramp = "the ramp of wall.motion is over after 0.4 s, the run of 0.2 s before: its waves do not get their height"
     assert "breaks" not in said and [one for one in said if one.startswith("the ramp of")] == [ramp]
+    predicted = [one.partition(";")[0] for one in said if "predicted" in one]
+    assert predicted == [f"up to t = 0.15 s, {MISS} 30%", f"{MISS} 40%"]
 
 
 def test_what_is_no_run_is_refused(tmp_path, capsys):

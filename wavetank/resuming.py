@@ -18,7 +18,8 @@ from wavetank.errors import InputError, RecordError, RunError
 from wavetank.fe.agreed import agreed, on_first
 from wavetank.fe.by_place import found, gathered
 from wavetank.observers.checkpoints import Checkpoints
-from wavetank.plan.forewarnings import of_duration
+from wavetank.observers.energy import EnergyBudget
+from wavetank.plan.forewarnings import of_duration, predicted
 from wavetank.plan.planned import Planned, planned
 from wavetank.records.checkpoint import Checkpoint
 from wavetank.records.directory import MANIFEST, RunDirectory
@@ -271,10 +272,6 @@ class GoingOn:
         Raises ``SceneError`` for what cannot change while a run goes on.
         """
         agreed(self._comm, lambda: self._check(asked))
-        gone = of_duration(self._chosen)  # it is said anew of the whole run, and of what is done where waves break
-        for sentence in self.about.get("warnings", []):
-            if sentence not in gone:
-                self._warn(sentence)
         water, output = self._chosen.water, asked.output
         if output.surface_every is None:  # by default it follows from the duration
             output = output.model_copy(update={"surface_every": self._chosen.surface_every})
@@ -285,11 +282,22 @@ class GoingOn:
         if self.anew and asked.run.duration <= self.about["t"] * (1 + 1e-9):
             allowed = f"must be more than {self.about['t']:g} s, where the run is; --extend SECONDS is so much more"
             raise SceneError([self._over(asked, allowed)])
+        self._warn_again()
         if same or mine.accuracy == its.accuracy and not (mine.open and not its.open):
             found = Planned(kept.model_copy(update={"numerics": self._numerics(mine, its)}))
         else:
             found = planned(kept, self._comm)
         return found._replace(scene=found.scene.model_copy(update={"initial": StillWater()}))  # it has begun elsewhere
+
+    def _warn_again(self) -> None:
+        """Warn of what was warned of before, but for what is said anew of the whole run, as its duration is another."""
+        gone, of_numerics = of_duration(self._chosen), [*predicted(self._chosen)]
+        if not self.anew and isinstance(self._chosen.initial, StillWater):
+            gone += of_numerics
+        for sentence in self.about.get("warnings", []):
+            if sentence not in gone:
+                past = self.anew and sentence in of_numerics
+                self._warn(f"up to t = {self.about['t']:.6g} s, {sentence}" if past else sentence)
 
     def _numerics(self, mine: Numerics, its: Numerics) -> Numerics:
         """Return those that were chosen, with what is named now and was not, or otherwise."""
@@ -413,6 +421,8 @@ class GoingOn:
     def _carry(self, run: Run, waves: AnyWaves, scene: Scene) -> str:
         """Take what outlives other numerics: the run has begun with the surface."""
         run.carry(self._held)
+        for budget in (one for one in run.observers if isinstance(one, EnergyBudget)):
+            budget.renewed()
         mass = waves.total_mass(run.state.q) / self.about["mass"] - 1.0
         former, now = (one.model_dump(mode="json", include={"numerics", "run"}) for one in (self._chosen, scene))
         former["numerics"]["dt"] = self.about["clock"]["dt"]

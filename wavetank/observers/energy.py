@@ -44,7 +44,7 @@ GIVEN = 1e-3  # of the energy: of what should take, giving more than that is tol
 # what a budget remembers:
 SUMS = (
     *("total", "wall", "mass"),
-    *("energy", "off", "lost", "nothing", "dissipated", "earlier"),
+    *("energy", "off", "lost", "nothing", "dissipated", "earlier", "balance", "jumped"),
 )
 
 
@@ -96,6 +96,8 @@ class EnergyBudget(Keeping):
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
         self._dissipated = self._earlier = 0.0  # in all, and by what took it before the numerics changed
+        self._balance = self._jumped = 0.0  # the last, and what it changed by where numerics did
+        self._renewed = False  # whether they have, since it was last looked at
         self._most = dict[str, float]()  # that each sink had taken
         self._given = dict[str, tuple[float, float]]()  # the most that came back of that, and until when [s]
 
@@ -131,6 +133,9 @@ class EnergyBudget(Keeping):
         work[:] = supplied - (wall - self._wall)
         dissipated[:] = self._earlier + sum(self._by_sinks(t))
         balance[:] = total - self._total - work + dissipated
+        if self._renewed:
+            self._jumped, self._renewed = self._jumped + abs(float(balance[0]) - self._balance), False
+        self._balance = float(balance[-1])
         energy = total + dissipated
         if absorbed is not None:
             rows[8], energy = absorbed, energy + np.fmax(absorbed, 0.0)
@@ -173,13 +178,15 @@ class EnergyBudget(Keeping):
         return self._off / self._energy if self._energy > self._nothing else 0.0
 
     def verdict(self) -> list[str]:
-        """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, whether gone or not.
+        """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, and what that came by.
 
         And one for each that should take energy and has given back more than ``GIVEN`` of it.
         """
         sentences = list[str]()
-        if self._off > max(TRUE * self._energy, self._nothing):
+        if self._off > (least := max(TRUE * self._energy, self._nothing)):
             what = "a shorter step or a tighter tolerance is needed"
+            if self._off - self._jumped <= least:
+                what = "with the numerics that the run went on with its surface had another energy"
             sentences.append(f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}")
         for name, (given, t) in self._given.items():
             if given > max(GIVEN * self._energy, self._nothing) and (sink := self._sinks.get(name)):
@@ -204,3 +211,7 @@ class EnergyBudget(Keeping):
         """Take the sums; what was dissipated stays so, whatever dissipates now."""
         self.take(held)
         self._earlier, self._most = self._dissipated - sum(sink.energy_taken for sink in self._sinks.values()), {}
+
+    def renewed(self) -> None:
+        """Know that the next step is the first with other numerics, which may have another energy of the surface."""
+        self._renewed = True

@@ -51,7 +51,7 @@ def forewarnings(
     tell of a sponge.
     """
     planless = own is not None or unplanned(scene) is not None or any(too_short(scene))
-    mesh = waves_missed(scene, waves.plane.cell_size) if planless else _predicted(scene)
+    mesh = waves_missed(scene, waves.plane.cell_size) if planless else predicted(scene)
     of_motion = *_strokes(scene), *_jolts(scene), *of_duration(scene)
     before = [
         *mesh,
@@ -194,7 +194,8 @@ def beside(scene: Scene) -> Iterator[str]:
                 break
 
 
-def _predicted(scene: Scene) -> Iterator[str]:
+def predicted(scene: Scene) -> Iterator[str]:
+    """Yield a sentence if a plan predicts a large error of the scene's own numerics, in as long a run."""
     try:
         error = own_plan(scene, DEFAULT).error
     except InputError:

@@ -180,8 +180,8 @@ class _Search:
     """All discretisations of a scene."""
 
     def __init__(self, scene: Scene, accuracy: float, *, given: Given | None = None):
-        self._scene, self._given = scene, given or Given.by(scene)
-        self._required, self._quickened = requirements(scene, accuracy), scene.quickened
+        self._scene, self._required = scene, requirements(scene, accuracy)  # first: it refuses what no plan knows
+        self._given, self._quickened = given or Given.by(scene), scene.quickened
         self._errors = ErrorModel(self._required)
         self._scheme = self._given.integrator or SCHEME
         self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=self._given.dt)

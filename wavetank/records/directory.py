@@ -64,7 +64,7 @@ BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
 PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png"
-ANALYSES = "compare.png", "compare.csv", "compare-harmonics.csv", "analysis-*.png", "analysis-*.csv"
+ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
 INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
 LINES = 2**12  # bytes, more than a row of energies has
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
