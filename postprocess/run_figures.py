@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.case.sponges import FormulaSponge
+from wavetank.errors import InputError
 from wavetank.postprocess.beds import still_water
 from wavetank.postprocess.broken_figure import broken_figure
 from wavetank.postprocess.figures import energy_figure, gauges_overview, surface_figure
@@ -70,6 +71,8 @@ def draw_surface(run: RunDirectory) -> Path:
 
         return basin_figure(run, path)
     ring, surface = tank.get("type") == "ring", run.snapshots()
+    if surface.t.size < 2:
+        raise InputError(f"{path}: {surface.t.size} snapshots of the surface received; at least 2 are needed to draw.")
     origin = ORIGINS.get("ring" if ring else wall.get("type"), "along the tank")
     shown = _closed(surface, tank["length"]) if ring else surface
     numerics = (run.manifest.get("planned") or scene).get("numerics", {})

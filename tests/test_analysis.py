@@ -101,6 +101,7 @@ def test_records_that_cannot_be_used_are_refused_in_a_sentence():
         (lambda: chosen(one, ["z"]), "'z' received; there are a, b"),
         (lambda: places(one), "two are at one"),
         (lambda: places(unknown), "that of b is not known"),
+        (lambda: along(Surface(T[:0], *3 * [np.zeros((0, 0))]), np.array([6.0])), "0 snapshots of the surface"),
         (lambda: along(Surface(T, np.tile([0.0, 5.0], (T.size, 1)), 0 * T, 0 * T), np.array([6.0])), "from 0 to 5 m"),
         (lambda: harmonics(one, 0.001), "a period long"),
         (lambda: harmonics(one, 9.0), "steps are too long"),

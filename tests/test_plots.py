@@ -186,7 +186,9 @@ def test_a_slices_bed_is_read_from_its_scene(tmp_path, monkeypatch):
     for name, tank in (("sloping", {"bed": bed}), ("flat", {})):
         scene = {"tank": {"type": "slice", "length": 8.0, "depth": 0.6, **tank}}
         with RunWriter(tmp_path / name, {"scene": scene}) as writer:
-            writer.surface()
+            record = writer.surface()
+            for t in range(2):
+                record.append(t, *3 * [np.arange(9.0)])
         run_figures.draw_surface(RunDirectory(tmp_path / name))
         depth = drawn["depth"]
         assert depth == 0.6 if name == "flat" else depth(np.array([5.0]), np.zeros(1)) == pytest.approx(0.55)
@@ -307,9 +309,12 @@ def test_the_balance_is_drawn_over_the_energy_that_it_is_judged_by():
 
 
 def test_nothing_to_draw_is_bad_input(tmp_path):
-    empty, none = np.zeros(0), np.zeros((0, 0))
-    with pytest.raises(InputError, match="0 snapshots"):
-        surface_figure(Surface(empty, none, none, none), tmp_path / "a.png")
+    for tank in ({"type": "ring", "length": 8.0}, {"type": "slice", "length": 8.0}):  # killed before the first
+        with RunWriter(tmp_path / tank["type"], {"scene": {"tank": tank, "sponge": {"type": "end", "length": 2.0}}}):
+            pass
+        (tmp_path / tank["type"] / "surface.nc").touch()
+        with pytest.raises(InputError, match="0 snapshots"):
+            run_figures.draw_surface(RunDirectory(tmp_path / tank["type"]))
     with pytest.raises(InputError, match="no gauge"):
         gauges_overview([], tmp_path / "a.png")
     with pytest.raises(InputError, match="no gauge in common"):

@@ -52,9 +52,9 @@ def along(surface: Surface, places: NDArray[np.float64]) -> DataArray:
     Gauges are called after their places. Raises ``InputError`` for fewer than eight snapshots, and for places that are
     not between the ends of the surface at all times.
     """
-    first, last = float(surface.x[:, 0].max()), float(surface.x[:, -1].min())
     if surface.t.size < FEWEST:
         raise InputError(f"{surface.t.size} snapshots of the surface; at least {FEWEST} are needed.")
+    first, last = float(surface.x[:, 0].max()), float(surface.x[:, -1].min())
     if places.min() < first or places.max() > last:
         raise InputError(f"x = {places.min():g} to {places.max():g} m; the surface is from {first:g} to {last:g} m.")
     rows = zip(surface.x, surface.eta, strict=True)
