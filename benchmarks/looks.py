@@ -1,13 +1,12 @@
 """What looks at a step takes beside it: gauges, energy budget, the watch on the step, breaking and the edge penalty.
 
-That is some tens of µs, by which steps differ from second to second. So groups of steps with all of it and with none
-follow each other on one water, and of the differences of neighbours the mean of the middle three fifths is told, and
-what that is known to. A look finds the point that the next step begins with, so a group without finds it at its end.
+That is some tens of µs, by which steps differ from second to second. So groups of steps with none of it, with
+filters and with all follow each other on one water, and of the differences of neighbours the mean of the middle three
+fifths is told, and what that is known to. A look finds the point that the next step begins with: so does each group.
 Rows that are worked off together are timed in a run as it is.
 """
 
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -31,12 +30,13 @@ from wavetank.records.paddle_table import RATES
 from wavetank.records.surface import SurfaceWriter
 from wavetank.runs.build import Records, build_observers, build_run, build_watch
 from wavetank.runs.run import Run
+from wavetank.water.breaking import StopAtBreaking
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
-CASES = {"focusing": 130.0, "marin-202002": 118.0}  # and how long they go on [s]
+CASES = {"focusing": 130.0, "marin-202002": 118.0, "flap": 40.0, "bar": 20.0}  # and how long they go on [s]
 LOOKS = EnergyBudget, Gauges, StabilityWatch  # beside the filters
-GROUP, BEFORE, PASSES = 10, 100, 6  # steps of a group, and before the first; and how often all of it is done
+GROUP, BEFORE, PASSES = 10, 100, 8  # steps of a group, and before the first; and how often all of it is done
 
 
 def built(case: str, folder: Path) -> Run:
@@ -54,37 +54,31 @@ def built(case: str, folder: Path) -> Run:
     return run
 
 
-def in_groups(run: Run, *, looked: bool) -> tuple[Vector, Vector]:
-    """Return the µs a step of groups with all that looks, and of those around each; the first is one, or is not."""
-    clock, flow = run.clock, flow_of(run.system)
-    bare = Run(run.system, run.integrator, [], start=(run.state.q, run.state.p), clock=clock)
-    for each, steps in ((run, BEFORE), (bare, 0)):
-        each.clock = replace(clock, steps=steps)
-        each.execute()
-    run._patient = []  # rows are timed apart
-    now, taken, waves = run, list[tuple[bool, float]](), run.system
+def in_turn(run: Run) -> Vector:
+    """Return the µs a step of groups that follow each other, with nothing, with filters, with all; shape (turns, 3)."""
+    clock, flow, waves = run.clock, flow_of(run.system), run.system
     assert isinstance(waves, NonlinearWaves) and isinstance(waves.surface, SurfaceFlow)
+    water: Any = {"start": (run.state.q, run.state.p), "clock": replace(clock, steps=0)}
+    kinds = [Run(waves, run.integrator, [], **water, filters=some) for some in ((), run.filters)] + [run]
+    run.clock = replace(clock, steps=BEFORE)
+    for kind in kinds:
+        kind.execute()
+    run._patient = []  # rows are timed apart
+    taken, now = list[float](), run
     while now.step + GROUP <= clock.steps:
-        state, step, now = now.state, now.step, run if looked else bare
+        state, step, now = now.state, now.step, kinds[len(taken) % len(kinds)]
         now.state, now.step, now.clock = state, step, clock
-        waves.ask(waves.surface.glance if looked else None)
+        waves.ask(waves.surface.glance if now.filters else None)
+        for watch in (one.watch for one in run.filters if isinstance(one, StopAtBreaking)):
+            watch.last = None  # crests of ten steps before tell no speed
         began = time.process_time_ns()
         for _ in range(GROUP):
             now.advance()
             if now.settles:
                 now.settle()
-        if not looked:
-            flow(np.concatenate(now.state.known[-1]), now.t)
-        taken.append((looked, (time.process_time_ns() - began) / 1e3 / GROUP))
-        looked = not looked
-    groups = [(one, (before + after) / 2) for (_, before), (looks, one), (_, after) in triples(taken) if looks]
-    with_them, without = np.array(groups).T
-    return with_them, without
-
-
-def triples(taken: list[tuple[bool, float]]) -> Iterator[tuple[tuple[bool, float], ...]]:
-    """Return each but the ends between its neighbours."""
-    return zip(taken, taken[1:], taken[2:], strict=False)
+        flow(np.concatenate(now.state.known[-1]), now.t)
+        taken.append((time.process_time_ns() - began) / 1e3 / GROUP)
+    return np.array(taken[: len(taken) // len(kinds) * len(kinds)]).reshape(-1, len(kinds))
 
 
 def rows(run: Run, only: Any) -> float:
@@ -102,7 +96,7 @@ def rows(run: Run, only: Any) -> float:
     counted = list[int]()
     run.settle = timed  # type: ignore[method-assign]
     run.execute()
-    return float(np.median(taken[1:-1]))
+    return float(np.median(taken[1:-1] or taken))
 
 
 def middle(values: Vector) -> tuple[float, float]:
@@ -113,16 +107,17 @@ def middle(values: Vector) -> tuple[float, float]:
 
 
 def report(console: Console) -> None:
-    """Print what looks at the steps of two cases, in µs a step and as a part of the step."""
-    columns = "a step without", "looks within steps", "rows of them", "together", "with all records"
-    table = Table("case", *columns, title="µs a step: gauges, energy budget, watch, filters; and all records")
+    """Print what looks at the steps of some cases, in µs a step and as a part of the step."""
+    columns = "without", "filters", "with observers", "rows of them", "together", "with all records"
+    table = Table("case", *columns, title="µs a step: filters, gauges, energy budget, watch; and all records")
     for case in CASES:
         with TemporaryDirectory() as folder:
-            passes = [in_groups(built(case, Path(folder)), looked=bool(k % 2)) for k in range(PASSES)]
+            passes = [in_turn(built(case, Path(folder))) for _ in range(PASSES)]
             of_all, of_these = (rows(built(case, Path(folder)), only) for only in (object, LOOKS))
-        with_them, without = (np.concatenate(each) for each in zip(*passes, strict=True))
-        (step, _), (within, known_to) = middle(without), middle(with_them - without)
-        parts = [f"{100 * (within + one) / step:.1f} %" for one in (of_these, of_all)]
-        parts[0] = parts[0].replace(" %", f" ± {100 * known_to / step:.1f} %")
-        table.add_row(case, f"{step:.0f}", f"{within:.1f} ± {known_to:.1f}", f"{of_these:.1f}", *parts)
+        without = np.concatenate([(one[:-1, 0] + one[1:, 0]) / 2 for one in passes])
+        acting, looking = np.concatenate([one[:-1, 1:] for one in passes]).T - without
+        (step, _), (filters, acts_to), (within, known_to) = map(middle, (without, acting, looking))
+        found = f"{filters:.0f} ± {acts_to:.0f}", f"{within:.0f} ± {known_to:.0f}", f"{of_these:.0f}"
+        part = f"{100 * (within + of_these) / step:.1f} ± {100 * known_to / step:.1f} %"
+        table.add_row(case, f"{step:.0f}", *found, part, f"{100 * (within + of_all) / step:.1f} %")
     console.print(table)
