@@ -27,6 +27,18 @@ def test_what_acts_at_equal_times_acts_at_the_steps_that_end_there(every, dt):
     assert due == list(range(0, 1000, apart))
 
 
+def test_who_looks_at_a_moment_cannot_change_it():
+    """At the start and behind filters, too, where a scheme's arrays can be written into; oracle: numpy's flag."""
+    waves, eta = SimpleNamespace(), np.ones((1, 3))
+    state = Point(np.ones(3), np.ones(3))
+    moment = Moment(0, 0.0, state, sights={id(waves): SimpleNamespace(eta=eta, filled=1)})
+    for seen in (moment.q, moment.p, moment.elevation(waves)):
+        with pytest.raises(ValueError, match="read-only"):
+            seen *= 100
+    assert np.array_equal([moment.q, moment.p, moment.elevation(waves)], np.ones((3, 3)))
+    assert state.q.flags.writeable and eta.flags.writeable  # by those whose they are
+
+
 def test_steps_that_do_not_end_there_are_the_first_beyond():
     assert [step for step in range(12) if EveryTime(1.0).due(step, 0.3 * step, 0.3 * (step - 1))] == [0, 4, 7, 10]
 

@@ -58,6 +58,7 @@ def test_the_page_runs_as_it_stands(folder):
         exec(scheme, own := {})
     x = np.array([0.0, 4.0, 8.0])
     assert seen["run"].manifest["status"] == own["run"].manifest["status"] == "finished"
+    assert repr(seen["run"]) == "RunDirectory('runs/seen')"
     assert wt.read_case("case.toml").tank.bed.build(0.7)(x, 0 * x) == pytest.approx([0.7, 0.8, 0.9], abs=1e-3)
     assert seen["run"].paddle.position.values[-1] == pytest.approx(0.01 * (1 - np.cos(2 * np.pi * 0.5 / 1.6)))
     assert [t for t, _ in seen["RUN_UP"]] == pytest.approx(np.arange(0, 0.51, 0.1))
@@ -103,6 +104,12 @@ def test_what_is_no_integrator_or_observer_is_a_sentence_before_anything_is_writ
     with redirect_stdout(io.StringIO()), pytest.raises(InputError) as error:
         wt.run(wt.read_case("case.toml"), "run", **own)
     assert str(error.value).startswith(said) and "\n" not in str(error.value)
+    assert not (folder / "run").exists()
+
+
+def test_what_is_no_scene_is_a_sentence_before_anything_is_written(folder):
+    with pytest.raises(InputError, match="scene = 'case.toml': a str received; needed is what wt.read_case returns."):
+        wt.run("case.toml", "run")
     assert not (folder / "run").exists()
 
 

@@ -13,6 +13,13 @@ Vector = NDArray[np.float64]
 Summand = TypeVar("Summand", float, Vector)
 
 
+def read_only(values: Vector) -> Vector:
+    """Return a view of values through which nobody can write."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
 def summed(comm: "MPI.Comm", part: Summand) -> Summand:
     """Return the sum of all ranks' numbers or arrays; collective. One rank, whose sum it is, is not sent to itself."""
     if comm.size == 1:

@@ -9,6 +9,7 @@ from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.console import console
+from wavetank.errors import InputError
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.contract import Observer
 from wavetank.recording import record_run, resume_run
@@ -49,6 +50,8 @@ def run(
     quiet
         Whether nothing is printed; ``run.log`` has it all.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene = {scene!r}: a {type(scene).__name__} received; needed is what wt.read_case returns.")
     place = Place(Path(out), overwrite=overwrite)
     record_run(
         scene,

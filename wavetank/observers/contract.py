@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from wavetank.arrays import Vector
+from wavetank.arrays import Vector, read_only
 from wavetank.fe.plane import Plane
 from wavetank.observers.schedule import Schedule
 from wavetank.water.energy import Energies
@@ -40,13 +40,13 @@ class Moment:
 
     @property
     def q(self) -> Vector:
-        """The coordinates, shape (owned,)."""
-        return self.state.q
+        """The coordinates, shape (owned,), to be read: who writes into them is refused."""
+        return read_only(self.state.q)
 
     @property
     def p(self) -> Vector:
-        """The momenta, shape (owned,)."""
-        return self.state.p
+        """The momenta, likewise."""
+        return read_only(self.state.p)
 
     @property
     def points(self) -> Sequence[tuple[Vector, Vector]]:
@@ -65,9 +65,8 @@ class Moment:
         return sight
 
     def elevation(self, waves: "ObservedWaves") -> Vector:
-        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
-        eta: Vector = self.look(waves).eta[self.row]
-        return eta
+        """Return eta at the owned degrees of freedom [m], shape (owned,), to be read as q; collective."""
+        return read_only(self.look(waves).eta[self.row])
 
 
 class Moments:

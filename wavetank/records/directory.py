@@ -111,6 +111,9 @@ class RunDirectory:
         self.path = Path(path)
         self.manifest = self._told()
 
+    def __repr__(self) -> str:
+        return f"RunDirectory({str(self.path)!r})"
+
     def _told(self) -> dict[str, Any]:
         """Return the manifest as it is now."""
         try:
