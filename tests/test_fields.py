@@ -238,7 +238,7 @@ def test_levels_may_be_chosen(tmp_path):
     RunWriter(tmp_path, {}).begin().release()
     series = VtuSeries(tmp_path, "velocity", comm=MPI.COMM_SELF)
     VelocityFields(waves, series, schedule=EverySteps(), levels=np.array([0.5, 1.0])).observe(
-        Moment(0, 0.0, Point(0, 0))
+        Moment(0, 0.0, Point(np.zeros(1), np.zeros(1)))
     )
     below = read(tmp_path, "velocity")
     x, y, z = below.points.T
