@@ -44,6 +44,9 @@ ENDED = Formulae(
     numbers=("dt", "kappa"),
     returns=("mean", "jump", "plus"),
 )
+MAPPED = Formulae(
+    "jump = 2 * (plus - mean)", "minus = mean + jump / 2", vectors=("mean", "plus"), returns=("jump", "minus")
+)
 
 
 class Pairs(NamedTuple):
@@ -92,13 +95,17 @@ class MeanAndJumps(Pairs, BetweenTwo):
     def known(self) -> tuple[Evaluated, ...]:
         """The same."""
         before, after = self.points
-        return Evaluated(*before.reshape(2, -1)), Evaluated(*after.reshape(2, -1))
+        last = Evaluated(*after.reshape(2, -1))
+        return last if before is after else Evaluated(*before.reshape(2, -1)), last
 
     def mapped(self, coordinate: Map, momentum: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
         mean, plus = (np.array([coordinate(q), momentum(p)]) for q, p in (self.mean, self.known[-1]))
-        jump = 2 * (plus - mean)
-        return self._replace(mean=mean, jump=jump, minus=mean + jump / 2)
+        mean.setflags(write=False)
+        jump, minus = MAPPED(mean.ravel(), plus.ravel())
+        after = self._replace(mean=mean, jump=jump.reshape(2, -1), minus=minus.reshape(2, -1))
+        after.__dict__["points"] = minus, minus
+        return after
 
 
 @dataclass(frozen=True)

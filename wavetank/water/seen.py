@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
+from wavetank.fe.whole import ROWS
 from wavetank.water.energy import Energies
 
 NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, HIGHEST, LARGEST = range(7)  # in a row
@@ -81,6 +82,11 @@ class Sight:
         if velocities.size != self.velocities.shape[1]:  # which is known when it has moved
             self.velocities = np.zeros((len(self.velocities), velocities.size))
         self.velocities[row] = velocities
+
+    def copy(self, row: int, of: "Sight") -> None:
+        """Keep what stands in another's first row."""
+        for name in ROWS:
+            getattr(self, name)[row] = getattr(of, name)[0]
 
     def energy(self, row: int) -> float:
         """Return H of a state."""

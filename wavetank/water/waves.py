@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import sqrt
+from operator import is_
 from typing import NamedTuple
 
 import numpy as np
@@ -68,6 +69,11 @@ class _Elevation(NamedTuple):
     q: Vector
     t: float
     eta: Vector
+
+
+def _lasting(q: Vector, p: Vector) -> tuple[Vector | None, Vector | None]:
+    """Return arrays by which a state will be known, if nobody can write into them."""
+    return (None, None) if q.flags.writeable or p.flags.writeable else (q, p)
 
 
 class _Together(Together):
@@ -178,7 +184,10 @@ class NonlinearWaves:
         self._has_H_q = False  # which is found when it is asked for
         self._square: float | None = None  # of eta and psi [m²], likewise
         self._elevation = _Elevation(self._point[0], self._t, self._point[0])  # last asked for elsewhere
-        self._near = self.sight(1)  # of a state near a point
+        self._near = self.sight(1)  # of a state near a point, and of which
+        self._near_of: tuple[Vector | None, Vector | None, Vector | None] = None, None, None
+        self._pair: tuple[Vector | None, Vector | None] = None, None  # the point last evaluated, as ``_array``
+        self._energies: Energies | None = None  # of the point last evaluated, found when they are asked for
         self._whole = self._compiled(minimum)
         self._seeing = self._whole if self._whole and self._whole.pushes else None
         self._several = len(wall.paddles) > 1
@@ -207,6 +216,7 @@ class NonlinearWaves:
         """Find water column and potential of a state, unless it is the one last evaluated; collective."""
         if not self._knows(q, p, t):
             self._find(q, p, t)
+        self._pair = _lasting(q, p)
 
     def _find(self, q: Vector, p: Vector, t: float) -> None:
         """Find them; collective."""
@@ -282,12 +292,15 @@ class NonlinearWaves:
     def _know(self, point: Vector, t: float) -> None:
         """Keep that the potential is that of a point, with its derivatives, but for H_q."""
         self._point, self._has_H_q, self._square, self._t = point, False, None, t
-        self._array = self._told = None
+        self._array = self._told = self._energies = None
+        self._pair = None, None
 
     def _knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
         if not one_time(t, self._t):
             return False
+        if q is self._pair[0] and p is self._pair[1]:
+            return True
         q_last, p_last = self._point[3:]
         return self._all(q.tobytes() == q_last.tobytes() and p.tobytes() == p_last.tobytes())
 
@@ -396,7 +409,9 @@ class NonlinearWaves:
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term [m^4/s²]; collective."""
         self.evaluate(q, p, t)
-        return Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
+        if self._energies is None:
+            self._energies = Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
+        return self._energies
 
     @property
     def tells_power(self) -> bool:
@@ -440,15 +455,19 @@ class NonlinearWaves:
             into.rise[row] = 0.5 * self.mass.solve(jump)  # which no point beside the state tells
 
     def _see(self, whole: Whole, state: Pair, t: float, *, at: Pair, into: Sight, row: int) -> None:
-        """See a state from a point, with the power there."""
+        """See a state from a point, with the power there, unless ``energy_near`` has just done so."""
         point = self._evaluated(*at, t)
-        whole.see(state, point, self.bed.still, self._kinetic, self.gravity, into, row)
+        if all(map(is_, (*state, point), self._near_of)):
+            into.copy(row, self._near)
+        else:
+            whole.see(state, point, self.bed.still, self._kinetic, self.gravity, into, row)
 
     def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
         """Return H of a state from a point that is known of it, along a slice on one rank; see ``Seeing``."""
         if self._seeing is None:
             return None
         self._see(self._seeing, (q, p), t, at=at, into=self._near, row=0)
+        self._near_of = *_lasting(q, p), self._point
         return self._near.energy(0)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
@@ -469,7 +488,10 @@ class NonlinearWaves:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
         if self._seeing is None:
             return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
-        return self._seeing.push(self._evaluated(q, p, t), self.bed.still)
+        point = self._evaluated(q, p, t)
+        if point is self._near_of[-1]:
+            return float(self._near.numbers[0, POWER])
+        return self._seeing.push(point, self.bed.still)
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
