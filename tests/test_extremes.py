@@ -266,14 +266,21 @@ def test_a_steep_wave_that_a_long_step_leaves_sound_is_not_cried_at():
 def test_the_surface_of_each_step_is_told_where_its_potential_is_found(monkeypatch):
     """And taken once for all who ask, the penalty, breaking and the watch. Oracle: what is found of each point anew."""
     told, looks, near = list[tuple[float, float]](), list[float](), SurfaceFlow.near
+    profiles = list[bool]()
     scene = ring_scene(initial_steepness=0.2, run_duration=0.2)  # the penalty has nothing to take
     run, waves = build_run(scene, MPI.COMM_SELF)
     run.observers += build_watch(scene, run, waves, print)
-    flow, other = waves.surface, SurfaceVelocity(waves)
+    flow, other, anew = waves.surface, SurfaceVelocity(waves), SurfaceFlow(waves)
 
     def compared(one, state, t):
         near(one, state, t)
-        other.update(*state.known[0], t)
+        q, p = state.known[0]
+        if len(told) % 4 == 1:  # others find another point before the profile is asked for
+            waves.evaluate(q, 1.1 * p, t)
+        profile = one.profile
+        other.update(q, p, t)
+        anew.update(q, p, t)
+        profiles.append(np.array_equal(profile, anew.profile))
         told.append((one.largest_velocity / other.largest_velocity, one.largest_slope / other.largest_slope))
 
     monkeypatch.setattr(SurfaceFlow, "near", compared)
@@ -281,6 +288,7 @@ def test_the_surface_of_each_step_is_told_where_its_potential_is_found(monkeypat
     run.execute()
     flow.near(run.state.mapped(lambda q: q, lambda p: 2 * p), run.t)  # where no step has ended
     assert len(told) == 2 * run.clock.steps + 2 and np.array(told) == pytest.approx(1.0, rel=1e-12)
+    assert all(profiles)
     assert looks == [0.0, run.t]  # of the start, by the watch, and of that
 
 

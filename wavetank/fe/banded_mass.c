@@ -6,12 +6,13 @@ static long first_changed(const Cells *cells, const double *weights, double *kep
     const size_t batch = sizeof(stored) * POINTS;
     long first = c->dofs - c->cut;
     EACH(b, cells->batches)
-        if (memcmp((const char *)weights + b * batch, (const char *)kept + b * batch, batch))
+        if (memcmp((const char *)weights + b * batch, (const char *)kept + b * batch, batch)) {
+            memcpy((char *)kept + b * batch, (const char *)weights + b * batch, batch);
             EACH(i, NODES * LANES) {
                 const long row = c->cut ? 0 : c->row[cells->dofs[b * NODES * LANES + i]];
                 first = row < first ? row : first;
             }
-    memcpy(kept, weights, batch * cells->batches);
+        }
     return first;
 }
 

@@ -41,8 +41,8 @@ static void factor_kinks(const Kinks *k, const Cells *cells, const double *weigh
     EACH(f, k->facets) {
         const int *at = k->dofs + f * SIDES;
         double *jumps = k->jumps + f * SIDES;
-        if (!reaches(c, first, at, SIDES))
-            continue;
+        if (!reaches(c, first, at, SIDES))  /* rows follow each other backwards */
+            break;
         EACH(side, 2) {
             const double *slopes = k->slopes + f * SIDES + side * NODES;
             double stretch = 0.0;

@@ -93,13 +93,13 @@ static Crest crest(const Surface *before, const Surface *s, double time, int lef
 }
 
 /* The crest at a peak, if it stands out by a ripple; returns how many there are then. */
-static int at_peak(const Surface *before, const Surface *s, const Asked *asked, int peak, int count, Crest *found)
+static int at_peak(const Surface *before, const Surface *s, const Asked *asked, double ripple, int peak, int count, Crest *found)
 {
-    const int left = trough(s->places, s->height, peak, -1, asked->ripple);
-    const int right = trough(s->places, s->height, peak, 1, asked->ripple);
+    const int left = trough(s->places, s->height, peak, -1, ripple);
+    const int right = trough(s->places, s->height, peak, 1, ripple);
     const double foot = s->height[highest(s->height, left, right)], half = 0.5 * (s->height[peak] + foot);
     int first = peak, last = peak;
-    if (s->height[peak] - foot < asked->ripple)
+    if (s->height[peak] - foot < ripple)
         return count;
     while (first > left && s->height[first] > half)
         --first;
@@ -115,11 +115,17 @@ int steep_crests(const Surface *before, const Surface *s, const Asked *asked, do
 {
     Crest *found = (Crest *)rows;
     int count = 0, last = 0, one = -1;  /* places of heights that differ: the last, and that before it */
+    double high = s->height[0], low = high;
     for (int i = 1; i < s->places; ++i) {
-        if (fabs(s->height[i] - s->height[i - 1]) <= asked->same)  /* where cells meet */
+        high = s->height[i] > high ? s->height[i] : high;
+        low = s->height[i] < low ? s->height[i] : low;
+    }
+    const double ripple = asked->least * (high - low), same = asked->same * ripple;
+    for (int i = 1; i < s->places; ++i) {
+        if (fabs(s->height[i] - s->height[i - 1]) <= same)  /* where cells meet */
             continue;
         if (one >= 0 && s->height[last] > s->height[one] && s->height[last] > s->height[i])
-            count = at_peak(before, s, asked, last, count, found);
+            count = at_peak(before, s, asked, ripple, last, count, found);
         one = last, last = i;
     }
     return count;

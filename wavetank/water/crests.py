@@ -18,6 +18,7 @@ the plateau for a ripple on it.
 
 from functools import cache
 from importlib.resources import files
+from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ typedef struct {
     double x, height, velocity, current, speed, mean, front;
 } Crest;
 typedef struct {
-    double time, front, cell, ripple, same;
+    double time, front, cell, least, same;
 } Asked;
 int steep_crests(const Surface *before, const Surface *after, const Asked *, double *found);
 """
@@ -102,8 +103,8 @@ class SteepCrest(NamedTuple):
 
     def swiftness(self, gravity: float) -> float:
         """The mean u - U, ahead, over (g H)^(1/2): little of waves that stand or meet, whatever their crest does."""
-        ahead = np.sign(self.speed - self.current)
-        return float(ahead * (self.mean - self.current)) / float(np.sqrt(gravity * self.height))
+        ahead = (self.speed > self.current) - (self.speed < self.current)
+        return ahead * (self.mean - self.current) / sqrt(gravity * self.height)
 
 
 def steep_crests(before: Profile, after: Profile, *, time: float, front: float, cell: float) -> list[SteepCrest]:
@@ -112,11 +113,9 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
     What is narrower than a ``cell`` [m] in its upper half is the mesh's, not the water's.
     """
     kernel = _kernel()
-    surfaces = [kernel.struct("Surface", {"places": len(one.x), **one._asdict()}) for one in (before, after)]
-    found = np.empty((len(after.x) // 2 + 1, len(SteepCrest._fields)))
-    ripple = LEAST * float(np.ptp(after.height))
-    asked = {"time": time, "front": front, "cell": cell, "ripple": ripple, "same": SAME * ripple}
-    count = kernel.call.steep_crests(*surfaces, kernel.struct("Asked", asked), kernel.pointer(found))
+    found, at = np.empty((len(after.x) // 2 + 1, len(SteepCrest._fields))), kernel.doubles
+    surfaces = ([(len(one.x), *map(at, one))] for one in (before, after))
+    count = kernel.call.steep_crests(*surfaces, [(time, front, cell, LEAST, SAME)], at(found))
     return [SteepCrest(*map(float, crest)) for crest in found[:count]]
 
 

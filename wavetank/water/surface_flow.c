@@ -64,12 +64,12 @@ void surface(const Lines *s, const double *eta, const double *psi, double *found
     for (int b = 0; b < s->batches; ++b) {
         v of[4][POINTS];
         find(s, b, eta, psi, of[0], of[1], of[2], of[3]);
-        for (int l = 0; l < LANES && b * LANES + l < s->cells; ++l)
-            for (int q = 0; q < POINTS; ++q) {
-                const long at = (b * LANES + l) * POINTS + q;
-                for (int k = 0; k < 4; ++k)
-                    found[k * s->cells * POINTS + at] = of[k][q][l] + (k ? 0.0 : s->places[at]);
-            }
+        for (int l = 0; l < LANES && b * LANES + l < s->cells; ++l) {
+            const long at = (b * LANES + l) * POINTS;
+            EACH(k, 4)
+                EACH(q, POINTS)
+                    found[k * s->cells * POINTS + at + q] = of[k][q][l] + (k ? 0.0 : s->places[at + q]);
+        }
     }
 }
 

@@ -76,6 +76,9 @@ class Water(Protocol):
     def told(self, state: State, t: float) -> Sequence[float] | None:
         """Return the surface's largest velocity and slope where the step to a state has ended, if that told them."""
 
+    def ended(self, state: State, t: float) -> tuple[Vector, Vector] | None:
+        """Return eta and psi where the step to a state has ended, shape (owned,), if nothing was found since."""
+
     def set_time(self, t: float) -> None:
         """Move the wall to where it stands at t [s]; collective."""
 
@@ -247,11 +250,11 @@ class SurfaceFlow(SurfaceVelocity):
         return super().elevation
 
     def _largest_here(self) -> Vector:
-        return self._looked(self._kernel.call.largest, np.zeros(2))
+        return self._looked(self._kernel.call.largest, np.zeros(2), self._eta.rows, self._psi.rows)
 
-    def _looked(self, look: Callable[..., None], found: Vector) -> Vector:
-        at = self._kernel.pointer
-        look(self._lines, at(self._eta.rows), at(self._psi.rows), at(found))
+    def _looked(self, look: Callable[..., None], found: Vector, eta: Vector, psi: Vector) -> Vector:
+        at = self._kernel.doubles
+        look(self._lines, at(eta), at(psi), at(found))
         return found
 
     def _find(self) -> Vector:
@@ -260,10 +263,13 @@ class SurfaceFlow(SurfaceVelocity):
         Shape (4, cells, points).
         """
         if self._found is None:
-            self._make_set()
-            if not np.isnan(self.t):
-                self._waves.set_time(self.t)
-            self._found = self._looked(self._kernel.call.surface, np.zeros((4, *self._places.shape)))
+            fields = self._waves.ended(self._state, self.t) if self._state is not None and not self._is_set else None
+            if fields is None:
+                self._make_set()
+                if not np.isnan(self.t):
+                    self._waves.set_time(self.t)
+                fields = self._eta.rows, self._psi.rows
+            self._found = self._looked(self._kernel.call.surface, np.empty((4, *self._places.shape)), *fields)
         return self._found
 
     @property

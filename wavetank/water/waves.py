@@ -438,7 +438,7 @@ class NonlinearWaves:
 
     def _ended(self, state: BetweenTwo, t: float) -> bool:
         """Return whether the point last evaluated is that where the step to a state has ended."""
-        return state.points[0] is self._array and one_time(t, self._t)
+        return state.points[0] is self._array and (t == self._t or one_time(t, self._t))
 
     def _see_from_last(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state from the last of its points, one thing after the other."""
@@ -516,6 +516,14 @@ class NonlinearWaves:
             self.evaluate(*state.known[0], t)  # as is done anyway
             return self._told
         return None
+
+    def ended(self, state: State, t: float) -> tuple[Vector, Vector] | None:
+        """Return elevation and surface potential where the step to a state has ended [m, m²/s], shape (owned,) each.
+
+        If that point, at t [s], was looked at where it was found, and is the last: the next one is written over it.
+        """
+        known = self._told is not None and isinstance(state, BetweenTwo) and self._ended(state, t)
+        return (self._rows[0], self._point[4]) if known else None
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
