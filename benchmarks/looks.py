@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 from rich.console import Console
-from rich.table import Table
 
 from benchmarks.beside import HERE
 from wavetank.arrays import Vector
@@ -108,8 +107,6 @@ def middle(values: Vector) -> tuple[float, float]:
 
 def report(console: Console) -> None:
     """Print what looks at the steps of some cases, in µs a step and as a part of the step."""
-    columns = "without", "filters", "with observers", "rows of them", "together", "with all records"
-    table = Table("case", *columns, title="µs a step: filters, gauges, energy budget, watch; and all records")
     for case in CASES:
         with TemporaryDirectory() as folder:
             passes = [in_turn(built(case, Path(folder))) for _ in range(PASSES)]
@@ -117,7 +114,10 @@ def report(console: Console) -> None:
         without = np.concatenate([(one[:-1, 0] + one[1:, 0]) / 2 for one in passes])
         acting, looking = np.concatenate([one[:-1, 1:] for one in passes]).T - without
         (step, _), (filters, acts_to), (within, known_to) = map(middle, (without, acting, looking))
-        found = f"{filters:.0f} ± {acts_to:.0f}", f"{within:.0f} ± {known_to:.0f}", f"{of_these:.0f}"
-        part = f"{100 * (within + of_these) / step:.1f} ± {100 * known_to / step:.1f} %"
-        table.add_row(case, f"{step:.0f}", *found, part, f"{100 * (within + of_all) / step:.1f} %")
-    console.print(table)
+        part, with_all = (100 * (within + one) / step for one in (of_these, of_all))
+        console.print(
+            f"{case}: a step without {step:.0f} µs, with filters {filters:.0f} ± {acts_to:.0f} more, with gauges, "
+            f"energy budget and watch, too, {within:.0f} ± {known_to:.0f}, and {of_these:.0f} for the rows of these: "
+            f"{part:.1f} ± {100 * known_to / step:.1f} % of a step; {with_all:.1f} % with all records",
+            highlight=False,
+        )
