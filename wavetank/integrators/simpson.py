@@ -103,7 +103,7 @@ class MeanAndJumps(Pairs, BetweenTwo):
         mean, plus = (np.array([coordinate(q), momentum(p)]) for q, p in (self.mean, self.known[-1]))
         mean.setflags(write=False)
         jump, minus = MAPPED(mean.ravel(), plus.ravel())
-        after = self._replace(mean=mean, jump=jump.reshape(2, -1), minus=minus.reshape(2, -1))
+        after = type(self)(mean, jump.reshape(2, -1), self.jump_1, self.jump_2, minus.reshape(2, -1))
         after.__dict__["points"] = minus, minus
         return after
 

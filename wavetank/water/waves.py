@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from math import sqrt
-from operator import is_
 from typing import NamedTuple
 
 import numpy as np
@@ -457,7 +456,8 @@ class NonlinearWaves:
     def _see(self, whole: Whole, state: Pair, t: float, *, at: Pair, into: Sight, row: int) -> None:
         """See a state from a point, with the power there, unless ``energy_near`` has just done so."""
         point = self._evaluated(*at, t)
-        if all(map(is_, (*state, point), self._near_of)):
+        q, p, seen_from = self._near_of
+        if point is seen_from and state[0] is q and state[1] is p:
             into.copy(row, self._near)
         else:
             whole.see(state, point, self.bed.still, self._kinetic, self.gravity, into, row)
