@@ -28,7 +28,7 @@ def make_tank() -> Callable[..., object]:
     from wavetank.fe.plane import Plane
     from wavetank.theory.wavemaker import Flap
     from wavetank.water.footprint import Slice
-    from wavetank.water.walls import Piston, Polynomial, Shaped, StillWall
+    from wavetank.water.walls import BothEnds, Piston, Polynomial, Shaped, StillWall
     from wavetank.water.waves import NonlinearWaves, Tolerances
 
     def make(
@@ -41,6 +41,7 @@ def make_tank() -> Callable[..., object]:
         motion=None,
         reach=None,
         hinge=None,
+        far=None,
         tolerance=1e-12,
         footprint=Slice,
         comm=MPI.COMM_WORLD,
@@ -56,6 +57,8 @@ def make_tank() -> Callable[..., object]:
                 flap = Flap(hinge)
                 shape = Polynomial.near(lambda z: flap.share(z, depth), depth, plane.mesh, kinks=flap.kinks(depth))
                 wall = Shaped(motion, plane=plane, reach=reach, side=side, shape=shape)
+        if far is not None:
+            wall = BothEnds(wall, Piston(far, plane=plane, reach=reach, side=footprint.side("far wall")), plane=plane)
         tolerances = Tolerances(stage=tolerance, interior=0.1 * tolerance)
         return NonlinearWaves(plane, depth=depth, wall=wall, vertical_order=n, tolerances=tolerances)
 

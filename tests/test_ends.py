@@ -157,10 +157,15 @@ def test_the_surface_moves_beside_walls_as_its_expressions_say():
     assert flow.slopes == pytest.approx(other.slopes, rel=1e-12)
 
 
-def test_the_power_of_two_pistons_over_a_bed_is_the_rate_of_the_energy():
+@pytest.mark.parametrize(
+    ("wall", "bed"),
+    [(PISTON, {"bed": {"type": "formula", "depth": "1 - 0.2*sin(pi*x/2)**2"}}), (FLAP, {})],
+    ids=["two pistons over a bed", "a flap and a piston"],
+)
+def test_the_power_of_two_paddles_is_the_rate_of_the_energy(wall, bed):
     """At fixed Q and psi, by differences in time whose error falls with the fourth power of the step, to 1e-9 of it."""
-    tank = {"length": 2.0, "depth": 1.0, "bed": {"type": "formula", "depth": "1 - 0.2*sin(pi*x/2)**2"}}
-    walls = {**PISTON, "reach": 1.0}, {"type": "piston", "reach": 1.0, "motion": {**MOTION, "period": 1.3}}
+    tank = {"length": 2.0, "depth": 1.0, **bed}
+    walls = {**wall, "reach": 1.0}, {"type": "piston", "reach": 1.0, "motion": {**MOTION, "period": 1.3}}
     _, waves = build_run(scene(*walls, tank=tank, tolerance=1e-12), MPI.COMM_SELF)
     x, t, e = waves.plane.x * np.pi / 2.0, 3.3, 4e-3
     q, p = waves.state(0.12 * np.cos(x) + 0.02 * np.cos(3 * x), 0.2 * np.cos(2 * x) + 0.1 * np.sin(x), t)

@@ -25,6 +25,7 @@ from wavetank.runs.build import build_clock, build_run
 from wavetank.theory import airy
 from wavetank.theory.wavemaker import PISTON, Flap, Profile, modes, norm
 from wavetank.verify.measured_flap import waves
+from wavetank.water.energy import POTENTIAL
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.short_waves import Quickened
@@ -293,6 +294,8 @@ def test_what_a_flap_adds_to_the_energy_is_written_out_as_its_form_has_it(steep)
     waves.evaluate(q, p, t)
     (form,), wall, h = waves._wall_terms.hamiltonian.values(), waves._wall_terms, waves.h.rows
     assert wall.energy() == pytest.approx(ScalarForm(form, waves.plane.comm).assemble(), rel=1e-12)
+    potential = ScalarForm(waves.hamiltonian[POTENTIAL], waves.plane.comm).assemble()
+    assert waves.energies(q, p, t).potential == pytest.approx(potential, rel=1e-13)
     assert np.sum(wall.vector() * waves.phi.rows) == pytest.approx(wall.energy(), rel=1e-12)
     change, column = 0.1 * np.cos(waves.plane.x), h.copy()
     ends = []

@@ -292,7 +292,9 @@ static void see_from(Whole *w, const double *q, const double *p, const double *p
         lift -= at_point[i] * away;
         eta[i] = at_point[i] - rise[i], psi[i] = p[i];
     }
-    const double twice = CALL(Square, square)(w->mass_cells, w->weights, at_point);
+    if (w->moment)
+        weigh(w->moment, n);
+    const double twice = CALL(Square, square)(w->mass_cells, w->moment ? w->moment->weights : w->weights, at_point);
     heights(eta, n, numbers + HIGHEST, numbers + LARGEST);
     numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = gravity * (0.5 * twice + lift);
     numbers[MASS] = mass;
@@ -332,9 +334,8 @@ static int look(Whole *w, const double *state, const double *to, const double *a
     if (iterations < 0)
         return iterations;
     see_from(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);
-    EACH_PADDLE(one)
-        EACH(i, n)
-            of_walls += one->by_wall[i] * w->column[i]; /* W is linear in the column */
+    EACH(i, w->paddles ? n * NUMBERS : 0)
+        of_walls += w->wall[i] * w->phi[i]; /* W is linear in the potential */
     numbers[WALL] = of_walls, numbers[POWER] = push(w, found, 1, &of_mean);
     return iterations;
 }

@@ -40,7 +40,7 @@ typedef struct {
     int dofs, iterations, most, last_iterations, trials;
     double celerity, tolerance, shortest, round_off;
     Paddle *paddles;
-    Weighed *mean, *weighed;
+    Weighed *mean, *weighed, *moment;
     double *mean_column, *before, *change, *kept;
     void *factor_mass, *solve_mass, *solve_both, *mass, *square, *mass_cells;
     void *take, *cells, *layers, *product, *derivative, *take_single, *single_cells, *single_layers, *correct, *modes;
@@ -144,17 +144,21 @@ class Rows(Protocol):
 
 
 class Leaning(Protocol):
-    """What finds columns from masses beside a paddle that leans.
+    """What finds columns from masses, and their potential energy, beside a paddle that leans.
 
     Attributes
     ----------
     mean, column
         The mass matrix with the mean of J over the column, and that column, shape (dofs,) [m].
+    moment
+        M of the potential energy 1/2 g eta M eta: with the mean of J between eta and still water, by the moment of
+        heights, of the water's own column.
     trials, round_off
         How many there are at most, and of the columns what they are found to.
     """
 
     mean: MassMatrix
+    moment: MassMatrix
     column: Vector
     trials: int
     round_off: float
@@ -262,7 +266,7 @@ class Whole:
             **operator.compiled,
             **minimum.compiled,
             **recall.compiled,
-            **(self._leaning(leaning) if leaning else {"mean": None}),
+            **(self._leaning(leaning) if leaning else {"mean": None, "moment": None}),
         }
         self._struct = self._kernel.shared("Whole", parts)
         self._told = np.zeros(5)
@@ -273,14 +277,14 @@ class Whole:
         self._trials: dict[tuple[Inverse, Combination], Any] = {}
 
     def _leaning(self, leaning: Leaning) -> dict[str, Any]:
-        """Return what finds columns beside a paddle that leans."""
-        mean, weighed = (
+        """Return what finds columns, and their potential energy, beside a paddle that leans."""
+        mean, moment, weighed = (
             self._kernel.shared("Weighed", {**one, "fields": self._kernel.pointers(one["fields"])})
-            for one in (leaning.mean.weighing, self._mass.weighing)
+            for one in (leaning.mean.weighing, leaning.moment.weighing, self._mass.weighing)
         )
         room = {"mean_column": leaning.column, **{name: np.empty_like(leaning.column) for name in ("before", "change")}}
         found_to = {"trials": leaning.trials, "round_off": leaning.round_off}
-        return {"mean": mean, "weighed": weighed, **found_to, **room, **self._mass.factoring}
+        return {"mean": mean, "moment": moment, "weighed": weighed, **found_to, **room, **self._mass.factoring}
 
     def find(self, q: Vector, p: Vector, still: Vector | float) -> Solution | None:
         """Return what belongs to masses q and surface potential p, (dofs,) each, or None of what is not as usual.

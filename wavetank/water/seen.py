@@ -46,7 +46,7 @@ class Sight:
     filled
         How many rows are.
     eta
-        The elevation [m], shape (most, owned).
+        The elevation [m], shape (most, owned); beside a paddle that leans to the square of what lies between.
     rise
         How much higher it is after the state's jump than in the mean of both sides [m], shape (most, owned).
     psi

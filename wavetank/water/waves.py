@@ -22,7 +22,6 @@ from wavetank.arrays import Vector, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fe.along import Minimum
 from wavetank.fe.combination import Combination
-from wavetank.fe.forms import ScalarForm
 from wavetank.fe.mass import BandedMass, mass_matrix
 from wavetank.fe.plane import Plane
 from wavetank.fe.vertical import VerticalBasis
@@ -162,6 +161,7 @@ class NonlinearWaves:
         self.densities = energy = WaterEnergy(h=self.h.function, d=self.bed.d, gravity=g, mapping=wall.mapping)
         self.mass = mass_matrix(plane, wall.mapping.J(energy.eta))
         self.columns = wall.columns(energy, self.mass)
+        self._leaning = self.columns if isinstance(self.columns, ShapedColumns) else None
         self.operator, self.layer, minimum = interior_of(
             energy.column, plane, self.vertical, column=self.h, tolerance=tolerances.interior
         )
@@ -201,14 +201,14 @@ class NonlinearWaves:
             POTENTIAL: energy.potential() * dx,
             **self._wall_terms.hamiltonian,
         }
-        self._potential_energy = self._by_elevation
-        if self.wall.leans:
-            self._potential_energy = ScalarForm(self.hamiltonian[POTENTIAL], self.plane.comm).assemble
 
-    def _by_elevation(self) -> float:
-        """Return the potential energy between vertical walls, 1/2 g eta M_J eta; collective."""
-        eta = self.h.owned - self.bed.still
-        return 0.5 * self.gravity * self.inner(eta, self.mass.apply(eta))
+    def _potential_energy(self) -> float:
+        """Return 1/2 g eta M eta, of J beside a paddle that leans its mean between eta and still water; collective."""
+        eta, mass = self.h.owned - self.bed.still, self.mass
+        if self._leaning:
+            mass = self._leaning.moment
+            mass.update()
+        return 0.5 * self.gravity * self.inner(eta, mass.apply(eta))
 
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
@@ -265,7 +265,7 @@ class NonlinearWaves:
             column=self.h,
             phi=self.phi,
             walls=walls,
-            leaning=self.columns if isinstance(self.columns, ShapedColumns) else None,
+            leaning=self._leaning,
             inputs=self._rows,
             celerity=self._speed,
         )

@@ -88,20 +88,3 @@ static void by_column(const Leaning *w, double factor, const double *column, con
             y[w->node] += factor * f * w->rows[l * (NUMBERS - 1) + j] * here[j];
     }
 }
-
-/* Return W at 1 m/s. */
-static double whole(const Leaning *w, const double *column, const double *phi)
-{
-    double sum = 0.0;
-    EACH(c, w->cells)
-        EACH(q, POINTS) {
-            double along;
-            const double h = at(w, c, q, column, phi, &along);
-            sum += w->carried[c * POINTS + q] * over(w, h) * along;
-        }
-    const double h = column[w->node], *here = phi + (long)w->node * NUMBERS;
-    EACH(l, LEVELS)
-        EACH(j, NUMBERS - 1)
-            sum += h * share(w, w->zeta[l] * h - w->depth) * w->rows[l * (NUMBERS - 1) + j] * here[j];
-    return sum;
-}

@@ -13,7 +13,8 @@ from wavetank.fe.cell_places import tabulate
 from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import LayeredField, Plane
 from wavetank.fe.vertical import VerticalBasis, gauss_legendre
-from wavetank.water.walls.shape import Polynomial
+from wavetank.water.bed import Bed
+from wavetank.water.walls.shape import Shape, coefficients
 from wavetank.water.walls.travel import Travel
 from wavetank.water.walls.work import CompiledWork, Indices
 
@@ -22,13 +23,12 @@ typedef struct {
     int cells, node;
     double depth, unit;
     const int *dofs;
-    const double *carried, *values, *slopes, *zeta, *rows, *shape, *integral, *slope;
+    const double *carried, *values, *slopes, *zeta, *rows, *shape, *slope, *integral, *moment;
 } Leaning;
 """
 DECLARATIONS = f"""{LEANING}
 void by_potential(const Leaning *, double factor, const double *column, double *y);
 void by_column(const Leaning *, double factor, const double *column, const double *phi, double *y);
-double whole(const Leaning *, const double *column, const double *phi);
 """
 SOURCE = LEANING + source("leaning.c", __package__)
 
@@ -44,20 +44,20 @@ class LeaningWork(CompiledWork):
         Those that are carried.
     node
         The degree of freedom at the paddle.
-    depth
-        As far as it reaches [m].
+    bed
+        As deep as the paddle reaches, in all its cells.
     """
 
     def __init__(
         self,
-        shape: Polynomial,
+        shape: Shape,
         phi: LayeredField,
         h: Vector,
         *,
         travel: Travel,
         cells: Indices,
         node: int,
-        depth: float,
+        bed: Bed,
         plane: Plane,
         vertical: VerticalBasis,
     ):
@@ -67,8 +67,6 @@ class LeaningWork(CompiledWork):
         dofs, (start, end) = plane.V.dofmap.list[cells], geometry.x[geometry.dofmap[cells], 0].T
         direction = np.sign(end - start)[:, None]  # of the cell's own coordinate: a slope times the length has it
         zeta, shares = gauss_legendre(vertical.n + 1 + shape.degree // 2)
-        c, unit = shape.powers
-        k = np.arange(len(c))
         sizes = {"NODES": element.dim, "POINTS": len(points), "LEVELS": len(zeta), "NUMBERS": vertical.n + 1}
         code = defined({**sizes, "DEGREE": shape.degree}) + SOURCE
         self._kernel = Kernel("leaning", DECLARATIONS, key=code, comm=plane.comm)
@@ -79,11 +77,7 @@ class LeaningWork(CompiledWork):
             "slopes": slopes,
         }
         upwards = {"zeta": zeta, "rows": shares[:, None] * vertical.at(zeta)[:, :-1]}
-        of_shape = {"shape": c, "integral": c / (k + 1), "slope": (-k * c)[1:]}
-        numbers = {"cells": len(cells), "node": node, "depth": depth, "unit": unit}
-        self._struct = self._kernel.struct("Leaning", {**numbers, **over_cells, **upwards, **of_shape})
+        numbers = {"cells": len(cells), "node": node, "depth": float(np.broadcast_to(bed.still, plane.owned)[node])}
+        parts = {**numbers, **over_cells, **upwards, **coefficients(shape)}
+        self._struct = self._kernel.struct("Leaning", parts)
         super().__init__(self._kernel, self._struct, self._struct, phi=phi.rows, h=h, travel=travel)
-
-    def value(self) -> float:
-        """Return W."""
-        return self.speed * float(self._kernel.call.whole(self._struct, self._at_h, self._at_phi))

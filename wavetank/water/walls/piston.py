@@ -35,7 +35,7 @@ from wavetank.water.walls.contract import Columns, Heights, Stood
 from wavetank.water.walls.leaning import LeaningWork
 from wavetank.water.walls.mapping import Shift
 from wavetank.water.walls.power import AssembledPower, Power, PowerAlong
-from wavetank.water.walls.shape import UPRIGHT, Polynomial, Shape
+from wavetank.water.walls.shape import UPRIGHT, Shape
 from wavetank.water.walls.side import Side
 from wavetank.water.walls.travel import Travel
 from wavetank.water.walls.work import AssembledWork, KeptWork, Work
@@ -231,24 +231,17 @@ class PistonTerms:
         self._power: Power
         alone = plane.mesh.topology.dim == 1 and plane.comm.size == 1
         water: dict[str, Any] = {"bed": bed, "plane": plane, "vertical": vertical}
-        if alone and not wall.leans:
-            share, columns = wall.flux(travel.share, **parts), np.unique(plane.V.dofmap.list[wall.cells])
-            self._work = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
-            self._power = PowerAlong(energy, phi, cells=wall.cells, paddle=wall.node, travel=travel, **water)
+        if alone and (not wall.leans or shape.degree):
+            where: dict[str, Any] = {"cells": wall.cells, "node": wall.node, "travel": travel, **water}
+            self._power = PowerAlong(shape, energy, phi, **where)
+            if wall.leans:
+                self._work = LeaningWork(shape, phi, energy.h.x.array, **where)
+            else:
+                share, columns = wall.flux(travel.share, **parts), np.unique(plane.V.dofmap.list[wall.cells])
+                self._work = KeptWork(share, phi, energy.h, travel=travel, columns=columns)
         else:
             self._power = AssembledPower(wall, energy, phi, R=R, flux=wall.flux(travel.acceleration, **parts), **water)
-            if alone and isinstance(shape, Polynomial) and shape.degree:
-                depth = float(np.broadcast_to(bed.still, plane.owned)[wall.node])
-                where: dict[str, Any] = {
-                    "cells": wall.cells,
-                    "node": wall.node,
-                    "depth": depth,
-                    "plane": plane,
-                    "vertical": vertical,
-                }
-                self._work = LeaningWork(shape, phi, energy.h.x.array, travel=travel, **where)
-            else:
-                self._work = AssembledWork(work, phi, energy.h, plane=plane)
+            self._work = AssembledWork(work, phi, energy.h, plane=plane)
         self._rated = np.nan  # the time of what power depends on [s]
 
     def vector(self) -> Vector:

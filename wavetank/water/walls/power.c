@@ -1,8 +1,10 @@
-/* The power of a vertical paddle along a slice, of wavetank/water/walls/power.py.
+/* The power of a paddle along a slice, of wavetank/water/walls/power.py.
 
 NODES, POINTS   of a cell, its points four at a time: GROUPS of them
 LEVELS, NUMBERS of the column, and of the potential in each node
-WIDTH           groups of numbers that values and rises at all levels are */
+WIDTH           groups of numbers that values and rises at all levels are
+DEGREE          of the shape's polynomial, 0 of a vertical paddle
+AT_PADDLE       levels of the rule over the column at the paddle */
 #include <string.h>
 
 typedef double v __attribute__((vector_size(32)));
@@ -50,12 +52,23 @@ static inline __attribute__((always_inline)) void over(const v upwards[NUMBERS][
         c->groups[z] = sums[z];
 }
 
+/* A polynomial of points four at a time. */
+static inline __attribute__((always_inline)) v horner(const double *c, int degree, v x)
+{
+    v sum = c[degree] + (v){0.0};
+    for (int k = degree - 1; k >= 0; --k)
+        sum = c[k] + x * sum;
+    return sum;
+}
+
 /* Sets dH/dt as the paddle goes on at its velocity, and dH/dX', at the point as it is, or at its mean with the one held. */
 void push(const Strip *s, double position, double speed, const double *mu, int between, double *found)
 {
     const stored *values = (const stored *)s->values, *slopes = (const stored *)s->slopes;
     Column c[NODES];
     v going = {0.0}, sped = {0.0}, upwards[NUMBERS][WIDTH];
+    const v none = {0.0};
+    const double per_unit = 1.0 / s->unit;
     memcpy(upwards, s->upwards, sizeof(upwards)); /* where none is in two lines of the cache */
     take(s, mu, between, s->rows);
     over(upwards, s->rows, c + NODES - 1);
@@ -67,7 +80,7 @@ void push(const Strip *s, double position, double speed, const double *mu, int b
             over(upwards, rows + i * OF_A_NODE, c + i);
         for (int g = 0; g < GROUPS; ++g) {
             const int at = cell * GROUPS + g;
-            v h = {0.0}, h_x = {0.0}, psi_x = {0.0}, by_column = {0.0}, up = {0.0}, along = {0.0}, both = {0.0};
+            v h = {0.0}, h_x = {0.0}, psi_x = {0.0}, by_column = {0.0}, up = {0.0}, along = {0.0}, both = {0.0}, kinetic = {0.0};
             v value[NODES], slope[NODES];
             EACH(i, NODES) {
                 const double *at_node = rows + i * OF_A_NODE;
@@ -78,6 +91,8 @@ void push(const Strip *s, double position, double speed, const double *mu, int b
                 by_column += value[i] * at_node[MU];
             }
             const v per_column = 1.0 / h, rising = h_x * per_column, sloping = ((const stored *)s->depth_x)[at] * per_column;
+            const v still = ((const stored *)s->depth)[at], eta = h - still, measure = ((const stored *)s->measure)[at];
+            const v share = ((const stored *)s->share)[at], stretch = ((const stored *)s->stretch)[at];
             for (int z = 0; z < LEVELS; ++z) {
                 v S = {0.0}, w = {0.0};
                 EACH(i, NODES) {
@@ -85,21 +100,34 @@ void push(const Strip *s, double position, double speed, const double *mu, int b
                     w += value[i] * c[i].of[1][z];
                 }
                 S -= (s->zeta[z] * rising - sloping) * w;
+#if DEGREE
+                const v down = (still - s->zeta[z] * h) * per_unit, f = horner(s->shape, DEGREE, down);
+                const v lean = share * per_unit * horner(s->slope, DEGREE - 1, down);
+                S /= 1.0 + position * stretch * f, w = w * per_column - position * lean * S; /* the velocity */
+                kinetic += h * (0.5 * stretch * f * (w * w - S * S) - lean * S * w);
+#else
                 up += w * w, along += S * S, both += S * w;
+#endif
             }
-            const v stretch = ((const stored *)s->stretch)[at], J = 1.0 + stretch * position, per_J = 1.0 / J;
-            const v eta = h - ((const stored *)s->depth)[at], J_t = stretch * speed;
-            const v density = 0.5 * (up * per_column - h * along * per_J * per_J + s->gravity * eta * eta) - h * by_column;
-            const v by_bed = both * ((const stored *)s->sinking_x)[at] * per_J
-                             - s->gravity * J * eta * ((const stored *)s->sinking)[at];
-            going += ((const stored *)s->measure)[at] * (J_t * density + by_bed);
-            sped -= ((const stored *)s->measure)[at] * (h * psi_x * ((const stored *)s->share)[at]);
+#if !DEGREE
+            const v J = 1.0 + stretch * position, per_J = 1.0 / J;
+            kinetic = 0.5 * stretch * (up * per_column - h * along * per_J * per_J);
+            going += measure * (both * ((const stored *)s->sinking_x)[at] * per_J
+                                - s->gravity * J * eta * ((const stored *)s->sinking)[at]);
+#endif
+            const v down = -eta * per_unit, R = s->mean * still + eta * horner(s->integral, DEGREE, down);
+            const v potential = 0.5 * s->gravity * eta * eta * horner(s->moment, DEGREE, down);
+            going += measure * speed * (kinetic + stretch * (potential - R * by_column));
+            sped -= measure * share * R * psi_x;
         }
     }
-    double mean = 0.0;      /* of the potential at the paddle, less that at the surface */
     const double *at_paddle = s->rows + s->paddle * OF_A_NODE;
-    for (int j = 0; j < NUMBERS - 1; ++j)
-        mean += at_paddle[j] * s->means[j];
+    for (int l = 0; l < AT_PADDLE; ++l) {
+        double mean = 0.0; /* of the potential there, less that at the surface */
+        for (int j = 0; j < NUMBERS - 1; ++j)
+            mean += at_paddle[j] * s->means[l * (NUMBERS - 1) + j];
+        sped[0] += at_paddle[H] * mean * horner(s->shape, DEGREE, none + (s->still - s->levels[l] * at_paddle[H]) * per_unit)[0];
+    }
     found[0] = going[0] + going[1] + going[2] + going[3];
-    found[1] = sped[0] + sped[1] + sped[2] + sped[3] + at_paddle[H] * mean;
+    found[1] = sped[0] + sped[1] + sped[2] + sped[3];
 }

@@ -1,13 +1,14 @@
 """The power that a paddle puts into the water: dH/dt at fixed (Q, psi), of the formulae of ``piston.py``.
 
-As a form it is assembled anew each time. Along a slice J = 1 + s_X X_p is one at all heights, and with w = phi_zeta / h
-and S = phi_X - (zeta h_X - d_X) w the density of energy goes, at fixed phi and h, by
+As a form it is assembled anew each time. Along a slice the water has, with w = phi_zeta / h and J = 1 + s_X f X_p, the
+velocity u = S / J, S = phi_X - (zeta h_X - d_X) w, and v = w - s f' X_p u upwards; over a flat bed the density of its
+energy goes, at fixed phi and h, by
 
-    h/2 (w^2 - S^2 / J^2) J'  +  h S w d'_X / J   and   g/2 eta^2 J'  -  g J eta d',
+    h X_p' { s_X f / 2 (v^2 - u^2) - s f' u v }   and   g s_X X_p' int f z dz from still water to the surface.
 
-dashes being rates: that is written out (``power.c``), with what mu and X_p'' add to it, for the quadrature points of
-the cells that are carried. What does not change is kept there: the share s and its slope, and those of the bed until
-the wall has carried it on.
+A vertical paddle, f = 1, may carry water over any bed, which adds h S w d'_X / J and -g J eta d', d' the rate of d. All
+is written out (``power.c``), with what mu and X_p'' add to it, for the quadrature points of the cells that are carried.
+What does not change is kept there: the share s and its slope, and those of the bed until the wall has carried it on.
 """
 
 from dataclasses import replace
@@ -23,19 +24,21 @@ from wavetank.fe.cell_places import tabulate
 from wavetank.fe.forms import ScalarForm, taylor_coefficients
 from wavetank.fe.kernels import Kernel, defined, source
 from wavetank.fe.plane import LayeredField, Plane
-from wavetank.fe.vertical import VerticalBasis
+from wavetank.fe.vertical import VerticalBasis, gauss_legendre
 from wavetank.water.bed import Bed
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.walls.mapping import Shift
+from wavetank.water.walls.shape import Shape, coefficients
 from wavetank.water.walls.travel import Travel
 
 SOURCE = source("power.c", __package__)
 STRIP = """
 typedef struct {
     int cells, nodes, paddle;
-    double gravity;
+    double gravity, still, unit, mean;
     const int *dofs;
-    const double *lengths, *values, *slopes, *measure, *zeta, *upwards, *means;
+    const double *lengths, *values, *slopes, *measure, *zeta, *upwards, *levels, *means;
+    const double *shape, *slope, *integral, *moment;
     const double *share, *stretch, *depth, *depth_x, *sinking, *sinking_x, *phi, *column;
     double *rows, *held;
 } Strip;
@@ -143,23 +146,26 @@ class AssembledPower:
 
 
 class PowerAlong:
-    """That of a vertical paddle along a slice that is on one rank.
+    """That of a paddle along a slice that is on one rank: a vertical one, or of a polynomial's shape over a flat bed.
 
     Parameters
     ----------
+    shape
+        f.
     cells
         Those that are carried.
-    paddle
+    node
         The degree of freedom at which it stands.
     """
 
     def __init__(
         self,
+        shape: Shape,
         energy: WaterEnergy,
         phi: LayeredField,
         *,
         cells: NDArray[np.int32],
-        paddle: int,
+        node: int,
         travel: Travel,
         bed: Bed,
         plane: Plane,
@@ -183,13 +189,15 @@ class PowerAlong:
         self._at_bed = {name: np.zeros((len(cells), len(points))) for name in bed_parts}
         self._depth: Any = None  # what of the bed is there
         self._sinking: Any = None
+        at_paddle, shares = gauss_legendre(vertical.n + 1 + shape.degree // 2)
         sizes = {"NODES": element.dim, "GROUPS": len(points) // FOUR, "LEVELS": levels, "NUMBERS": vertical.n + 1}
-        code = defined({**sizes, "WIDTH": width}) + STRIP + SOURCE
+        sizes |= {"WIDTH": width, "DEGREE": shape.degree, "AT_PADDLE": len(at_paddle)}
+        code = defined(sizes) + STRIP + SOURCE
         self._kernel = Kernel("power", DECLARATIONS, key=code, comm=plane.comm)
         parts = {
             "cells": len(cells),
             "nodes": len(dofs),
-            "paddle": int(np.flatnonzero(dofs == paddle)[0]),
+            "paddle": int(np.flatnonzero(dofs == node)[0]),
             "gravity": float(energy.gravity.value),
             "dofs": dofs,
             "lengths": self._lengths,
@@ -198,7 +206,11 @@ class PowerAlong:
             "measure": np.outer(self._lengths, weights),
             "zeta": vertical.zeta,
             "upwards": np.pad(upwards, ((0, 0), (0, FOUR * width - upwards.shape[1]))),
-            "means": vertical.weights @ vertical.values,
+            "levels": at_paddle,
+            "means": shares[:, None] * vertical.at(at_paddle)[:, :-1],
+            "still": float(np.broadcast_to(bed.still, plane.owned)[node]),
+            "mean": shape.near_still[2],
+            **coefficients(shape),
             "share": share,
             "stretch": stretch,
             "phi": phi.rows,

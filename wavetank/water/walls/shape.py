@@ -160,6 +160,16 @@ class Polynomial:
         return np.asarray(horner([*c], -z / unit) + 0.0 * z)
 
 
+def coefficients(shape: Shape) -> dict[str, Any]:
+    """Return what compiled code knows of a shape, by powers of -z / unit.
+
+    That is f, its slope times the unit, and its mean between still water and z, as such and by the moment of heights.
+    """
+    c, unit = shape.powers
+    k = np.arange(len(c))
+    return {"unit": unit, "shape": c, "slope": (-k * c)[1:], "integral": c / (k + 1), "moment": 2.0 * c / (k + 2)}
+
+
 def horner(coefficients: Sequence[Any], x: Any) -> Any:
     """Return sum_k c_k x^k; 0 of none."""
     if not coefficients:

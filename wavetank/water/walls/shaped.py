@@ -54,7 +54,7 @@ class ShapedColumns:
 
     Attributes
     ----------
-    mean, column, trials, round_off
+    mean, moment, column, trials, round_off
         As ``fe/whole.py`` has them.
     """
 
@@ -67,6 +67,7 @@ class ShapedColumns:
         self.column: Vector = h.x.array
         self.trials, self.round_off = MOST, ROUND_OFF
         self.mean = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.column(h, energy.d)) / h)
+        self.moment = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.mean(energy.eta)))
 
     def apply(self, h: Vector) -> Vector:
         """Return the masses of columns [m]; collective."""

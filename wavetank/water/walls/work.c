@@ -22,16 +22,3 @@ static void by_column(const Entries *transposed, double factor, const double *co
 {
     times(transposed, factor, phi, y);
 }
-
-/* Return y M x. */
-static double between(const Entries *M, const double *y, const double *x)
-{
-    double whole = 0.0;
-    for (int i = 0; i < M->rows; ++i) {
-        double sum = 0.0;
-        for (int j = 0; j < M->width; ++j)
-            sum += M->entries[i * M->width + j] * x[M->places[i * M->width + j]];
-        whole += y[M->at[i]] * sum;
-    }
-    return whole;
-}

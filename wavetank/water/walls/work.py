@@ -28,7 +28,6 @@ typedef struct {
 DECLARATIONS = f"""{ENTRIES}
 void by_potential(const Entries *, double factor, const double *column, double *y);
 void by_column(const Entries *, double factor, const double *column, const double *phi, double *y);
-double between(const Entries *, const double *y, const double *x);
 """
 SOURCE = ENTRIES + source("work.c", __package__)
 
@@ -105,7 +104,7 @@ class CompiledWork:
 
     def __init__(self, kernel: Kernel, for_potential: Any, for_column: Any, *, phi: Vector, h: Vector, travel: Travel):
         self._kernel, self._for_potential, self._for_column = kernel, for_potential, for_column
-        self._travel, self._of_phi, self._of_h = travel, np.zeros_like(phi), np.zeros_like(h)
+        self._travel, self._phi, self._of_phi, self._of_h = travel, phi, np.zeros_like(phi), np.zeros_like(h)
         fields = h, phi, self._of_phi, self._of_h
         self._at_h, self._at_phi, self._at_of_phi, self._at_of_h = map(kernel.pointer, fields)
 
@@ -131,6 +130,10 @@ class CompiledWork:
         """Return dW/dh, shape (dofs,). The array is reused by the next call."""
         self._kernel.call.by_column(self._for_column, self.speed, self._at_h, self._at_phi, self._at_of_h)
         return self._of_h
+
+    def value(self) -> float:
+        """Return W, which is linear in the potential."""
+        return float(np.vdot(self.by_potential(), self._phi))
 
 
 class KeptWork(CompiledWork):
@@ -176,7 +179,3 @@ class KeptWork(CompiledWork):
         entries[there], found[there] = values[order], places[order]
         parts = {"rows": len(at), "width": there.shape[1], "at": at, "places": found, "entries": entries}
         return self._kernel.struct("Entries", parts)
-
-    def value(self) -> float:
-        """Return W."""
-        return self.speed * float(self._kernel.call.between(self._M, self._at_phi, self._at_h))
