@@ -31,8 +31,7 @@ from wavetank.observers.schedule import EverySteps
 from wavetank.observers.stability import IN_ELEVATION, StabilityWatch
 from wavetank.observers.supply import AnsweredWork
 from wavetank.recording import record_run
-from wavetank.records.directory import ENERGY, GAUGES, PADDLE, SURFACE, RunDirectory
-from wavetank.records.surface import snapshots
+from wavetank.records.directory import ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.runs import run as running
 from wavetank.water.surface_flow import surface_of
 from wavetank.water.waves import NonlinearWaves
@@ -287,27 +286,6 @@ def test_what_was_kept_of_a_moment_that_another_look_has_ended_is_not_recorded()
         paddle.keep(moment)
     paddle.work_off(Moments.of(first))
     assert record.array()[:, 0].tolist() == [0.0] and work.work_off(np.zeros(1), np.zeros(1))[0].shape == (1,)
-
-
-class Spoiling:
-    """Changes a state that it is to look at."""
-
-    schedule = EverySteps()
-
-    def observe(self, moment):
-        if moment.step == 6:
-            moment.p[:] = np.nan
-
-
-@pytest.mark.usefixtures("patient")
-def test_a_snapshot_is_of_its_moment_though_somebody_changes_the_state_then(tmp_path):
-    """So that it is the next step that tells what is wrong; of a scheme that lets others write into its state."""
-    verlet = SLICE | {"numerics": {**SLICE["numerics"], "integrator": "stormer-verlet"}}
-    parts = {"comm": MPI.COMM_SELF, "console": Console(file=io.StringIO()), "observers": [lambda waves: Spoiling()]}
-    with pytest.raises(BreakdownError, match="the surface's potential is no longer a number"):
-        record_run(scene(verlet), tmp_path, **parts)
-    surface = snapshots((tmp_path / SURFACE).read_bytes())
-    assert surface.t == pytest.approx([0.0, 0.1, 0.2, 0.3]) and np.isfinite(surface.psi).all()
 
 
 @pytest.mark.usefixtures("patient")
