@@ -15,6 +15,7 @@ from mpi4py import MPI
 from rich.console import Console
 from scipy.signal import find_peaks
 
+import wavetank
 from wavetank.arrays import largest
 from wavetank.case import Scene
 from wavetank.errors import ConvergenceError, RunError
@@ -261,6 +262,9 @@ def test_where_waves_break_a_run_stops_that_would_dissipate_and_goes_on_from_the
         with pytest.raises(RunError, match=re.escape(f"t = {t:.6g} s, x = {x:.4g} m: a wave breaks")):
             record_run(Scene.model_validate(case), tmp_path / "run", resume=resume, **quiet)
         assert RunDirectory(tmp_path / "run").manifest["last_checkpoint"] == pytest.approx(t - 0.04)
+    on = wavetank.resume(tmp_path / "run", ["run.on_breaking=dissipate", f"run.duration={t + 0.04}"])
+    began = on.manifest["breaking"]["began"][0]
+    assert began["t"] == pytest.approx(t) and began["x"] == pytest.approx(x, abs=0.05)  # its jumps are left out
 
 
 def test_a_sine_too_steep_for_any_wave_breaks_and_stops_unless_it_is_ignored():

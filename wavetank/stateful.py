@@ -81,10 +81,16 @@ def give_back(parts: Mapping[str, Stateful], held: Held) -> None:
 
 
 def carry_over(parts: Mapping[str, object], held: Held) -> None:
-    """Let those parts that were there already take what outlives a change of numerics; collective."""
+    """Let those parts that were there already take what outlives a change of numerics; collective.
+
+    So does a part that stands in the place of another kind, which it says it ``follows``.
+    """
     for name, part in parts.items():
-        if isinstance(part, Carrying) and name in held:
-            part.carry(held[name])
+        if isinstance(part, Carrying):
+            for kind in (name, getattr(part, "follows", name)):
+                if kind in held:
+                    part.carry(held[kind])
+                    break
 
 
 def apart(held: Held) -> tuple[str, list[Vector]]:

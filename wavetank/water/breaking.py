@@ -124,6 +124,8 @@ class StopAtBreaking:
         What looks for it.
     """
 
+    follows = "BreakingDissipation"  # in whose place it may stand in a run that goes on
+
     def __init__(self, watch: BreakingWatch):
         self.watch = watch
 
@@ -156,11 +158,11 @@ class StopAtBreaking:
 
     def held(self) -> Held:
         """Return what was seen last."""
-        return self.watch.held()
+        return {"watch": self.watch.held()}
 
     def take(self, held: Held) -> None:
-        """Take back what has been held."""
-        self.watch.take(held)
+        """Take back what has been held, by itself or by ``BreakingDissipation``."""
+        self.watch.take(held["watch"])
 
     carry = take
 
@@ -186,6 +188,7 @@ class BreakingDissipation(Smoothing):
     """
 
     called = "the eddy viscosity of breaking waves"
+    follows = "StopAtBreaking"
 
     def __init__(self, waves: NonlinearWaves, watch: BreakingWatch, *, dt: float):
         plane = waves.plane
@@ -245,8 +248,11 @@ class BreakingDissipation(Smoothing):
         self.watch.take(held["watch"])
 
     def carry(self, held: Held) -> None:
-        """Take all of it: crests know nothing of the mesh."""
-        self.take(held)
+        """Take all of it, crests know nothing of the mesh, or of ``StopAtBreaking`` what it has seen last."""
+        if held.keys() == {"watch"}:
+            self.watch.take(held["watch"])
+        else:
+            self.take(held)
 
     @property
     def story(self) -> str:
