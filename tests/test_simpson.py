@@ -15,6 +15,7 @@ from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.runs.build import Records, build_observers, build_run, build_watch
+from wavetank.water.surface_flow import SurfaceFlow
 
 SINUSOID = {"type": "sinusoid", "paddle_amplitude": 0.03, "period": 1.6, "ramp": 1.6}
 SLICE = {
@@ -160,6 +161,9 @@ def test_a_point_is_known_by_its_array_only_while_nobody_can_write_into_that():
     z[z.size // 2 :] *= 2.0
     there = waves.flow(z, run.t)
     np.testing.assert_allclose(there, other.flow(z.copy(), run.t), rtol=0.0, atol=1e-8 * np.abs(there).max())
+    assert isinstance(waves.surface, SurfaceFlow)  # which asks how it moves
+    waves.flow(run.state.points[0], run.t)
+    assert waves.told(run.state, run.t) and waves.told(run.state, run.t + 0.1) is None
 
 
 def test_a_run_goes_on_from_its_pickled_state_in_a_new_tank():
