@@ -86,11 +86,9 @@ def carry_over(parts: Mapping[str, object], held: Held) -> None:
     So does a part that stands in the place of another kind, which it says it ``follows``.
     """
     for name, part in parts.items():
-        if isinstance(part, Carrying):
-            for kind in (name, getattr(part, "follows", name)):
-                if kind in held:
-                    part.carry(held[kind])
-                    break
+        kind = name if name in held else getattr(part, "follows", name)
+        if isinstance(part, Carrying) and kind in held:
+            part.carry(held[kind])
 
 
 def apart(held: Held) -> tuple[str, list[Vector]]:

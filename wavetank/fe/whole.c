@@ -94,13 +94,14 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
     int positive = 1;
     EACH(i, near ? n : 0)
         rise[i] = q[i] - near[i];
-    if (w->mean && !lean(w, q))
-        return 0;
-    if (w->mean && near)
-        CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
-    else if (near)
+    if (w->mean) {
+        if (!lean(w, q))
+            return 0;
+        if (near)
+            CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
+    } else if (near)
         CALL(SolveBoth, solve_both)(w->mass, q, rise, w->column, rise, w->mass_work);
-    else if (!w->mean)
+    else
         CALL(Solve, solve_mass)(w->mass, q, w->column, w->mass_work);
     EACH(i, n)
         sum += p[i], positive &= w->column[i] > 0.0;

@@ -424,7 +424,7 @@ class NonlinearWaves:
     def see(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
         whole, found = self._seeing, None
-        if whole is not None and isinstance(state, BetweenTwo) and not self.potential.renews and self._ended(state, t):
+        if whole is not None and isinstance(state, BetweenTwo) and not self.potential.renews and self._at_end(state, t):
             next_point = state.points[-1]
             found = whole.look(state.mean, next_point, self._point, self.bed.still, self.gravity, into, row)
         if found is not None:
@@ -435,7 +435,7 @@ class NonlinearWaves:
         if self._several:
             into.move(row, self.wall.velocities)
 
-    def _ended(self, state: BetweenTwo, t: float) -> bool:
+    def _at_end(self, state: BetweenTwo, t: float) -> bool:
         """Return whether the point last evaluated is that where the step to a state has ended."""
         return state.points[0] is self._array and (t == self._t or one_time(t, self._t))
 
@@ -511,7 +511,7 @@ class NonlinearWaves:
         If that point, at t [s], was looked at where it was found; None else.
         """
         if isinstance(state, BetweenTwo):
-            return self._told if self._ended(state, t) else None
+            return self._told if self._at_end(state, t) else None
         if self._glances:
             self.evaluate(*state.known[0], t)  # as is done anyway
             return self._told
@@ -522,7 +522,7 @@ class NonlinearWaves:
 
         If that point, at t [s], was looked at where it was found, and is the last: the next one is written over it.
         """
-        known = self._told is not None and isinstance(state, BetweenTwo) and self._ended(state, t)
+        known = self._told is not None and isinstance(state, BetweenTwo) and self._at_end(state, t)
         return (self._rows[0], self._point[4]) if known else None
 
     def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
