@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import Formatter
 from numpy.typing import NDArray
 
 from wavetank.case.beds import Depth
@@ -241,7 +242,7 @@ def _draw_paddle(axes: Axes, diagram: Axes, surface: Surface, *, far: bool = Fal
     axes.plot(CM * position, surface.t, color=PADDLE)
     reach = CM * float(np.abs(position).max())
     tick = float(f"{reach:.0e}")  # one digit: there is no room for more
-    axes.set_xticks([-tick, 0.0, tick], [f"{-tick:g}", "0", f"{tick:g}"])
+    axes.set_xticks([-tick, 0.0, tick], [Formatter.fix_minus(f"{-tick:g}"), "0", f"{tick:g}"])
     axes.set(xlim=(-1.4 * reach, 1.4 * reach), xlabel=f"{'far wall' if far else 'paddle'}\n[cm]")
 
 
@@ -343,13 +344,11 @@ def _draw_budget(axes: Axes, columns: dict[str, NDArray[np.float64]]) -> None:
     t, total = columns["t"], columns["total"]
     axes.plot(t, total, color=TOTAL, lw=4, label="total")
     supplied, dissipated = total[0] + columns["paddle_work"], columns.get("dissipated", np.zeros(t.size))
-    axes.plot(
-        t, supplied, "--", color=WORK, label="start + all paddles' work" if columns["paddle_work"].any() else "start"
-    )
+    axes.plot(t, supplied, "--", color=WORK, label="start + paddle work" if columns["paddle_work"].any() else "start")
     if dissipated[-1] > SEEN * np.abs(total).max():
-        axes.plot(t, supplied - dissipated, ":", color=WORK, label="the same - dissipated")
+        axes.plot(t, supplied - dissipated, ":", color=WORK, label="the same \N{MINUS SIGN} dissipated")
     if "absorbed" in columns:
-        axes.plot(t, columns["absorbed"], "-.", color=WORK, label="absorbed by paddles")
+        axes.plot(t, columns["absorbed"], "-.", color=WORK, label="paddle absorption")
     axes.plot(t, columns["kinetic"], color=KINETIC, label="kinetic")
     axes.plot(t, columns["potential"], color=POTENTIAL, label="potential")
     axes.legend(ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0))

@@ -342,6 +342,8 @@ def test_a_picture_tells_where_the_crest_is_and_which_attempts_broke_down(monkey
     drawing.draw([one, replace(one, number=2, found=NOTHING, cause="it broke.")], aim, tmp_path, shown=one, title="")
     records, _, misfits = figure.axes
     assert records.get_title() == "at x = 10 m; the highest crest is at 10.29 m"
+    figure.draw_without_rendering()
+    assert not any(axes.get_legend().get_window_extent().overlaps(axes.bbox) for axes in figure.axes)
     (broken,) = (line for line in misfits.lines if line.get_label() == "broke down")
     assert list(broken.get_xdata()) == [2] and "misfit 194 of" in told(one)
 

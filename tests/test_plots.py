@@ -108,7 +108,7 @@ def test_the_surface_picture_names_crest_place_time_and_exaggeration(tmp_path):
     crest = "t = 20.00 s, the highest crest of the snapshots", "10 cm at x = 10.00 m"
     for word in ("A focusing group", *crest, "vertical exaggeration"):
         assert word in text
-    for axis in ("elevation [cm]", "time [s]", "x [m]", ">paddle<"):
+    for axis in ("elevation [cm]", "time [s]", "x [m]", ">paddle<", ">−5<"):
         assert axis in text
     assert ">bed [m]<" not in text and ">sponge<" not in text
 
@@ -290,11 +290,11 @@ def test_a_row_of_gauges_has_one_name_on_a_map():
 
 def test_the_energy_picture_names_the_budget_and_its_units(run, tmp_path):
     text = words(lambda path: energy_figure(run.budget(), path), tmp_path)
-    for word in ("kinetic", "potential", "total", "start + all paddles", "[m⁴/s²]", "time [s]", "not balance"):
+    for word in ("kinetic", "potential", "total", "start + paddle work", "[m⁴/s²]", "time [s]", "not balance"):
         assert word in text
     taken = {**run.budget(), "absorbed [m^4/s^2]": run.budget()["total [m^4/s^2]"]}
-    assert "absorbed" not in text
-    assert "absorbed by paddles" in words(lambda path: energy_figure(taken, path), tmp_path)
+    assert "absor" not in text
+    assert "paddle absorption" in words(lambda path: energy_figure(taken, path), tmp_path)
     fixed = {name: 0 * column if name.startswith("paddle_work") else column for name, column in run.budget().items()}
     text = words(lambda path: energy_figure(fixed, path), tmp_path)
     assert "start" in text and "paddle" not in text

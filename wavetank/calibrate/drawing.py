@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from wavetank.theory.plane_waves import PlaneWaves
 
 PERIODS = 6.0  # shown on either side of a crest
 LINE = 70  # characters
+BELOW: Any = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 2}  # the panel: waves fill it
 
 
 def draw(tried: Sequence[Tried], aim: Aim, path: Path, *, shown: Tried, title: str) -> None:
@@ -43,7 +45,7 @@ def _draw_records(panel: Axes, one: Tried, aim: Aim) -> None:
         panel.set_xlim(max(0.0, wanted.t[0] - half), min(wanted.t[0] + half, last))
     highest = f"; the highest crest is at {one.found.x:.4g} m" if alone and not one.cause else ""
     panel.set(xlabel="t [s]", ylabel="elevation [cm]", title=f"at x = {aim.x:g} m{highest}")
-    panel.legend()
+    panel.legend(**BELOW)
 
 
 def _draw_spectrum(panel: Axes, waves: PlaneWaves, first: PlaneWaves) -> None:
@@ -51,7 +53,7 @@ def _draw_spectrum(panel: Axes, waves: PlaneWaves, first: PlaneWaves) -> None:
     for one, colour, label in ((first, PALE_GREY, "at first"), (waves, INK, "now")):
         panel.plot(one.omega / (2 * np.pi), 1e3 * np.abs(one.amplitudes), color=colour, label=label)
     panel.set(xlabel="f [Hz]", ylabel="amplitude of components [mm]", title="what the paddle is told to make")
-    panel.legend()
+    panel.legend(**BELOW)
 
 
 def _draw_misfits(panel: Axes, tried: Sequence[Tried]) -> None:
@@ -72,4 +74,4 @@ def _draw_misfits(panel: Axes, tried: Sequence[Tried]) -> None:
     panel.set_xlim(0.7, numbers[-1] + 0.3)
     panel.set_ylim(*(np.nanmin(np.append(misfits, 0.5)) / 1.5, np.nanmax(np.append(misfits, 2.0)) * 1.5))
     number_logarithms(panel.yaxis)
-    panel.legend()
+    panel.legend(**BELOW)
