@@ -131,7 +131,7 @@ def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted
 def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
     """From its very end, from Python; the step stays. What was made of the record until then is gone."""
     record(SLICE, tmp_path / "run", {"duration": 0.3})
-    made = "analysis-spectrum.csv", "compare-harmonics.png", "compare.png", "energy.png"
+    made = "analysis-spectrum.csv", "compare-harmonics.png", "compare.png", "energy.png", "view.mp4"
     of_the_record = [tmp_path / "run" / name for name in made]
     for file in of_the_record:
         file.touch()

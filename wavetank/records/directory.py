@@ -63,7 +63,7 @@ CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
-PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png"
+PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png", "view.mp4", "view.gif"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
 INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
 LINES = 2**12  # bytes, more than a row of energies has
