@@ -140,6 +140,15 @@ def test_the_paddles_part_of_the_hamiltonian_is_its_form(make_tank):
     assert abs(found) > 1e-3
 
 
+def test_nobody_writes_into_derivatives_that_are_remembered(make_tank):
+    """As an observer might that turns one round; oracle: numpy's flag."""
+    tank = make_tank(length=2.0, cells=8, n=5)
+    for derivative in (tank.H_p, tank.H_q):
+        found = derivative(*steep_state(tank), 0.0)
+        with pytest.raises(ValueError, match="read-only"):
+            found *= -1.0
+
+
 BESIDE = {"piston": {}, "flap": {"hinge": -1.0}, "both": {"hinge": -1.0, "far": piston(), "reach": 1.0}}
 
 

@@ -32,7 +32,7 @@ def test_who_looks_at_a_moment_cannot_change_it():
     waves, eta = SimpleNamespace(), np.ones((1, 3))
     state = Point(np.ones(3), np.ones(3))
     moment = Moment(0, 0.0, state, sights={id(waves): SimpleNamespace(eta=eta, filled=1)})
-    for seen in (moment.q, moment.p, moment.elevation(waves)):
+    for seen in (moment.q, moment.p, *moment.points[0], moment.elevation(waves)):
         with pytest.raises(ValueError, match="read-only"):
             seen *= 100
     assert np.array_equal([moment.q, moment.p, moment.elevation(waves)], np.ones((3, 3)))

@@ -50,8 +50,8 @@ class Moment:
 
     @property
     def points(self) -> Sequence[tuple[Vector, Vector]]:
-        """Points next to (q, p) at which the system is evaluated anyway, in the order in which that costs nothing."""
-        return self.state.known
+        """Points next to (q, p) at which the system is evaluated anyway, in that order, to be read likewise."""
+        return [(read_only(q), read_only(p)) for q, p in self.state.known]
 
     def look(self, waves: "ObservedWaves") -> Sight:
         """Return where what is seen of waves at this moment is, found once for all who look; collective."""

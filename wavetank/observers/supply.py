@@ -22,6 +22,7 @@ from mpi4py import MPI
 from wavetank.arrays import Vector
 from wavetank.fe.kernels import EXACT, Kernel
 from wavetank.stateful import Held, Stateful
+from wavetank.water.seen import State
 
 KNOWN = 4  # values that a cubic goes through
 DECLARATION = "void put_in(long count, const double *t, const double *rates, double *work, double *done);"
@@ -63,8 +64,8 @@ class Moment(Protocol):
         """When it ends [s]."""
 
     @property
-    def points(self) -> Sequence[tuple[Vector, Vector]]:
-        """The known points, in the order in which evaluating them costs nothing."""
+    def state(self) -> State:
+        """The state, with its known points in the order in which evaluating them costs nothing."""
 
 
 class Supply(Stateful, Protocol):
@@ -89,7 +90,7 @@ class Supply(Stateful, Protocol):
 
 def _mean(look: Callable[..., Any], before: Any, moment: Moment) -> Any:
     """Return the mean of what a look at a moment's points tells; ``before`` of the first, if something has acted."""
-    *points, last = moment.points
+    *points, last = moment.state.known
     seen = [look(*point, moment.t) for point in points] if before is None else [before]
     seen.append(look(*last, moment.t))
     return sum(seen[1:], start=seen[0]) / len(seen)

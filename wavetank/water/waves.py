@@ -18,7 +18,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
-from wavetank.arrays import Vector, summed
+from wavetank.arrays import Vector, read_only, summed
 from wavetank.errors import BreakdownError, ConvergenceError, RunError
 from wavetank.fe.along import Minimum
 from wavetank.fe.combination import Combination
@@ -366,15 +366,13 @@ class NonlinearWaves:
             raise BreakdownError(what)
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dpsi = dQ/dt, shape (owned,); collective."""
+        """Return dH/dpsi = dQ/dt, shape (owned,), to be read: it is remembered; collective."""
         self.evaluate(q, p, t)
-        found: Vector = self._point[0]
-        return found
+        return read_only(self._point[0])
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,); collective."""
-        found: Vector = self._evaluated(q, p, t)[2]
-        return found
+        """Return dH/dQ = -dpsi/dt = M_J^-1 dH/dh, shape (owned,), likewise; collective."""
+        return read_only(self._evaluated(q, p, t)[2])
 
     def _set_H_q(self, H_q: Vector) -> None:
         self._point[1:3] = -H_q, H_q
