@@ -135,11 +135,27 @@ def test_a_watch_warns_of_the_same_time_and_place_however_many_moments_it_judges
     assert other.since == watch.since and other.noise == 0.0  # it may warn again: of a state that was not sound before
 
 
+@pytest.mark.parametrize("together", [1, 5, 48])
+@pytest.mark.parametrize("part", [0.02, 0.1], ids=["nothing to tell", "waves that grow"])
+def test_how_fast_the_surface_moves_is_not_taken_from_where_it_alternates(make_tank, together, part):
+    """The largest frequency is that of the steps before; of the highest elevation 0.5 % would be told."""
+    tank = make_tank(length=2.0, cells=4, n=2)
+    watch = StabilityWatch(tank, surface_of(tank), dt=0.02, limit=2.0, warn=lambda _: None, look=IN_ELEVATION)
+    heights = [0.01 * (1 + (step > 12) * part * 0.2 * (-1) ** step) for step in range(48)]
+    moments = looked_at(tank, 0.02 * np.arange(48), lambda t: heights[round(t / 0.02)] * np.exp(-tank.plane.x))
+    frequencies = {4: 1e3, 12: 2e3, 20: 4e3, 36: 8e3}
+    for first in range(0, 48, together):
+        some = range(first, min(48, first + together))
+        watch._frequencies.update({step: frequencies[step] for step in some if step in frequencies})
+        watch.work_off(moments.some(np.array(some)))
+    assert watch.held()["_frequency"] == 2e3
+
+
 @pytest.mark.parametrize("columns", [0, 1, 15, 16, 37])
 def test_the_largest_differences_are_those_of_numpy_and_the_same_bits_of_any_rows(columns):
     """What is no number is larger than all."""
     values = np.random.default_rng(1).normal(size=(20, columns))
-    for order in (0, 3, 8):
+    for order in (0, 3, 5, 8):
         found = largest_differences(values[:0], values, order)
         exact = np.abs(np.diff(values, order, axis=0)).max(axis=1, initial=0.0) / 2**order
         assert found == pytest.approx(exact, rel=1e-13)

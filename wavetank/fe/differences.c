@@ -25,7 +25,9 @@ static __attribute__((noinline)) long long of_rows(long columns, int terms, cons
 {
     switch (terms) {
     case 4: return largest(columns, 4, weights, rows);
+    case 6: return largest(columns, 6, weights, rows);
     case 7: return largest(columns, 7, weights, rows);
+    case 9: return largest(columns, 9, weights, rows);
     default: return largest(columns, terms, weights, rows);
     }
 }

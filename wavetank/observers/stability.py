@@ -167,8 +167,9 @@ class StabilityWatch(Keeping):
         if not noise.max() < calm:
             higher = largest(self._waves.plane.comm, look.higher(last, values))
             noise[unjudged:] = np.where(higher > SHORT * lower, noise[unjudged:], 0.0)
-        if noise.max() < calm:  # what moves is still the water
-            self._frequency, self._steps = max(self._frequency, *self._frequencies.values(), 0.0), 0
+        if noise.max() <= look.noise:  # nothing has grown; where it is calm, what moves is still the water
+            of_water = (self._frequencies.get(step, 0.0) for step in map(int, moments.steps[noise < calm]))
+            self._frequency, self._steps = max([self._frequency, *of_water]), 0
             self._frequencies.clear()
             return
         for n, one in enumerate(noise.tolist()):

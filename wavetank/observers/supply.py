@@ -11,13 +11,14 @@ through steps as the cubics through their last four values; u is taken as it is,
 what a ``Steered`` motion adds.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache, lru_cache, partial
 from importlib.resources import files
 from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.kernels import EXACT, Kernel
@@ -121,12 +122,9 @@ class Power:
 
     def work_off(self, times: Vector, power: Vector) -> tuple[Vector, None]:
         """See ``Supply``."""
-        rates = power.copy()
-        for t, before in self._before.items():
-            row = _row(times, t)
-            rates[row] = (before + rates[row]) / 2
-        for t, mean in self._looked.items():
-            rates[_row(times, t)] = mean
+        rates, acted = power.copy(), _rows(times, self._before)
+        rates[acted] = (rates[acted] + [*self._before.values()]) / 2
+        rates[_rows(times, self._looked)] = [*self._looked.values()]
         self._before.clear()
         self._looked.clear()
         done, at = np.empty(len(times)), _kernel().pointer
@@ -142,9 +140,9 @@ class Power:
         self._work = np.array(held["work"])
 
 
-def _row(times: Vector, t: float) -> int:
-    """Return which of ascending times one is, but for its last bits."""
-    return int(np.abs(times - t).argmin())
+def _rows(times: Vector, some: Iterable[float]) -> NDArray[np.intp]:
+    """Return which of ascending times some are, but for their last bits."""
+    return np.searchsorted((times[1:] + times[:-1]) / 2, [*some])
 
 
 class AnsweredWork:
