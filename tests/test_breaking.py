@@ -310,7 +310,7 @@ def test_before_a_far_wall_that_moves_waves_break_as_before_the_near_one():
 
 
 def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_path, monkeypatch):
-    """A solve that fails at the tenth step that a crest breaks stands for what the viscosity does not hold."""
+    """A solve that fails at the tenth time stands for what the viscosity does not hold; who goes on counts it once."""
     steps, smoothed, said = counted(1), BreakingDissipation.momentum, StringIO()
 
     def momentum(self, p):
@@ -329,6 +329,8 @@ def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_p
     kept = RunDirectory(tmp_path / "run").manifest["breaking"]
     assert [f"t = {one['t']:.6g} s, x = {one['x']:.4g} m" for one in kept["began"]] == [begins] and kept["waves"] == 1
     assert 100 * kept["part_taken"] == pytest.approx(float(taken), rel=0.06) and kept["energy_taken"] > 0.0
+    on = wavetank.resume(tmp_path / "run", ["run.duration=0.4"])
+    assert on.manifest["breaking"]["began"] == kept["began"]
 
 
 @pytest.mark.slow
@@ -350,6 +352,6 @@ def test_no_sound_wave_is_taken_for_a_breaking_one_and_no_breaking_one_is_missed
 def test_of_a_crest_that_hardly_travels_its_speed_is_told(speed, said):
     """Beside a flap that leans far water falls off crests that stand: thousands of per cent say nothing."""
     crest = SteepCrest(x=1.0, height=0.1, velocity=1.9, current=0.0, speed=speed, mean=1.0, front=0.5)
-    watch = SimpleNamespace(last=None, look=lambda state, t: [crest])
+    watch = SimpleNamespace(look=lambda state, t: [crest], undo=lambda: None)
     with pytest.raises(RunError, match=re.escape(f"moves at 1.9 m/s, {said}")):
         StopAtBreaking(watch).needed(Point(np.zeros(1), np.zeros(1)), 1.0)

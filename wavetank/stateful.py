@@ -39,6 +39,14 @@ class Carrying(Protocol):
 
 
 @runtime_checkable
+class Undoing(Protocol):
+    """What looks at a step that may still fail."""
+
+    def undo(self) -> None:
+        """Forget the last look: the step has failed, and who goes on takes it anew."""
+
+
+@runtime_checkable
 class Added(Protocol):
     """What a run that goes on may have though it had not before.
 

@@ -8,7 +8,7 @@ from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Seeing
 from wavetank.integrators.contract import Evaluated, Integrator, S, State
 from wavetank.integrators.wrapper import Wrapper
-from wavetank.stateful import Held, carry_over, give_back, held_by, named
+from wavetank.stateful import Held, Undoing, carry_over, give_back, held_by, named
 
 
 class Filter(Protocol):
@@ -57,7 +57,12 @@ class Filtered(Wrapper[S]):
         """Return the state at t + dt; collective."""
         state, t = self.scheme.step(system, state, t, dt), t + dt
         acting = [one for one in self.filters if one.needed(state, t)]
-        return self._filtered(system, state, t, acting) if acting else state
+        try:
+            return self._filtered(system, state, t, acting) if acting else state
+        except Exception:
+            for one in (one for one in self.filters if isinstance(one, Undoing)):
+                one.undo()
+            raise
 
     def _filtered(self, system: HamiltonianSystem, state: S, t: float, acting: Sequence[Filter]) -> S:
         """Return the state at t after the filters that act then, one at least; collective."""

@@ -65,6 +65,7 @@ class BreakingWatch:
         self._waves, self._flow, self._length = waves, flow, length
         self.last: tuple[float, Profile] | None = None
         self._rests, self._fast = 0, 0.0  # steps to come without a look, and the velocity that ends them [m/s]
+        self._before: tuple[tuple[float, Profile] | None, int, float] = None, 0, 0.0  # the last look
         self.crests: list[SteepCrest] = []
 
     def look(self, state: State, t: float, *, front: float = STEEP) -> list[SteepCrest]:
@@ -72,8 +73,10 @@ class BreakingWatch:
 
         They have a steeper ``front``. The first look sees none.
         """
-        flow, last, self.last = self._flow, self.last, None
+        flow = self._flow
         flow.near(state, t)
+        last, *_ = self._before = self.last, self._rests, self._fast
+        self.last = None
         if flow.largest_slope < front:
             return []
         if self._rests and flow.largest_velocity < self._fast:
@@ -97,6 +100,10 @@ class BreakingWatch:
             before, profile = before.unrolled(turn), profile.unrolled(turn)
         crests = steep_crests(before, profile, time=t - before_t, front=front, cell=self._flow.cell)
         return [crest for crest in crests if first <= crest.x < end]
+
+    def undo(self) -> None:
+        """Forget the last look."""
+        self.last, self._rests, self._fast = self._before
 
     def held(self) -> Held:
         """Return the surface of the last look, if it is to be judged by, and when it is looked again."""
@@ -131,9 +138,8 @@ class StopAtBreaking:
 
     def needed(self, state: State, t: float) -> bool:
         """Return False, or raise ``RunError`` if a wave breaks; collective."""
-        last = self.watch.last
         for crest in filter(breaks, self.watch.look(state, t)):
-            self.watch.last = last  # who goes on from the step before sees it again
+            self.undo()
             moves = abs(crest.current) > 0.02 * abs(crest.speed)
             seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
             part = f"{100 * crest.overtaking:.0f} % of the crest's speed"
@@ -155,6 +161,10 @@ class StopAtBreaking:
 
     def account(self, taken: float, *, of: float) -> None:
         """Do nothing: nothing is taken."""
+
+    def undo(self) -> None:
+        """Forget the last look: who goes on from the step before sees the wave break again."""
+        self.watch.undo()
 
     def held(self) -> Held:
         """Return what was seen last."""
@@ -196,6 +206,7 @@ class BreakingDissipation(Smoothing):
         self._nu = plane.function("dt nu")
         self._breaking: list[SteepCrest] = []  # at the last look
         self.began: list[tuple[float, float]] = []
+        self._before = self._breaking, 0  # the last look: what broke, and how many had begun to
         self._had = 0.0  # the largest energy so far, of those it was taken from [m^4/s²]
         mapping, eta, nu = waves.wall.mapping, waves.densities.eta, self._nu.function
 
@@ -214,6 +225,7 @@ class BreakingDissipation(Smoothing):
 
     def follow(self, crests: Sequence[SteepCrest], t: float) -> list[SteepCrest]:
         """Return which of the crests at t break: those that begin to, and those that did and have not recovered."""
+        self._before = self._breaking, len(self.began)
         breaking = list[SteepCrest]()
         for crest in crests:
             broke = any(self._apart(np.array([crest.x]), one)[0] < 1.0 for one in self._breaking)
@@ -223,6 +235,12 @@ class BreakingDissipation(Smoothing):
                 breaking.append(crest)
         self._breaking = breaking
         return breaking
+
+    def undo(self) -> None:
+        """Forget the last look, and what began to break then: it begins again."""
+        self.watch.undo()
+        self._breaking, begun = self._before
+        del self.began[begun:]
 
     def account(self, taken: float, *, of: float) -> None:
         """Add what has been taken."""
