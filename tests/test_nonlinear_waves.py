@@ -10,11 +10,9 @@ from mpi4py import MPI
 from wavetank.case import Scene
 from wavetank.errors import RunError
 from wavetank.fe.forms import ScalarForm
-from wavetank.fe.whole import ROWS
 from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver
 from wavetank.integrators import INTEGRATORS, Simpson4
-from wavetank.integrators.damped import same, times
 from wavetank.integrators.simpson import MeanAndJumps
 from wavetank.integrators.third_order import Traces
 from wavetank.motions import Ramped, Sinusoid
@@ -23,7 +21,7 @@ from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.runs.build import build_run
 from wavetank.water.carried_waves import CarriedWaves
-from wavetank.water.seen import HIGHEST, POWER, see
+from wavetank.water.seen import HIGHEST, POWER, see_from
 from wavetank.water.still_water import StillWaterWaves, scales
 from wavetank.water.walls.contract import stood
 
@@ -189,31 +187,6 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
         tank.energy_near(np.where(q > q.min(), q, np.nan), p, t, at=at)
         assert np.isnan(tank._near.numbers[0, HIGHEST:]).all()
     assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0, 2.0, 2.0], abs=0.1)
-
-
-def test_what_has_been_seen_of_a_state_is_not_seen_again_nor_taken_for_what_is_seen_of_another(make_tank, monkeypatch):
-    """Oracle: what is seen anew; another has other momenta, an earlier place, or been written into."""
-    tank, t = make_tank(length=2.0, cells=4, n=3, motion=piston()), 3.3
-    tank.set_time(t)
-    start, looks, look = Simpson4().start(*steep_state(tank)), [], tank._seeing.see
-    monkeypatch.setattr(tank._seeing, "see", lambda *args: looks.append(args) or look(*args))
-    state, other = (start.mapped(same, times(factor)) for factor in (0.9, 0.8))
-    found, at = tank.sight(3), state.known[-1]
-    told = tank.energy_near(state.q, state.p, t, at=at)
-    tank.see(state, t, found, 0)
-    assert tank.explicit_rate(*at, t) == found.numbers[0, POWER] and len(looks) == 1
-    tank._near_of = None, None, None
-    tank.see(state, t, found, 1)
-    for rows in (getattr(found, name) for name in ROWS):
-        assert np.array_equal(rows[0], rows[1])
-    assert told == found.energy(1) and tank.explicit_rate(*at, t) == found.numbers[1, POWER] and len(looks) == 2
-    tank.energy_near(state.q, state.p, t, at=at)
-    tank.see(other, t, found, 2)
-    assert np.array_equal(found.psi[2], other.p) and len(looks) == 4
-    q, p = state.q.copy(), state.p.copy()
-    here = [tank.energy_near(q, p, t, at=at), np.multiply(p, 1.01, out=p), tank.energy_near(q, p, t, at=at)]
-    assert here[0] == pytest.approx(told, rel=1e-12) != here[2]
-    assert tank.energy(q, p, t) != tank.energy(q, np.divide(p, 1.01, out=p), t)
 
 
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "simpson-4"])

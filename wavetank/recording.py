@@ -163,7 +163,7 @@ def record_run(
         with mesh_told(asked, scene), console.status("preparing the run"):
             check_stable(scene, integrator or INTEGRATORS[scene.numerics.integrator](), comm)
             run, waves = build_run(scene, comm, integrator, beginning=kept.beginning if kept else None)
-        for doubt in (*doubts, *forewarnings(scene, run.clock, waves, own=integrator, sinks=run.sinks)):
+        for doubt in (*doubts, *forewarnings(scene, run.clock, waves, own=integrator)):
             warnings.add(doubt)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]

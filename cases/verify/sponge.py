@@ -21,10 +21,8 @@ from wavetank.case.beds import BeachBed
 from wavetank.case.sponges import EndSponge
 from wavetank.case.tanks import SliceTank
 from wavetank.fe.plane import Plane
-from wavetank.integrators import Simpson4
-from wavetank.integrators.absorbing import Absorbing
+from wavetank.integrators import Damping, Simpson4, damped
 from wavetank.integrators.contract import State
-from wavetank.integrators.filtered import Filtered
 from wavetank.motions import Motion, Ramped, Sinusoid
 from wavetank.postprocess.analysis.reflection import reflected
 from wavetank.postprocess.style import BLUE, GREEN, LIGHT_BLUE, ORANGE, PALE_GREY, VERMILION, entry
@@ -127,7 +125,7 @@ def in_time(beach: Beach, waves: LinearWaves | NonlinearWaves, *, steps: int = S
     period = 2 * np.pi / beach.omega
     crossing = beach.length / float(group_velocity(beach.k, 1.0, 9.81))
     count, dt = steps * int(np.ceil(2.5 * crossing / period + 6)), period / steps
-    scheme = Filtered(Simpson4(), [Absorbing(beach.gamma, dt=dt)])
+    scheme = damped(Simpson4(), Damping(beach.gamma))
     harmonic: Complex = np.zeros(beach.plane.owned, dtype=np.complex128)
 
     def add(state: State, step: int) -> None:

@@ -37,7 +37,7 @@ typedef void AimAt(const void *points, int known, const double *c);
 typedef void Combine(const void *points, int known, double wrong, double *z, double *missed);
 
 enum { POSITION, SPEED, ACCELERATION };
-enum { KINETIC, POTENTIAL, WALL, MASS, POWER, HIGHEST, LARGEST, OF_A_ROW };   /* of water/seen.py */
+enum { KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST, OF_A_ROW };   /* of water/seen.py */
 
 #define EACH(i, most) for (long i = 0; i < (most); ++i)
 #define EACH_PADDLE(one) for (Paddle *one = w->paddles; one; one = one->next)
@@ -277,8 +277,17 @@ static void heights(const double *x, long n, double *highest, double *largest)
     memcpy(largest, &size, sizeof size), memcpy(highest, *largest == *largest ? &most : &size, sizeof size);
 }
 
+/* What damping takes of surface potential p, as seen from a point; 0 where there is none. */
+static double damped(const Whole *w, const double *p, const double *point)
+{
+    double taken = 0.0;
+    EACH(i, w->damping ? w->dofs : 0)
+        taken += w->damping[i] * p[i] * point[i];
+    return taken;
+}
+
 /* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told, and whose
-   rise from them stands there: into a row, all but W and power. */
+   rise from them stands there: into a row, all but W, power and what damping takes. */
 static void see_from(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
                      double gravity, const Sight *into, long row)
 {
@@ -308,7 +317,7 @@ static void see_from(Whole *w, const double *q, const double *p, const double *p
     }
 }
 
-/* The same with W and power at the point. */
+/* The same with all of it, at the point. */
 static void see(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
                 double gravity, const Sight *into, long row)
 {
@@ -317,11 +326,11 @@ static void see(Whole *w, const double *q, const double *p, const double *point,
         rise[i] = point[3 * w->dofs + i] - q[i];
     CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
     see_from(w, q, p, point, still, kinetic, gravity, into, row);
-    numbers[POWER] = push(w, point, 0, numbers + WALL);
+    numbers[POWER] = push(w, point, 0, numbers + WALL), numbers[DAMPED] = damped(w, p, point);
 }
 
 /* The point ``to`` found, as ``set`` does, and a ``state`` between that ``at`` which is known and it seen from there, [q, p]
-   each, with the power of the mean of both. Returns as ``set``; -1 too where both are one. */
+   each, with the power of the mean of both, and the mean of what damping takes. Returns as ``set``; -1 too where both are one. */
 static int look(Whole *w, const double *state, const double *to, const double *at, const double *still, int recorded,
                 double gravity, double *found, double *told, const Sight *into, long row)
 {
@@ -338,5 +347,6 @@ static int look(Whole *w, const double *state, const double *to, const double *a
     EACH(i, w->paddles ? n * NUMBERS : 0)
         of_walls += w->wall[i] * w->phi[i]; /* W is linear in the potential */
     numbers[WALL] = of_walls, numbers[POWER] = push(w, found, 1, &of_mean);
+    numbers[DAMPED] = 0.5 * (damped(w, state + n, at) + damped(w, state + n, found));
     return iterations;
 }

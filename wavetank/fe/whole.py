@@ -46,6 +46,7 @@ typedef struct {
     void *take, *cells, *layers, *product, *derivative, *take_single, *single_cells, *single_layers, *correct, *modes;
     void *aim, *start, *keep, *largest, *lines;
     const int *order;
+    const double *damping;
     const double **fields;
     double *column, *phi, *rows, *image, *inputs, *mass_work, *weights, *lengths, *wall;
     double *last, *away, *products, *answer, *gram;
@@ -261,6 +262,7 @@ class Whole:
             "phi": phi.rows,
             "image": image,
             "inputs": inputs,
+            "damping": None,
             **mass.compiled,
             **mass.compiled_beside,
             **operator.compiled,
@@ -304,6 +306,10 @@ class Whole:
         self._glance = glance
         function, lines = glance or (0, 0)
         self._kernel.call.ask(self._struct, function, self._kernel.address(lines))
+
+    def damp(self, rate: Vector) -> None:
+        """Let what is seen of states tell what a damping of surface potentials takes, of rate [1/s], shape (dofs,)."""
+        self._struct.damping = self._kernel.known(rate)
 
     def attempt(
         self, z: Vector, known: Vector, still: Vector | float, *, weight: float, inverse: Inverse, mixing: Combination

@@ -3,9 +3,8 @@
 ``INTEGRATORS`` are those a case file can name; the others are for comparison (``wavetank verify integrators``).
 """
 
-from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.composition import SuzukiVerlet
-from wavetank.integrators.damped import Damped
+from wavetank.integrators.damped import Damped, Damping, damped
 from wavetank.integrators.discontinuous_verlet import DiscontinuousVerlet, DiscontinuousVerletAdjoint
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.gauss_legendre import GaussLegendre4

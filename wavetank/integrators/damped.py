@@ -6,17 +6,55 @@ With L multiplied by e^(gamma t), (38), the canonical momentum is P = e^(gamma t
 
 has no damping left. A scheme applied to it, t counted from the beginning of the step, is exact in the damping:
 symplectic Euler becomes (44), p' = e^(-gamma dt) p - dt H_q(q, p'), that is "damp, then step". No order is lost,
-and with a uniform gamma every area in phase space shrinks by e^(-gamma dt) a step, as it must.
+with a uniform gamma every area in phase space shrinks by e^(-gamma dt) a step, as it must, and a step is stable where
+the scheme is, however strong the damping. What it takes, gamma p H_p in a unit of time, is seen with each moment.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stages
+from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage, Stages, StageSolver
 from wavetank.integrators.contract import Integrator, Map, S
 from wavetank.integrators.wrapper import Wrapper
+from wavetank.stateful import Held
+
+
+class Damping:
+    """How fast momenta are damped.
+
+    Parameters
+    ----------
+    gamma
+        The rate [1/s], not negative, shape (1,) or one per unknown, (n,).
+    """
+
+    def __init__(self, gamma: Vector):
+        self.gamma = gamma
+        self._factors = dict[float, Vector]()
+
+    def factor(self, time: float) -> Vector:
+        """Return e^(-gamma t), what is left of momenta after a time [s], shape as that of gamma."""
+        return np.asarray(np.exp(-self.gamma * time), dtype=np.float64)
+
+    def of_pairs(self, time: float, size: int) -> Vector:
+        """Return the same for pairs [q, p], one behind the other, shape (2 size,): 1 for the coordinates."""
+        factors = self._factors.get(time)
+        if factors is None:
+            self._factors[time] = factors = np.concatenate([np.ones(size), np.ones(size) * self.factor(time)])
+        return factors
+
+    def held(self) -> Held:
+        """Return the rate, which may have been made for the waves of a shorter run."""
+        return {"gamma": self.gamma.copy()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held, for all who know the rate."""
+        self.gamma[:] = held["gamma"]
+        self._factors.clear()
 
 
 @dataclass(frozen=True)
@@ -24,49 +62,110 @@ class _Growing:
     """The system in (q, P), P = e^(gamma (t - t_0)) p."""
 
     system: HamiltonianSystem
-    gamma: Vector
+    damping: Damping
     t_0: float
+    nodes: tuple[float, ...]
 
     @property
-    def stages(self) -> Stages:
-        return self.system.stages
+    def stages(self) -> "_Stages":
+        return _Stages(self)
 
-    def _growth(self, t: float) -> Vector:
-        return np.asarray(np.exp(self.gamma * (t - self.t_0)), dtype=np.float64)
+    def factor(self, t: float) -> Any:
+        """Return what is left of momenta at t; 1 at the beginning of the step."""
+        return 1.0 if t == self.t_0 else self.damping.factor(t - self.t_0)
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
-        growth = self._growth(t)
-        return growth * self.system.H_q(q, p / growth, t)
+        left = self.factor(t)
+        return np.asarray(self.system.H_q(q, left * p, t) / left)
 
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
-        return self.system.H_p(q, p / self._growth(t), t)
+        return self.system.H_p(q, self.factor(t) * p, t)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
-        return self.system.energy(q, p / self._growth(t), t)
+        return self.system.energy(q, self.factor(t) * p, t)
 
     def inner(self, a: Vector, b: Vector) -> float:
         return self.system.inner(a, b)
 
 
+class _Stages:
+    """The solvers of a system's stages, which find p = e^(-gamma (t - t_0)) P: a stage of that is one of the system."""
+
+    def __init__(self, growing: _Growing):
+        self._growing = growing
+        self._stages: Stages = growing.system.stages
+
+    @property
+    def coordinate(self) -> StageSolver:
+        return self._stages.coordinate
+
+    @property
+    def momentum(self) -> StageSolver:
+        return _Solver(self._stages.momentum, lambda stage, size: self._growing.factor(stage.t))
+
+    @property
+    def pair(self) -> StageSolver:
+        return _Solver(self._stages.pair, lambda stage, size: self._of_pair(stage.t, size // 2))
+
+    def coupled(self, pairs: int) -> StageSolver:
+        def factors(stage: Stage, size: int) -> Vector:
+            times = [self._growing.t_0 + node * stage.dt for node in self._growing.nodes]
+            return np.concatenate([self._of_pair(t, size // 2 // pairs) for t in times])
+
+        return _Solver(self._stages.coupled(pairs), factors)
+
+    def _of_pair(self, t: float, size: int) -> Vector:
+        return np.concatenate([np.ones(size), np.ones(size) * self._growing.factor(t)])
+
+
+@dataclass(frozen=True)
+class _Solver:
+    """A stage solver that finds what is left of its unknowns by factors, of stage and size."""
+
+    solver: StageSolver
+    factors: Callable[[Stage, int], Any]
+
+    def solve(
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
+    ) -> Vector:
+        left = self.factors(stage, start.size)
+        near = near and near._replace(known=left * near.known)
+        return np.asarray(self.solver.solve(stage, lambda z: left * residual(z / left), left * start, near=near) / left)
+
+
 class Damped(Wrapper[S]):
-    """A scheme with damping, of the scheme's own order and stability limit.
+    """A scheme with damping, of the scheme's own order and stability limit."""
 
-    Parameters
-    ----------
-    scheme
-        Any integrator.
-    gamma
-        Damping rate of the momenta [1/s], shape (1,) or one per unknown, (n,).
-    """
-
-    def __init__(self, scheme: Integrator[S], gamma: Vector):
+    def __init__(self, scheme: Integrator[S], damping: Damping):
         super().__init__(scheme)
-        self.gamma = gamma
+        self.damping = damping
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
-        after = self.scheme.step(_Growing(system, self.gamma, t), state, t, dt)
-        return after.mapped(same, times(np.exp(-self.gamma * dt)))
+        after = self.scheme.step(_Growing(system, self.damping, t, self.nodes), state, t, dt)
+        return after.mapped(same, times(self.damping.factor(dt)))
+
+    def held(self) -> Held:
+        """Return what the scheme remembers, and the rate."""
+        return super().held() | {"damping": self.damping.held()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        super().take(held)
+        self.damping.take(held["damping"])
+
+
+@runtime_checkable
+class Dampable(Protocol):
+    """A scheme that has the damping in its own formulae."""
+
+    def damped(self, damping: Damping) -> Integrator[Any]:
+        """Return it with damping."""
+
+
+def damped(scheme: Integrator[Any], damping: Damping) -> Integrator[Any]:
+    """Return a scheme with damping."""
+    return scheme.damped(damping) if isinstance(scheme, Dampable) else Damped(scheme, damping)
 
 
 def same(values: Vector) -> Vector:

@@ -15,12 +15,14 @@ as Robert and Asselin damp the computational mode of the leapfrog scheme,
     d' <- d' - kappa/8 (d' - 3 d_n + 3 d_n-1 - d_n-2),     kappa = 0.1:
 
 the fraction kappa of what alternates, of a smooth jump something of order dt³ more than itself; jumps carry no mass.
+
+Damping dp/dt = -H_q - gamma p, [G16] (38), comes in by h = e^(-gamma dt/2) of momenta, 1 of coordinates, as
+``damped.py`` has it of any scheme, written in p instead of P: f½ is of the middle of the step, f₀ of its beginning.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -28,22 +30,51 @@ from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import BetweenTwo, HamiltonianSystem, Near, Stage
 from wavetank.hamiltonian.formulae import Formulae
 from wavetank.integrators.contract import Evaluated, Map
+from wavetank.integrators.damped import Damping
 from wavetank.integrators.flow import flow_of
+from wavetank.stateful import Held
 
 KAPPA = 0.1
-KNOWN = Formulae("known = z - d / 4 + dt / 4 * f_0", vectors=("z", "d", "f_0"), numbers=("dt",), returns=("known",))
-MINUS = Formulae("minus = plus + 4 * (z_half - known)", vectors=("plus", "z_half", "known"), returns=("minus",))
-ENDED = Formulae(
-    "moved = 4 * (z_half - known)",  # dt f½
-    "smooth = dt / 6 * (f_0 + f_1) - moved / 3",
-    "mean = z + moved + smooth",
-    "newest = 2 * smooth - d",
-    "jump = newest - kappa / 8 * (newest - 3 * d + 3 * d_1 - d_2)",
-    "plus = mean + jump / 2",
-    vectors=("z", "d", "d_1", "d_2", "z_half", "known", "f_0", "f_1"),
-    numbers=("dt", "kappa"),
-    returns=("mean", "jump", "plus"),
-)
+
+
+class Lines(NamedTuple):
+    """A step's formulae: what is known of z½, the new minus trace, and what the step ends with."""
+
+    known: Formulae
+    minus: Formulae
+    ended: Formulae
+
+    @classmethod
+    def of(cls, *, vectors: tuple[str, ...] = (), numbers: tuple[str, ...] = ()) -> Self:
+        """Return them with h among vectors or numbers."""
+        return cls(
+            Formulae(
+                "known = h * (z - d / 4 + dt / 4 * f_0)",
+                vectors=("z", "d", "f_0", *vectors),
+                numbers=(*numbers, "dt"),
+                returns=("known",),
+            ),
+            Formulae(
+                "minus = h * (h * plus + 4 * (z_half - known))",
+                vectors=("plus", "z_half", "known", *vectors),
+                numbers=numbers,
+                returns=("minus",),
+            ),
+            Formulae(
+                "moved = 4 * (z_half - known)",  # dt f½
+                "smooth = dt / 6 * (h * h * f_0 + f_1) - h * moved / 3",
+                "mean = h * (h * z + moved) + smooth",
+                "newest = 2 * smooth - h * h * d",
+                "jump = newest - kappa / 8 * (newest - 3 * d + 3 * d_1 - d_2)",
+                "plus = mean + jump / 2",
+                vectors=("z", "d", "d_1", "d_2", "z_half", "known", "f_0", "f_1", *vectors),
+                numbers=(*numbers, "dt", "kappa"),
+                returns=("mean", "jump", "plus"),
+            ),
+        )
+
+
+UNDAMPED, DAMPED = Lines.of(numbers=("h",)), Lines.of(vectors=("h",))
 MAPPED = Formulae(
     "jump = 2 * (plus - mean)", "minus = mean + jump / 2", vectors=("mean", "plus"), returns=("jump", "minus")
 )
@@ -121,7 +152,16 @@ class Simpson4:
     stability_limit: ClassVar[float] = 1.6930043715
     frequency_error: ClassVar[tuple[float, int]] = (1 / 480, 4)
     nodes: ClassVar[tuple[float, ...]] = (0.0, 0.5, 1.0)
+    lines: ClassVar[Lines] = UNDAMPED
     kappa: float = KAPPA
+
+    def damped(self, damping: Damping) -> "DampedSimpson4":
+        """Return it with damping of the momenta."""
+        return DampedSimpson4(self.kappa, damping=damping)
+
+    def left(self, dt: float, size: int) -> Any:
+        """Return h."""
+        return 1.0
 
     def start(self, q: Vector, p: Vector) -> MeanAndJumps:
         """Return the state of a start without jumps."""
@@ -131,26 +171,42 @@ class Simpson4:
 
     def step(self, system: HamiltonianSystem, state: MeanAndJumps, t: float, dt: float) -> MeanAndJumps:
         """Return the state at t + dt; collective."""
-        f = flow_of(system)
+        f, lines = flow_of(system), self.lines
         z, d, d_1, d_2 = [pair.ravel() for pair in state[:-1]]
-        plus = state.points[-1]
+        plus, h = state.points[-1], self.left(dt, len(state.q))
         f_0 = f(plus, t)
-        known: Vector = KNOWN(z, d, f_0, dt)
+        known: Vector = lines.known(z, d, f_0, h, dt)
 
         def residual(z_half: Vector) -> Vector:
             return z_half - known - dt / 4 * f(z_half, t + dt / 2)
 
         stage = Stage("(q, p) at 1/2", t + dt / 2, dt, dt / 4)
         z_half = system.stages.pair.solve(stage, residual, plus, near=Near(known, plus, f_0))
-        minus = MINUS(plus, z_half, known)
-        mean, jump, plus = self.ended(z, d, d_1, d_2, z_half, known, f_0, f(minus, t + dt), dt=dt)
+        minus = lines.minus(plus, z_half, known, h)
+        f_1 = f(minus, t + dt)
+        mean, jump, plus = lines.ended(z, d, d_1, d_2, z_half, known, f_0, f_1, h, dt, self.kappa)
         points = minus, plus
         mean, jump, minus = [pair.reshape(2, -1) for pair in (mean, jump, minus)]
         after = MeanAndJumps(mean, jump, state.jump, state.jump_1, minus)
         after.__dict__["points"] = points  # which are found already
         return after
 
-    def ended(self, *vectors: Vector, dt: float) -> Sequence[Vector]:
-        """Return the new mean, jump and plus trace of z, its jumps, z½, what is known of it, f₀ and f₁."""
-        ended: Sequence[Vector] = ENDED(*vectors, dt, self.kappa)
-        return ended
+
+@dataclass(frozen=True)
+class DampedSimpson4(Simpson4):
+    """The same with damping of the momenta: of the same order and stability limit, however strong it is."""
+
+    lines: ClassVar[Lines] = DAMPED
+    damping: Damping = field(kw_only=True)
+
+    def left(self, dt: float, size: int) -> Vector:
+        """Return h, shape (2 size,)."""
+        return self.damping.of_pairs(dt / 2, size)
+
+    def held(self) -> Held:
+        """Return the rate."""
+        return self.damping.held()
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self.damping.take(held)

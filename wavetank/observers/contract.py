@@ -257,10 +257,6 @@ class ObservedWaves(Protocol):
     def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
         """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi)."""
 
-    @property
-    def tells_power(self) -> bool:
-        """Whether what is seen of a moment tells the power of its paddles, for nothing."""
-
     def sight(self, most: int) -> Sight:
         """Return room for what is seen of so many moments."""
 

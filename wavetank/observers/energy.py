@@ -4,11 +4,12 @@ The paddle's power is exact for the discrete Hamiltonian: along the flow dH/dt =
 
     E(t) - E(0) = int_0^t dH/dt|explicit dt' - [W]_0^t  =  paddle work,
 
-integrated over all steps (``supply.py``), however few of them are recorded. What is dissipated
-between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then the error of the time
-integrator. A scheme that reports the mean of two traces evaluates these, not the mean: power is the mean of theirs,
-and H of the mean is that of the plus trace and its derivatives times what lies between (``water/seen.py``); both are
-right to the square of the jump. Where something acts between steps, the mean is that of before and after.
+integrated over all steps (``supply.py``), however few of them are recorded; so is what the sponge takes, gamma psi
+H_psi. What is dissipated between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then
+the error of the time integrator. A scheme that reports the mean of two traces evaluates these, not the mean: power is
+the mean of theirs, and H of the mean is that of the plus trace and its derivatives times what lies between
+(``water/seen.py``); both are right to the square of the jump. Where something acts between steps, the mean is that of
+before and after.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,7 @@ from wavetank.arrays import Vector
 from wavetank.observers.contract import Keeping, Moment, Moments, ObservedWaves
 from wavetank.observers.record import Record
 from wavetank.observers.schedule import EverySteps, Schedule
-from wavetank.observers.supply import Power, Supply
+from wavetank.observers.supply import Integral, Power, Supply
 from wavetank.stateful import Held
 
 
@@ -45,6 +46,13 @@ GIVEN = 1e-3  # of the energy: of what should take, giving more than that is tol
 SUMS = (
     *("total", "wall", "mass"),
     *("energy", "off", "lost", "nothing", "dissipated", "earlier", "balance", "jumped"),
+)
+
+
+SPONGE = "the sponge"
+GIVES = (
+    "waves far longer than it, as go before a train or a group, make it do so, or a current, "
+    "or it is too strong or begins too abruptly"
 )
 
 
@@ -91,7 +99,13 @@ class EnergyBudget(Keeping):
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self.sees = waves
         self._sinks = {type(sink).__name__: sink for sink in sinks}
+        of_sinks = {
+            name: (getattr(one, "called", "what damps them"), getattr(one, "gives", "it should take"))
+            for name, one in self._sinks.items()
+        }
+        self._called = {SPONGE: (SPONGE, GIVES)} | of_sinks
         self._taken = list[tuple[float, list[float]]]()  # what each sink had taken before times when they acted
+        self._damped = Integral()  # what the sponge takes
         self._total = self._wall = self._mass = 0.0  # at the start
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
@@ -112,7 +126,7 @@ class EnergyBudget(Keeping):
     @property
     def keeps(self) -> Schedule | None:
         """See ``Keeping``."""
-        return None if self._supply.lasts(self._waves) else self.schedule
+        return None if self._supply.lasts else self.schedule
 
     def keep(self, moment: Moment) -> None:
         """Keep what the paddles do, if that does not last; collective."""
@@ -121,7 +135,7 @@ class EnergyBudget(Keeping):
     def work_off(self, moments: Moments) -> None:
         """See how far off the balance has been, and append the rows that are due."""
         t, first = moments.times, int(moments.steps[0])
-        kinetic, potential, wall, mass, power, *_ = numbers = moments.seen(self._waves).numbers.T
+        kinetic, potential, wall, mass, power, damped, *_ = numbers = moments.seen(self._waves).numbers.T
         supplied, absorbed = self._supply.work_off(t, power)
         if first == 0:
             self._total, self._wall, self._mass = float(kinetic[0] + potential[0]), float(wall[0]), float(mass[0])
@@ -131,7 +145,9 @@ class EnergyBudget(Keeping):
         rows[0], rows[1:3], rows[7] = t, numbers[:2], mass
         total[:] = kinetic + potential
         work[:] = supplied - (wall - self._wall)
-        dissipated[:] = self._earlier + sum(self._by_sinks(t))
+        taken = {SPONGE: self._damped.work_off(t, damped)} | self._by_sinks(t)
+        self._judge(t, taken)
+        dissipated[:] = self._earlier + sum(taken.values())
         balance[:] = total - self._total - work + dissipated
         if self._renewed:
             self._jumped, self._renewed = self._jumped + abs(float(balance[0]) - self._balance), False
@@ -145,24 +161,24 @@ class EnergyBudget(Keeping):
         self._lost = _most(self._lost, np.abs(due[7] - self._mass))
         self._record.extend(due.T)
 
-    def _by_sinks(self, t: Vector) -> Vector:
-        """Return what each sink had taken by times, (sinks, K), and judge it: the same until they act, (sinks, 1)."""
+    def _by_sinks(self, t: Vector) -> dict[str, Vector]:
+        """Return what each sink had taken by times, shape (K,); the same, until they act, shape (1,)."""
         acted, self._taken = self._taken, []
         taken = np.array([before for _, before in acted] + [self._taken_now()])
         acts = [when - 1e-9 * abs(when) for when, _ in acted]
-        of_sinks: Vector = (taken[np.searchsorted(acts, t, side="right")] if acted else taken).T
-        for name, one in zip(self._sinks, of_sinks, strict=True):
-            if acted or self._most.get(name) != one[-1]:
-                self._judge(name, t, one)
-        return of_sinks
+        of_sinks = (taken[np.searchsorted(acts, t, side="right")] if acted else taken).T
+        return dict(zip(self._sinks, of_sinks, strict=True))
 
-    def _judge(self, name: str, t: Vector, taken: Vector) -> None:
-        """Take note of the most that a sink had taken, and of what it has given back of it."""
-        most = np.fmax(np.fmax.accumulate(taken), self._most.get(name, taken[0]))
-        given = np.fmax(most - taken, 0.0)
-        worst, self._most[name] = int(np.argmax(given)), float(most[-1])
-        if given[worst] > self._given.get(name, (0.0, 0.0))[0]:
-            self._given[name] = float(given[worst]), float(t[worst])
+    def _judge(self, t: Vector, of_all: dict[str, Vector]) -> None:
+        """Take note of the most that each had taken, and of what it has given back of it."""
+        for name, taken in of_all.items():
+            if len(taken) == 1 and self._most.get(name) == taken[0]:
+                continue
+            most = np.fmax(np.fmax.accumulate(taken), self._most.get(name, taken[0]))
+            given = np.fmax(most - taken, 0.0)
+            worst, self._most[name] = int(np.argmax(given)), float(most[-1])
+            if given[worst] > self._given.get(name, (0.0, 0.0))[0]:
+                self._given[name] = float(given[worst]), float(t[worst])
 
     @property
     def mass_error(self) -> float:
@@ -188,29 +204,31 @@ class EnergyBudget(Keeping):
             if self._off - self._jumped <= least:
                 what = "with the numerics that the run went on with its surface had another energy"
             sentences.append(f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}")
-        for name, (given, t) in self._given.items():
-            if given > max(GIVEN * self._energy, self._nothing) and (sink := self._sinks.get(name)):
+        for name, (called, gives) in self._called.items():
+            given, t = self._given.get(name, (0.0, 0.0))
+            if given > max(GIVEN * self._energy, self._nothing):
                 part = f"has given the waves {given / self._energy:.2g} of the energy by t = {t:.4g} s"
-                called, gives = getattr(sink, "called", "what damps them"), getattr(sink, "gives", "it should take")
                 sentences.append(f"{called} {part}: {gives}")
         return sentences
 
     def held(self) -> Held:
         """Return the sums so far, and what the balance is judged by."""
         of_sinks = {"most": {**self._most}, "given": {**self._given}}
-        return {name: getattr(self, f"_{name}") for name in SUMS} | of_sinks | {"supply": self._supply.held()}
+        sums = {name: getattr(self, f"_{name}") for name in SUMS}
+        return sums | of_sinks | {"supply": self._supply.held(), "damped": self._damped.held()}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         for name in SUMS:
             setattr(self, f"_{name}", held[name])
         self._supply.take(held["supply"])
+        self._damped.take(held["damped"])
         self._most, self._given = {**held["most"]}, {name: (given, t) for name, (given, t) in held["given"].items()}
 
     def carry(self, held: Held) -> None:
         """Take the sums; what was dissipated stays so, whatever dissipates now."""
         self.take(held)
-        self._earlier, self._most = self._dissipated - sum(sink.energy_taken for sink in self._sinks.values()), {}
+        self._earlier, self._most = self._dissipated - self._damped.value - sum(self._taken_now()), {}
 
     def renewed(self) -> None:
         """Know that the next step is the first with other numerics, which may have another energy of the surface."""

@@ -1,4 +1,5 @@
-/* What is put in by each of some times, by Adams-Moulton's rule of order 4; for wavetank/observers/supply.py. */
+/* What is put in by each of some times, by Adams-Moulton's rule of order 4; for wavetank/observers/supply.py. Of the first two
+   steps of a length Simpson's rule, when both are there: the first by itself has its ends only. */
 #include <math.h>
 #include <string.h>
 
@@ -21,7 +22,7 @@ void put_in(long count, const double *t, const double *rates, double *work, doub
         w->known = fmin(w->known + 1.0, equal ? KNOWN : 2.0);
         memmove(w->rates + 1, w->rates, sizeof(double) * (KNOWN - 1));
         w->rates[0] = rates[k];
-        double mean = 0.0;
+        double mean = w->known == 3.0 ? (w->rates[2] - 2.0 * w->rates[1] + w->rates[0]) * -1.0 / 12 : 0.0;
         for (int n = 0; n < w->known; ++n)
             mean += weights[(int)w->known - 1][n] * w->rates[n];
         done[k] = w->done += dt * mean;

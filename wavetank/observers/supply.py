@@ -11,8 +11,8 @@ through steps as the cubics through their last four values; u is taken as it is,
 what a ``Steered`` motion adds.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from functools import cache, lru_cache, partial
+from collections.abc import Iterable, Sequence
+from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any, Protocol
 
@@ -35,10 +35,6 @@ EQUAL = 6  # digits: the same
 
 class Pushed(Protocol):
     """Water that paddles push; both methods are collective."""
-
-    @property
-    def tells_power(self) -> bool:
-        """Whether what is seen of a moment tells the power of its paddles, for nothing."""
 
     def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
         """Return dH/dt at fixed (Q, psi), in energy a second."""
@@ -70,10 +66,15 @@ class Moment(Protocol):
 
 
 class Supply(Stateful, Protocol):
-    """What is put in: int dH/dt|explicit dt so far."""
+    """What is put in: int dH/dt|explicit dt so far.
 
-    def lasts(self, water: Pushed) -> bool:
-        """Return whether what is seen of moments is all that is to be known of them, so that none needs be kept."""
+    Attributes
+    ----------
+    lasts
+        Whether what is seen of moments is all that is to be known of them, so that none needs be kept.
+    """
+
+    lasts: bool
 
     def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
         """Look at where a step has ended, before something acts on the state; collective."""
@@ -85,59 +86,66 @@ class Supply(Stateful, Protocol):
         """Return what was put in by each of K moments, and what was not because of what absorbing adds to the motions.
 
         The latter is less its part of W; None: nothing absorbs. ``power`` is that of the mean of the moments' points,
-        or at the last where something has acted between, shape (K,), where the water tells it.
+        or at the last where something has acted between, shape (K,).
         """
 
 
-def _mean(look: Callable[..., Any], before: Any, moment: Moment) -> Any:
-    """Return the mean of what a look at a moment's points tells; ``before`` of the first, if something has acted."""
-    *points, last = moment.state.known
-    seen = [look(*point, moment.t) for point in points] if before is None else [before]
-    seen.append(look(*last, moment.t))
-    return sum(seen[1:], start=seen[0]) / len(seen)
+class Integral:
+    """Of what is known at the ends of steps, by Adams-Moulton's rule of order 4."""
+
+    def __init__(self) -> None:
+        self._sum: Vector = np.zeros(4 + KNOWN)  # it, when, in what step, by how many rates and which
+
+    @property
+    def value(self) -> float:
+        """What it is by the last moment."""
+        return float(self._sum[0])
+
+    def work_off(self, times: Vector, rates: Vector) -> Vector:
+        """Return what it is by each of K moments that follow those before, shape (K,)."""
+        found, at, rates = np.empty(len(times)), _kernel().pointer, np.ascontiguousarray(rates)
+        _kernel().call.put_in(len(times), at(times), at(rates), at(self._sum), at(found))
+        return found
+
+    def held(self) -> Held:
+        """Return the sum, and the rates at the last moments."""
+        return {"sum": self._sum.tolist()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._sum = np.array(held["sum"])
 
 
 class Power:
     """Of paddles that move smoothly, by their power."""
 
-    def __init__(self) -> None:
-        self._work: Vector = np.zeros(4 + KNOWN)  # what was put in, when, in what step, by how many rates and which
-        self._before = dict[float, float]()  # the power where a step ended, at times when something has acted since
-        self._looked = dict[float, float]()  # the mean power, at times when nobody else tells it
+    lasts = True
 
-    def lasts(self, water: Pushed) -> bool:
-        """See ``Supply``."""
-        return water.tells_power
+    def __init__(self) -> None:
+        self._work = Integral()
+        self._before = dict[float, float]()  # the power where a step ended, at times when something has acted since
 
     def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
         """See ``Supply``."""
         self._before[t] = water.explicit_rate(*at, t)
 
     def keep(self, water: Pushed, moment: Moment) -> None:
-        """See ``Supply``."""
-        if not water.tells_power:
-            before = next(iter(self._before.values()), None)
-            self._looked[moment.t] = _mean(water.explicit_rate, before, moment)
-            self._before.clear()
+        """Do nothing: nothing needs be kept."""
 
     def work_off(self, times: Vector, power: Vector) -> tuple[Vector, None]:
         """See ``Supply``."""
         rates, acted = power.copy(), _rows(times, self._before)
         rates[acted] = (rates[acted] + [*self._before.values()]) / 2
-        rates[_rows(times, self._looked)] = [*self._looked.values()]
         self._before.clear()
-        self._looked.clear()
-        done, at = np.empty(len(times)), _kernel().pointer
-        _kernel().call.put_in(len(times), at(times), at(rates), at(self._work), at(done))
-        return done, None
+        return self._work.work_off(times, rates), None
 
     def held(self) -> Held:
         """Return what was put in, and the power at the last moments."""
-        return {"work": self._work.tolist()}
+        return {"work": self._work.held()}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._work = np.array(held["work"])
+        self._work.take(held["work"])
 
 
 def _rows(times: Vector, some: Iterable[float]) -> NDArray[np.intp]:
@@ -156,6 +164,8 @@ class AnsweredWork:
         c of each [m²], shape (paddles,).
     """
 
+    lasts = False  # such motions forget
+
     def __init__(self, motions: Sequence[Moving], masses: Vector):
         self._motions, self._masses = motions, masses
         self._times: list[float] = []
@@ -164,10 +174,6 @@ class AnsweredWork:
         self._before: Vector | None = None  # what was seen where the step ended, if something has acted since
         self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
         self._kept: list[tuple[float, float]] = []
-
-    def lasts(self, water: Pushed) -> bool:
-        """See ``Supply``: such motions forget."""
-        return False
 
     def _look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dX and dH/dX', shape (2, paddles); collective."""
@@ -181,8 +187,11 @@ class AnsweredWork:
 
     def keep(self, water: Pushed, moment: Moment) -> None:
         """See ``Supply``."""
-        seen, self._before = _mean(partial(self._look, water), self._before, moment), None
-        self._go_on(moment.t, seen)
+        *points, last = moment.state.known
+        seen = [self._look(water, *point, moment.t) for point in points] if self._before is None else [self._before]
+        seen.append(self._look(water, *last, moment.t))
+        self._before = None
+        self._go_on(moment.t, np.mean(seen, axis=0))
         put_in, absorbed = self._done
         self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
 

@@ -73,7 +73,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
         *(f"  {line}" for line in _energy(scene)),
     ):
         terminal.print(line, highlight=False)
-    _warn(terminal, *doubts, *forewarnings(scene, seen.clock, seen.waves, sinks=seen.sinks))
+    _warn(terminal, *doubts, *forewarnings(scene, seen.clock, seen.waves))
 
 
 def _warn(terminal: "Console", *sentences: str) -> None:
@@ -130,7 +130,7 @@ def _forewarned(scene: "Scene") -> list[str]:
 
     check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     run, waves = build_run(scene, MPI.COMM_WORLD)
-    return forewarnings(scene, run.clock, waves, sinks=run.sinks)
+    return forewarnings(scene, run.clock, waves)
 
 
 def _use(scene: "Scene", accuracy: float | None, wanted: float) -> str:

@@ -19,9 +19,7 @@ from wavetank.case.wave_files import SurfaceFile
 from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
-from wavetank.integrators.absorbing import Absorbing
 from wavetank.integrators.contract import Integrator
-from wavetank.observers.energy import Sink
 from wavetank.plan.defaults import DEFAULT, bed_shape
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.highest_waves import too_high
@@ -41,14 +39,11 @@ SUDDEN = 0.1  # of its largest speed: what a paddle starts with in water at rest
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
-def forewarnings(
-    scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None, sinks: Sequence[Sink] = ()
-) -> list[str]:
+def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator[Any] | None = None) -> list[str]:
     """Return what is doubtful of a run before it begins, a sentence each, the same on all ranks; collective.
 
     Of an integrator of a user's ``own``, in place of the scene's, no error is predicted, as where no plan can be made,
-    or none holds the paddle's waves: of these it is said what mesh and vertical order miss of them. The run's ``sinks``
-    tell of a sponge.
+    or none holds the paddle's waves: of these it is said what mesh and vertical order miss of them.
     """
     planless = own is not None or unplanned(scene) is not None or any(too_short(scene))
     mesh = waves_missed(scene, waves.plane.cell_size) if planless else predicted(scene)
@@ -59,7 +54,7 @@ def forewarnings(
         *of_motion,
         *_sponge(scene),
         *in_sponge(scene),
-        *_damped(scene, waves, sinks),
+        *_damped(scene, waves),
     ]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
@@ -149,9 +144,9 @@ def in_sponge(scene: Scene) -> Iterator[str]:
     yield from _standing(names, f"in the sponge, which takes waves from x = {scene.left + edge:.4g} m on")
 
 
-def _damped(scene: Scene, waves: AnyWaves, sinks: Sequence[Sink]) -> Iterator[str]:
+def _damped(scene: Scene, waves: AnyWaves) -> Iterator[str]:
     """Yield a sentence if gauges are where a sponge of any other kind takes waves, by the nearest node; collective."""
-    gamma = next((one.gamma for one in sinks if isinstance(one, Absorbing)), None)
+    gamma = waves.damping
     if gamma is None or isinstance(scene.sponge, EndSponge) or not scene.all_gauges:
         return
     plane, places = waves.plane, [(gauge.x, gauge.y) for gauge in scene.all_gauges]

@@ -10,7 +10,6 @@ from mpi4py import MPI
 
 from wavetank.case import Scene
 from wavetank.observers.contract import Moment
-from wavetank.observers.energy import Sink
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.plan.kinds import entries_of
@@ -34,8 +33,8 @@ class Trial(NamedTuple):
     ----------
     summary
         What the run is, in a line.
-    clock, waves, sinks
-        The whole run's steps, the waves in it, and what takes energy out of them.
+    clock, waves
+        The whole run's steps and the waves in it.
     step
         CPU time of a step, of the rank that takes longest, without snapshots [s].
     solves
@@ -51,7 +50,6 @@ class Trial(NamedTuple):
     summary: str
     clock: Clock
     waves: AnyWaves
-    sinks: list[Sink]
     step: float
     solves: float
     memory: float
@@ -105,7 +103,7 @@ def trial(scene: Scene, comm: MPI.Comm) -> Trial:
     step, looks = comm.allreduce(each.cpu, op=MPI.MAX), Looks.of(scene, clock.dt)
     of_operator = entries_of(waves.plane.order, waves.plane.cells, waves.vertical.n)
     watching = looks.in_basin(step) if waves.plane.mesh.topology.dim == 2 else looks.in_slice(of_operator)
-    return Trial(line, clock, waves, run.sinks, step, each.solves, comm.allreduce(peak_memory()), looks, watching)
+    return Trial(line, clock, waves, step, each.solves, comm.allreduce(peak_memory()), looks, watching)
 
 
 def _fill(run: Run, scene: Scene, waves: AnyWaves) -> None:

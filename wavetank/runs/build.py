@@ -15,8 +15,7 @@ from wavetank.case.windows import Window
 from wavetank.errors import InputError, OutsideError
 from wavetank.fe.agreed import agreed
 from wavetank.hamiltonian.stage_solver import ITERATES
-from wavetank.integrators import INTEGRATORS
-from wavetank.integrators.absorbing import Absorbing
+from wavetank.integrators import INTEGRATORS, Damping, damped
 from wavetank.integrators.answering import Answering
 from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter
@@ -168,6 +167,11 @@ def build_run(
         footprint = build_footprint(scene, comm)
     waves = fill(scene, footprint)
     integrator = INTEGRATORS[scene.numerics.integrator]() if integrator is None else own_scheme(integrator)
+    if scene.sponge is not None:
+        with about("sponge"):
+            damping = Damping(build_sponge(scene, scene.sponge, footprint, waves))
+        integrator = damped(integrator, damping)
+        waves.damp(damping.gamma)
     answers = build_answers(scene, waves)
     if answers:
         integrator = Answering(integrator, answers)
@@ -183,11 +187,6 @@ def build_run(
         allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
         raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     filters = build_filters(scene, waves, clock.dt)
-    if scene.sponge is not None:
-        with about("sponge"):
-            sponge = Absorbing(build_sponge(scene, scene.sponge, footprint, waves), dt=clock.dt)
-        filters.insert(0, sponge)
-        start = start if beginning else (start[0], sponge.begun(start[1]))
     return Run(waves, integrator, [], start=start, clock=clock, filters=filters), waves
 
 
@@ -255,7 +254,7 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
     if waves.plane.mesh.topology.dim == 1:
         snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
         observers.append(snapshots)
-    observers += _field_observers(scene, waves, records, sinks)
+    observers += _field_observers(scene, waves, records)
     if scene.all_gauges:
         observers.append(_gauges(scene, waves, records.gauges))
     look = InTheWater.of(scene, waves, records)
@@ -407,15 +406,14 @@ def _wall(scene: Scene, waves: AnyWaves, n: int) -> MeshTags:
         return waves.plane.wall(scene.loads[n].on)
 
 
-def _field_observers(scene: Scene, waves: AnyWaves, records: Records, sinks: Sequence[Sink]) -> list[Observer]:
+def _field_observers(scene: Scene, waves: AnyWaves, records: Records) -> list[Observer]:
     """Return what writes a basin's surface and sponge, and the velocity field where it is asked for; collective."""
     observers = list[Observer]()
     if records.fields is None:
         return observers
     if waves.plane.mesh.topology.dim == 2:
         schedule = EveryTime(scene.surface_every)
-        damping = next((one.gamma for one in sinks if isinstance(one, Absorbing)), None)
-        observers.append(SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=damping))
+        observers.append(SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=waves.damping))
     if scene.output.velocity_every is not None and isinstance(waves, NonlinearWaves):
         schedule = EveryTime(scene.output.velocity_every)
         observers.append(VelocityFields(waves, records.fields("velocity"), schedule=schedule))

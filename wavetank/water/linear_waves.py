@@ -40,7 +40,7 @@ from wavetank.stateful import Held, Stateful, give_back, held_by
 from wavetank.water.bed import Depth, FlatBed, bed_of
 from wavetank.water.energy import POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, SolveCounters, interior_of
-from wavetank.water.seen import Sight, State, see
+from wavetank.water.seen import Sight, State, see, see_from
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.walls import LinearWall
 from wavetank.water.walls.contract import LinearOpening
@@ -67,7 +67,7 @@ class LinearWaves:
         Relative tolerance of what is solved iteratively.
     """
 
-    tells_power = False
+    damping: Vector | None = None
     parts = (  # and the wall's
         Part("kinetic", "½ ∫∫ d |v|² dζ dX,  v = (∇φ + (1 - ζ)∇d φ_ζ/d, φ_ζ/d)"),
         POTENTIAL,
@@ -157,7 +157,7 @@ class LinearWaves:
             self._q = q.copy()
 
     def _set_potential(self, p: Vector) -> None:
-        if not self._agree(np.array_equal(p, self._p)):
+        if not self.knows(self._q, p, 0.0):
             self._G_psi = self.potential.dirichlet_neumann(p)
             self._p = p.copy()
 
@@ -185,9 +185,21 @@ class LinearWaves:
         """Return room for what is seen of so many moments."""
         return Sight(most, owned=self.plane.owned, wall=self.wall)
 
+    def damp(self, rate: Vector) -> None:
+        """Tell what a damping of the momenta takes, of rate [1/s], shape (owned,), with what is seen of moments."""
+        self.damping = rate
+
     def see(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state at t [s] from the last of its known points, into a row; collective."""
         see(self, state, t, into, row)
+
+    def see_from(self, at: tuple[Vector, Vector], state: State, t: float, into: Sight, row: int) -> None:
+        """See a state at t [s] from a point near it, into a row; collective."""
+        see_from(self, at, state, t, into, row)
+
+    def knows(self, q: Vector, p: Vector, t: float) -> bool:
+        """Return whether G psi of a point is known; collective."""
+        return self._agree(np.array_equal(p, self._p))
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's term included; collective."""

@@ -94,7 +94,7 @@ class NonlinearRates(NonlinearWaves):
 
     def find_rates(self, q: Vector, p: Vector, t: float) -> None:
         """See ``MovingWater``."""
-        if self._has_rates and self._knows(q, p, t):
+        if self._has_rates and self.knows(q, p, t):
             return
         q_rate, p_rate = self.H_p(q, p, t), -self.H_q(q, p, t)
         column, step = self.h.owned.copy(), self._step(q_rate)

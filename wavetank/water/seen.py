@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
-from wavetank.fe.whole import ROWS
 from wavetank.water.energy import Energies
 
-NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, HIGHEST, LARGEST = range(7)  # in a row
+NUMBERS = KINETIC, POTENTIAL, WALL, MASS, POWER, DAMPED, HIGHEST, LARGEST = range(8)  # in a row
 
 
 class SeenWall(Protocol):
@@ -54,9 +53,10 @@ class Sight:
     numbers
         Kinetic and potential energy and the wall's part, those of the states: H, and the potential energy, to the
         square of what lies between, and W as of the points, so that what that changes by is in the kinetic energy; the
-        water's volume, of a slice per width [m³, m²]; where it is told, the power dH/dt at fixed (Q, psi), in energy a
+        water's volume, of a slice per width [m³, m²]; the power dH/dt at fixed (Q, psi), in energy a
         second, of the mean of first and last of the known points, or of the last where the first would cost a solve;
-        of the elevation the highest and the largest magnitude [m], on this rank, nan where any is. Shape (most, 7).
+        what damping takes of H, likewise, of the state's momenta and dH/dp at these points;
+        of the elevation the highest and the largest magnitude [m], on this rank, nan where any is. Shape (most, 8).
     rates
         X_p, X_p' and X_p'' of each paddle, nan of one that does not move as a whole [m, m/s, m/s²], shape (most,
         paddles, 3).
@@ -69,6 +69,7 @@ class Sight:
         self.rise: Vector = np.zeros((most, owned))
         self.psi: Vector = np.zeros((most, owned))
         self.numbers: Vector = np.full((most, len(NUMBERS)), np.nan)
+        self.numbers[:, DAMPED] = 0.0
         self.rates: Vector = np.full((most, *wall.rates.shape), np.nan)
         self.velocities: Vector = np.zeros((most, wall.velocities.size))
         self.filled = 0
@@ -82,11 +83,6 @@ class Sight:
         if velocities.size != self.velocities.shape[1]:  # which is known when it has moved
             self.velocities = np.zeros((len(self.velocities), velocities.size))
         self.velocities[row] = velocities
-
-    def copy(self, row: int, of: "Sight") -> None:
-        """Keep what stands in another's first row."""
-        for name in ROWS:
-            getattr(self, name)[row] = getattr(of, name)[0]
 
     def energy(self, row: int) -> float:
         """Return H of a state."""
@@ -133,13 +129,22 @@ class Evaluable(Protocol):
     ----------
     gravity
         [m/s²].
+    damping
+        The rate at which momenta are damped [1/s], shape (owned,); None where they are not.
     """
 
     gravity: float
+    damping: Vector | None
 
     @property
     def wall(self) -> SeenWall:
         """The wall."""
+
+    def knows(self, q: Vector, p: Vector, t: float) -> bool:
+        """Return whether that point was evaluated last."""
+
+    def see_from(self, at: tuple[Vector, Vector], state: State, t: float, into: Sight, row: int) -> None:
+        """See a state at t [s] from a point near it, into a row."""
 
     def energies(self, q: Vector, p: Vector, t: float) -> Energies:
         """Return kinetic and potential energy and the wall's term."""
@@ -156,13 +161,35 @@ class Evaluable(Protocol):
     def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
         """Return dH/dpsi, shape (owned,)."""
 
+    def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
+        """Return dH/dt at fixed (Q, psi), in energy a second."""
+
     def inner(self, a: Vector, b: Vector) -> float:
         """Return the sum of a b over the degrees of freedom of all ranks."""
 
 
 def see(water: Evaluable, state: State, t: float, into: Sight, row: int) -> None:
-    """See a state at t [s] from the last of its known points, into a row; collective."""
-    wall, q, p, at = water.wall, state.q, state.p, state.known[-1]
+    """See a state at t [s] from the last of its known points, into a row; collective.
+
+    Power, and what damping takes, are the means of those at the first and at the last, unless the first would cost a
+    solve.
+    """
+    first, last = state.known[0], state.known[-1]
+    before = _rates(water, state.p, first, t) if first is not last and water.knows(*first, t) else None
+    water.see_from(last, state, t, into, row)
+    if before is not None:
+        into.numbers[row, POWER:HIGHEST] = (before + into.numbers[row, POWER:HIGHEST]) / 2
+
+
+def _rates(water: Evaluable, p: Vector, at: tuple[Vector, Vector], t: float) -> Vector:
+    """Return the power at a point, and what damping takes of momenta p as seen from there, shape (2,); collective."""
+    taken = 0.0 if water.damping is None else water.inner(water.damping * p, water.H_p(*at, t))
+    return np.array([water.explicit_rate(*at, t), taken])
+
+
+def see_from(water: Evaluable, at: tuple[Vector, Vector], state: State, t: float, into: Sight, row: int) -> None:
+    """See a state at t [s] from a point near it, into a row; collective."""
+    wall, q, p = water.wall, state.q, state.p
     energies, eta, here, change, lift = water.energies(*at, t), water.elevation(*at, t), None, 0.0, 0.0
     if at[0] is not q or at[1] is not p:
         away = q - at[0]
@@ -172,6 +199,7 @@ def see(water: Evaluable, state: State, t: float, into: Sight, row: int) -> None
     into.eta[row] = eta = eta if here is None else here
     moved = energies.kinetic + change - lift, energies.potential + lift, energies.wall, water.total_mass(q)
     into.numbers[row, :POWER] = moved
+    into.numbers[row, POWER:HIGHEST] = _rates(water, p, at, t)
     into.numbers[row, HIGHEST:] = eta.max(initial=-np.inf), np.abs(eta).max(initial=0.0)
     into.psi[row], into.rates[row] = p, wall.rates
     into.move(row, wall.velocities)

@@ -33,7 +33,7 @@ from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
 from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
-from wavetank.water.seen import POWER, Sight, State, see
+from wavetank.water.seen import Sight, State, see, see_from
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
 from wavetank.water.surface_flow import SurfaceVelocity, surface_of
 from wavetank.water.walls import Wall, one_time
@@ -137,6 +137,7 @@ class NonlinearWaves:
     """
 
     parts = (KINETIC, POTENTIAL)  # and the wall's
+    damping: Vector | None = None
 
     def __init__(
         self,
@@ -183,8 +184,7 @@ class NonlinearWaves:
         self._has_H_q = False  # which is found when it is asked for
         self._square: float | None = None  # of eta and psi [m²], likewise
         self._elevation = _Elevation(self._point[0], self._t, self._point[0])  # last asked for elsewhere
-        self._near = self.sight(1)  # of a state near a point, and of which
-        self._near_of: tuple[Vector | None, Vector | None, Vector | None] = None, None, None
+        self._near = self.sight(1)  # of a state near a point
         self._pair: tuple[Vector | None, Vector | None] = None, None  # the point last evaluated, as ``_array``
         self._energies: Energies | None = None  # of the point last evaluated, found when they are asked for
         self._whole = self._compiled(minimum)
@@ -213,7 +213,7 @@ class NonlinearWaves:
     # ------------------------------------------------------------------------------------------ the state's flow
     def evaluate(self, q: Vector, p: Vector, t: float) -> None:
         """Find water column and potential of a state, unless it is the one last evaluated; collective."""
-        if not self._knows(q, p, t):
+        if not self.knows(q, p, t):
             self._find(q, p, t)
         self._pair = _lasting(q, p)
 
@@ -294,7 +294,7 @@ class NonlinearWaves:
         self._array = self._told = self._energies = None
         self._pair = None, None
 
-    def _knows(self, q: Vector, p: Vector, t: float) -> bool:
+    def knows(self, q: Vector, p: Vector, t: float) -> bool:
         """Return whether that state is the one last evaluated; collective."""
         if not one_time(t, self._t):
             return False
@@ -410,14 +410,15 @@ class NonlinearWaves:
             self._energies = Energies(self._kinetic, self._potential_energy(), self._wall_terms.energy())
         return self._energies
 
-    @property
-    def tells_power(self) -> bool:
-        """Whether what is seen of a moment tells the power of its paddles, for nothing: along a slice on one rank."""
-        return self._seeing is not None
-
     def sight(self, most: int) -> Sight:
         """Return room for what is seen of so many moments."""
         return Sight(most, owned=self.plane.owned, wall=self.wall)
+
+    def damp(self, rate: Vector) -> None:
+        """Tell what a damping of the momenta takes, of rate [1/s], shape (owned,), with what is seen of moments."""
+        self.damping = rate
+        if self._whole is not None:
+            self._whole.damp(rate)
 
     def see(self, state: State, t: float, into: Sight, row: int) -> None:
         """See a state at t [s] from the last of its known points, which is evaluated then: into a row; collective."""
@@ -429,7 +430,7 @@ class NonlinearWaves:
             self._take_over(found, t)
             self._remember(next_point)
         else:
-            self._see_from_last(state, t, into, row)
+            see(self, state, t, into, row)
         if self._several:
             into.move(row, self.wall.velocities)
 
@@ -437,35 +438,25 @@ class NonlinearWaves:
         """Return whether the point last evaluated is that where the step to a state has ended."""
         return state.points[0] is self._array and (t == self._t or one_time(t, self._t))
 
-    def _see_from_last(self, state: State, t: float, into: Sight, row: int) -> None:
-        """See a state from the last of its points, one thing after the other."""
-        first, last, whole = state.known[0], state.known[-1], self._seeing
-        if whole is None:
-            see(self, state, t, into, row)
+    def see_from(self, at: Pair, state: State, t: float, into: Sight, row: int) -> None:
+        """See a state at t [s] from a point near it, into a row; collective."""
+        if self._seeing is None:
+            see_from(self, at, state, t, into, row)
         else:
-            known = first is not last and self._knows(*first, t)
-            before = self.explicit_rate(*first, t) if known else np.nan
-            self._see(whole, (state.q, state.p), t, at=last, into=into, row=row)
-            if known:
-                into.numbers[row, POWER] = (before + into.numbers[row, POWER]) / 2
-        if last[0] is state.q and (jump := state.q_jump) is not None:
+            self._see(self._seeing, (state.q, state.p), t, at=at, into=into, row=row)
+        if at[0] is state.q and (jump := state.q_jump) is not None:
             into.rise[row] = 0.5 * self.mass.solve(jump)  # which no point beside the state tells
 
     def _see(self, whole: Whole, state: Pair, t: float, *, at: Pair, into: Sight, row: int) -> None:
-        """See a state from a point, with the power there, unless ``energy_near`` has just done so."""
+        """See the same of (Q, psi), along a slice on one rank."""
         point = self._evaluated(*at, t)
-        q, p, seen_from = self._near_of
-        if point is seen_from and state[0] is q and state[1] is p:
-            into.copy(row, self._near)
-        else:
-            whole.see(state, point, self.bed.still, self._kinetic, self.gravity, into, row)
+        whole.see(state, point, self.bed.still, self._kinetic, self.gravity, into, row)
 
     def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
         """Return H of a state from a point that is known of it, along a slice on one rank; see ``Seeing``."""
         if self._seeing is None:
             return None
         self._see(self._seeing, (q, p), t, at=at, into=self._near, row=0)
-        self._near_of = *_lasting(q, p), self._point
         return self._near.energy(0)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
@@ -486,10 +477,7 @@ class NonlinearWaves:
         """Return dH/dt at fixed (Q, psi) [m^4/s³]: what the moving wall does; collective."""
         if self._seeing is None:
             return self._wall_terms.explicit_rate(lambda: self.H_q(q, p, t))
-        point = self._evaluated(q, p, t)
-        if point is self._near_of[-1]:
-            return float(self._near.numbers[0, POWER])
-        return self._seeing.push(point, self.bed.still)
+        return self._seeing.push(self._evaluated(q, p, t), self.bed.still)
 
     # ------------------------------------------------------------------------------------------ states
     def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
@@ -529,7 +517,7 @@ class NonlinearWaves:
         last = self._elevation
         if one_time(t, last.t) and self._all(q.tobytes() == last.q.tobytes()):
             return last.eta.copy()
-        if self._knows(q, p, t):
+        if self.knows(q, p, t):
             return np.asarray(self.h.owned - self.bed.still)
         self._elevation = last = _Elevation(q.copy(), t, self.columns.solve(q) - self.bed.still)
         return last.eta.copy()
