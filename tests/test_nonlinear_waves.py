@@ -21,7 +21,7 @@ from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.runs.build import build_run
 from wavetank.water.carried_waves import CarriedWaves
-from wavetank.water.seen import HIGHEST, POWER, see_from
+from wavetank.water.seen import DAMPED, HIGHEST, POWER, see_from
 from wavetank.water.still_water import StillWaterWaves, scales
 from wavetank.water.walls.contract import stood
 
@@ -154,13 +154,15 @@ BESIDE = {"piston": {}, "flap": {"hinge": -1.0}, "both": {"hinge": -1.0, "far": 
 def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between(make_tank, walls):
     """Oracle: H and the potential energy of the state, evaluated there, at three distances.
 
-    So is power, which is that of the mean of two points where the first was evaluated last, else that of the last.
+    So are power and what damping takes, those of the mean of two points where the first was evaluated last, else those
+    at the last.
     What is compiled of all that is what its formulae give; beside a paddle that leans the surface to that square.
     """
     tank, t = make_tank(length=2.0, cells=8, n=5, motion=piston(), **walls), 3.3
     mean = np.array(steep_state(tank))
     q, p = mean
-    tank.evaluate(q, p, t)
+    tank.damp(1.0 + tank.plane.x)
+    taken = tank.inner(tank.damping * p, tank.H_p(q, p, t))
     bump, errors, sizes = np.cos(2 * np.pi * tank.plane.x), [], [4e-3, 2e-3, 1e-3]
     for size in sizes:
         away = np.array([size * tank.mass.apply(bump), size * bump])
@@ -171,22 +173,24 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
         state.points[0].setflags(write=False)
         tank.flow(state.points[0], t)  # as a step ends
         tank.see(state, t, found, 1)
-        see(tank, state, t, told, 0)
+        see_from(tank, at, state, t, told, 0)
         for row in range(2):
             for name, scale in (("eta", close), ("rise", close), ("psi", 0.0), ("rates", 0.0), ("velocities", 0.0)):
                 assert np.abs(getattr(found, name)[row] - getattr(told, name)[0]).max() <= scale, name
             assert found.numbers[row, :4] == pytest.approx(told.numbers[0, :4], rel=1e-12, abs=1e-13)
             assert [*found.numbers[row, HIGHEST:]] == [found.eta[row].max(), np.abs(found.eta[row]).max()]
         powers = [tank._wall_terms.explicit_rate(partial(tank.H_q, *point, t)) for point in (before, at)]
+        assert found.numbers[0, POWER:HIGHEST] == pytest.approx(told.numbers[0, POWER:HIGHEST], rel=1e-9)
         assert found.numbers[0, POWER] == pytest.approx(powers[1], rel=1e-9)
         assert stood(t, found.rates[0, :, 0]) == tank.wall.stood
         assert found.rise[0] == pytest.approx(size * bump, abs=1e-12 + 2 * close)
         H, potential = tank.energy_near(q, p, t, at=at), found.numbers[0, 1]
         off = H - tank.energy(q, p, t), potential - tank.energies(q, p, t).potential
-        errors.append([*map(abs, off), abs(found.numbers[1, POWER] - np.mean(powers))])
+        off += found.numbers[1, POWER] - np.mean(powers), found.numbers[1, DAMPED] - taken
+        errors.append([*map(abs, off)])
         tank.energy_near(np.where(q > q.min(), q, np.nan), p, t, at=at)
         assert np.isnan(tank._near.numbers[0, HIGHEST:]).all()
-    assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0, 2.0, 2.0], abs=0.1)
+    assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0, 2.0, 2.0, 2.0], abs=0.1)
 
 
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "simpson-4"])
