@@ -419,9 +419,9 @@ def test_what_a_paddle_absorbs_is_told_over_a_bed(tmp_path, monkeypatch, capsys)
     )
     looks = SimpleNamespace(told=lambda part: "")
     steps = dict.fromkeys(("step", "solves", "duration", "memory", "watching"), 1.0)
-    seen = SimpleNamespace(summary="", looks=looks, clock=None, waves=None, sinks=[], **steps)
+    seen = SimpleNamespace(summary="", looks=looks, clock=None, waves=None, **steps)
     monkeypatch.setattr("wavetank.plan.trial.trial", lambda *of: seen)
-    monkeypatch.setattr("wavetank.plan.forewarnings.forewarnings", lambda *of, sinks: sinks)
+    monkeypatch.setattr("wavetank.plan.forewarnings.forewarnings", lambda *of: [])
     assert main(["plan", str(tmp_path / "case.toml")]) == 0
     told = "paddle of wall: it absorbs what comes to it, all but 4.7 % of waves from 1.16 to 4.17 s at short steps"
     assert told in " ".join(capsys.readouterr().out.split())

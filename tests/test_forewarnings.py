@@ -53,7 +53,7 @@ def standing(mode=1):
 
 def said_of(one):
     run, waves = build_run(one, MPI.COMM_SELF)
-    return forewarnings(one, run.clock, waves, sinks=run.sinks)
+    return forewarnings(one, run.clock, waves)
 
 
 def test_where_a_rule_stands_for_a_plan_the_run_says_so(tmp_path):

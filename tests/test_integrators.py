@@ -4,6 +4,8 @@ Oracles: exact solutions (harmonic, forced, and in elliptic functions the non-se
 closed forms derived in symbols from the schemes themselves.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sympy
@@ -12,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wavetank.hamiltonian.oscillators import Forced, Harmonic, NonSeparable
-from wavetank.integrators import GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
+from wavetank.integrators import Filtered, GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
+from wavetank.integrators.damped import same, times
 from wavetank.verify import (
     damped_jumps,
     damping,
@@ -303,12 +306,31 @@ def test_the_limit_of_the_scheme_with_damped_jumps():
     assert max(stability.spectral_radius(simpson(), theta) for theta in np.linspace(0.01, limit, 50)) < 1 + 1e-9
 
 
+class BetweenSteps:
+    """A filter that leaves so much of the momenta."""
+
+    def __init__(self, factor):
+        self.momentum, self.coordinate = times(np.array([factor])), same
+
+    def needed(self, state, t):
+        return True
+
+    def account(self, taken, *, of):
+        pass
+
+
+def between_steps(gamma, dt):
+    """Return a step of the oscillator and a filter."""
+    filtered = Filtered(Simpson4(), [BetweenSteps(np.exp(-gamma * dt))])
+    return amplification(replace(simpson(), integrator=filtered), Harmonic(), dt)
+
+
+@pytest.mark.parametrize("step", [between_steps, damping.exact(simpson())], ids=["between steps", "in the scheme"])
 @pytest.mark.parametrize("gamma_dt", [0.01, 0.1, 1.0, 10.0])
-def test_what_damps_between_steps_damps_the_motion_as_it_should_and_lets_no_jump_grow(gamma_dt):
+def test_what_damps_damps_the_motion_as_it_should_and_lets_no_jump_grow(gamma_dt, step):
     """On the oscillator, whose moduli are e^(-gamma dt / 2) where it oscillates; earlier jumps stay what they were."""
-    absorbing = damping.split(simpson())
     for theta in np.linspace(0.05, 0.999 * Simpson4.stability_limit, 12):
-        values = np.linalg.eigvals(absorbing(gamma_dt / theta, theta))
+        values = np.linalg.eigvals(step(gamma_dt / theta, theta))
         assert np.abs(values).max() < 1
         if gamma_dt < 2 * theta and theta < 1.2:
             physical = np.abs(values[np.argmin(np.abs(values - np.exp(-gamma_dt / 2 + 1j * theta)))])
