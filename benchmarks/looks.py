@@ -73,7 +73,7 @@ def in_turn(run: Run) -> Vector:
         began = time.process_time_ns()
         for _ in range(GROUP):
             now.advance()
-            if now.settles:
+            if not now.room:
                 now.settle()
         flow(np.concatenate(now.state.known[-1]), now.t)
         taken.append((time.process_time_ns() - began) / 1e3 / GROUP)

@@ -334,6 +334,28 @@ def test_a_step_that_took_long_to_note_does_not_keep_others_from_being_noted(mon
     assert len(noted) == 19
 
 
+@pytest.mark.parametrize("step", [1e-3, 0.01, 0.2], ids=["milliseconds", "hundredths of a second", "a fifth of one"])
+def test_the_clock_is_asked_some_times_a_second_though_records_are_late_by_no_more_and_all_blocks_are_noted(
+    step, monkeypatch
+):
+    """Of blocks of 500 steps; both are later by a step at most where that takes longer."""
+    now, asked, settled, noted = [0.0], list[float](), [0.0], list[float]()
+    monkeypatch.setattr(checkpoints.time, "monotonic", lambda: asked.append(now[0]) or now[0])
+    observer = checkpoints.Checkpoints(
+        MPI.COMM_SELF,
+        lambda: None,
+        note=lambda: noted.append(now[0]),
+        settle=lambda: settled.append(now[0]),
+        room=lambda: 499 - round(now[0] / step) % 500,
+        every=1e9,
+    )
+    for n in range(2000):
+        now[0] = n * step
+        observer.observe(Moment(n, 0.1 * n, Point(np.zeros(1), np.zeros(1))))
+    assert len(set(asked)) < 40 * now[0] and np.diff(settled).max() < 1.0 + step
+    assert {n * step for n in range(499, 2000, 500)} <= set(noted)
+
+
 @pytest.mark.parametrize(
     ("cost", "first", "second"),
     [(0.001, 1.0, 2.0), (0.1, 5.0, 25.0), (1.0, 10.0, 210.0)],

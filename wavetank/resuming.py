@@ -109,7 +109,7 @@ class KeptRun:
     def from_time_to_time(self, every: float | None) -> Checkpoints:
         """Return the observer that writes checkpoints; the last that can fail."""
         comm, run = self._waves.plane.comm, self._run
-        settling: dict[str, Any] = {"settle": run.settle, "settles": lambda: run.settles}
+        settling: dict[str, Any] = {"settle": run.settle, "room": lambda: run.room}
         return Checkpoints(comm, self.write, note=self._note, every=every, **settling)
 
     def _note(self) -> None:

@@ -66,9 +66,11 @@ class Run:
         return self.clock.time(self.step)
 
     @property
-    def settles(self) -> bool:
-        """Whether patient observers will work off their moments once the present one has been observed."""
-        return len(self._steps) >= self._most or (bool(self._hasty) and any(one.hurries for one in self._hasty))
+    def room(self) -> int:
+        """How many moments more patient observers keep at most; 0: they work off these once all have seen this one."""
+        if self._hasty and any(one.hurries for one in self._hasty):
+            return 0
+        return max(0, self._most - len(self._steps))
 
     @property
     def sinks(self) -> list[Sink]:
@@ -91,7 +93,7 @@ class Run:
             self._observe(self.t)
         while self.step < self.clock.steps:
             self.advance()
-            if self.settles:
+            if not self.room:
                 self.settle()
         self.settle()
 
