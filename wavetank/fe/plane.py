@@ -124,6 +124,10 @@ class Plane:
             raise InputError(f"{name!r}: the walls of this mesh have no names.")
         return self._walls(name)
 
+    def around(self, dofs: NDArray[np.intp]) -> NDArray[np.int32]:
+        """Return this rank's cells that have any of some degrees of freedom, ghosts among them."""
+        return np.flatnonzero(np.isin(self.V.dofmap.list, dofs).any(axis=1)).astype(np.int32)
+
     def sum(self, values: Vector) -> float:
         """Return the sum of owned values over all ranks; collective."""
         return summed(self.comm, float(np.add.reduce(values, axis=None)))

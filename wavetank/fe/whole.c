@@ -124,8 +124,9 @@ static void by_walls(Whole *w)
         return;
     memset(w->wall, 0, sizeof(double) * w->dofs * NUMBERS);
     EACH_PADDLE(one)
-        EACH(i, (long)w->dofs * NUMBERS)
-            w->wall[i] += one->wall[i];
+        EACH(k, w->carries)
+            EACH(j, NUMBERS)
+                w->wall[w->carried[k] * NUMBERS + j] += one->wall[w->carried[k] * NUMBERS + j];
 }
 
 /* Set the potential of masses q and surface potential p, as the walls move. What is found, one behind the other: its flow
@@ -171,13 +172,15 @@ static int set(Whole *w, const double *q, const double *p, const double *still, 
     EACH(i, n)
         mean += w->image[i * NUMBERS + NUMBERS - 1] / n;
     EACH(i, n)
-        flow[i] = w->image[i * NUMBERS + NUMBERS - 1] - mean + (w->paddles ? w->wall[i * NUMBERS + NUMBERS - 1] : 0.0);
+        flow[i] = w->image[i * NUMBERS + NUMBERS - 1] - mean;
+    EACH(k, w->carries)
+        flow[w->carried[k]] += w->wall[w->carried[k] * NUMBERS + NUMBERS - 1];
     memset(by_column, 0, sizeof(double) * n);
     CALL(Product, derivative)(w->cells, w->layers, w->rows, w->phi, by_column);
     EACH_PADDLE(one) {
         ((ByColumn *)one->by_column)(one->paddle_by_column, one->moves[SPEED], w->column, w->phi, one->by_wall);
-        EACH(i, n)
-            by_column[i] += one->by_wall[i];
+        EACH(k, w->carries)
+            by_column[w->carried[k]] += one->by_wall[w->carried[k]];
     }
     CALL(Solve, solve_mass)(w->mass, by_column, by_column, w->mass_work);
     EACH(i, n)
@@ -344,8 +347,9 @@ static int look(Whole *w, const double *state, const double *to, const double *a
     if (iterations < 0)
         return iterations;
     see_from(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);
-    EACH(i, w->paddles ? n * NUMBERS : 0)
-        of_walls += w->wall[i] * w->phi[i]; /* W is linear in the potential */
+    EACH(k, w->carries)
+        EACH(j, NUMBERS)
+            of_walls += w->wall[w->carried[k] * NUMBERS + j] * w->phi[w->carried[k] * NUMBERS + j]; /* W is linear in it */
     numbers[WALL] = of_walls, numbers[POWER] = push(w, found, 1, &of_mean);
     numbers[DAMPED] = 0.5 * (damped(w, state + n, at) + damped(w, state + n, found));
     return iterations;

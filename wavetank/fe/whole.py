@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.along import Minimum
@@ -37,7 +38,7 @@ typedef struct Paddle {
     struct Paddle *next;
 } Paddle;
 typedef struct {
-    int dofs, iterations, most, last_iterations, trials;
+    int dofs, carries, iterations, most, last_iterations, trials;
     double celerity, tolerance, shortest, round_off;
     Paddle *paddles;
     Weighed *mean, *weighed, *moment;
@@ -45,7 +46,7 @@ typedef struct {
     void *factor_mass, *solve_mass, *solve_both, *mass, *square, *mass_cells;
     void *take, *cells, *layers, *product, *derivative, *take_single, *single_cells, *single_layers, *correct, *modes;
     void *aim, *start, *keep, *largest, *lines;
-    const int *order;
+    const int *order, *carried;
     const double *damping;
     const double **fields;
     double *column, *phi, *rows, *image, *inputs, *mass_work, *weights, *lengths, *wall;
@@ -216,6 +217,8 @@ class Whole:
         Where column and potential are found.
     walls, leaning
         Of those that move, none to two, and of such as lean.
+    carried
+        The degrees of freedom at which walls add something.
     inputs
         Numbers by which start values are found: elevation, potential over ``celerity`` [m/s], which are set here, and
         what tells how walls move.
@@ -237,6 +240,7 @@ class Whole:
         column: Field,
         phi: LayeredField,
         walls: Sequence[Along],
+        carried: NDArray[np.int32],
         leaning: Leaning | None,
         inputs: Vector,
         celerity: float,
@@ -257,6 +261,8 @@ class Whole:
             "celerity": celerity,
             "paddles": paddles,
             "wall": of_walls[0] if len(of_walls) == 1 else np.zeros(phi.rows.shape),
+            "carries": len(carried),
+            "carried": carried,
             "fields": fields,
             "column": column.rows,
             "phi": phi.rows,

@@ -6,7 +6,6 @@ from typing import Any, Protocol
 
 import numpy as np
 import ufl
-from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.mass import FactoredMatrix, FactoredSmoothing, HorizontalMatrix, RaisedSmoothing
@@ -115,15 +114,11 @@ class Smoothing:
         """Return it of the form; collective."""
         plane, mass, J = self._waves.plane, self._waves.mass, self._waves.wall.mapping.J(self._waves.densities.eta)
         if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
-            changing = self._carried() if self._by_wall and self._waves.wall.moves else None
+            wall = self._waves.wall
+            changing = plane.around(wall.carries) if self._by_wall and wall.moves else None
             whole = FactoredMatrix(plane, lambda u, v: J * u * v * plane.dx + self._of(u, v), changing=changing)
             return OneByOne(FactoredSmoothing(whole, mass), self._waves.columns)
         return OneByOne(RaisedSmoothing(mass, HorizontalMatrix(plane, self._of), plane), self._waves.columns)
-
-    def _carried(self) -> NDArray[np.int32]:
-        """Return the cells that the wall carries, on one rank."""
-        dofs = self._waves.plane.V.dofmap.list
-        return np.flatnonzero(np.isin(dofs, self._waves.wall.carries).any(axis=1)).astype(np.int32)
 
     def update(self) -> None:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""

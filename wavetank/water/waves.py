@@ -265,6 +265,7 @@ class NonlinearWaves:
             column=self.h,
             phi=self.phi,
             walls=walls,
+            carried=np.unique(self.plane.V.dofmap.list[self.plane.around(self.wall.carries)]),
             leaning=self._leaning,
             inputs=self._rows,
             celerity=self._speed,
