@@ -26,7 +26,7 @@ from wavetank.observers.fields import SurfaceFields, VelocityFields
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.loads import Loads, Pushing
 from wavetank.observers.paddle import RATES, PaddleLimits, PaddleMotion, SeenPaddle
-from wavetank.observers.passing import Called
+from wavetank.observers.passing import Called, Passing
 from wavetank.observers.probes import Probes, WaterKept
 from wavetank.observers.record import FieldRecord, Record
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
@@ -51,6 +51,7 @@ from wavetank.water.short_waves import FARTHEST, ShortWaves
 from wavetank.water.sounding import Sounding
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.wall_pressure import PaddlePush, WallPressure
+from wavetank.water.walls.contract import stood
 from wavetank.water.waves import NonlinearWaves
 
 ENOUGH = 100_000  # unknowns, from which on several ranks pay: 7 350 took six times the CPU time on two
@@ -282,10 +283,16 @@ def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
     places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
     try:
         called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
-        schedule, told = EverySteps(scene.output.gauges_every), not (waves.wall.leans or scene.absorbing)
+        schedule = EverySteps(scene.output.gauges_every)
+        told = not scene.absorbing and not (waves.wall.leans and _come_near(scene, Passing(waves.wall, places, called)))
         return Gauges(waves, places, record=record, schedule=schedule, called=called, foreseen=told)
     except OutsideError as error:
         raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
+
+
+def _come_near(scene: Scene, passing: Passing) -> bool:
+    """Return whether paddles ever come near places, of motions that are told."""
+    return passing.near(stood(0.0, np.array([seen.excursion(seen.motion()) for seen in scene.paddles])))
 
 
 def _called(scene: Scene, keys: Sequence[tuple[str | int, ...]]) -> Called:
