@@ -33,6 +33,7 @@ from wavetank.observers.supply import AnsweredWork
 from wavetank.recording import record_run
 from wavetank.records.directory import ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.runs import run as running
+from wavetank.runs.build import Records, build_observers, build_run
 from wavetank.water.surface_flow import surface_of
 from wavetank.water.waves import NonlinearWaves
 
@@ -289,6 +290,14 @@ def test_nothing_is_recorded_after_a_paddle_has_reached_a_gauge(tmp_path, monkey
     with pytest.raises(PaddleError, match=r"t = 0.25 s: the paddle of wall has reached gauges.0, x = 0.1 m"):
         record_run(driven, tmp_path, comm=MPI.COMM_SELF, console=Console(file=io.StringIO()))
     assert rows(tmp_path) == [5, 6, 6] and RunDirectory(tmp_path).manifest["t"] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(("x", "foreseen"), [(0.11, True), (0.09, False)])
+def test_a_flap_that_is_told_to_stay_away_from_a_gauge_need_not_be_watched(x, foreseen):
+    """It goes 5 cm at the most, and is near a gauge from half of the way on."""
+    one = scene(FLAP | {"gauges": [x]})
+    observers = build_observers(one, build_run(one, MPI.COMM_SELF)[1], Records(Memory(), Memory(), Memory()))
+    assert [seen.foreseen for seen in observers if isinstance(seen, Gauges)] == [foreseen]
 
 
 def test_what_was_kept_of_a_moment_that_another_look_has_ended_is_not_recorded():
