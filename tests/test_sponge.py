@@ -129,6 +129,16 @@ def test_damping_in_the_formulae_of_a_scheme_is_that_around_it(strength):
     assert np.abs(one.p - other.p).max() < 1e-13 and np.abs(one.q - other.q).max() < 1e-13
 
 
+def test_a_scheme_derived_of_one_with_damping_keeps_its_own_step():
+    class Late(Simpson4):
+        def step(self, system, state, t, dt):
+            return super().step(system, state, t, 0.5 * dt)
+
+    start, damping = (np.array([1.0]), np.array([0.0])), Damping(np.array([0.0]))
+    slow, bare = (ends(Harmonic(), one, start, steps=1, dt=0.1) for one in (damped(Late(), damping), Late()))
+    assert slow.q == bare.q and slow.p == bare.p
+
+
 @pytest.mark.parametrize("scheme", [StormerVerlet(), Simpson4()], ids=named)
 def test_uniform_damping_of_a_standing_wave_is_that_of_an_oscillator(scheme):
     """Of eta'' + gamma eta' + omega² eta = 0 with Airy's omega; space is resolved to 1e-8."""

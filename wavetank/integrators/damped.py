@@ -14,7 +14,7 @@ is seen with each moment.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any
 
 import numpy as np
 
@@ -160,17 +160,10 @@ class Damped(Wrapper[S]):
         self.damping.take(held["damping"])
 
 
-@runtime_checkable
-class Dampable(Protocol):
-    """A scheme that has the damping in its own formulae."""
-
-    def damped(self, damping: Damping) -> Integrator[Any]:
-        """Return it with damping."""
-
-
 def damped(scheme: Integrator[Any], damping: Damping) -> Integrator[Any]:
-    """Return a scheme with damping."""
-    return scheme.damped(damping) if isinstance(scheme, Dampable) else Damped(scheme, damping)
+    """Return a scheme with damping: in its own formulae, if its very class has that, else around it."""
+    own = vars(type(scheme)).get("damped")  # one derived of it may have another step
+    return own(scheme, damping) if own else Damped(scheme, damping)
 
 
 def same(values: Vector) -> Vector:
