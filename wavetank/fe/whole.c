@@ -291,16 +291,17 @@ static double damped(const Whole *w, const double *p, const double *point)
 
 /* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told, and whose
    rise from them stands there: into a row, all but W, power and what damping takes. */
-static void see_from(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
-                     double gravity, const Sight *into, long row)
+static void see_from(Whole *w, const double *q, const double *p, const double *point, double kinetic, double gravity,
+                     const Sight *into, long row)
 {
     const long n = w->dofs;
     const double *by_p = point, *by_q = point + 2 * n, *at_q = point + 3 * n, *at_p = point + 4 * n, *rise = into->rise + row * n;
-    double *restrict eta = into->eta + row * n, *restrict psi = into->psi + row * n, *restrict at_point = w->image;
+    const double *at_point = w->inputs; /* the elevation there */
+    double *restrict eta = into->eta + row * n, *restrict psi = into->psi + row * n;
     double *numbers = into->numbers + row * OF_A_ROW, change = 0.0, lift = 0.0, mass = 0.0;
     EACH(i, n) {
         const double away = at_q[i] - q[i];
-        at_point[i] = w->column[i] - still[i], mass += q[i];
+        mass += q[i];
         change -= by_q[i] * away + by_p[i] * (at_p[i] - p[i]);
         lift -= at_point[i] * away;
         eta[i] = at_point[i] - rise[i], psi[i] = p[i];
@@ -321,14 +322,14 @@ static void see_from(Whole *w, const double *q, const double *p, const double *p
 }
 
 /* The same with all of it, at the point. */
-static void see(Whole *w, const double *q, const double *p, const double *point, const double *still, double kinetic,
-                double gravity, const Sight *into, long row)
+static void see(Whole *w, const double *q, const double *p, const double *point, double kinetic, double gravity,
+                const Sight *into, long row)
 {
     double *numbers = into->numbers + row * OF_A_ROW, *rise = into->rise + row * w->dofs;
     EACH(i, w->dofs)
         rise[i] = point[3 * w->dofs + i] - q[i];
     CALL(Solve, solve_mass)(w->mass, rise, rise, w->mass_work);
-    see_from(w, q, p, point, still, kinetic, gravity, into, row);
+    see_from(w, q, p, point, kinetic, gravity, into, row);
     numbers[POWER] = push(w, point, 0, numbers + WALL), numbers[DAMPED] = damped(w, p, point);
 }
 
@@ -346,7 +347,7 @@ static int look(Whole *w, const double *state, const double *to, const double *a
     const int iterations = set(w, to, to + n, still, recorded, state, into->rise + row * n, found, told);
     if (iterations < 0)
         return iterations;
-    see_from(w, state, state + n, found, still, 0.5 * told[1], gravity, into, row);
+    see_from(w, state, state + n, found, 0.5 * told[1], gravity, into, row);
     EACH(k, w->carries)
         EACH(j, NUMBERS)
             of_walls += w->wall[w->carried[k] * NUMBERS + j] * w->phi[w->carried[k] * NUMBERS + j]; /* W is linear in it */

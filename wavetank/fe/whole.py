@@ -76,8 +76,8 @@ void begin_stage(const Attempt *, const double *z, const double *slope, const do
 int attempt(Attempt *, const double *z, const double *c, double a, int carried, const double *still, int recorded,
             int mixed, double *found, double *told, double *next);
 double push(const Whole *, const double *point, int between, double *of_walls);
-void see(Whole *, const double *q, const double *p, const double *point, const double *still, double kinetic,
-         double gravity, const Sight *into, long row);
+void see(Whole *, const double *q, const double *p, const double *point, double kinetic, double gravity,
+         const Sight *into, long row);
 int look(Whole *, const double *state, const double *to, const double *at, const double *still, int recorded,
          double gravity, double *found, double *told, const Sight *into, long row);
 """
@@ -398,8 +398,7 @@ class Whole:
         self._mass.make_ready()
         self._follow(still)
         at = self._kernel.doubles
-        where = at(q), at(p), at(point), self._kernel.spread(still, q.size)
-        self._kernel.call.see(self._struct, *where, kinetic, gravity, self._room(into), row)
+        self._kernel.call.see(self._struct, at(q), at(p), at(point), kinetic, gravity, self._room(into), row)
 
     def look(
         self, state: Vector, to: Vector, point: Vector, still: Vector | float, gravity: float, into: Rows, row: int
