@@ -68,6 +68,7 @@ class Piston:
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
         self._near = shape.near_still
         self._carrier = Carrier(side, self.reach)
+        self._at_surface = np.zeros((4, plane.owned))
         s = plane.function("s")
         s.set(self._share(side.distances(plane.places)))
         self.carries = np.flatnonzero(s.owned)
@@ -134,13 +135,17 @@ class Piston:
         return [(self.travel.position.x.array, self.shape)]
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
-        """See ``Wall``."""
-        far, fast = (moved.x.array[: len(eta)] for moved in (self.travel.position, self.travel.speed))
-        if not self.leans:  # as of any shape, in a third of the passes
-            return np.stack([far, fast, fast * (still + eta), np.zeros_like(far)])
-        f, slope, mean = self._near
-        share, column = f + slope * eta, mean * still + (f + 0.5 * slope * eta) * eta
-        return np.stack([far * share, fast * share, fast * column, far * slope])
+        """See ``Wall``; the array is reused by the next call."""
+        (far, fast), moved = self.travel.at_nodes, self._at_surface
+        share: Any = 1.0
+        column = still + eta
+        if self.leans:
+            f, slope, mean = self._near
+            share, column = f + slope * eta, mean * still + (f + 0.5 * slope * eta) * eta
+            np.multiply(far, slope, out=moved[3])
+        for of, by, into in ((far, share, moved[0]), (fast, share, moved[1]), (fast, column, moved[2])):
+            np.multiply(of, by, out=into)
+        return moved
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether the mapping has changed."""

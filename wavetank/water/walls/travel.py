@@ -35,6 +35,8 @@ class Travel:
     offsets, velocities, accelerations
         X_p, X_p' and X_p'' at the y of the owned degrees of freedom [m, m/s, m/s²], shape (owned,); of a paddle that
         moves as a whole (1,).
+    at_nodes
+        s X_p and s X_p' at the owned degrees of freedom [m, m/s], two vectors of shape (owned,); views.
     moves
         The same of one that moves as a whole, shape (3,), for good; nan of any other.
     """
@@ -45,6 +47,7 @@ class Travel:
         self._fields = [plane.function(name) for name in ("s X_p", "s X_p'", "s X_p''", "s")]
         self.position, self.speed, self.acceleration, self.share = (field.function for field in self._fields)
         self._fields[3].set(self._s)
+        self.at_nodes = [field.owned for field in self._fields[:2]]
         self.offsets: Vector = np.zeros(1)
         self.moves: Vector = np.zeros(3)
         self._whole: dict[int, float] = {}  # the derivatives of X_p now that are the same at all y
