@@ -69,7 +69,7 @@ class Travel:
         self.t, before = t, self.offsets
         if isinstance(rates[0], float) or not np.ndim(rates[0]):
             self.moves[:] = rates
-            self._whole = {order: float(rate) for order, rate in enumerate(rates)}
+            self._whole = dict(enumerate(map(float, self.moves)))
             self.offsets, self.velocities, self.accelerations = self.moves.reshape(3, 1).copy()
         else:
             self.moves[:] = np.nan
