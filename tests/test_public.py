@@ -11,6 +11,7 @@ from ranks import CHECKOUT, launch
 
 import wavetank as wt
 from wavetank.errors import InputError
+from wavetank.integrators import StormerVerlet
 
 PAGE = CHECKOUT / "docs" / "extend.md"
 BLOCK = r"(?:In `([\w.]+)`:\n\n)?```(?:python|toml)\n(.*?)^```"
@@ -78,6 +79,13 @@ class Euler:
     name = "euler"
 
 
+class Pairs(StormerVerlet):
+    """A scheme whose states are bare pairs."""
+
+    def start(self, q, p):
+        return q, p
+
+
 class Watch:
     """An observer without a schedule."""
 
@@ -94,6 +102,7 @@ class Watch:
         ({"integrator": "stormer-verlet"}, "integrator = 'stormer-verlet': a name received; needed is a scheme"),
         ({"integrator": Euler}, "integrator = Euler: a class received; needed is one of its objects, such as Euler()."),
         ({"integrator": Euler()}, "integrator: Euler has no order, stability_limit, frequency_error, nodes,"),
+        ({"integrator": Pairs()}, "integrator: what stormer-verlet.start returns has no q, p, known, q_jump, mapped;"),
         ({"observers": Watch}, "observers = Watch: must be a list of functions of the waves, such as classes."),
         ({"observers": [Watch(None)]}, "observers[0]: a Watch received; needed is a function of the waves that"),
         ({"observers": [Watch]}, "observers[0]: what Watch returns has no schedule; needed are schedule, observe"),

@@ -36,7 +36,7 @@ from wavetank.observers.windows import WindowObserver, WindowRecord
 from wavetank.runs.answering import added_motions, build_answers, build_supply
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.footprints import build_footprint
-from wavetank.runs.own import own_scheme
+from wavetank.runs.own import check_states, own_scheme
 from wavetank.runs.run import Run
 from wavetank.runs.sponges import build_sponge
 from wavetank.runs.starts import initial_surface
@@ -188,7 +188,9 @@ def build_run(
         allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
         raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
     filters = build_filters(scene, waves, clock.dt)
-    return Run(waves, integrator, [], start=start, clock=clock, filters=filters), waves
+    run = Run(waves, integrator, [], start=start, clock=clock, filters=filters)
+    check_states(run)
+    return run, waves
 
 
 def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:

@@ -6,9 +6,11 @@ from typing import Any
 from wavetank.errors import InputError, locate
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.contract import Observer
+from wavetank.runs.run import Run
 from wavetank.runs.waters import AnyWaves
 
 SCHEME = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step")
+STATE = ("q", "p", "known", "q_jump", "mapped")
 OBSERVER = ("schedule", "observe")
 PAGE = "docs/extend.md"
 
@@ -26,6 +28,11 @@ def own_scheme(given: Any) -> Integrator[Any]:
     _hold(given, SCHEME, "integrator", type(given).__name__)
     scheme: Integrator[Any] = given
     return scheme
+
+
+def check_states(run: Run) -> None:
+    """Raise ``InputError`` if the states of a run's integrator are none."""
+    _hold(run.state, STATE, "integrator", f"what {run.integrator.name}.start returns")
 
 
 def own_observers(given: Sequence[Callable[[AnyWaves], Observer]], waves: AnyWaves) -> list[Observer]:
