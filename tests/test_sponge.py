@@ -40,6 +40,7 @@ from wavetank.verify.sponge import Beach, Operators, in_time, paddle
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.footprint import Slice
 from wavetank.water.linear_waves import LinearWaves
+from wavetank.water.seen import DAMPED
 from wavetank.water.sponge import checked, distance_from_edge, profile, width_of
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.walls import LinearPaddle, Piston, Side, StillWall
@@ -218,6 +219,39 @@ def test_a_sponge_that_gives_energy_is_told(make_tank, strength, sound):
     start = waves.state(0 * waves.plane.x, 0.2 * np.cos(np.pi * waves.plane.x / 2) + 0.5)
     _, budget, _ = watched(waves, ThirdOrder(), start, gamma=gamma, steps=5, dt=0.02)
     assert any("the sponge has given the waves" in sentence for sentence in budget.verdict()) != sound
+
+
+@pytest.mark.parametrize("inner", [ThirdOrder(), Simpson4()], ids=named)
+def test_a_run_that_goes_on_has_the_rate_that_it_had(make_tank, inner):
+    """Though it was built with another, of the waves of a longer run, which scheme and water know by then."""
+    waves = make_tank(length=2.0, cells=8, order=3, n=4)
+    gammas = [profile(waves.plane.x - 1.0, width=1.0, strength=strength) for strength in (2.0, 5.0)]
+    one, other = (sponged(inner, gamma) for gamma in gammas)
+    start, found = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0.3 * waves.plane.x), []
+    state, sight = ends(waves, other, start, steps=1, dt=0.05), waves.sight(2)
+    waves.damp(gammas[1])
+    other.take(one.held())
+    for row, scheme in enumerate((one, other)):
+        found.append(scheme.step(waves, state, 0.05, 0.05))
+        waves.see(found[row], 0.1, sight, row)
+        waves.damp(gammas[0])
+    assert found[0].p == pytest.approx(found[1].p, abs=1e-9)
+    assert sight.numbers[0, DAMPED] == pytest.approx(sight.numbers[1, DAMPED], rel=1e-6) and gammas[1].max() == 2.0
+
+
+def test_what_a_sponge_takes_is_counted_on_with_other_numerics(make_tank):
+    """Oracle: the same budget, whose numerics stay what they are."""
+    waves = make_tank(length=2.0, cells=8, order=3, n=4)
+    gamma = profile(waves.plane.x, width=2.0, strength=2.0)
+    start = waves.state(0.1 * np.cos(np.pi * waves.plane.x / 2), 0 * waves.plane.x)
+    state, budget, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=9, dt=0.05)
+    after = EnergyBudget(waves, record=Memory())
+    after.carry(budget.held())
+    moment = Moment(10, 0.5, sponged(Simpson4(), gamma).step(waves, state, 0.45, 0.05))
+    for one in (budget, after):
+        one.observe(moment)
+    assert after.held()["dissipated"] == pytest.approx(budget.held()["dissipated"], rel=1e-12)
+    assert after.held()["dissipated"] > 1.1 * rows[-1, TAKEN] > 0.01 * rows[0, TOTAL]
 
 
 @pytest.mark.parametrize(("threshold", "order"), [(0.0, 3), (np.inf, 4)], ids=["penalty", "alone"])
