@@ -14,6 +14,7 @@ is seen with each moment.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -38,18 +39,23 @@ class Damping:
 
     def __init__(self, gamma: Vector):
         self.gamma = gamma
-        self._factors = dict[float, Vector]()
+        self._factors = dict[tuple[object, ...], Vector]()  # of the times in a step
 
-    def factor(self, time: float) -> Vector:
-        """Return e^(-gamma t), what is left of momenta after a time [s], shape as that of gamma."""
-        return np.asarray(np.exp(-self.gamma * time), dtype=np.float64)
+    def factor(self, time: float, *, most: float = np.inf) -> Vector:
+        """Return e^(-gamma t), what is left of momenta after a time [s], of rates up to ``most``, shape as gamma."""
+        return np.asarray(np.exp(-np.minimum(self.gamma, most) * time), dtype=np.float64)
+
+    def at_node(self, time: float, *, most: float) -> Vector:
+        """Return the same, found once: of times that come in each step."""
+        if (time, most) not in self._factors:
+            self._factors[time, most] = self.factor(time, most=most)
+        return self._factors[time, most]
 
     def of_pairs(self, time: float, size: int) -> Vector:
         """Return the same for pairs [q, p], one behind the other, shape (2 size,): 1 for the coordinates."""
-        factors = self._factors.get(time)
-        if factors is None:
-            self._factors[time] = factors = np.concatenate([np.ones(size), np.ones(size) * self.factor(time)])
-        return factors
+        if (time,) not in self._factors:
+            self._factors[time,] = np.concatenate([np.ones(size), np.ones(size) * self.factor(time)])
+        return self._factors[time,]
 
     def held(self) -> Held:
         """Return the rate, which may have been made for the waves of a shorter run."""
@@ -68,15 +74,22 @@ class _Growing:
     system: HamiltonianSystem
     damping: Damping
     t_0: float
+    dt: float
     nodes: tuple[float, ...]
 
     @property
     def stages(self) -> "_Stages":
         return _Stages(self)
 
+    @cached_property
+    def _left(self) -> dict[float, Any]:
+        times, most = [node * self.dt for node in self.nodes if node], MOST / self.dt
+        return {self.t_0: 1.0} | {self.t_0 + time: self.damping.at_node(time, most=most) for time in times}
+
     def factor(self, t: float) -> Any:
         """Return what is left of momenta at t; 1 at the beginning of the step."""
-        return 1.0 if t == self.t_0 else self.damping.factor(t - self.t_0)
+        left = self._left.get(t)
+        return self.damping.factor(t - self.t_0, most=MOST / self.dt) if left is None else left
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         left = self.factor(t)
@@ -146,9 +159,8 @@ class Damped(Wrapper[S]):
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
-        within = Damping(np.minimum(self.damping.gamma, MOST / dt))
-        after = self.scheme.step(_Growing(system, within, t, self.nodes), state, t, dt)
-        return after.mapped(same, times(self.damping.factor(dt)))
+        after = self.scheme.step(_Growing(system, self.damping, t, dt, self.nodes), state, t, dt)
+        return after.mapped(same, times(self.damping.at_node(dt, most=np.inf)))
 
     def held(self) -> Held:
         """Return what the scheme remembers, and the rate."""
