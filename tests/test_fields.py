@@ -28,6 +28,7 @@ from wavetank.records.writer import RunWriter
 from wavetank.water.bed import VaryingBed
 from wavetank.water.energy import WaterEnergy
 from wavetank.water.footprint import Ring, Slice
+from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.velocity import Velocity
 from wavetank.water.walls import Piston, StillWall
 
@@ -162,6 +163,17 @@ def test_a_basins_surface_tells_of_its_sponge(tmp_path):
     surface = read(tmp_path / "run", "surface")
     expected = 3.0 * np.clip((surface.points[:, 0] - 1.0) / 2.0, 0.0, 1.0) ** 2
     np.testing.assert_allclose(surface["damping rate"], expected, atol=1e-12)
+
+
+def test_the_rate_that_is_drawn_is_that_which_a_run_that_goes_on_has_taken():
+    plane, drawn = along(Slice(3.0, 4, comm=MPI.COMM_SELF)), []
+    waves = LinearWaves(plane, depth=1.0, wall=StillWall(), vertical_order=2)
+    gamma, still = np.full(plane.owned, 2.0), Point(*waves.state(*np.zeros((2, plane.owned))))
+    series = SimpleNamespace(append=lambda t, points, *, cells, arrays: drawn.append(arrays["damping rate"]))
+    fields = SurfaceFields(waves, series, schedule=EverySteps(), damping=gamma)
+    gamma[:] = 3.0
+    fields.observe(Moment(0, 0.0, still))
+    assert drawn[0] == pytest.approx(3.0)
 
 
 def test_a_ring_is_drawn_open_with_its_first_corner_at_both_ends(tmp_path):

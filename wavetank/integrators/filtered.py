@@ -1,4 +1,4 @@
-"""A scheme with what acts on the state between its steps, where it is needed: a sponge, breaking, or a penalty."""
+"""A scheme with what acts on the state between its steps, where it is needed: breaking, or a penalty."""
 
 import itertools
 from collections.abc import Callable, Sequence

@@ -69,10 +69,7 @@ class SurfaceFields:
         self._places = LatticePlaces(waves)
         self._cells = VtkCells.flat(self._places.lattice.pieces)
         self._eta, self._psi = waves.plane.function("elevation"), waves.plane.function("surface potential")
-        self._rate: Field | None = None
-        if damping is not None:
-            self._rate = waves.plane.function("damping rate")
-            self._rate.set(damping)
+        self._damping, self._rate = damping, waves.plane.function("damping rate")
 
     def observe(self, moment: Moment) -> None:
         """Write a snapshot; raises ``RunError``, on all ranks, if it cannot be written; collective."""
@@ -80,7 +77,8 @@ class SurfaceFields:
         self._psi.set(moment.p)
         eta, psi = self._places.at(self._eta), self._places.at(self._psi)
         arrays = {"elevation": eta, "surface potential": psi, "depth": self._places.depths()}
-        if self._rate is not None:
+        if self._damping is not None:
+            self._rate.set(self._damping)  # a run that goes on may have taken another
             arrays["damping rate"] = self._places.at(self._rate)
         self._series.append(moment.t, self._places.points(eta), cells=self._cells, arrays=arrays)
 
