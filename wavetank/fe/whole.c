@@ -90,7 +90,7 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
                  double *level, double *square)
 {
     const long n = w->dofs;
-    double sum = 0.0;
+    double sum = 0.0, squares = 0.0;
     int positive = 1;
     EACH(i, near ? n : 0)
         rise[i] = q[i] - near[i];
@@ -105,13 +105,16 @@ static int begin(Whole *w, const double *q, const double *p, const double *still
         CALL(Solve, solve_mass)(w->mass, q, w->column, w->mass_work);
     EACH(i, n)
         sum += p[i], positive &= w->column[i] > 0.0;
-    *level = sum / n, *square = 0.0;
+    const double mean = sum / n, per_speed = 1.0 / w->celerity;
+    double *eta = w->inputs, *psi = eta + n;
+#pragma omp simd reduction(+ : squares)
     EACH(i, n) {
-        const double psi = p[i] - *level;
-        w->phi[i * NUMBERS + NUMBERS - 1] = psi;
-        w->inputs[i] = w->column[i] - still[i], w->inputs[n + i] = psi / w->celerity;
-        *square += w->inputs[i] * w->inputs[i] + w->inputs[n + i] * w->inputs[n + i];
+        eta[i] = w->column[i] - still[i], psi[i] = per_speed * (p[i] - mean);
+        squares += eta[i] * eta[i] + psi[i] * psi[i];
     }
+    EACH(i, n)
+        w->phi[i * NUMBERS + NUMBERS - 1] = p[i] - mean;
+    *level = mean, *square = squares;
     return positive && isfinite(sum);
 }
 
@@ -297,8 +300,9 @@ static void see_from(Whole *w, const double *q, const double *p, const double *p
     const long n = w->dofs;
     const double *by_p = point, *by_q = point + 2 * n, *at_q = point + 3 * n, *at_p = point + 4 * n, *rise = into->rise + row * n;
     const double *at_point = w->inputs; /* the elevation there */
-    double *restrict eta = into->eta + row * n, *restrict psi = into->psi + row * n;
+    double *eta = into->eta + row * n, *psi = into->psi + row * n;
     double *numbers = into->numbers + row * OF_A_ROW, change = 0.0, lift = 0.0, mass = 0.0;
+#pragma omp simd reduction(+ : change, lift, mass)
     EACH(i, n) {
         const double away = at_q[i] - q[i];
         mass += q[i];
