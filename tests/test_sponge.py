@@ -118,6 +118,14 @@ def test_without_damping_nothing_changes(scheme):
     assert all(getattr(around, name) == getattr(scheme, name) for name in known)
 
 
+def test_a_step_back_takes_back_what_a_step_has_damped():
+    """Of the damped oscillator, by a reversible scheme: (38) has no damping left, forth or back."""
+    scheme, start = sponged(StormerVerlet(), np.array([0.4])), (np.array([0.7]), np.array([0.2]))
+    there = scheme.step(Harmonic(), scheme.start(*start), 0.0, 0.1)
+    back = scheme.step(Harmonic(), there, 0.1, -0.1)
+    assert back.p == pytest.approx(start[1], rel=1e-12) and back.q == pytest.approx(start[0], rel=1e-12)
+
+
 @pytest.mark.parametrize("strength", [2.0, 50.0])
 def test_damping_in_the_formulae_of_a_scheme_is_that_around_it(strength):
     """Oracle: the growing Hamiltonian of (38), given to the scheme as it is; its jumps are left undamped."""

@@ -83,13 +83,13 @@ class _Growing:
 
     @cached_property
     def _left(self) -> dict[float, Any]:
-        times, most = [node * self.dt for node in self.nodes if node], MOST / self.dt
+        times, most = [node * self.dt for node in self.nodes if node], MOST / abs(self.dt)
         return {self.t_0: 1.0} | {self.t_0 + time: self.damping.at_node(time, most=most) for time in times}
 
     def factor(self, t: float) -> Any:
         """Return what is left of momenta at t; 1 at the beginning of the step."""
         left = self._left.get(t)
-        return self.damping.factor(t - self.t_0, most=MOST / self.dt) if left is None else left
+        return self.damping.factor(t - self.t_0, most=MOST / abs(self.dt)) if left is None else left
 
     def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
         left = self.factor(t)
