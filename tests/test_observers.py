@@ -15,6 +15,7 @@ from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.surface import SurfaceSnapshots
+from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.seen import Sight
 
 
@@ -174,6 +175,18 @@ def test_what_gives_energy_is_told_by_its_name_whatever_the_other_takes(which, c
     told = [sentence for sentence in budget.verdict() if "given" in sentence]
     assert len(told) == 1 and told[0].startswith(f"{called} has given the waves")
     assert "by t = 1 s" in told[0]
+
+
+@pytest.mark.parametrize(("taken", "told"), [(0.02, True), (0.008, False)])
+def test_numerics_that_took_energy_are_told_by_name_and_what_should_take_it_is_not(taken, told):
+    """Of 1 J that stays, and twice what each of two has taken: 0.02 / 1.04."""
+    penalty = SimpleNamespace(energy_taken=0.0, called=EdgePenalty.called, gives="", cure=EdgePenalty.cure)
+    budget = EnergyBudget(Steady(), record=Memory(), sinks=[penalty, beach := Unnamed()])
+    for step in range(3):
+        penalty.energy_taken = beach.energy_taken = 0.5 * step * taken
+        budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
+    said = [sentence for sentence in budget.verdict() if "taken" in sentence]
+    assert said == ["the edge penalty has taken 0.019 of the energy: finer cells lose less, unless waves break"] * told
 
 
 def test_the_paddle_s_work_is_integrated_to_fourth_order():

@@ -41,6 +41,7 @@ COLUMNS = columns(1)
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy, what has gone included: a balance that is farther off is told
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
+LOST = 0.01  # of the energy, half of that of the waves' height: losing more to numerics is told
 
 # what a budget remembers:
 SUMS = (
@@ -60,7 +61,8 @@ GIVES = (
 class Sink(Protocol):
     """What takes energy out of the water and counts it.
 
-    Where it is ``called`` something, that and ``gives`` say what it is that gives energy instead, and when it does.
+    Where it is ``called`` something, that and ``gives`` say what it is that gives energy instead, and when it does;
+    where that is numerics, which should take little, ``cure`` says how less is lost.
     """
 
     energy_taken: float
@@ -99,11 +101,9 @@ class EnergyBudget(Keeping):
         self._waves, self._record, self._supply = waves, record, supply or Power()
         self.sees = waves
         self._sinks = {type(sink).__name__: sink for sink in sinks}
-        of_sinks = {
-            name: (getattr(one, "called", "what damps them"), getattr(one, "gives", "it should take"))
-            for name, one in self._sinks.items()
-        }
-        self._called = {SPONGE: (SPONGE, GIVES)} | of_sinks
+        usual = {"called": "what damps them", "gives": "it should take", "cure": ""}
+        of_sinks = {name: tuple(getattr(one, *pair) for pair in usual.items()) for name, one in self._sinks.items()}
+        self._called = {SPONGE: (SPONGE, GIVES, "")} | of_sinks
         self._taken = list[tuple[float, list[float]]]()  # what each sink had taken before times when they acted
         self._damped = Integral()  # what the sponge takes
         self._total = self._wall = self._mass = 0.0  # at the start
@@ -196,7 +196,8 @@ class EnergyBudget(Keeping):
     def verdict(self) -> list[str]:
         """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, and what that came by.
 
-        And one for each that should take energy and has given back more than ``GIVEN`` of it.
+        And one for each that should take energy and has given back more than ``GIVEN`` of it, and for numerics that
+        have taken more than ``LOST`` of it.
         """
         sentences = list[str]()
         if self._off > (least := max(TRUE * self._energy, self._nothing)):
@@ -204,11 +205,13 @@ class EnergyBudget(Keeping):
             if self._off - self._jumped <= least:
                 what = "with the numerics that the run went on with its surface had another energy"
             sentences.append(f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}")
-        for name, (called, gives) in self._called.items():
+        for name, (called, gives, cure) in self._called.items():
             given, t = self._given.get(name, (0.0, 0.0))
             if given > max(GIVEN * self._energy, self._nothing):
                 part = f"has given the waves {given / self._energy:.2g} of the energy by t = {t:.4g} s"
                 sentences.append(f"{called} {part}: {gives}")
+            if cure and (taken := self._most.get(name, 0.0)) > max(LOST * self._energy, self._nothing):
+                sentences.append(f"{called} has taken {taken / self._energy:.2g} of the energy: {cure}")
         return sentences
 
     def held(self) -> Held:
