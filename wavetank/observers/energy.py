@@ -52,8 +52,8 @@ SUMS = (
 
 SPONGE = "the sponge"
 GIVES = (
-    "waves far longer than it, as go before a train or a group, make it do so, or a current, "
-    "or it is too strong or begins too abruptly"
+    "waves far longer than it, as go before a train or a group, make it do so (a longer sponge gives less), "
+    "or a current, or it is too strong or begins too abruptly"
 )
 
 
