@@ -549,9 +549,10 @@ def test_the_command_proposes_and_judges(wavetank):
 
 
 def test_the_command_proposes_what_the_case_s_own_accuracy_requires(capsys):
-    planned = "cases/planned.toml"
-    assert main(["plan", planned, "--set", "numerics.accuracy=0.001", "--set", "numerics.order=5"]) == 0
+    changes = "numerics.accuracy=0.001", "numerics.order=5", 'sponge={type="end",length=3,strength=0.7}'
+    assert main(["plan", "cases/planned.toml", *(word for change in changes for word in ("--set", change))]) == 0
     said = capsys.readouterr().out
+    assert "\nsponge: the last 3 m, up to 0.7 1/s\n" in said
     assert "to a relative error of the elevation of 0.001:" in said and "`wavetank run` uses this plan." in said
 
 
@@ -613,7 +614,9 @@ def test_of_a_basin_the_command_says_what_its_own_steps_cost(wavetank, tmp_path)
         float(re.search(pattern, tried.stdout)[1])
         for pattern in (r"([\d.]+) interior solves", r"a step: ([\d.e-]+) CPU s", r"run: (\d+) seconds?")
     )
-    assert wavetank("run", *short, "--no-plots", "--out", str(tmp_path / "run")).returncode == 0
+    ran = wavetank("run", *short, "--no-plots", "--out", str(tmp_path / "run"))
+    assert ran.returncode == 0
+    assert all(re.search(r"^ *sponge: up to 8.44 1/s$", one.stdout, re.M) for one in (tried, ran))
     manifest = RunDirectory(tmp_path / "run").manifest
     counters = manifest["counters"]
     assert manifest["warnings"] and re.findall("^warning: (.*)$", tried.stdout, re.M) == manifest["warnings"]

@@ -56,6 +56,7 @@ from wavetank.runs.closing import Outcome, closing
 from wavetank.runs.own import called, own_observers
 from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
+from wavetank.runs.sponges import told_of_sponge
 from wavetank.runs.starts import told_of_start
 from wavetank.runs.waters import AnyWaves, told_of_bed
 from wavetank.values.noun import SceneError
@@ -217,7 +218,13 @@ def record_run(
                 at_the_end.enter_context(_said(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
             start = "" if resume else told_of_start(scene, waves, run.state.q)
-            at_first = summary(scene, run, waves), told_of_rule(asked), told_of_bed(scene, waves), start
+            at_first = (
+                summary(scene, run, waves),
+                told_of_rule(asked),
+                told_of_bed(scene, waves),
+                told_of_sponge(scene, waves),
+                start,
+            )
             of_clock = told_of_end(scene, run.clock), *told_of_windows(scene, run.clock)
             for line in (*at_first, told_of_ranks(waves), *of_clock):
                 if line:

@@ -56,6 +56,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     from wavetank.plan.planned import planned
     from wavetank.plan.requirements import absorption
     from wavetank.plan.trial import trial
+    from wavetank.runs.sponges import told_of_sponge
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
     scene, doubts = planned(scene, MPI.COMM_WORLD)
@@ -70,6 +71,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
         f"  the run: {spelt(seen.duration)}, on as many free cores",
         f"  memory: {seen.memory / 1e6:.0f} MB",
         *(f"  paddle of {seen.key}: {absorbs}" for seen in scene.paddles if (absorbs := absorption(seen, scene))),
+        *([f"  {sponge}"] if (sponge := told_of_sponge(scene, seen.waves)) else []),
         *(f"  {line}" for line in _energy(scene)),
     ):
         terminal.print(line, highlight=False)
@@ -115,11 +117,14 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
         terminal.print(line, highlight=False)
     as_it_stands = accuracy is None or own is not None
     used, doubts = planned(scene, MPI.COMM_WORLD) if as_it_stands else (proposed.applied_to(scene), ())
-    _warn(terminal, *doubts, *_forewarned(used))
+    sponge, forewarned = _built(used)
+    if sponge:
+        terminal.print(sponge, highlight=False)
+    _warn(terminal, *doubts, *forewarned)
 
 
-def _forewarned(scene: "Scene") -> list[str]:
-    """Return what is doubtful of a run of a scene; raises ``InputError`` as the run does."""
+def _built(scene: "Scene") -> tuple[str, list[str]]:
+    """Return what is told of a scene's sponge, and what is doubtful of a run; raises ``InputError`` as the run does."""
     from math import inf
 
     from mpi4py import MPI
@@ -127,10 +132,11 @@ def _forewarned(scene: "Scene") -> list[str]:
     from wavetank.plan.affordable import check_affordable
     from wavetank.plan.forewarnings import forewarnings
     from wavetank.runs.build import build_run
+    from wavetank.runs.sponges import told_of_sponge
 
     check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     run, waves = build_run(scene, MPI.COMM_WORLD)
-    return forewarnings(scene, run.clock, waves)
+    return told_of_sponge(scene, waves), forewarnings(scene, run.clock, waves)
 
 
 def _use(scene: "Scene", accuracy: float | None, wanted: float) -> str:

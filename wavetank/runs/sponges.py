@@ -22,6 +22,15 @@ def build_sponge(scene: Scene, sponge: AnySponge, footprint: Footprint, waves: A
     return SPONGES[type(sponge)](scene, sponge, footprint, waves)
 
 
+def told_of_sponge(scene: Scene, waves: AnyWaves) -> str:
+    """Return where the sponge is, and the largest rate that acts, or nothing if there is none; collective."""
+    if scene.sponge is None or waves.damping is None:
+        return ""
+    most = waves.plane.comm.allreduce(float(np.max(waves.damping, initial=0.0)), op=MPI.MAX)
+    where = f"the last {scene.sponge.length:g} m, " if isinstance(scene.sponge, EndSponge) else ""
+    return f"sponge: {where}up to {most:.3g} 1/s"
+
+
 def _formula(scene: Scene, sponge: FormulaSponge, footprint: Footprint, waves: AnyWaves) -> Vector:
     plane = waves.plane
     return checked(plane, agreed(plane.comm, lambda: sponge.build()(*plane.places.T)))
