@@ -236,7 +236,7 @@ def test_a_band_is_told_with_the_waves_of_the_other_paddle():
     wave = {"type": "regular", "height": 0.01, "period": period(0.1)}
     parts = {"tank": {"length": 70.0, "depth": 1.0}, "far_wall": {"type": "piston", "motion": REST, "absorb": ACTIVE}}
     scene = Scene.model_validate({**parts, "wall": {"type": "piston", "motion": wave}, "run": {"duration": 200.0}})
-    told = f"% of waves from {period(3.0):.3g} to {period(0.1):.3g} s at short steps."
+    told = f"% of small waves from {period(3.0):.3g} to {period(0.1):.3g} s at short steps."
     assert any(line.endswith(told) for line in requirements(scene, 0.02).reasons)
 
 
@@ -406,7 +406,7 @@ def test_a_plan_keeps_to_steps_at_which_paddles_answer_in_time():
     run, waves = build_run(planned(scene, MPI.COMM_SELF).scene, MPI.COMM_SELF)
     assert run.clock.dt * waves.largest_frequency < ANSWERED
     reasons = "\n".join(requirements(scene, 0.02).reasons)
-    assert "a flap, the waves come from its motion; it absorbs what comes to it, all but 4.7 % of waves" in reasons
+    assert "a flap, the waves come from its motion; it absorbs what comes to it, all but 4.7 % of small" in reasons
     assert " s at short steps" in reasons
     assert "a piston that is not driven; it absorbs, tuned to 1.8 s, a mass of 0 kg/m on a spring of 251.4" in reasons
 
@@ -423,7 +423,7 @@ def test_what_a_paddle_absorbs_is_told_over_a_bed(tmp_path, monkeypatch, capsys)
     monkeypatch.setattr("wavetank.plan.trial.trial", lambda *of: seen)
     monkeypatch.setattr("wavetank.plan.forewarnings.forewarnings", lambda *of: [])
     assert main(["plan", str(tmp_path / "case.toml")]) == 0
-    told = "paddle of wall: it absorbs what comes to it, all but 4.7 % of waves from 1.16 to 4.17 s at short steps"
+    told = "paddle of wall: it absorbs what comes to it, all but 4.7 % of small waves from 1.16 to 4.17 s at short"
     assert told in " ".join(capsys.readouterr().out.split())
 
 

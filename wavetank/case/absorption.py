@@ -49,7 +49,7 @@ class ActiveAbsorption(Noun):
         omega = np.asarray(2 * np.pi / np.geomspace(shortest, longest, 50), dtype=np.float64)
         at_face = face(maker, omega, tank.depth, tank.gravity)
         most = np.abs(self.build(tank, maker, paddles=paddles).reflection(at_face, omega)).max()
-        band = f"waves from {shortest:.3g} to {longest:.3g} s"
+        band = f"small waves from {shortest:.3g} to {longest:.3g} s"
         return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band} at short steps"
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
