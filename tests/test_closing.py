@@ -9,7 +9,7 @@ from wavetank.runs.closing import Outcome, closing
 SHORT = ("run.duration=0.4", "numerics.cells=8", "numerics.vertical_order=4", "numerics.dt=0.02")
 SPENT = {
     "scene": {"run": {"duration": 10.0}},
-    "ranks": 3,
+    "parts": [{"ranks": 3}],
     "t": 10.0,
     "timings": {"stepping_s": 5.0, "stepping_cpu_s": 12.0},
     "numerics": {"steps_taken": 100, "dt": 0.1},
@@ -41,8 +41,15 @@ def test_a_run_ends_with_what_its_records_say_on_any_number_of_ranks(recorded_on
             f"next: wavetank view {run.path}; wavetank compare {run.path} --with DATA",
         ]
         assert last == "finished"
-        few = f" unknowns are few for {ranks}, which pay from about 100000 on: one may be as fast\n"
-        assert (few in (run.path / "run.log").read_text()) is (run is together)
+        slower = "\na slice or ring wants one rank, whose solves are compiled: 3 take many times as long\n"
+        assert (slower in (run.path / "run.log").read_text()) is (run is together)
+
+
+@pytest.mark.parametrize(("ranks", "said"), [([2, 2], "2 ranks"), ([2, 1, 2], "2 and 1 ranks"), ([1, 1], "1 rank")])
+def test_the_cost_of_parts_is_of_the_ranks_of_all_of_them(tmp_path, ranks, said):
+    spent = SPENT | {"parts": [{"ranks": n} for n in ranks]}
+    lines = closing(Outcome(Crest(0.1, 1.0, 0.0, 2.0), 0.0, 0.0), spent, warnings=[], path=tmp_path, flat=True)
+    assert lines[2].startswith(f"cost: 12 CPU s on {said}, ")
 
 
 def test_a_place_at_the_origin_is_told_as_that(tmp_path):

@@ -54,7 +54,7 @@ from wavetank.water.wall_pressure import PaddlePush, WallPressure
 from wavetank.water.walls.contract import stood
 from wavetank.water.waves import NonlinearWaves
 
-ENOUGH = 100_000  # unknowns, from which on several ranks pay: 7 350 took six times the CPU time on two
+ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
 ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
 
 
@@ -385,8 +385,10 @@ def told_of_end(scene: Scene, clock: Clock) -> str:
 
 
 def told_of_ranks(waves: AnyWaves) -> str:
-    """Return that there is too little to do for several ranks; empty where there is enough, and of one."""
+    """Return that one rank would do better than several; empty where it would not, and of one."""
     ranks, unknowns = waves.plane.comm.size, _unknowns(waves)
+    if ranks > 1 and waves.plane.mesh.topology.dim == 1:
+        return f"a slice or ring wants one rank, whose solves are compiled: {ranks} take many times as long"
     if ranks == 1 or unknowns >= ENOUGH:
         return ""
     return f"{unknowns} unknowns are few for {ranks} ranks, which pay from about {ENOUGH} on: one may be as fast"

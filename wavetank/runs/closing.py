@@ -82,7 +82,7 @@ def closing(
     simulated = spent["t"]
     follows = " (linear theory: what paddles displace)" if outcome.follows else ""
     costs = [
-        f"{timings['stepping_cpu_s']:.3g} CPU s on {spent['ranks']} {'rank' if spent['ranks'] == 1 else 'ranks'}",
+        f"{timings['stepping_cpu_s']:.3g} CPU s on {_ranks(spent)}",
         f"{steps} steps",
         f"{spent['counters']['interior_solves'] / max(steps, 1):.1f} interior solves a step",
         f"{timings['stepping_s'] / simulated if simulated else 0.0:.2g} s for a second of waves",
@@ -133,6 +133,12 @@ def _of_breakdown(spent: dict[str, Any], path: Path, *, untrue: float | None, dr
         return [*lines, f"next: anew from the start with --set {other}: {none}"]
     at = "" if good else f" --at {sound[0]:.6g}"
     return [*lines, f"next: wavetank resume {shlex.quote(str(path))}{at} --set {other}"]
+
+
+def _ranks(spent: dict[str, Any]) -> str:
+    """Return on how many ranks a run has been, in each of its parts."""
+    *others, last = dict.fromkeys([part["ranks"] for part in spent["parts"]])
+    return f"{', '.join(map(str, others))}{' and ' if others else ''}{last} {'ranks' if others or last > 1 else 'rank'}"
 
 
 def _told(warnings: Sequence[str]) -> str:
