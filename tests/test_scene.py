@@ -277,6 +277,7 @@ def test_a_scene_is_frozen():
         ("tank.sponge={length=2.0}", 'tank.sponge = {"length": 2.0}: is an unknown key; the table is called [sponge].'),
         ("run.gauges=[{x=1.0}]", "is an unknown key; the table is called [[gauges]]."),
         ("gauge=[{x=1.0}]", "is an unknown key; did you mean 'gauges'? allowed are: far_wall, gauge_lines, "),
+        ("gauge=[3]", "gauge = [3]: is an unknown key; did you mean 'gauges'? allowed are: far_wall, gauge_lines, "),
         ("wall={far={}, reach=3}", "wall.type: is missing; allowed are: fixed, piston"),
         ("wall={type='profile',shape='1 + z/d'}", "tanh, where, z; what it stands for is said by where = { d = ... }"),
         ("far={}", "far = {}: is an unknown key; did you mean 'far_wall'? allowed are: far_wall, gauge_lines"),

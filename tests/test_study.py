@@ -76,6 +76,14 @@ def test_a_bad_sweep_is_refused_in_one_sentence_before_anything_runs(tmp_path, s
     assert not (tmp_path / "out").exists()
 
 
+def test_a_folder_that_cannot_be_made_is_refused_once_before_anything_runs(tmp_path, monkeypatch):
+    monkeypatch.setattr(Runner, "_called", lambda *of: pytest.fail("a run has begun"))
+    (tmp_path / "file").touch()
+    study = Study(CASE, ["dt=0.02,0.04"], out=tmp_path / "file" / "out", console=Console(file=io.StringIO()))
+    with pytest.raises(InputError, match=r"file/out: cannot be written \(Not a directory\)\.$"):
+        study.execute()
+
+
 VALUES = {
     "dt": st.integers(1, 40).map(lambda n: n / 1000),
     "n": st.integers(1, 16),

@@ -321,11 +321,10 @@ def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
         return Problem(key, None, f"is called {now} now ({meaning})")
     if header := _whole(key) or (_table(name) if _holds_keys(received) else ""):
         return Problem(key, received, f"is an unknown key; the table is called {header}")
-    if _holds_keys(received) and len(key) == 1 and get_close_matches(name, holder.fields):
+    where = homes(name)
+    if not where or (len(key) == 1 and get_close_matches(name, holder.fields)):
         return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
-    if where := homes(name):
-        return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_known(holder)}")
-    return Problem(key, received, f"is an unknown key{choice(name, holder.fields)}")
+    return Problem(key, received, f"is an unknown key; {name} belongs to {where}{_known(holder)}")
 
 
 def _whole(key: Key) -> str:

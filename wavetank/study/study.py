@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from wavetank.console import spelt
 from wavetank.errors import InputError, RunError
 from wavetank.records.directory import RunDirectory
+from wavetank.records.place import Place
 from wavetank.study.drawing import draw_study
 from wavetank.study.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
 from wavetank.study.ensemble_drawing import draw_ensembles
@@ -108,8 +109,10 @@ class Study:
     def execute(self) -> list[Row]:
         """Run what is missing, write ``study.csv`` and ``study.png`` and return the rows, marked ones last.
 
-        Raises ``RunError`` if interrupted, and, once the table is written, if no error could be measured.
+        Raises ``InputError`` if the folder cannot be made; ``RunError`` if interrupted, and, once the table is written,
+        if no error could be measured.
         """
+        Place(self._out, overwrite=True).folder()
         for one in self._refused:
             self._console.print(f"{one.name}: refused: {one.cause}", markup=False, highlight=False)
         outcomes = self._run(self._all, "runs")
