@@ -6,6 +6,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import signal
 import sys
 import time
@@ -334,6 +335,18 @@ def test_the_table_says_settings_errors_costs_and_status(linear_study):
         assert 0 < float(line["CPU [s]"]) < 60  # of the stepping, no more than the machine's clock allows
         assert 50 < float(line["memory [MiB]"]) < 5000
     assert (out / "study.png").stat().st_size > 10_000
+
+
+def test_warnings_of_runs_are_told(linear_study, tmp_path):
+    out, rows = linear_study
+    shutil.copytree(out, tmp_path / "study")
+    manifest = tmp_path / "study" / rows[1].combination.name / "manifest.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"warnings": ["it leans", "it leaks"]}))
+    _, said = run_study(tmp_path / "study", reference="exact")
+    told = f"warning: 1 of {len(rows)} runs have warnings, which are in study.csv; {rows[1].combination.name}: it leans"
+    assert told in " ".join(said.split())
+    with (tmp_path / "study" / "study.csv").open() as file:
+        assert [line["warnings"] for line in csv.DictReader(file)][:2] == ["", "it leans; it leaks"]
 
 
 def test_what_has_finished_is_not_run_again(linear_study):

@@ -188,7 +188,7 @@ class Study:
         errors = reference.errors(run) if reference else {}
         told, untold = responses(run, self._asked, start=self._start)
         self._untold.update(dict.fromkeys(f"{one.name}: {cause}" for cause in untold))
-        return Row(one, outcome, errors, self._costs(one), mark, told)
+        return Row(one, outcome, errors, self._costs(one), mark, told, run.manifest.get("warnings", []))
 
     def _write(self, rows: Sequence[Row]) -> None:
         beside = [Axis.of(name) for one in self._marked for name in one.values]
@@ -199,6 +199,10 @@ class Study:
         self._console.print(f"wrote {self._out / TABLE}", highlight=False)
         for cause in self._untold:
             self._console.print(f"warning: {cause}", markup=False, highlight=False)
+        if warned := [row for row in rows if row.warnings]:
+            first = f"{warned[0].combination.name}: {warned[0].warnings[0]}"
+            line = f"warning: {len(warned)} of {len(rows)} runs have warnings, which are in {TABLE}; {first}"
+            self._console.print(line, markup=False, highlight=False)
         if not any(responded([row.found]) for row in rows):
             causes = "; ".join([*dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause), *self._untold])
             raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")

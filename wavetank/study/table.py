@@ -46,6 +46,8 @@ class Row:
         What makes the combination special, e.g. ``"plan"``.
     responses
         By name, those that the run does not tell not a number; of studies over what is modelled.
+    warnings
+        Of the run, as its log has them.
     """
 
     combination: Combination | Refused
@@ -54,6 +56,7 @@ class Row:
     costs: dict[str, float] = field(default_factory=dict)
     mark: str = ""
     responses: Responses = field(default_factory=dict)
+    warnings: Sequence[str] = ()
 
     @property
     def scene(self) -> Scene:
@@ -83,15 +86,15 @@ def tabled(rows: Sequence[Row]) -> list[str]:
 
 
 def write_table(path: Path, rows: Sequence[Row], axes: Sequence[Axis]) -> None:
-    """Write ``study.csv``, in one step: settings, responses, errors, costs, status, cause; raise ``RecordError``."""
+    """Write ``study.csv`` in one step: settings, figures, status, cause and warnings; raise ``RecordError``."""
     names, text = tabled(rows), StringIO()
     writer = csv.writer(text)
-    writer.writerow([*(axis.label for axis in axes), "mark", *names, *COSTS, "status", "cause"])
+    writer.writerow([*(axis.label for axis in axes), "mark", *names, *COSTS, "status", "cause", "warnings"])
     for row in rows:
         settings = [row.combination.values.get(axis.name, "") for axis in axes]
         figures = [_number(row.found.get(name)) for name in names]
         figures += [_number(row.costs.get(name)) for name in COSTS]
-        writer.writerow([*settings, row.mark, *figures, row.outcome.status, row.outcome.cause])
+        writer.writerow([*settings, row.mark, *figures, row.outcome.status, row.outcome.cause, "; ".join(row.warnings)])
     try:
         replace(path, text.getvalue().encode())
     except OSError as error:
