@@ -54,7 +54,7 @@ class Damping:
     def of_pairs(self, time: float, size: int) -> Vector:
         """Return the same for pairs [q, p], one behind the other, shape (2 size,): 1 for the coordinates."""
         if (time,) not in self._factors:
-            self._factors[time,] = np.concatenate([np.ones(size), np.ones(size) * self.factor(time)])
+            self._factors[time,] = _of_pairs(self.factor(time), size)
         return self._factors[time,]
 
     def held(self) -> Held:
@@ -65,6 +65,11 @@ class Damping:
         """Take back what has been held, for all who know the rate."""
         self.gamma[:] = held["gamma"]
         self._factors.clear()
+
+
+def _of_pairs(factor: Any, size: int) -> Vector:
+    """Return 1 for coordinates and a factor for momenta, shape (2 size,)."""
+    return np.concatenate([np.ones(size), np.ones(size) * factor])
 
 
 @dataclass(frozen=True)
@@ -122,17 +127,14 @@ class _Stages:
 
     @property
     def pair(self) -> StageSolver:
-        return _Solver(self._stages.pair, lambda stage, size: self._of_pair(stage.t, size // 2))
+        return _Solver(self._stages.pair, lambda stage, size: _of_pairs(self._growing.factor(stage.t), size // 2))
 
     def coupled(self, pairs: int) -> StageSolver:
         def factors(stage: Stage, size: int) -> Vector:
             times = [self._growing.t_0 + node * stage.dt for node in self._growing.nodes]
-            return np.concatenate([self._of_pair(t, size // 2 // pairs) for t in times])
+            return np.concatenate([_of_pairs(self._growing.factor(t), size // 2 // pairs) for t in times])
 
         return _Solver(self._stages.coupled(pairs), factors)
-
-    def _of_pair(self, t: float, size: int) -> Vector:
-        return np.concatenate([np.ones(size), np.ones(size) * self._growing.factor(t)])
 
 
 @dataclass(frozen=True)
