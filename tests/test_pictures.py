@@ -3,6 +3,7 @@
 The figures themselves are asked (``pictures.py``), drawn from rows made up to look like those computed.
 """
 
+from dataclasses import replace
 from itertools import product
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from rich.console import Console
 
 from wavetank.postprocess.style import picture
 from wavetank.study.drawing import draw_study, pareto_front
+from wavetank.study.look import WARNED
 from wavetank.study.measures import GAUGES, PHASE, SURFACE
 from wavetank.study.response_drawing import draw_responses
 from wavetank.study.responses import CREST, CREST_PLACE, TROUGH
@@ -122,6 +124,17 @@ def study_rows(case, sweeps, measures):
     return axes, [Row(one, Outcome("finished"), *measures(n, one.values)) for n, one in enumerate(found)]
 
 
+def opened(panel):
+    """Return where a panel has open marks."""
+    white = [line for line in panel.lines if line.get_markerfacecolor() == "white"]
+    return [list(place) for line in white for place in line.get_xydata()]
+
+
+def told(figure):
+    """Return what the figure's legends say."""
+    return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+
+
 def test_work_and_precision(drawn, tmp_path):
     """As the steep ring's: numbers on axes of less than a decade, each point of the front named, no name on another."""
     steps = ("0.055875", "0.0279375", "0.01396875")
@@ -134,9 +147,12 @@ def test_work_and_precision(drawn, tmp_path):
     axes, rows = study_rows(
         "ring-50-percent.toml", [f"dt={','.join(steps)}", f"integrator={','.join(sizes)}"], measures
     )
+    rows[1] = replace(rows[1], warnings=["it breaks"])
     draw_study(rows, axes, tmp_path / "study.png", title="A study")
     (figure,) = drawn
     assert not faults(figure)
+    point = [rows[1].costs["CPU [s]"], rows[1].errors[SURFACE]]
+    assert opened(figure.axes[0]) == [point] and WARNED in told(figure)
     front = pareto_front([(row.costs["CPU [s]"], row.errors[SURFACE]) for row in rows])
     for panel in figure.axes:
         assert len(panel.texts) == len(front) > 2
@@ -152,13 +168,16 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
 
     sweeps = ["initial.wave_amplitude=0.01,0.04,0.02", "n=4,6"]
     axes, rows = study_rows("standing-wave.toml", sweeps, measures)
-    draw_responses(rows, axes, tmp_path / "study.png", title="A study")
+    rows[2], marked = (replace(rows[n], warnings=["it breaks"], mark=mark) for n, mark in ((2, ""), (1, "plan")))
+    draw_responses([*rows, marked], axes, tmp_path / "study.png", title="A study")
     (figure,) = drawn
     assert not faults(figure)
+    crests = [[a, 1.2 * a] for a in (0.04, 0.01)]  # of the run that is swept, and of the star
+    np.testing.assert_allclose(opened(figure.axes[0]), crests)
     labels = {panel.get_ylabel() for panel in figure.axes if panel.lines}
     assert labels == {CREST, TROUGH, CREST_PLACE, SURFACE, PHASE}
     assert {panel.get_xlabel() for panel in figure.axes if panel.lines} == {"initial.wave_amplitude [m]"}
-    assert {text.get_text() for legend in figure.legends for text in legend.get_texts()} == {"n = 4", "n = 6"}
+    assert told(figure) == {"n = 4", "n = 6", "plan: initial.wave_amplitude 0.01, n 6", WARNED}
     crest = figure.axes[0].lines[0]
     np.testing.assert_allclose(crest.get_xydata(), [(a, 1.2 * a) for a in (0.01, 0.02, 0.04)])
 
@@ -171,6 +190,7 @@ def test_what_is_modelled_may_be_no_number(drawn, tmp_path):
     draw_responses(rows, axes, tmp_path / "study.png")
     (figure,) = drawn
     assert not faults(figure)
+    assert not opened(figure.axes[0]) and WARNED not in told(figure)
     assert len([panel for panel in figure.axes if panel.lines]) == 3  # without a sweep of numerics no errors
     assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["linear", "nonlinear"]
 

@@ -19,6 +19,7 @@ from wavetank.postprocess.analysis.quantities import AT_GAUGE, OF_RUN
 from wavetank.records.writer import RunWriter
 from wavetank.study.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
 from wavetank.study.ensemble_drawing import draw_ensembles
+from wavetank.study.look import WARNED
 from wavetank.study.response_drawing import draw_responses
 from wavetank.study.responses import Response, responses, usual_responses
 from wavetank.study.runs import Outcome
@@ -193,18 +194,25 @@ def drawn(monkeypatch):
 def test_ensembles_are_drawn(drawn, tmp_path, settings):
     rng = np.random.default_rng(1)
     rows, axes = made(9, settings, lambda named: 1 + 0.1 * rng.normal())
+    rows[4], rows[6] = replace(rows[4], warnings=["it breaks"]), replace(rows[6], responses={})
     draw_ensembles(rows, ensembles(rows, axes), axes, tmp_path / "study.png", title="A sea")
     (figure,) = drawn
+    crests = figure.axes[1]
+    assert [
+        line.get_ydata().tolist() for line in crests.lines if line.get_mfc() == "white" and line.get_xdata().size
+    ] == [[0.4]]
+    assert figure.legends[0].get_texts()[-1].get_text() == WARNED
     assert not faults(figure) and {panel.get_ylabel() for panel in figure.axes} == {"hm0 [m]", "crest [m]"}
 
 
 def test_two_keys_of_numbers_are_a_map(drawn, tmp_path):
-    """A run that has failed is a white cell; numbers stand at the keys' values."""
+    """A run that has failed is a white cell; numbers stand at the keys' values, of a run that warns on a white mark."""
     axes = parse_axes(["tank.depth=1,2,4", "wall.motion.period=2.0,1.5,1.0"])
     rows = [
         Row(one, Outcome("finished"), responses={"crest [m]": float(one.values["tank.depth"])} if n else {})
         for n, one in enumerate(combinations(CASE, axes))
     ]
+    rows[1] = replace(rows[1], warnings=["it breaks"])
     draw_responses(rows, axes, tmp_path / "study.png", title="A map")
     panel, bar = drawn[0].axes
     assert (panel.get_xlabel(), panel.get_ylabel()) == ("tank.depth [m]", "wall.motion.period [s]")
@@ -212,3 +220,5 @@ def test_two_keys_of_numbers_are_a_map(drawn, tmp_path):
     values = panel.collections[0].get_array().reshape(3, 3)
     np.testing.assert_array_equal(np.ma.filled(values, np.nan), [[1, 2, 4], [1, 2, 4], [np.nan, 2, 4]])
     assert len(panel.texts) == 8 and not faults(drawn[0])
+    assert [text.get_position() for text in panel.texts if text.get_bbox_patch()] == [(1.0, 1.5)]
+    assert drawn[0].legends[0].get_texts()[0].get_text() == WARNED

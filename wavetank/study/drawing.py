@@ -12,7 +12,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from wavetank.postprocess.style import entry, lay_out, number_logarithms, picture
-from wavetank.study.look import EDGE, INTEGRATOR, MARK, Look
+from wavetank.study.look import EDGE, INTEGRATOR, Look, Point
 from wavetank.study.measures import CREST
 from wavetank.study.sweep import Axis
 from wavetank.study.table import CPU, Row, measured
@@ -21,8 +21,6 @@ FRONT, DASHES = EDGE, (0, (5, 3))
 ROOM = 0.25  # of the width, on the left, and of the height, below, for what is written there
 AROUND = 4.0  # pixels around a mark that no text is to hide
 SIDES = ((-7, -5), (-7, 5), (7, 5), (7, -5), (0, -9), (0, 9), (-7, -16), (7, 16))  # where a text may be, in points
-
-Point = tuple[float, float]
 
 
 def pareto_front(points: Sequence[Point]) -> list[int]:
@@ -60,15 +58,9 @@ def draw_study(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, title: 
 def _draw_panel(panel: Axes, rows: Sequence[Row], name: str, look: Look) -> dict[Point, str]:
     """Draw the errors of that name; return the settings of the front's points."""
     panel.set(xscale="log", yscale="log", xlabel="CPU time of stepping [s]", ylabel=name)
-    swept = [row for row in rows if not row.mark]
-    for line in dict.fromkeys(map(look.line, swept)):
-        points = sorted(_point(row, name) for row in swept if look.line(row) == line)
-        first = next(row for row in swept if look.line(row) == line)
-        panel.plot(*zip(*points, strict=True), color=look.colour(first), marker=look.marker(first), ms=6, alpha=0.85)
-    for row in rows:
-        if row.mark:
-            panel.plot(*_point(row, name), "*", color=MARK, ms=15, mec=FRONT, zorder=6)
+    look.draw(panel, rows, lambda row: _point(row, name))
     _leave_room(panel)
+    swept = [row for row in rows if not row.mark]
     front = [swept[i] for i in pareto_front([_point(row, name) for row in swept])]
     if front:
         panel.plot(*zip(*(_point(row, name) for row in front), strict=True), color=FRONT, ls=DASHES, lw=1.4, zorder=5)

@@ -30,11 +30,14 @@ class Ensemble(NamedTuple):
         Values of the other keys by their names.
     values
         Of the runs that have finished, shape (runs,), in the order of the seeds.
+    warned
+        Which of them are of runs that have warnings.
     """
 
     settings: dict[str, str]
     response: str
     values: NDArray[np.float64]
+    warned: Sequence[int] = ()
 
     @property
     def mean(self) -> float:
@@ -65,12 +68,14 @@ def ensembles(rows: Sequence[Row], axes: Sequence[Axis]) -> list[Ensemble]:
     for row in rows:
         if row.responses and not row.mark:
             groups.setdefault(tuple(row.combination.values[name] for name in others), []).append(row)
-    return [
-        Ensemble(dict(zip(others, key, strict=True)), name, np.array(values))
-        for name in responded(row.responses for row in rows)
-        for key, group in groups.items()
-        if (values := [row.responses[name] for row in group if not np.isnan(row.responses.get(name, np.nan))])
-    ]
+    found = []
+    for name in responded(row.responses for row in rows):
+        for key, group in groups.items():
+            told = [row for row in group if not np.isnan(row.responses.get(name, np.nan))]
+            values, warned = [row.responses[name] for row in told], [n for n, row in enumerate(told) if row.warnings]
+            if told:
+                found.append(Ensemble(dict(zip(others, key, strict=True)), name, np.array(values), warned))
+    return found
 
 
 COLUMNS = ("runs", "mean", "mean from", "mean to", "standard deviation", *(f"{100 * q:g} %" for q in QUANTILES))

@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from wavetank.postprocess.style import BLUE, PALE_GREY, VERMILION, entry, picture
 from wavetank.study.ensemble import Ensemble
+from wavetank.study.look import OPEN, warned
 from wavetank.study.response_drawing import TICKS, numeric, panels_of, places_of
 from wavetank.study.sweep import Axis, unit
 from wavetank.study.table import Row
@@ -42,8 +45,9 @@ def draw_ensembles(
             entry("a run", color=RUN, marker=".", ls=""),
             entry("mean, with its 95 % confidence", color=MEAN, marker="o"),
             entry("5, 50 and 95 % quantiles", color=QUANTILE, ls="--"),
+            *warned(rows),
         ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+        figure.legend(handles=handles, loc="outside lower center", ncols=2 if warned(rows) else 3)
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
 
@@ -53,7 +57,7 @@ def _draw_over(panel: Axes, found: Sequence[Ensemble], along: Axis) -> None:
     ordered = sorted(found, key=lambda one: places[one.settings[along.name]])
     x = np.array([places[one.settings[along.name]] for one in ordered])
     for at, one in zip(x, ordered, strict=True):
-        panel.plot(np.full(one.values.size, at), one.values, ".", color=RUN, ms=4, zorder=1)
+        _draw_values(panel, np.full(one.values.size, at), one)
     sure = np.nan_to_num([one.sure for one in ordered])
     panel.errorbar(x, [one.mean for one in ordered], sure, color=MEAN, marker="o", ms=5, capsize=4, ls="", zorder=3)
     for quantile in np.array([one.quantiles for one in ordered]).T:
@@ -64,9 +68,16 @@ def _draw_over(panel: Axes, found: Sequence[Ensemble], along: Axis) -> None:
         panel.set_xticks(range(len(along.values)), along.values)
 
 
+def _draw_values(panel: Axes, x: NDArray[Any], one: Ensemble) -> None:
+    """Draw the runs' values at x of shape (runs,), those that have warnings as open circles."""
+    some = list(one.warned)
+    panel.plot(np.delete(x, some), np.delete(one.values, some), ".", color=RUN, zorder=1)
+    panel.plot(x[some], one.values[some], "o", color=RUN, ms=4, zorder=1, **OPEN)
+
+
 def _draw_runs(panel: Axes, one: Ensemble) -> None:
     runs = 1 + np.arange(one.values.size)
-    panel.plot(runs, one.values, ".", color=RUN)
+    _draw_values(panel, runs, one)
     panel.axhline(one.mean, color=MEAN)
     if np.isfinite(one.sure):
         panel.axhspan(one.mean - one.sure, one.mean + one.sure, color=MEAN, alpha=0.15, lw=0)

@@ -1,11 +1,13 @@
 """Which setting of a study is drawn how: integrators are colours, another key is the marker, one runs along lines.
 
-Where there is one integrator, the other key is the colour, too.
+Where there is one integrator, the other key is the colour, too. Marks of runs that have warnings are open.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import cycle
+from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from wavetank.postprocess.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, VERMILION, entry
@@ -13,9 +15,14 @@ from wavetank.study.sweep import Axis
 from wavetank.study.table import Row
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE)
-MARK, EDGE = ORANGE, INK  # of the star that a marked combination is
+EDGE = INK
+STAR: dict[str, Any] = {"marker": "*", "color": ORANGE, "ms": 15, "mec": EDGE, "ls": ""}  # a marked combination
 MARKERS = "osD^v<>Pph"
 INTEGRATOR = "integrator"
+WARNED = "open: the run has warnings (study.csv)"
+OPEN: dict[str, Any] = {"ls": "", "mfc": "white"}  # of their marks
+
+Point = tuple[float, float]
 
 
 class Look:
@@ -38,17 +45,30 @@ class Look:
         self._markers = dict(zip(self._marked.values if self._marked else (), cycle(MARKERS), strict=False))
         self._colours = dict(zip(self._coloured.values if self._coloured else (), cycle(COLOURS), strict=False))
 
-    def line(self, row: Row) -> tuple[str, ...]:
+    def draw(self, panel: Axes, rows: Sequence[Row], point: Callable[[Row], Point]) -> None:
+        """Draw rows where ``point`` says: a line for each of the other settings, and stars for marked ones."""
+        swept = [row for row in rows if not row.mark]
+        for line in dict.fromkeys(map(self._line, swept)):
+            some = sorted((row for row in swept if self._line(row) == line), key=point)
+            look: dict[str, Any] = {"color": self._colour(some[0]), "marker": self._marker(some[0]), "ms": 6}
+            panel.plot(*zip(*map(point, some), strict=True), **look, alpha=0.85)
+            if warned := [point(row) for row in some if row.warnings]:
+                panel.plot(*zip(*warned, strict=True), **look | OPEN)
+        for row in rows:
+            if row.mark:
+                panel.plot(*point(row), **STAR | (OPEN if row.warnings else {}), zorder=6)
+
+    def _line(self, row: Row) -> tuple[str, ...]:
         """Return what all points of a line have in common."""
         along = self._along.name if self._along else ""
         return tuple(value for name, value in row.combination.values.items() if name != along)
 
-    def colour(self, row: Row) -> str:
+    def _colour(self, row: Row) -> str:
         """Return the colour of a row's integrator, or of its other setting."""
         values = row.combination.values
         return self._colours.get(values.get(self._coloured.name, ""), COLOURS[0]) if self._coloured else COLOURS[0]
 
-    def marker(self, row: Row) -> str:
+    def _marker(self, row: Row) -> str:
         """Return the marker of a row's other setting."""
         return self._markers.get(row.combination.values.get(self._marked.name, ""), "o") if self._marked else "o"
 
@@ -62,7 +82,7 @@ class Look:
         return ", ".join(axis.label for axis in self._settings)
 
     def legend(self, rows: Sequence[Row]) -> list[Line2D]:
-        """Return the entries of colours, markers and marked rows."""
+        """Return the entries of colours, markers, marked rows and warnings."""
         own = self._coloured == self._marked  # the colour says nothing else
         entries = [entry(name, color=colour, lw=3) for name, colour in self._colours.items() if not own]
         entries += [
@@ -71,7 +91,12 @@ class Look:
             if self._marked
         ]
         marks = [f"{row.mark}: {_words(row.combination.values)}" for row in rows if row.mark]
-        return entries + [entry(mark, color=MARK, marker="*", ms=15, mec=EDGE, ls="") for mark in marks]
+        return [*entries, *(entry(mark, **STAR) for mark in marks), *warned(rows)]
+
+
+def warned(rows: Sequence[Row]) -> list[Line2D]:
+    """Return the entry that says which marks are of runs that have warnings, if some have."""
+    return [entry(WARNED, marker="o", **OPEN)] if any(row.warnings for row in rows) else []
 
 
 def _words(values: dict[str, str]) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from wavetank.postprocess.style import number_logarithms, picture
-from wavetank.study.look import EDGE, MARK, Look
+from wavetank.postprocess.style import GREY, number_logarithms, picture
+from wavetank.study.look import Look, warned
 from wavetank.study.measures import CREST as CREST_ERROR
 from wavetank.study.responses import CREST_TIME, responded
 from wavetank.study.sweep import Axis, unit
@@ -62,52 +62,54 @@ def _label(rows: Sequence[Row], axis: Axis) -> str:
 
 
 def _draw_maps(rows: Sequence[Row], axes: Sequence[Axis], names: Sequence[str], path: Path, *, title: str) -> Path:
-    """Draw each response as a map over two axes of numbers, cells of runs that have none left white."""
+    """Draw each response as a map over two axes of numbers, cells of runs that have none left white.
+
+    In those of runs that have warnings stands a white mark, with the number where numbers are written.
+    """
     across, up = ([float(value) for value in sorted(axis.values, key=float)] for axis in axes)
     (down, wide), size = panels_of(names)
     with picture(path, *size) as figure:
         panels = figure.subplots(down, wide, squeeze=False).flat
         for panel, name in zip(panels, names, strict=False):
             values = np.full((len(up), len(across)), np.nan)
+            doubtful = np.zeros(values.shape, dtype=bool)
             for row in rows:
                 x, y = (float(row.combination.values.get(axis.name, "nan")) for axis in axes)
                 if name in row.responses and x in across and y in up:
-                    values[up.index(y), across.index(x)] = row.responses[name]
+                    at = up.index(y), across.index(x)
+                    values[at], doubtful[at] = row.responses[name], bool(row.warnings)
             cells = panel.pcolormesh(across, up, values, shading="nearest", cmap="viridis")
             figure.colorbar(cells, ax=panel).set_label(name)
             panel.grid(False)
-            if values.size <= WRITTEN:
-                _write(panel, across, up, values)
+            _write(panel, across, up, values, doubtful)
             panel.set(xlabel=_label(rows, axes[0]), ylabel=_label(rows, axes[1]), xticks=across, yticks=up)
         for empty in list(panels):
             empty.set_axis_off()
+        if handles := warned(rows):
+            figure.legend(handles=handles, loc="outside lower center")
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
 
 
-def _write(panel: Axes, across: Sequence[float], up: Sequence[float], values: NDArray[np.float64]) -> None:
-    """Write the numbers into the cells of a map, dark on bright ones."""
+def _write(
+    panel: Axes, across: Sequence[float], up: Sequence[float], values: NDArray[np.float64], doubtful: NDArray[np.bool_]
+) -> None:
+    """Write the numbers into the cells of a map of few, dark on bright ones, and on white marks where doubtful."""
     bright = np.nanmin(values) + 0.6 * np.ptp(values[np.isfinite(values)])
+    few = values.size <= WRITTEN
     for (n, m), value in np.ndenumerate(values):
-        if np.isfinite(value):
-            colour = "black" if value > bright else "white"
-            panel.text(across[m], up[n], f"{value:.3g}", ha="center", va="center", fontsize=8, color=colour)
+        if np.isfinite(value) and (few or doubtful[n, m]):
+            colour = "black" if value > bright or doubtful[n, m] else "white"
+            mark = {"boxstyle": "round", "fc": "white", "ec": GREY} if doubtful[n, m] else None
+            text = f"{value:.3g}" if few else " "
+            panel.text(across[m], up[n], text, ha="center", va="center", fontsize=8, color=colour, bbox=mark)
 
 
 def _draw_panel(panel: Axes, rows: Sequence[Row], name: str, along: Axis, look: Look) -> None:
     """Draw a response, or an error on a logarithmic axis, a line for each of the other settings."""
     places = places_of(along)
     shown = [row for row in rows if _value(row, name) is not None and row.combination.values.get(along.name) in places]
-    for line in dict.fromkeys(look.line(row) for row in shown if not row.mark):
-        some = [row for row in shown if look.line(row) == line and not row.mark]
-        points = sorted((places[row.combination.values[along.name]], _value(row, name) or 0.0) for row in some)
-        panel.plot(
-            *zip(*points, strict=True), color=look.colour(some[0]), marker=look.marker(some[0]), ms=6, alpha=0.85
-        )
-    for row in shown:
-        if row.mark:
-            place = places[row.combination.values[along.name]]
-            panel.plot(place, _value(row, name) or 0.0, "*", color=MARK, ms=15, mec=EDGE, zorder=6)
+    look.draw(panel, shown, lambda row: (places[row.combination.values[along.name]], _value(row, name) or 0.0))
     if name in measured(rows):
         panel.set_yscale("log")
         number_logarithms(panel.yaxis)
