@@ -186,6 +186,39 @@ def test_a_record_that_begins_before_its_waves_advises_a_start_that_leaves_that_
     assert not re.search(told, kinds.analysed(kind, replace(regular, eta=group.transpose(*regular.eta.dims))).said)
 
 
+@pytest.mark.parametrize("gauges", [2, 5])
+def test_harmonics_of_a_record_that_is_not_whole_periods_do_not_count_as_reflected(table, gauges):
+    """Oracle: the waves it was made of, a fifth of them reflected; of first harmonics alone 20.7 and 20.5 %."""
+    record = read_record(str(table), period=PERIOD, depth=DEPTH, end=2.4 * PERIOD)
+    found = kinds.analysed("reflection", replace(record, eta=record.eta[:gauges]))
+    assert found.rows[0][-1] == pytest.approx(0.2, rel=1e-4) and "the reflection is" not in found.said
+
+
+def test_a_reflection_that_is_not_to_be_trusted_is_said_to_be_so(table):
+    """Oracle: of waves of 50 mm a tenth reflected from half the time on; a wave of 2 mm that is neither; 5 mm at 2 f.
+
+    Of no steepness two gauges are believed, and where what is uncertain is less than half of what comes back.
+    """
+    record = read_record(str(table), period=PERIOD, depth=DEPTH)
+
+    def said(*, reflected=0.0, late=0.0, other=0.0, second=0.0, gauges=5):
+        x = record.eta.x.values[:gauges, None]
+        back = 0.05 * (reflected + late * (T > 30.0)) * np.cos(K * x + OMEGA * T)
+        more = other * np.cos(1.3 * K * x - OMEGA * T) + second * np.cos(2 * K * x - 2 * OMEGA * T)
+        eta = 0.05 * np.cos(K * x - OMEGA * T) + back + more
+        return kinds.analysed("reflection", replace(record, eta=record.eta[:gauges].copy(data=eta))).said
+
+    for gauges in (2, 5):
+        assert "not steady, 1 % in the first half of this record, 10 % in the second" in said(
+            reflected=0.01, late=0.09, gauges=gauges
+        )
+        assert "the reflection is" not in said(reflected=0.01, gauges=gauges)
+    assert "which the gauges leave of the waves: more of them" in said(reflected=0.01, other=0.002)
+    assert "the reflection is" not in said(reflected=0.1, other=0.002)
+    assert "uncertain by 1 %, which two gauges cannot tell" in said(reflected=0.01, second=0.005, gauges=2)
+    assert "the reflection is" not in said(reflected=0.03, second=0.005, gauges=2)
+
+
 def test_bound_and_free_waves_are_waited_for(table):
     """Oracle: both leave the paddle at once, or the first gauge, and go with their group velocities."""
     regular = replace(read_record(str(table), period=PERIOD, depth=DEPTH), from_wall=True)

@@ -30,6 +30,7 @@ FEWEST_PERIODS = 3  # in a record that is taken for one of regular waves unasked
 MIDDLE = 16  # mean periods that are looked at before all of a record is
 MANY = 6  # pairs of gauges that are named
 SEVERAL = 5  # of a sea's mean periods: over which its height is looked at
+SLIGHT, UNSURE = 1e-3, 0.5  # reflection, and part of it: what is uncertain by more is told
 STEEP = 0.05  # of the wave number: within which that of regular waves is looked for, where gauges allow
 
 Value = str | float
@@ -105,7 +106,7 @@ def harmonic(record: Record) -> Result:
 def bound_free(record: Record) -> Result:
     """The second harmonic along the tank: bound to the first, free, and free that goes back."""
     f, depth, g = record.frequency, record.depth, record.gravity
-    component = harmonics(record.on_its_way, f, number=2).component[:, 1]
+    component = harmonics(record.on_its_way, f, number=max(2, resolved(record.eta, f))).component[:, 1]
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
     found = bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
     k, free = (float(one) for one in wave_number(2 * np.pi * f * np.array([1, 2]), depth, g))
@@ -160,25 +161,51 @@ def reflection_coefficient(record: Record) -> float:
 
 
 def _told_apart(record: Record) -> tuple[DataArray, Reflection]:
-    """Return the first harmonic over gauge, and the waves that it is told to be."""
-    component = harmonics(record.on_its_way, record.frequency, number=1).component[:, 0]
-    within = STEEP if component.size > 2 else 0.0
-    return component, regular_reflection(
-        component, record.frequency, depth=record.depth, gravity=record.gravity, within=within
-    )
+    """Return the harmonics over gauge, and the waves that the first is told to be.
+
+    They are all that can be found: over a part of a period what is left out would count as the first.
+    """
+    f = record.frequency
+    component = harmonics(record.on_its_way, f, number=resolved(record.eta, f)).component
+    within = STEEP if component.sizes["gauge"] > 2 else 0.0
+    return component, regular_reflection(component[:, 0], f, depth=record.depth, gravity=record.gravity, within=within)
 
 
 def _regular(record: Record) -> Result:
     component, found = _told_apart(record)
-    said = f"rest {found.rest:.3g} m (rms); condition {found.condition:.3g}" + (
-        ": gauges stand badly" if found.condition > WORST else ""
-    )
+    begin = _begin_told(record, 1 / record.frequency)
+    badly = ": gauges stand badly" if found.condition > WORST else ""
+    said = f"rest {found.rest:.3g} m (rms); condition {found.condition:.3g}{badly}{_others_told(record)}"
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
         [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
-        said + _others_told(record) + _begin_told(record, 1 / record.frequency) + record.told_way,
-        lambda path: figures.regular_reflection_figure(component, found, path, title=record.title),
+        said + (begin or badly or _doubted(record, component, found)) + record.told_way,
+        lambda path: figures.regular_reflection_figure(component[:, 0], found, path, title=record.title),
     )
+
+
+def _doubted(record: Record, component: DataArray, found: Reflection) -> str:
+    """Return why the reflection of the waves that are ``found`` of harmonics is not to be trusted, and what helps.
+
+    Because it changes, or gauges cannot tell it from what linear theory leaves out of the first harmonic. Three see
+    that in what they leave; two leave nothing, and it is about as much as the second harmonic is steep.
+    """
+    doubtful, middle = max(UNSURE * found.coefficient, SLIGHT), record.eta.time.size // 2
+    halves = [replace(record, eta=record.eta.isel(time=part)) for part in (slice(middle), slice(middle, None))]
+    if all(np.ptp(half.eta.time.values) * record.frequency > 1 for half in halves):
+        early, late = (_told_apart(half)[1].coefficient for half in halves)
+        if np.ptp([early, found.coefficient, late]) > doubtful:
+            two = f"{100 * early:.2g} % in the first half of this record, {100 * late:.2g} % in the second"
+            return f"; the reflection is not steady, {two}: a later --start tells it, or a longer record"
+    number, steepness = component.sizes["gauge"], found.k * float(np.linalg.norm(component[:, 1:2])) / np.sqrt(2)
+    rest = found.rest / max(abs(found.incident), np.finfo(float).tiny)
+    left = rest * np.sqrt(2 / (2 * number - 5)) if number > 2 else steepness
+    if (unsure := left * (found.condition + 1 / found.condition) / 2) <= doubtful:
+        return ""
+    why = "the gauges leave of the waves: more of them tell it better"
+    if number == 2:
+        why = "two gauges cannot tell from free harmonics and steepness: three can"
+    return f"; the reflection is uncertain by {100 * unsure:.1g} %, which {why} (--gauges, --along)"
 
 
 def _period_told(record: Record) -> str:
