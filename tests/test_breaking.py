@@ -61,10 +61,11 @@ def test_still_water_over_a_bed_stays_still(make):
     waves = over_a_bar()
     smoothing, x = make(waves), waves.plane.x
     q, p = waves.state(0 * x, 0 * x)
-    assert np.abs(waves.mass.solve(smoothing.coordinate(q) - q)).max() < 1e-12
-    assert np.abs(smoothing.momentum(p)).max() < 1e-12
+    ((after_q, after_p),) = smoothing.passed(np.array([[q, p]]))
+    assert np.abs(waves.mass.solve(after_q - q)).max() < 1e-12
+    assert np.abs(after_p).max() < 1e-12
     q, _ = waves.state(np.where(x < 2.0, 0.1 * np.cos(np.pi * x / 4) ** 3, 0.0), 0 * x)
-    change = waves.mass.solve(smoothing.coordinate(q) - q)
+    change = waves.mass.solve(smoothing.passed(np.array([[q, p]]))[0, 0] - q)
     near, far = (largest(waves.plane.comm, np.abs(change[at]).max(initial=0.0)) for at in (x < 2.0, x > 6.0))
     assert near > 1e-7 and far < 1e-12
 
@@ -197,7 +198,7 @@ def test_the_energy_taken_is_that_of_diffusion_where_the_crest_is_also_across_a_
     q, p = waves.state(a * np.cos(k * x), a * 9.81 / omega * np.sin(k * x))
     breaking.place([crest(place, 0.9)])
     before = waves.energy(q, p, 0.0)
-    after_q, after_p = breaking.coordinate(q), breaking.momentum(p)
+    ((after_q, after_p),) = breaking.passed(np.array([[q, p]]))
     breaking.account(before - waves.energy(after_q, after_p, 0.0), of=before)
     viscosity = 0.2 * 2.0 * 1.0 * 4.0 * 1.0  # alpha c H times R, the integral of cos² from -R to R, as published
     assert breaking.energy_taken == pytest.approx(1e-3 * k**2 * 9.81 * a**2 * viscosity, rel=0.1)
@@ -310,15 +311,15 @@ def test_before_a_far_wall_that_moves_waves_break_as_before_the_near_one():
 
 
 def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_path, monkeypatch):
-    """A solve that fails at the tenth time stands for what the viscosity does not hold; who goes on counts it once."""
-    steps, smoothed, said = counted(1), BreakingDissipation.momentum, StringIO()
+    """A solve that fails at the fifth time stands for what the viscosity does not hold; who goes on counts it once."""
+    steps, smoothed, said = counted(1), BreakingDissipation.passed, StringIO()
 
-    def momentum(self, p):
-        if next(steps) == 10:
+    def passed(self, pairs):
+        if next(steps) == 5:
             raise ConvergenceError("a solve did not end")
-        return smoothed(self, p)
+        return smoothed(self, pairs)
 
-    monkeypatch.setattr(BreakingDissipation, "momentum", momentum)
+    monkeypatch.setattr(BreakingDissipation, "passed", passed)
     case = over_steep(0.6)
     case = case.model_copy(update={"run": case.run.model_copy(update={"on_breaking": "dissipate", "duration": 0.8})})
     with pytest.raises(RunError, match=r"a solve did not end: .*; 1 wave broke, at t = .* was not enough"):

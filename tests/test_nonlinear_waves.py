@@ -14,6 +14,7 @@ from wavetank.hamiltonian.contract import Stage
 from wavetank.hamiltonian.stage_solver import AndersonStageSolver
 from wavetank.integrators import INTEGRATORS, Simpson4
 from wavetank.integrators.simpson import MeanAndJumps
+from wavetank.integrators.states import Point
 from wavetank.integrators.third_order import Traces
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.observers.contract import Moment
@@ -184,12 +185,12 @@ def test_energies_seen_from_a_point_are_right_to_the_square_of_what_lies_between
         assert found.numbers[0, POWER] == pytest.approx(powers[1], rel=1e-9)
         assert stood(t, found.rates[0, :, 0]) == tank.wall.stood
         assert found.rise[0] == pytest.approx(size * bump, abs=1e-12 + 2 * close)
-        H, potential = tank.energy_near(q, p, t, at=at), found.numbers[0, 1]
+        H, potential = found.numbers[0, :3].sum(), found.numbers[0, 1]
         off = H - tank.energy(q, p, t), potential - tank.energies(q, p, t).potential
         off += found.numbers[1, POWER] - np.mean(powers), found.numbers[1, DAMPED] - taken
         errors.append([*map(abs, off)])
-        tank.energy_near(np.where(q > q.min(), q, np.nan), p, t, at=at)
-        assert np.isnan(tank._near.numbers[0, HIGHEST:]).all()
+        tank.see_from(at, Point(np.where(q > q.min(), q, np.nan), p), t, told, 0)
+        assert np.isnan(told.numbers[0, HIGHEST:]).all()
     assert [fitted_slope(sizes, one) for one in np.transpose(errors)] == pytest.approx([2.0, 2.0, 2.0, 2.0], abs=0.1)
 
 

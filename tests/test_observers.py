@@ -79,29 +79,46 @@ def test_filters_are_asked_at_the_end_of_the_step():
 
 
 class Timed(Harmonic):
-    """An oscillator whose energy is the time, as a moving wall's depends on it."""
+    """An oscillator whose energy grows with the time, as a moving wall's depends on it."""
+
+    def H_q(self, q, p, t):
+        return t * q
+
+    def H_p(self, q, p, t):
+        return t * p
 
     def energy(self, q, p, t):
-        return t
+        return t * super().energy(q, p, t)
 
 
-class Acting(Looking):
-    """A filter that changes nothing, and keeps what it is told of the energy: before it, and after."""
+class Leaving(Looking):
+    """A filter that leaves so much of coordinates and momenta, and keeps what it is told."""
+
+    def __init__(self, of_q, of_p):
+        self.left, self.told = np.array([[of_q], [of_p]]), []
 
     def needed(self, state, t):
+        self.at = state.q, state.p, t
         return True
 
-    coordinate = momentum = staticmethod(np.copy)
+    def passed(self, pairs):
+        return self.left * pairs
 
     def account(self, taken, *, of):
-        self.times += [of, of - taken]
+        self.told += [taken, of]
 
 
-def test_what_filters_take_is_counted_at_the_end_of_the_step():
-    one = Acting()
-    scheme = Filtered(StormerVerlet(), [one])
-    scheme.step(Timed(), scheme.start(np.array([1.0]), np.array([0.0])), 2.0, 0.25)
-    assert one.times == [2.25, 2.25]
+@pytest.mark.parametrize("second", [[], [Leaving(1.0, 0.8)]])
+def test_what_filters_take_is_counted_at_the_end_of_the_step(second):
+    """Oracle: the energies there, of a quadratic one, whose derivatives at both ends tell all that is taken."""
+    filters, system = [Leaving(0.5, 0.9), *second], Timed()
+    scheme = Filtered(StormerVerlet(), filters)
+    state = scheme.step(system, scheme.start(np.array([1.0]), np.array([0.3])), 2.0, 0.25)
+    q, p, t = filters[0].at
+    assert t == 2.25 and state.q == pytest.approx(0.5 * q)
+    taken = system.energy(q, p, t) - system.energy(state.q, state.p, t)
+    assert sum(one.told[0] for one in filters) == pytest.approx(taken, rel=1e-14)
+    assert filters[0].told[1] == system.energy(q, p, t)
 
 
 def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):

@@ -72,7 +72,7 @@ def watched(waves, scheme, start, *, gamma, steps, dt, sinks=()):
     waves.damp(gamma)
     record = Memory()
     budget = EnergyBudget(waves, record=record, sinks=sinks)
-    filtered = Filtered(sponged(scheme, gamma), sinks, ended=budget.ended)
+    filtered = Filtered(sponged(scheme, gamma), sinks, acted=budget.acted)
     state = filtered.start(*start)
     budget.observe(Moment(0, 0.0, state))
     for step in range(steps):

@@ -3,7 +3,7 @@
 
 #define SIDES (2 * NODES)
 
-typedef void Solve(const void *chain, const double *b, double *x, double *work);
+typedef void Multiply(const void *cells, const double *weights, const double *x, double *y);
 
 typedef struct {
     int facets;
@@ -13,6 +13,12 @@ typedef struct {
     const double *shift;    /* by which the wall has carried degrees of freedom, or null */
     double *jumps;          /* what the slope jumps by, of each of these */
 } Kinks;
+
+typedef struct {
+    void *multiply, *mass_cells;
+    const double *weights;
+    double *resting, *eta, *work;   /* room: for masses of still water, an elevation, and two solves */
+} Mass;
 
 /* y <- N v = strength sum of jumps (jumps . v). */
 static void kinks_of(const Kinks *k, int dofs, const double *x, double *y)
@@ -61,24 +67,23 @@ static void factor_kinks(const Kinks *k, const Cells *cells, const double *weigh
     factorise(c, first);
 }
 
-/* y <- v' = (M_J + N)^-1 M_J v = v - (M_J + N)^-1 N v. */
-static void smooth(const Kinks *k, const Chain *c, const double *x, double *y, double *work)
+/* Q <- Q - N eta', eta' = (M_J + N)^-1 (Q - M_J d) over still water of depth d, and psi <- psi - (M_J + N)^-1 N psi of
+   points [Q, psi]. */
+static void smooth(const Kinks *k, const Chain *c, const Mass *m, const double *still, int points, const double *pairs,
+                   double *found)
 {
-    kinks_of(k, c->dofs, x, y);
-    solve_mass(c, y, y, work);
-    EACH(i, c->dofs)
-        y[i] = x[i] - y[i];
-}
-
-/* Q <- Q - N eta' of the elevation eta = M_J^-1 Q - d over still water of depth d. */
-static void smooth_masses(const Kinks *k, const Chain *c, uintptr_t solve, uintptr_t mass, const double *still, const double *q,
-                          double *found, double *eta, double *work)
-{
-    ((Solve *)solve)((const void *)mass, q, found, work);
-    EACH(i, c->dofs)
-        found[i] -= still[i];
-    smooth(k, c, found, eta, work);
-    kinks_of(k, c->dofs, eta, found);
-    EACH(i, c->dofs)
-        found[i] = q[i] - found[i];
+    const long n = c->dofs;
+    memset(m->resting, 0, sizeof(double) * n);
+    ((Multiply *)m->multiply)(m->mass_cells, m->weights, still, m->resting);
+    EACH(point, points) {
+        const double *q = pairs + 2 * n * point, *psi = q + n;
+        double *q_after = found + 2 * n * point, *psi_after = q_after + n;
+        EACH(i, n)
+            m->eta[i] = q[i] - m->resting[i];
+        kinks_of(k, n, psi, psi_after);
+        solve_both(c, m->eta, psi_after, m->eta, psi_after, m->work);
+        kinks_of(k, n, m->eta, q_after);
+        EACH(i, n)
+            q_after[i] = q[i] - q_after[i], psi_after[i] = psi[i] - psi_after[i];
+    }
 }

@@ -23,13 +23,17 @@ typedef struct {
     const double *slopes, *shift;
     double *jumps;
 } Kinks;
+typedef struct {
+    void *multiply, *mass_cells;
+    const double *weights;
+    double *resting, *eta, *work;
+} Mass;
 """
 DECLARATIONS = f"""{DECLARATION}{CHAIN}{KINKS}
 void kinks_of(const Kinks *, int dofs, const double *x, double *y);
 void factor_kinks(const Kinks *, const Cells *, const double *weights, double *kept, const Chain *);
-void smooth(const Kinks *, const Chain *, const double *x, double *y, double *work);
-void smooth_masses(const Kinks *, const Chain *, uintptr_t solve, uintptr_t mass, const double *still, const double *q,
-                   double *found, double *eta, double *work);
+void smooth(const Kinks *, const Chain *, const Mass *, const double *still, int points, const double *pairs,
+            double *found);
 """
 
 
@@ -57,9 +61,10 @@ class KinkSmoothing:
         if shift is not None:
             self._kinks.shift = self._kernel.known(shift)
         self._factors = chain(self._kernel, plane, systems=1, band=band, backwards=True)
-        given = mass.weights, np.zeros_like(mass.weights), *np.empty((2, plane.size))  # those that the factors are of
-        self._at_weights, self._at_kept, self._at_work, self._at_eta = map(self._kernel.known, given)
-        self._mass, self._solve = mass, [mass.compiled[name] for name in ("solve_mass", "mass")]
+        given = mass.weights, np.zeros_like(mass.weights)  # those that the factors are of
+        self._at_weights, self._at_kept = map(self._kernel.known, given)
+        room = {name: np.empty(sides * plane.size) for name, sides in (("resting", 1), ("eta", 1), ("work", 2))}
+        self._mass = self._kernel.shared("Mass", {**mass.compiled_product, **room})
         self.update()
 
     def update(self) -> None:
@@ -72,21 +77,11 @@ class KinkSmoothing:
         self._kernel.call.kinks_of(self._kinks, values.size, at(np.ascontiguousarray(values)), at(found))
         return found
 
-    def momentum(self, p: Vector) -> Vector:
-        """Return psi' of surface potentials, shape (dofs,)."""
-        found, at = np.empty_like(p), self._kernel.doubles
-        self._kernel.call.smooth(self._kinks, self._factors, at(np.ascontiguousarray(p)), at(found), self._at_work)
-        return found
-
-    def forget(self) -> None:
-        """Do nothing: what it takes it needs no start values for."""
-
-    def coordinate(self, q: Vector, still: Vector | float) -> Vector:
-        """Return Q - N eta' of masses over still water's columns [m], shape (dofs,)."""
-        self._mass.make_ready()
-        found, at = np.empty_like(q), self._kernel.doubles
-        into = self._kernel.spread(still, q.size), at(np.ascontiguousarray(q)), at(found), self._at_eta, self._at_work
-        self._kernel.call.smooth_masses(self._kinks, self._factors, *self._solve, *into)
+    def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
+        """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, dofs), over columns of still water [m]."""
+        found, at = np.empty_like(pairs), self._kernel.doubles
+        of = self._kernel.spread(still, pairs.shape[2]), len(pairs), at(np.ascontiguousarray(pairs)), at(found)
+        self._kernel.call.smooth(self._kinks, self._factors, self._mass, *of)
         return found
 
 

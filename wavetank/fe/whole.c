@@ -292,6 +292,35 @@ static double damped(const Whole *w, const double *p, const double *point)
     return taken;
 }
 
+/* W at the point that was found last, which is linear in phi. */
+static double of_walls(const Whole *w)
+{
+    double sum = 0.0;
+    EACH(k, w->carries)
+        EACH(j, NUMBERS)
+            sum += w->wall[w->carried[k] * NUMBERS + j] * w->phi[w->carried[k] * NUMBERS + j];
+    return sum;
+}
+
+/* g eta M eta of the point that was found last, over g. */
+static double moment_of(const Whole *w)
+{
+    if (w->moment)
+        weigh(w->moment, w->dofs);
+    return CALL(Square, square)(w->mass_cells, w->moment ? w->moment->weights : w->weights, w->inputs);
+}
+
+/* H of a state [q, p] from the point near it that was found last, whose kinetic energy is told. */
+static double energy_near(const Whole *w, const double *state, const double *point, double kinetic, double gravity)
+{
+    const long n = w->dofs;
+    double change = 0.0;
+#pragma omp simd reduction(+ : change)
+    EACH(i, n)
+        change += point[2 * n + i] * (state[i] - point[3 * n + i]) + point[i] * (state[n + i] - point[4 * n + i]);
+    return kinetic + change + 0.5 * gravity * moment_of(w) + of_walls(w);
+}
+
 /* See masses q and surface potential p from the point near them that was found last, whose kinetic energy is told, and whose
    rise from them stands there: into a row, all but W, power and what damping takes. */
 static void see_from(Whole *w, const double *q, const double *p, const double *point, double kinetic, double gravity,
@@ -310,11 +339,8 @@ static void see_from(Whole *w, const double *q, const double *p, const double *p
         lift -= at_point[i] * away;
         eta[i] = at_point[i] - rise[i], psi[i] = p[i];
     }
-    if (w->moment)
-        weigh(w->moment, n);
-    const double twice = CALL(Square, square)(w->mass_cells, w->moment ? w->moment->weights : w->weights, at_point);
     heights(eta, n, numbers + HIGHEST, numbers + LARGEST);
-    numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = gravity * (0.5 * twice + lift);
+    numbers[KINETIC] = kinetic + change - gravity * lift, numbers[POTENTIAL] = gravity * (0.5 * moment_of(w) + lift);
     numbers[MASS] = mass;
     long paddle = into->paddles; /* each knows the one before it */
     EACH_PADDLE(one) {
@@ -343,7 +369,7 @@ static int look(Whole *w, const double *state, const double *to, const double *a
                 double gravity, double *found, double *told, const Sight *into, long row)
 {
     const long n = w->dofs;
-    double *numbers = into->numbers + row * OF_A_ROW, of_walls = 0.0, of_mean;
+    double *numbers = into->numbers + row * OF_A_ROW, of_mean;
     if (!memcmp(at + 3 * n, to, 2 * sizeof(double) * n))
         return -1;
     EACH_PADDLE(one)
@@ -352,10 +378,7 @@ static int look(Whole *w, const double *state, const double *to, const double *a
     if (iterations < 0)
         return iterations;
     see_from(w, state, state + n, found, 0.5 * told[1], gravity, into, row);
-    EACH(k, w->carries)
-        EACH(j, NUMBERS)
-            of_walls += w->wall[w->carried[k] * NUMBERS + j] * w->phi[w->carried[k] * NUMBERS + j]; /* W is linear in it */
-    numbers[WALL] = of_walls, numbers[POWER] = push(w, found, 1, &of_mean);
+    numbers[WALL] = of_walls(w), numbers[POWER] = push(w, found, 1, &of_mean);
     numbers[DAMPED] = 0.5 * (damped(w, state + n, at) + damped(w, state + n, found));
     return iterations;
 }

@@ -78,6 +78,7 @@ int attempt(Attempt *, const double *z, const double *c, double a, int carried, 
 double push(const Whole *, const double *point, int between, double *of_walls);
 void see(Whole *, const double *q, const double *p, const double *point, double kinetic, double gravity,
          const Sight *into, long row);
+double energy_near(const Whole *, const double *state, const double *point, double kinetic, double gravity);
 int look(Whole *, const double *state, const double *to, const double *at, const double *still, int recorded,
          double gravity, double *found, double *told, const Sight *into, long row);
 """
@@ -399,6 +400,12 @@ class Whole:
         self._follow(still)
         at = self._kernel.doubles
         self._kernel.call.see(self._struct, at(q), at(p), at(point), kinetic, gravity, self._room(into), row)
+
+    def energy_near(self, state: Vector, point: Vector, kinetic: float, gravity: float) -> float:
+        """Return H of masses and surface potential, [q, p], from the point last found, as ``see`` does."""
+        at = self._kernel.doubles
+        energy: float = self._kernel.call.energy_near(self._struct, at(state), at(point), kinetic, gravity)
+        return energy
 
     def look(
         self, state: Vector, to: Vector, point: Vector, still: Vector | float, gravity: float, into: Rows, row: int

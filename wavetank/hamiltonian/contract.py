@@ -10,7 +10,7 @@ and costs nothing; whatever couples the ranks (norms, ghosts, solves) happens in
 """
 
 from collections.abc import Callable
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from wavetank.arrays import Vector
 
@@ -135,7 +135,7 @@ class BetweenTwo:
 
 @runtime_checkable
 class Seeing(Protocol):
-    """A system that can tell the energy of a point from one near to it in less than from its derivatives there."""
+    """A system that can tell the energy of a state in less than from the derivatives at the first of its points."""
 
-    def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
-        """Return H(q, p, t) from ``at``, to the square of what lies between; None where it cannot; collective."""
+    def energy_near(self, state: Any, t: float) -> float | None:
+        """Return H from there, to the square of what lies between; None where it cannot; collective."""

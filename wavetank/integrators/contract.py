@@ -7,6 +7,7 @@ from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem
 
 Map = Callable[[Vector], Vector]
+"""What acts on points of a state alike, of pairs [q, p], shape (m, 2, n), and makes such of them."""
 
 
 class Evaluated(NamedTuple):
@@ -46,8 +47,8 @@ class State(Protocol):
     def q_jump(self) -> Vector | None:
         """The jump of the coordinates at the state's time; None of a scheme that lets them have none."""
 
-    def mapped(self, coordinate: Map, momentum: Map) -> Self:
-        """Return the state with each of its coordinate vectors and of its momentum vectors mapped."""
+    def mapped(self, of: Map) -> Self:
+        """Return the state with its points mapped."""
 
 
 S = TypeVar("S", bound=State)

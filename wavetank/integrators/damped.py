@@ -21,7 +21,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage, Stages, StageSolver
-from wavetank.integrators.contract import Integrator, Map, S
+from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.wrapper import Wrapper
 from wavetank.stateful import Held
 
@@ -162,7 +162,8 @@ class Damped(Wrapper[S]):
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
         after = self.scheme.step(_Growing(system, self.damping, t, dt, self.nodes), state, t, dt)
-        return after.mapped(same, times(self.damping.at_node(dt, most=np.inf)))
+        left = _of_pairs(self.damping.at_node(dt, most=np.inf), after.p.size).reshape(2, -1)
+        return after.mapped(lambda pairs: np.asarray(left * pairs))
 
     def held(self) -> Held:
         """Return what the scheme remembers, and the rate."""
@@ -178,13 +179,3 @@ def damped(scheme: Integrator[Any], damping: Damping) -> Integrator[Any]:
     """Return a scheme with damping: in its own formulae, if its very class has that, else around it."""
     own = vars(type(scheme)).get("damped")  # one derived of it may have another step
     return own(scheme, damping) if own else Damped(scheme, damping)
-
-
-def same(values: Vector) -> Vector:
-    """Return the values."""
-    return values
-
-
-def times(factor: Vector) -> Map:
-    """Return the map that multiplies by a factor."""
-    return lambda values: np.asarray(factor * values)

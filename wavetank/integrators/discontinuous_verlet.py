@@ -16,6 +16,8 @@ places.
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Self
 
+import numpy as np
+
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.contract import Evaluated, Map
@@ -44,9 +46,10 @@ class JumpInQ(NamedTuple):
         """The jump of the coordinates."""
         return self.q_plus - self.q_minus
 
-    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+    def mapped(self, of: Map) -> Self:
         """Return the state with all three traces mapped."""
-        return self._replace(q_minus=coordinate(self.q_minus), q_plus=coordinate(self.q_plus), p=momentum(self.p))
+        (q_minus, p), (q_plus, _) = of(np.array([[self.q_minus, self.p], [self.q_plus, self.p]]))
+        return type(self)(q_minus, q_plus, p, self.alpha)
 
 
 class JumpInP(NamedTuple):
@@ -72,9 +75,10 @@ class JumpInP(NamedTuple):
         """There is none."""
         return
 
-    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+    def mapped(self, of: Map) -> Self:
         """Return the state with all three traces mapped."""
-        return self._replace(q=coordinate(self.q), p_minus=momentum(self.p_minus), p_plus=momentum(self.p_plus))
+        (q, p_minus), (_, p_plus) = of(np.array([[self.q, self.p_minus], [self.q, self.p_plus]]))
+        return type(self)(q, p_minus, p_plus, self.alpha)
 
 
 class _Discontinuous:

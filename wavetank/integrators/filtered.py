@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Seeing
@@ -12,7 +12,7 @@ from wavetank.stateful import Held, Undoing, carry_over, give_back, held_by, nam
 
 
 class Filter(Protocol):
-    """What takes something out of a state; affine in the coordinates, linear in the momenta."""
+    """What takes something out of a state."""
 
     def needed(self, state: State, t: float) -> bool:
         """Return whether there is anything to do where a step has ended, at the first of the points known of a state.
@@ -20,11 +20,8 @@ class Filter(Protocol):
         Collective, the same on all ranks.
         """
 
-    def coordinate(self, q: Vector) -> Vector:
-        """Return the coordinates afterwards; collective."""
-
-    def momentum(self, p: Vector) -> Vector:
-        """Return the momenta afterwards; collective."""
+    def passed(self, pairs: Vector) -> Vector:
+        """Return points [q, p] afterwards, shape (m, 2, n); affine in q, linear in p; collective."""
 
     def account(self, taken: float, *, of: float) -> None:
         """Take note of the energy taken, of that before."""
@@ -33,14 +30,16 @@ class Filter(Protocol):
 class Filtered(Wrapper[S]):
     """A scheme, and after each step those filters that are needed then, one after the other.
 
-    Filters cost no evaluation: the energy before them all is that where the step has ended, the energy after them that
-    where the next one begins. What each has taken of that is told by the derivatives there, to the cube of what it
+    Filters cost no evaluation: the energy before them all is seen from where the step has ended, the energy after them
+    from where the next one begins. What each has taken of that is told by the derivatives there, to the cube of what it
     changes; the little that is left to the whole is that of the one which has taken most.
 
     Parameters
     ----------
-    ended
-        Told where and when a step has ended, before filters act; collective.
+    acted
+        Told when filters have acted, before they take note of what they have taken.
+    seen
+        What sees the state that they leave, as observers do, and returns its energy, or None; collective.
     """
 
     def __init__(
@@ -48,10 +47,11 @@ class Filtered(Wrapper[S]):
         scheme: Integrator[S],
         filters: Sequence[Filter],
         *,
-        ended: Callable[[Evaluated, float], None] = lambda at, t: None,
+        acted: Callable[[float], None] = lambda t: None,
+        seen: Callable[[S, float], float | None] = lambda state, t: None,
     ):
         super().__init__(scheme)
-        self.filters, self._ended = filters, ended
+        self.filters, self._acted, self._seen = filters, acted, seen
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
@@ -66,19 +66,22 @@ class Filtered(Wrapper[S]):
 
     def _filtered(self, system: HamiltonianSystem, state: S, t: float, acting: Sequence[Filter]) -> S:
         """Return the state at t after the filters that act then, one at least; collective."""
-        passed = [state]
-        for one in acting:
-            passed.append(passed[-1].mapped(one.coordinate, one.momentum))
+        passed = list(itertools.accumulate(acting, lambda before, one: before.mapped(one.passed), initial=state))
         ways = [_way(*pair) for pair in itertools.pairwise(passed)] if len(acting) > 1 else []
-        begin = _look(system, state, state.known[0], ways, t)
-        self._ended(state.known[0], t)  # of which more is known by now
-        end = _look(system, passed[-1], passed[-1].known[-1], ways, t)
-        taken = [-(a + b) / 2 for a, b in zip(begin.changes, end.changes, strict=True)] or [0.0]
+        first, after = state.known[0], passed[-1]
+        energy = system.energy_near(state, t) if isinstance(system, Seeing) else None
+        energy = _energy(system, state, first, t) if energy is None else energy
+        begin = [_change(system, first, way, t) for way in ways]
+        left = self._seen(after, t)
+        left = _energy(system, after, after.known[-1], t) if left is None else left
+        end = [_change(system, after.known[-1], way, t) for way in ways]
+        taken = [-(a + b) / 2 for a, b in zip(begin, end, strict=True)] or [0.0]
         most = max(range(len(taken)), key=lambda n: abs(taken[n]))
-        taken[most] += begin.energy - end.energy - sum(taken)
+        taken[most] += energy - left - sum(taken)
+        self._acted(t)
         for one, part in zip(acting, taken, strict=True):
-            one.account(part, of=begin.energy)
-        return passed[-1]
+            one.account(part, of=energy)
+        return after
 
     def held(self) -> Held:
         """Return what scheme and filters remember."""
@@ -103,22 +106,9 @@ def _way(start: State | Evaluated, end: State) -> Way:
     return end.q - start.q, end.p - start.p
 
 
-class _Look(NamedTuple):
-    """The energy of a state, and what it changes by on some ways, as seen from there."""
-
-    energy: float
-    changes: list[float]
-
-
-def _look(system: HamiltonianSystem, state: State, at: Evaluated, ways: Sequence[Way], t: float) -> _Look:
-    """Return how a state and some ways look from a point known of it; collective."""
-    return _Look(_energy(system, state, at, t), [_change(system, at, way, t) for way in ways])
-
-
 def _energy(system: HamiltonianSystem, state: State, at: Evaluated, t: float) -> float:
     """Return the energy of a state to the square of what lies between its (q, p) and a point; collective."""
-    near = system.energy_near(state.q, state.p, t, at=at) if isinstance(system, Seeing) else None
-    return system.energy(*at, t) + _change(system, at, _way(at, state), t) if near is None else near
+    return system.energy(*at, t) + _change(system, at, _way(at, state), t)
 
 
 def _change(system: HamiltonianSystem, at: Evaluated, way: Way, t: float) -> float:

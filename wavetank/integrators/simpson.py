@@ -76,7 +76,7 @@ class Lines(NamedTuple):
 
 UNDAMPED, DAMPED = Lines.of(numbers=("h",)), Lines.of(vectors=("h",))
 MAPPED = Formulae(
-    "jump = 2 * (plus - mean)", "minus = mean + jump / 2", vectors=("mean", "plus"), returns=("jump", "minus")
+    "jump = 2 * (plus - mean)", "after = mean + jump / 2", vectors=("mean", "plus"), returns=("jump", "after")
 )
 
 
@@ -86,7 +86,7 @@ class Pairs(NamedTuple):
     Attributes
     ----------
     minus
-        The minus trace as the step found it; the plus trace once the state has been mapped.
+        The minus trace as the step found it, whatever has mapped the state since.
     """
 
     mean: Vector
@@ -129,13 +129,13 @@ class MeanAndJumps(Pairs, BetweenTwo):
         last = Evaluated(*after.reshape(2, -1))
         return last if before is after else Evaluated(*before.reshape(2, -1)), last
 
-    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+    def mapped(self, of: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
-        mean, plus = (np.array([coordinate(q), momentum(p)]) for q, p in (self.mean, self.known[-1]))
+        mean, plus = of(np.array([self.mean, self.points[-1].reshape(2, -1)]))
         mean.setflags(write=False)
-        jump, minus = MAPPED(mean.ravel(), plus.ravel())
-        after = type(self)(mean, jump.reshape(2, -1), self.jump_1, self.jump_2, minus.reshape(2, -1))
-        after.__dict__["points"] = minus, minus
+        jump, plus = MAPPED(mean.ravel(), plus.ravel())
+        after = type(self)(mean, jump.reshape(2, -1), self.jump_1, self.jump_2, self.minus)
+        after.__dict__["points"] = self.points[0], plus
         return after
 
 

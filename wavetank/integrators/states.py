@@ -25,9 +25,9 @@ class Point(NamedTuple):
         """There is none."""
         return
 
-    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+    def mapped(self, of: Map) -> Self:
         """Return the state with q and p mapped."""
-        return self._replace(q=coordinate(self.q), p=momentum(self.p))
+        return type(self)(*of(np.array([self]))[0])
 
 
 class Traces(NamedTuple):
@@ -58,12 +58,10 @@ class Traces(NamedTuple):
         """The jump of the coordinates."""
         return self.q_plus - self.q_minus
 
-    def mapped(self, coordinate: Map, momentum: Map) -> Self:
+    def mapped(self, of: Map) -> Self:
         """Return the state with all four traces mapped."""
-        q_minus, q_plus, p_minus, p_plus = self
-        return self._replace(
-            q_minus=coordinate(q_minus), q_plus=coordinate(q_plus), p_minus=momentum(p_minus), p_plus=momentum(p_plus)
-        )
+        q, p = of(np.array([self[::2], self[1::2]])).swapaxes(0, 1)
+        return type(self)(*q, *p)
 
 
 def rows(state: Any) -> Vector:

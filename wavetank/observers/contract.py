@@ -181,11 +181,11 @@ class Keeping(Patient):
 
 
 @runtime_checkable
-class Ending(Protocol):
-    """An observer that also looks at where a step has ended, if something acts on the state before it is observed."""
+class Filtering(Protocol):
+    """An observer that is also told when filters have acted on a state."""
 
-    def ended(self, at: tuple[Vector, Vector], t: float) -> None:
-        """Look at a point known of the state, as it is evaluated then; collective."""
+    def acted(self, t: float) -> None:
+        """Take note of that, before they do of what they have taken."""
 
 
 @runtime_checkable

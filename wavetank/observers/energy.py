@@ -8,8 +8,8 @@ integrated over all steps (``supply.py``), however few of them are recorded; so 
 H_psi. What is dissipated between steps its sinks count themselves. The balance, E - E(0) - work + dissipated, is then
 the error of the time integrator. A scheme that reports the mean of two traces evaluates these, not the mean: power is
 the mean of theirs, and H of the mean is that of the plus trace and its derivatives times what lies between
-(``water/seen.py``); both are right to the square of the jump. Where something acts between steps, the mean is that of
-before and after.
+(``water/seen.py``); both are right to the square of the jump. Where something acts between steps, these are the minus
+trace before and the plus trace after.
 """
 
 from collections.abc import Sequence
@@ -115,9 +115,8 @@ class EnergyBudget(Keeping):
         self._most = dict[str, float]()  # that each sink had taken
         self._given = dict[str, tuple[float, float]]()  # the most that came back of that, and until when [s]
 
-    def ended(self, at: tuple[Vector, Vector], t: float) -> None:
-        """Look at where a step has ended, before something acts on the state; collective."""
-        self._supply.ended(self._waves, at, t)
+    def acted(self, t: float) -> None:
+        """Take note of what sinks had taken before."""
         self._taken.append((t, self._taken_now()))
 
     def _taken_now(self) -> list[float]:

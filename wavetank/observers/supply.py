@@ -11,14 +11,13 @@ through steps as the cubics through their last four values; u is taken as it is,
 what a ``Steered`` motion adds.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import cache, lru_cache
 from importlib.resources import files
 from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
-from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.kernels import EXACT, Kernel
@@ -76,9 +75,6 @@ class Supply(Stateful, Protocol):
 
     lasts: bool
 
-    def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
-        """Look at where a step has ended, before something acts on the state; collective."""
-
     def keep(self, water: Pushed, moment: Moment) -> None:
         """Keep what does not last of a moment; the first time at the start; collective."""
 
@@ -86,7 +82,7 @@ class Supply(Stateful, Protocol):
         """Return what was put in by each of K moments, and what was not because of what absorbing adds to the motions.
 
         The latter is less its part of W; None: nothing absorbs. ``power`` is that of the mean of the moments' points,
-        or at the last where something has acted between, shape (K,).
+        shape (K,).
         """
 
 
@@ -123,21 +119,13 @@ class Power:
 
     def __init__(self) -> None:
         self._work = Integral()
-        self._before = dict[float, float]()  # the power where a step ended, at times when something has acted since
-
-    def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
-        """See ``Supply``."""
-        self._before[t] = water.explicit_rate(*at, t)
 
     def keep(self, water: Pushed, moment: Moment) -> None:
         """Do nothing: nothing needs be kept."""
 
     def work_off(self, times: Vector, power: Vector) -> tuple[Vector, None]:
         """See ``Supply``."""
-        rates, acted = power.copy(), _rows(times, self._before)
-        rates[acted] = (rates[acted] + [*self._before.values()]) / 2
-        self._before.clear()
-        return self._work.work_off(times, rates), None
+        return self._work.work_off(times, power), None
 
     def held(self) -> Held:
         """Return what was put in, and the power at the last moments."""
@@ -146,11 +134,6 @@ class Power:
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         self._work.take(held["work"])
-
-
-def _rows(times: Vector, some: Iterable[float]) -> NDArray[np.intp]:
-    """Return which of ascending times some are, but for their last bits."""
-    return np.searchsorted((times[1:] + times[:-1]) / 2, [*some])
 
 
 class AnsweredWork:
@@ -171,7 +154,6 @@ class AnsweredWork:
         self._times: list[float] = []
         self._known: list[Vector] = []  # dH/dX, dH/dX' and both u then, shape (4, paddles)
         self._done: Vector = np.zeros(2)  # by both u
-        self._before: Vector | None = None  # what was seen where the step ended, if something has acted since
         self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
         self._kept: list[tuple[float, float]] = []
 
@@ -181,16 +163,9 @@ class AnsweredWork:
         self._by_speed = slopes[1]
         return slopes
 
-    def ended(self, water: Pushed, at: tuple[Vector, Vector], t: float) -> None:
-        """See ``Supply``."""
-        self._before = self._look(water, *at, t)
-
     def keep(self, water: Pushed, moment: Moment) -> None:
         """See ``Supply``."""
-        *points, last = moment.state.known
-        seen = [self._look(water, *point, moment.t) for point in points] if self._before is None else [self._before]
-        seen.append(self._look(water, *last, moment.t))
-        self._before = None
+        seen = [self._look(water, *point, moment.t) for point in moment.state.known]
         self._go_on(moment.t, np.mean(seen, axis=0))
         put_in, absorbed = self._done
         self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))

@@ -10,9 +10,9 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import RunError, locate
 from wavetank.hamiltonian.contract import HamiltonianSystem
-from wavetank.integrators.contract import Evaluated, Integrator
+from wavetank.integrators.contract import Integrator
 from wavetank.integrators.filtered import Filter, Filtered
-from wavetank.observers.contract import Ending, Keeping, Moment, Moments, Observer, Patient
+from wavetank.observers.contract import Filtering, Keeping, Moment, Moments, Observer, Patient
 from wavetank.observers.energy import Sink
 from wavetank.observers.schedule import EverySteps, Schedule
 from wavetank.runs.clock import Clock
@@ -52,13 +52,14 @@ class Run:
     ):
         self.system, self.integrator, self.observers = system, integrator, list(observers)
         self.clock, self.filters = clock, filters
-        self._stepper = Filtered(integrator, filters, ended=self._ended)
+        self._stepper = Filtered(integrator, filters, acted=self._acted, seen=self._energy)
         self.step = clock.first
         self.state = integrator.start(*start)
         self._begun = self.observed = False  # whether observing the present step has begun
         self._steps, self._most = list[int](), 1  # that are not worked off, and how many these may be
         self._hasty = list[Patient]()  # those whose moments may have to be
         self._sights = dict[int, Sight]()  # what is seen of them
+        self._looked: Moment | None = None  # that of the present step, if it has been looked at within that
 
     @property
     def t(self) -> float:
@@ -99,7 +100,7 @@ class Run:
 
     def advance(self) -> None:
         """Take one step more, and let observers look, as ``execute`` does, which has begun; collective."""
-        clock = self.clock
+        clock, self._looked = self.clock, None
         self.state = self._stepper.step(self.system, self.state, clock.time(self.step), clock.dt)
         self.step += 1
         self._observe(clock.time(self.step))
@@ -179,25 +180,36 @@ class Run:
         carry_over(self._parts, held["parts"])
 
     @cached_property
-    def _ending(self) -> list[Ending]:
-        """What looks at where steps end."""
-        return [one for one in self.observers if isinstance(one, Ending)]
+    def _filtering(self) -> list[Filtering]:
+        """Who is told that filters have acted."""
+        return [one for one in self.observers if isinstance(one, Filtering)]
 
-    def _ended(self, at: Evaluated, t: float) -> None:
-        for observer in self._ending:
-            observer.ended(at, t)
+    def _acted(self, t: float) -> None:
+        for observer in self._filtering:
+            observer.acted(t)
 
-    def _observe(self, t: float) -> None:
-        step, row = self.step, len(self._steps)
-        moment = Moment(step, t, self.state, sights=self._sights, row=row)
-        self.observed = False
+    def _energy(self, state: Any, t: float) -> float | None:
+        """Look at what filters leave as a step ends; return its energy, if it is seen."""
+        moment = self._looked = self._look(state, self.step + 1, t)
+        sight = self._sights.get(id(self.system))
+        return sight.energy(moment.row) if sight else None
+
+    def _look(self, state: Any, step: int, t: float) -> Moment:
+        """Keep and see of a moment what does not last."""
+        row = len(self._steps)
+        moment = Moment(step, t, state, sights=self._sights, row=row)
         for every, schedule, keep in self._keeps:
             if not step % every and (schedule is None or self._is_due(schedule, step, t)):
                 keep(moment)
         for waves, sight in self._seen:
             if row >= sight.filled:  # unless who keeps has looked
-                waves.see(self.state, t, sight, row)
+                waves.see(state, t, sight, row)
                 sight.filled = row + 1
+        return moment
+
+    def _observe(self, t: float) -> None:
+        step, self.observed = self.step, False
+        moment = self._looked or self._look(self.state, step, t)
         self._steps.append(step)
         try:
             for every, schedule, act in self._acts:

@@ -151,13 +151,9 @@ class StopAtBreaking:
             )
         return False
 
-    def coordinate(self, q: Vector) -> Vector:
-        """Return q."""
-        return q
-
-    def momentum(self, p: Vector) -> Vector:
-        """Return p."""
-        return p
+    def passed(self, pairs: Vector) -> Vector:
+        """Return the points as they are."""
+        return pairs
 
     def account(self, taken: float, *, of: float) -> None:
         """Do nothing: nothing is taken."""

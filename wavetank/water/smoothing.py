@@ -23,14 +23,8 @@ class Smoother(Protocol):
     def apply(self, values: Vector) -> Vector:
         """Return N v."""
 
-    def coordinate(self, q: Vector, still: Vector | float) -> Vector:
-        """Return Q - N eta' of column masses, over columns of still water [m]."""
-
-    def momentum(self, p: Vector) -> Vector:
-        """Return psi'."""
-
-    def forget(self) -> None:
-        """Begin with another state."""
+    def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
+        """Return Q - N eta' and psi' of points [Q, psi], shape (m, 2, owned), over columns of still water [m]."""
 
 
 class Solved(Protocol):
@@ -50,30 +44,24 @@ class Solved(Protocol):
 
 
 class OneByOne:
-    """A smoother that finds what it takes of each field of a state by itself.
+    """A smoother that finds what it takes of each field of a point by itself, from what it has taken of the last.
 
-    The points of a state are close to each other: from what it takes of one it finds what it takes of the next.
+    The points of a state are close to each other.
     """
 
     def __init__(self, solved: Solved, columns: Columns):
         self._solved, self._columns = solved, columns
-        self._last = dict[str, Vector]()  # what has been taken of a state's points, until all are smoothed
-        self.update, self.apply, self.forget = solved.update, solved.apply, self._last.clear
+        self.update, self.apply = solved.update, solved.apply
 
-    def _taken(self, of: str, v: Vector) -> Vector:
-        """Return what smoothing takes of v, (M_J + N)^-1 N v; collective."""
-        start = self._last.get(of, np.zeros_like(v))
-        self._last[of] = taken = self._solved.taken(v, start)
-        return taken
-
-    def coordinate(self, q: Vector, still: Vector | float) -> Vector:
+    def smoothed(self, pairs: Vector, still: Vector | float) -> Vector:
         """See ``Smoother``."""
-        eta = self._columns.solve(q) - still
-        return q - self._solved.moved(eta, self._taken("eta", eta))
-
-    def momentum(self, p: Vector) -> Vector:
-        """See ``Smoother``."""
-        return p - self._taken("psi", p)
+        found, solved = np.empty_like(pairs), self._solved
+        of_eta = of_psi = np.zeros(pairs.shape[2:])
+        for (q, psi), after in zip(pairs, found, strict=True):
+            eta = self._columns.solve(q) - still
+            of_eta, of_psi = solved.taken(eta, of_eta), solved.taken(psi, of_psi)
+            after[:] = q - solved.moved(eta, of_eta), psi - of_psi
+        return found
 
 
 class Smoothing:
@@ -124,18 +112,13 @@ class Smoothing:
         """Assemble N for the present values of what its form depends on, the wall among them; collective."""
         self._smoother.update()
 
-    def coordinate(self, q: Vector) -> Vector:
-        """Return Q - N eta': its sum, the mass, is that of Q; collective."""
-        return self._smoother.coordinate(q, self._waves.bed.still)
-
-    def momentum(self, p: Vector) -> Vector:
-        """Return psi'; collective."""
-        return self._smoother.momentum(p)
+    def passed(self, pairs: Vector) -> Vector:
+        """Return Q - N eta', whose sum, the mass, is that of Q, and psi' of points [Q, psi], shape (m, 2, owned)."""
+        return self._smoother.smoothed(pairs, self._waves.bed.still)
 
     def account(self, taken: float, *, of: float) -> None:
         """Add what has been taken."""
         self.energy_taken += taken
-        self._smoother.forget()
 
     def held(self) -> Held:
         """Return what has been taken."""

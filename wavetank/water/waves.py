@@ -184,7 +184,6 @@ class NonlinearWaves:
         self._has_H_q = False  # which is found when it is asked for
         self._square: float | None = None  # of eta and psi [m²], likewise
         self._elevation = _Elevation(self._point[0], self._t, self._point[0])  # last asked for elsewhere
-        self._near = self.sight(1)  # of a state near a point
         self._pair: tuple[Vector | None, Vector | None] = None, None  # the point last evaluated, as ``_array``
         self._energies: Energies | None = None  # of the point last evaluated, found when they are asked for
         self._whole = self._compiled(minimum)
@@ -444,21 +443,16 @@ class NonlinearWaves:
         if self._seeing is None:
             see_from(self, at, state, t, into, row)
         else:
-            self._see(self._seeing, (state.q, state.p), t, at=at, into=into, row=row)
+            point, surface = self._evaluated(*at, t), (state.q, state.p)
+            self._seeing.see(surface, point, self.bed.still, self._kinetic, self.gravity, into, row)
         if at[0] is state.q and (jump := state.q_jump) is not None:
             into.rise[row] = 0.5 * self.mass.solve(jump)  # which no point beside the state tells
 
-    def _see(self, whole: Whole, state: Pair, t: float, *, at: Pair, into: Sight, row: int) -> None:
-        """See the same of (Q, psi), along a slice on one rank."""
-        point = self._evaluated(*at, t)
-        whole.see(state, point, self.bed.still, self._kinetic, self.gravity, into, row)
-
-    def energy_near(self, q: Vector, p: Vector, t: float, *, at: tuple[Vector, Vector]) -> float | None:
-        """Return H of a state from a point that is known of it, along a slice on one rank; see ``Seeing``."""
-        if self._seeing is None:
+    def energy_near(self, state: State, t: float) -> float | None:
+        """Return H from where the step to a state has ended, if that is the point last evaluated; see ``Seeing``."""
+        if self._seeing is None or not isinstance(state, BetweenTwo) or not self._at_end(state, t):
             return None
-        self._see(self._seeing, (q, p), t, at=at, into=self._near, row=0)
-        return self._near.energy(0)
+        return self._seeing.energy_near(state.mean, self._derived(), self._kinetic, self.gravity)
 
     def energy(self, q: Vector, p: Vector, t: float) -> float:
         """Return H(Q, psi, t), the wall's terms included; collective."""
