@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavetank.errors import InputError
-from wavetank.motions import AtRest, Gaussian, Jonswap, Motion, Ramped, Recorded, Sinusoid, WaveGroup
+from wavetank.motions import AtRest, Gaussian, Jonswap, Lines, Motion, Ramped, Recorded, Sinusoid, WaveGroup
 from wavetank.motions.record_file import read_record
 from wavetank.theory import airy, wavemaker
 
@@ -37,6 +37,7 @@ MOTIONS = {
     "at rest": AtRest(),
     "sinusoid": Sinusoid(0.1, 1.7),
     "wave group": group(),
+    "few sines": Lines(np.array([3.0, 6.1]), np.array([0.05j, 0.01 - 0.02j])),
     "recorded positions": Recorded.of_positions(*record()),
     "recorded velocities": Recorded.of_velocities(*record()),
     "ramped sinusoid": Ramped(Sinusoid(0.1, 1.7), 3.0),
@@ -103,7 +104,8 @@ def test_named_derivatives_and_shapes(name):
         assert method(t).shape == t.shape
         np.testing.assert_array_equal(method(t), motion.derivative(t, order))
         # one time and many are summed in different orders
-        np.testing.assert_allclose(method(t)[1, 2], method(float(t[1, 2])), rtol=1e-12, atol=1e-15)
+        for alone in (method(float(t[1, 2])), motion.rates(float(t[1, 2]))[order]):
+            np.testing.assert_allclose(method(t)[1, 2], alone, rtol=1e-12, atol=1e-15)
 
 
 @given(st.floats(0.1, 10.0), st.floats(0.2, 5.0), st.floats(-1.0, 1.0))

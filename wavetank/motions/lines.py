@@ -10,8 +10,10 @@ Of X^(6), the sixth derivative, they miss at most
 Source: G. Birkhoff and A. Priver, "Hermite interpolation errors for derivatives", J. Mathematics and Physics 46, 1967.
 """
 
+import cmath
 from dataclasses import dataclass, field
 from functools import cached_property
+from operator import mul
 from typing import Any
 
 import numpy as np
@@ -48,6 +50,20 @@ class Lines(Motion):
         """Return the derivatives' sum; memory for an array of times is N times its size."""
         phasors = np.exp(-1j * np.multiply.outer(t, self.omega))
         return np.real((phasors * (-1j * self.omega) ** order) @ self.b)[()]
+
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the derivatives' sums; of few sines by numbers of Python's, which take a tenth of the time."""
+        if not isinstance(t, float) or self.b.ndim > 1 or self.b.size > FEW:
+            return super().rates(t, y, up_to=up_to)
+        ways, rates = self._numbers
+        phasors = [cmath.exp(t * way) for way in ways]
+        return [sum(map(mul, phasors, rate)).real for rate in rates[: up_to + 1]]
+
+    @cached_property
+    def _numbers(self) -> tuple[list[complex], list[list[complex]]]:
+        """-i omega_j, and the amplitudes of X and its derivatives."""
+        ways = -1j * self.omega
+        return [*map(complex, ways)], [[*map(complex, ways**order * self.b)] for order in range(3)]
 
     @property
     def power_period(self) -> float:

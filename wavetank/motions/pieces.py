@@ -51,7 +51,7 @@ class Pieces:
     def _at(self, t: float) -> tuple[Any, float]:
         """Return the same of one time."""
         x = self._breakpoints
-        piece = min(max(bisect_right(x, t) - 1, 0), len(x) - 2)
+        piece = bisect_right(x, t, 1, len(x) - 1) - 1
         c = self._columns[piece] if self._columns else self.c[:, piece]
         return c, t - x[piece]
 

@@ -76,7 +76,7 @@ class Ramped(Motion):
 
     def _both(self, t: Any, up_to: int, y: Any) -> tuple[list[Any], list[Any]]:
         """Return the derivatives of r and of S up to an order."""
-        part, steps = ((np.asarray(t) if np.ndim(t) else float(t)) - self.start) / self.ramp, []
+        part, steps = ((t if isinstance(t, float) else np.asarray(t)[()]) - self.start) / self.ramp, []
         s = min(max(part, 0.0), 1.0) if isinstance(part, float) else np.clip(part, 0.0, 1.0)
         for n, coefficients in enumerate(_STEP[: up_to + 1]):
             step = 0.0
@@ -91,7 +91,8 @@ class Ramped(Motion):
 
 
 def _times(t: Any, factor: Any, values: Any) -> Any:
-    return (factor if np.ndim(values) == np.ndim(t) else np.asarray(factor)[..., None]) * values
+    alone = isinstance(values, float) or np.ndim(values) == np.ndim(t)
+    return (factor if alone else np.asarray(factor)[..., None]) * values
 
 
 def ramped(motion: Motion, ramp: float, *, start: float = 0.0) -> Motion:
