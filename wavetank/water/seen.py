@@ -78,12 +78,6 @@ class Sight:
         """Make room for others."""
         self.filled = 0
 
-    def move(self, row: int, velocities: Vector) -> None:
-        """Keep how the wall moves."""
-        if velocities.size != self.velocities.shape[1]:  # which is known when it has moved
-            self.velocities = np.zeros((len(self.velocities), velocities.size))
-        self.velocities[row] = velocities
-
     def energy(self, row: int) -> float:
         """Return H of a state."""
         kinetic, potential, wall, *_ = self.numbers[row]
@@ -202,4 +196,4 @@ def see_from(water: Evaluable, at: tuple[Vector, Vector], state: State, t: float
     into.numbers[row, POWER:HIGHEST] = _rates(water, p, at, t)
     into.numbers[row, HIGHEST:] = eta.max(initial=-np.inf), np.abs(eta).max(initial=0.0)
     into.psi[row], into.rates[row] = p, wall.rates
-    into.move(row, wall.velocities)
+    into.velocities[row] = wall.velocities

@@ -11,7 +11,7 @@ stationary.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
-from math import sqrt
+from math import isnan, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -180,6 +180,8 @@ class NonlinearWaves:
         self._stands = 0.0  # when the wall stands as it does
         self._made = 0.0, self.h.owned.copy()  # when it stood, and the water column, as the preconditioner has it
         self.level, self._speed = 0.0, float(np.sqrt(gravity * self.depth))  # the latter of long waves [m/s]
+        self._of_wall = self._rows[2:]
+        self._per_speed = np.full_like(self._of_wall, self.depth / self._speed)
         self._kinetic = 0.0
         self._has_H_q = False  # which is found when it is asked for
         self._square: float | None = None  # of eta and psi [m²], likewise
@@ -318,7 +320,7 @@ class NonlinearWaves:
         if self.wall.set_time(t):
             self.mass.update()
             self.bed.follow(self.wall)
-        np.multiply(self.wall.velocities, self.depth / self._speed, out=self._rows[2:])
+        np.multiply(self._per_speed, self.wall.velocities, out=self._of_wall)
 
     def _inputs(self) -> Vector:
         """Return what the potential depends on but where the wall stands [m]: first eta, and psi in metres.
@@ -331,10 +333,10 @@ class NonlinearWaves:
 
     def last_surface(self) -> Surface | None:
         """Return the surface of the point last evaluated, unless the wall has moved since."""
-        if np.isnan(self._t):
+        if isnan(self._t):
             return None
-        eta = self._rows[0]
-        return Surface(eta, self._point[4], self._point[0], self.wall.at_surface(eta, self.bed.still))
+        eta, point = self._rows[0], self._point
+        return Surface(eta, point[4], point[0], self.wall.at_surface(eta, self.bed.still))
 
     def size(self) -> float:
         """Return how far from rest the point last evaluated is: the root mean square of eta and psi [m]; collective."""
@@ -432,7 +434,7 @@ class NonlinearWaves:
         else:
             see(self, state, t, into, row)
         if self._several:
-            into.move(row, self.wall.velocities)
+            into.velocities[row] = self.wall.velocities
 
     def _at_end(self, state: BetweenTwo, t: float) -> bool:
         """Return whether the point last evaluated is that where the step to a state has ended."""

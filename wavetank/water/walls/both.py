@@ -46,16 +46,18 @@ class BothEnds:
         self.carried = plane.over(np.concatenate([near.cells, far.cells]))
         self.carries = np.union1d(near.carries, far.carries)
         self._at_near = near.side.distances(plane.places) < far.side.distances(plane.places)
-        self._displacement = plane.function("s X_p of both")
+        displacement = plane.function("s X_p of both").function
+        self._each: list[Vector] = [paddle.travel.position.x.array for paddle in self.paddles]
+        self._both: Vector = displacement.x.array
         upright = near.shape is UPRIGHT and far.shape is UPRIGHT
         each = [(paddle.travel.position, paddle.shape) for paddle in self.paddles]
-        each = [(self._displacement.function, UPRIGHT)] if upright else each
+        each = [(displacement, UPRIGHT)] if upright else each
         self.mapping, self.shifts = Shift(near.axis, each), [(length.x.array, shape) for length, shape in each]
         self._displace()
 
     def _displace(self) -> None:
-        near, far = (paddle.travel.position.x.array for paddle in self.paddles)
-        self._displacement.function.x.array[:] = near + far
+        near, far = self._each
+        np.add(near, far, out=self._both)
 
     def moved_by(self, tangents: Sequence[Tangent]) -> "BothEnds":
         """See ``Wall``."""

@@ -109,7 +109,7 @@ class Placed(Protocol):
 
     @property
     def velocities(self) -> Vector:
-        """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or (1,)."""
+        """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or ()."""
 
     def distances(self, plane: Plane) -> Vector:
         """Return how far the degrees of freedom are from the wall at rest [m], shape (owned,)."""

@@ -66,7 +66,6 @@ class Piston:
         self.side, self._plane, self.shape = side, plane, shape
         vertices = fem.functionspace(plane.mesh, ("Lagrange", 1)).tabulate_dof_coordinates()
         self.reach = self._last(side.distances(plane.chart.places(vertices)), reach)
-        self._near = shape.near_still
         self._carrier = Carrier(side, self.reach)
         self._at_surface = np.zeros((4, plane.owned))
         s = plane.function("s")
@@ -136,15 +135,9 @@ class Piston:
 
     def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
         """See ``Wall``; the array is reused by the next call."""
-        (far, fast), moved = self.travel.at_nodes, self._at_surface
-        share: Any = 1.0
-        column = still + eta
-        if self.leans:
-            f, slope, mean = self._near
-            share, column = f + slope * eta, mean * still + (f + 0.5 * slope * eta) * eta
-            np.multiply(far, slope, out=moved[3])
-        for of, by, into in ((far, share, moved[0]), (fast, share, moved[1]), (fast, column, moved[2])):
-            np.multiply(of, by, out=into)
+        moved, (far, fast) = self._at_surface, self.travel.at_nodes
+        moved[0], moved[1] = far, fast
+        np.multiply(fast, still + eta, out=moved[2])
         return moved
 
     def set_time(self, t: float) -> bool:

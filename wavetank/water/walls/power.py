@@ -251,10 +251,10 @@ class PowerAlong:
     def value(self, mu: Vector) -> float:
         """Return it for M_J^-1 H_h, shape (owned,)."""
         going, by_speed = self.push(mu)
-        return going + float(self._travel.accelerations[0]) * by_speed
+        return going + float(self._travel.accelerations) * by_speed
 
     def push(self, mu: Vector) -> tuple[float, float]:
         """Return it where the paddle goes on at its velocity, and dH/dX', for the same."""
-        moves = self._travel.offsets[0], self._travel.velocities[0]
+        moves = float(self._travel.offsets), float(self._travel.velocities)
         self._kernel.call.push(self._strip, *moves, self._kernel.pointer(mu), 0, self._at_found)
         return self._at_found[0], self._at_found[1]

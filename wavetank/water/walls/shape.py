@@ -10,6 +10,7 @@ over the column, could tell no more.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
@@ -121,7 +122,7 @@ class Polynomial:
         """c_k and the unit [m], as numbers."""
         return np.array([float(one.value) for one in self.coefficients]), float(self.unit.value)
 
-    @property
+    @cached_property
     def near_still(self) -> tuple[float, float, float]:
         """Value and slope f' [1/m] at still water, and the mean of f down to a unit below it, where the bed is."""
         c, unit = self.powers

@@ -8,6 +8,7 @@ The mapping is x = X + s(X) f(z) X_p, so that a column of water h has the mass
 
 from typing import Protocol
 
+import numpy as np
 import ufl
 
 from wavetank.arrays import Vector, summed
@@ -33,6 +34,16 @@ class Shaped(Piston):
     def _facets(self) -> ufl.Measure:
         """Return the measure over the paddle, of the water's quadrature: a shape's powers would ask for far more."""
         return super()._facets()(metadata=self._plane.dx.metadata())
+
+    def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
+        """See ``Wall``; the array is reused by the next call."""
+        moved, (far, fast), (f, slope, mean) = self._at_surface, self.travel.at_nodes, self.shape.near_still
+        share = f + slope * eta
+        np.multiply(far, share, out=moved[0])
+        np.multiply(fast, share, out=moved[1])
+        np.multiply(fast, mean * still + 0.5 * (f + share) * eta, out=moved[2])
+        np.multiply(far, slope, out=moved[3])
+        return moved
 
     def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
         """Return what finds columns by Newton's method."""

@@ -26,7 +26,7 @@ class StillWall:
     part = Part("wall", "", "nothing moves there")
     told = "x = X, F = J = 1: no wall moves"
     moves = leans = False
-    velocities = np.zeros(1)
+    velocities = np.zeros(())
     paddles: tuple[Any, ...] = ()
     mapping = Identity()
     carried: ufl.Measure | None = None

@@ -33,8 +33,8 @@ class Travel:
     t
         When it stands as it does [s].
     offsets, velocities, accelerations
-        X_p, X_p' and X_p'' at the y of the owned degrees of freedom [m, m/s, m/s²], shape (owned,); of a paddle that
-        moves as a whole (1,).
+        X_p, X_p' and X_p'' at the y of the owned degrees of freedom [m, m/s, m/s²], shape (owned,), in one array for
+        good; of a paddle that moves as a whole ().
     at_nodes
         s X_p and s X_p' at the owned degrees of freedom [m, m/s], two vectors of shape (owned,); views.
     moves
@@ -48,63 +48,57 @@ class Travel:
         self.position, self.speed, self.acceleration, self.share = (field.function for field in self._fields)
         self._fields[3].set(self._s)
         self.at_nodes = [field.owned for field in self._fields[:2]]
-        self.offsets: Vector = np.zeros(1)
-        self.moves: Vector = np.zeros(3)
-        self._whole: dict[int, float] = {}  # the derivatives of X_p now that are the same at all y
-        self.velocities: Vector = np.zeros(1)
-        self.accelerations: Vector = np.zeros(1)
+        as_whole = np.ndim(motion.position(0.0, self._y)) == 0
+        self._rates = np.zeros(3 if as_whole else (3, plane.owned))
+        self.moves: Vector = self._rates if as_whole else np.full(3, np.nan)
+        self.offsets: Vector
+        self.velocities: Vector
+        self.accelerations: Vector
+        self.offsets, self.velocities, self.accelerations = (self._rates[order, ...] for order in range(3))
 
     @property
     def displaced(self) -> float:
         """How far from rest the paddle stands at most [m]."""
-        if self.offsets.size == 1:
-            return abs(float(self.offsets[0]))
-        return float(np.abs(self.offsets).max(initial=0.0))
+        return float(np.abs(self.offsets).max(initial=0.0)) if self.offsets.ndim else abs(float(self.offsets))
 
     def set_time(self, t: float) -> bool:
         """Move to where the paddle stands at t [s]; return whether its position has changed; collective."""
         if t == self.t:
             return False
         rates = self._motion.rates(t, self._y)
-        self.t, before = t, self.offsets
-        if isinstance(rates[0], float) or not np.ndim(rates[0]):
-            self.moves[:] = rates
-            self._whole = dict(enumerate(map(float, self.moves)))
-            self.offsets, self.velocities, self.accelerations = self.moves.reshape(3, 1).copy()
-        else:
-            self.moves[:] = np.nan
-            self._whole = {}
-            self.offsets, self.velocities, self.accelerations = (np.asarray(rate)[self._place] for rate in rates)
+        self.t, before = t, self.offsets.tobytes()
+        self._rates[...] = np.asarray(rates)[:, self._place] if self.offsets.ndim else rates
         self._set(0, self.offsets)
         self._set(1, self.velocities)
-        return summed(self._comm, float(before.tobytes() != self.offsets.tobytes())) > 0
+        return summed(self._comm, float(before != self.offsets.tobytes())) > 0
 
     @contextmanager
     def going(self, speed: float) -> Iterator[None]:
         """Go, for a while, at another speed [m/s], positive into the water, and acceleration; collective."""
-        whole, velocities, accelerations = self._whole, self.velocities, self.accelerations
-        self._whole, self.velocities = {**whole, 1: speed}, np.array([speed])
+        velocities, accelerations = self.velocities, self.accelerations
+        self.velocities = np.array(speed)
         self._set(1, self.velocities)
         yield
-        self._whole, self.velocities, self.accelerations = whole, velocities, accelerations
+        self.velocities, self.accelerations = velocities, accelerations
         self._set(1, self.velocities)
 
     def accelerate(self, acceleration: float) -> None:
         """Have an acceleration [m/s²], positive into the water, while it is ``going``."""
-        self.accelerations = np.array([acceleration])
+        self.accelerations = np.array(acceleration)
 
     def show_acceleration(self) -> None:
         """Let forms see it; collective."""
         self._set(2, self.accelerations)
 
     def _set(self, order: int, values: Vector) -> None:
-        np.multiply(self._s, values, out=self._fields[order].owned)
-        self._fields[order].fetch()
+        field = self._fields[order]
+        np.multiply(self._s, values, out=field.owned)
+        field.fetch()
 
     @property
     def whole(self) -> float | None:
         """X_p now [m]; None of a paddle that does not move as a whole."""
-        return self._whole.get(0)
+        return None if self.offsets.ndim else float(self.offsets)
 
     @property
     def stood(self) -> tuple[float, float | None]:
@@ -113,9 +107,9 @@ class Travel:
 
     def rates(self, t: float, y: Vector | None) -> list[Any]:
         """Return X_p, X_p' and X_p'' at t [s] and places y along the paddle; what is known is not found again."""
-        if not one_time(t, self.t):
+        if self.offsets.ndim or not one_time(t, self.t):
             return self._motion.rates(t, y)
-        return [*self._whole.values()] or [self._rate(order, y) for order in range(3)]
+        return [*map(float, self.moves)]
 
     def positions(self, t: float, y: Vector) -> Vector:
         """Return X_p at t [s] and places y along the paddle [m], shape (N,)."""
@@ -123,9 +117,4 @@ class Travel:
 
     def speeds(self, y: Vector) -> Vector:
         """Return X_p' at places y along the paddle [m/s], shape (N,)."""
-        return np.full(y.shape, self._rate(1, y))
-
-    def _rate(self, order: int, y: Vector | None) -> Vector | float:
-        """Return a derivative of X_p at places y, shape (N,); of a paddle that moves as a whole it is known."""
-        whole = self._whole.get(order)
-        return np.asarray(self._motion.derivative(self.t, order, y)) if whole is None else whole
+        return np.full(y.shape, self._motion.derivative(self.t, 1, y) if self.velocities.ndim else self.velocities)

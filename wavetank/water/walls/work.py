@@ -119,7 +119,7 @@ class CompiledWork:
     @property
     def speed(self) -> float:
         """X_p' [m/s]."""
-        return float(self._travel.velocities[0])
+        return float(self._travel.velocities)
 
     def by_potential(self) -> Vector:
         """Return dW/dphi, shape (dofs, n+1). The array is reused by the next call."""
