@@ -5,16 +5,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from wavetank.errors import RunError
 from wavetank.hamiltonian.oscillators import Harmonic
 from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import Point
 from wavetank.motions import Sinusoid
-from wavetank.observers.contract import Moment
+from wavetank.observers.contract import Keeping, Moment
 from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
 from wavetank.observers.surface import SurfaceSnapshots
+from wavetank.runs.clock import Clock
+from wavetank.runs.run import Run
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.seen import Sight
 
@@ -119,6 +122,44 @@ def test_what_filters_take_is_counted_at_the_end_of_the_step(second):
     taken = system.energy(q, p, t) - system.energy(state.q, state.p, t)
     assert sum(one.told[0] for one in filters) == pytest.approx(taken, rel=1e-14)
     assert filters[0].told[1] == system.energy(q, p, t)
+
+
+class Keeper(Keeping):
+    """Keeps when moments were, and fails at one."""
+
+    def __init__(self, fails_at=-1):
+        self.schedule, self.fails_at, self.times = EverySteps(), fails_at, []
+
+    def keep(self, moment):
+        if moment.step == self.fails_at:
+            raise RunError("it cannot be kept")
+        self.times.append(moment.t)
+
+    def work_off(self, moments):
+        self.worked_off = moments.times.tolist()
+
+
+def filtered_run(*observers):
+    start, clock = (np.array([1.0]), np.array([0.3])), Clock(0.1, 7)
+    return Run(Timed(), StormerVerlet(), observers, start=start, clock=clock, filters=[Leaving(0.99, 0.9)])
+
+
+def test_what_filters_leave_is_kept_once_at_the_time_that_is_recorded():
+    """Bit for bit, though a step of 0.1 s from 0.5 s ends a little before the sixth."""
+    one = Keeper()
+    filtered_run(one).execute()
+    assert one.times == one.worked_off == [0.1 * step for step in range(8)]
+
+
+@pytest.mark.parametrize(("order", "observed"), [([-1, 3], False), ([3, -1], True)])
+def test_a_step_that_fails_once_somebody_has_kept_it_leaves_nothing_to_go_on_from(order, observed):
+    """Else the one who has would keep it again; all that were before are worked off."""
+    keepers = [Keeper(one) for one in order]
+    run = filtered_run(*keepers)
+    with pytest.raises(RunError, match="it cannot be kept"):
+        run.execute()
+    run.settle()
+    assert run.step == 2 and run.observed == observed and keepers[0].worked_off == [0.0, 0.1, 0.2]
 
 
 def test_snapshots_are_on_the_laboratory_side_of_the_paddle(make_tank):

@@ -48,7 +48,7 @@ class Filtered(Wrapper[S]):
         filters: Sequence[Filter],
         *,
         acted: Callable[[float], None] = lambda t: None,
-        seen: Callable[[S, float], float | None] = lambda state, t: None,
+        seen: Callable[[S], float | None] = lambda state: None,
     ):
         super().__init__(scheme)
         self.filters, self._acted, self._seen = filters, acted, seen
@@ -72,7 +72,7 @@ class Filtered(Wrapper[S]):
         energy = system.energy_near(state, t) if isinstance(system, Seeing) else None
         energy = _energy(system, state, first, t) if energy is None else energy
         begin = [_change(system, first, way, t) for way in ways]
-        left = self._seen(after, t)
+        left = self._seen(after)
         left = _energy(system, after, after.known[-1], t) if left is None else left
         end = [_change(system, after.known[-1], way, t) for way in ways]
         taken = [-(a + b) / 2 for a, b in zip(begin, end, strict=True)] or [0.0]

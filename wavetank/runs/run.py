@@ -91,7 +91,7 @@ class Run:
         self._seen = [(waves, self._sights[key]) for key, waves in seen.items()]
         if not self._begun:
             self._begun = True
-            self._observe(self.t)
+            self._observe()
         while self.step < self.clock.steps:
             self.advance()
             if not self.room:
@@ -103,7 +103,7 @@ class Run:
         clock, self._looked = self.clock, None
         self.state = self._stepper.step(self.system, self.state, clock.time(self.step), clock.dt)
         self.step += 1
-        self._observe(clock.time(self.step))
+        self._observe()
 
     def settle(self) -> None:
         """Let patient observers work off their moments; raises the first error in time; collective."""
@@ -188,32 +188,33 @@ class Run:
         for observer in self._filtering:
             observer.acted(t)
 
-    def _energy(self, state: Any, t: float) -> float | None:
+    def _energy(self, state: Any) -> float | None:
         """Look at what filters leave as a step ends; return its energy, if it is seen."""
-        moment = self._looked = self._look(state, self.step + 1, t)
+        moment = self._looked = self._look(state, self.step + 1)
         sight = self._sights.get(id(self.system))
         return sight.energy(moment.row) if sight else None
 
-    def _look(self, state: Any, step: int, t: float) -> Moment:
+    def _look(self, state: Any, step: int) -> Moment:
         """Keep and see of a moment what does not last."""
-        row = len(self._steps)
+        t, row = self.clock.time(step), len(self._steps)
         moment = Moment(step, t, state, sights=self._sights, row=row)
         for every, schedule, keep in self._keeps:
             if not step % every and (schedule is None or self._is_due(schedule, step, t)):
                 keep(moment)
+                self.observed = False  # who keeps has seen some of it
         for waves, sight in self._seen:
             if row >= sight.filled:  # unless who keeps has looked
                 waves.see(state, t, sight, row)
                 sight.filled = row + 1
         return moment
 
-    def _observe(self, t: float) -> None:
+    def _observe(self) -> None:
         step, self.observed = self.step, False
-        moment = self._looked or self._look(self.state, step, t)
+        moment = self._looked or self._look(self.state, step)
         self._steps.append(step)
         try:
             for every, schedule, act in self._acts:
-                if not step % every and (schedule is None or self._is_due(schedule, step, t)):
+                if not step % every and (schedule is None or self._is_due(schedule, step, moment.t)):
                     act(moment)
         except Exception as error:
             locate(error, f"the observer {type(getattr(act, '__self__', act)).__name__}")
