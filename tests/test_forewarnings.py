@@ -105,6 +105,16 @@ DOUBTFUL = {
         {"wall": piston(1.8), "numerics": {"cells": 20}, "sponge": {"type": "end", "length": 1.0}},
         r"^sponge\.length = 1 m is less than half of the paddle's waves of T = 1\.8 s, 4\.\d* m long: the sponge sends",
     ),
+    "a bar before a paddle of one period": (
+        {
+            "tank": SLICE | {"bed": {"type": "formula", "depth": "1 - 0.7 * exp(-((x - 8) / 2) ** 4)"}},
+            "wall": piston(2.0, 0.05),
+            "far_wall": {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type": "spring-damper"}},
+            "numerics": {"cells": 40, "vertical_order": 4},
+            "duration": 20.0,
+        },
+        r"the bed frees second harmonics of the waves of 2 s, about 1 of these; far_wall, whose band begins at 2 s",
+    ),
     "a gauge in a sponge": (
         {"gauges": [14, 14.1], "wall": piston(1.8), "numerics": {"cells": 20}, "sponge": {"type": "end", "length": 6}},
         r"^gauge 2 stands in the sponge, which takes waves from x = 14 m on$",

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
+from wavetank.motions import Array
 from wavetank.theory.absorption import PassiveFilter, face, radiation
 from wavetank.theory.airy import angular_frequency
 from wavetank.theory.wavemaker import Wavemaker
@@ -24,7 +25,9 @@ class ActiveAbsorption(Noun):
 
     type: Literal["active"] = "active"
     shortest: Duration | None = Field(
-        default=None, description="shortest period that it is made for [s]; default: that of k d = 3, or a paddle's"
+        default=None,
+        description="shortest period that it is made for [s], half the waves' behind a bar; "
+        "default: that of k d = 3, or a paddle's",
     )
     longest: Duration | None = Field(
         default=None, description="longest period that it is made for [s]; default: that of k d = 1/2, or a paddle's"
@@ -43,12 +46,17 @@ class ActiveAbsorption(Noun):
         shortest, longest = self.band(tank, paddles=paddles)
         return PassiveFilter.fitted(maker, depth=tank.depth, gravity=tank.gravity, shortest=shortest, longest=longest)
 
+    def reflection(self, periods: Array, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> Array:
+        """Return how much it sends back of small waves of periods [s], shape (N,); as ``band``."""
+        omega = np.asarray(2 * np.pi / periods)
+        at_face = face(maker, omega, tank.depth, tank.gravity)
+        return np.abs(self.build(tank, maker, paddles=paddles).reflection(at_face, omega))
+
     def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
         """Return what it does, in words; as ``band``."""
         shortest, longest = self.band(tank, paddles=paddles)
-        omega = np.asarray(2 * np.pi / np.geomspace(shortest, longest, 50), dtype=np.float64)
-        at_face = face(maker, omega, tank.depth, tank.gravity)
-        most = np.abs(self.build(tank, maker, paddles=paddles).reflection(at_face, omega)).max()
+        periods = np.geomspace(shortest, longest, 50, dtype=np.float64)
+        most = self.reflection(periods, tank, maker, paddles=paddles).max()
         band = f"small waves from {shortest:.3g} to {longest:.3g} s"
         return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band} at short steps"
 
@@ -96,6 +104,18 @@ class SpringDamper(Noun):
             stiffness if self.stiffness is None else self.stiffness / tank.density,
             float(damping) if self.damping is None else self.damping / tank.density,
         )
+
+    def band(self, tank: AnyTank, *, paddles: Iterable[float] = ()) -> tuple[float, float]:
+        """Return the period that it is tuned to [s], as shortest and longest."""
+        return (self.tuned(tank, paddles=paddles),) * 2
+
+    def reflection(self, periods: Array, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> Array:
+        """Return how much it sends back of small waves of periods [s], shape (N,); as ``tuned``."""
+        omega = np.asarray(2 * np.pi / periods)
+        mass, stiffness, damping = self.resolved(tank, maker, paddles=paddles)
+        r, added = radiation(maker, omega, tank.depth, tank.gravity)
+        out_of_tune = 1j * (omega * (mass + added) - stiffness / omega)
+        return np.abs((damping - r + out_of_tune) / (damping + r + out_of_tune))
 
     def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
         """Return what it does, in words; as ``tuned``."""

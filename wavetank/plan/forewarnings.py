@@ -22,6 +22,7 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.plan.defaults import DEFAULT, bed_shape
 from wavetank.plan.dispersion import relative_frequency_error
+from wavetank.plan.freed_harmonics import harmonics_sent_back
 from wavetank.plan.highest_waves import too_high
 from wavetank.plan.plan import own_plan
 from wavetank.plan.requirements import looked_at, requirements, unplanned
@@ -55,6 +56,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
         *_sponge(scene),
         *in_sponge(scene),
         *_damped(scene, waves),
+        *harmonics_sent_back(scene),
     ]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
