@@ -115,6 +115,14 @@ DOUBTFUL = {
         },
         r"the bed frees second harmonics of the waves of 2 s, about 1 of these; far_wall, whose band begins at 2 s",
     ),
+    "a sponge that begins at once": (
+        {
+            "wall": piston(2.0),
+            "numerics": {"cells": 20},
+            "sponge": {"type": "formula", "gamma": "20 * clip(1e6 * (x - 12), 0, 1)"},
+        },
+        r"^sponge\.gamma begins so abruptly that it sends back about 62 % of the paddle's waves of T = 2 s, 5\.\d* m",
+    ),
     "a gauge in a sponge": (
         {"gauges": [14, 14.1], "wall": piston(1.8), "numerics": {"cells": 20}, "sponge": {"type": "end", "length": 6}},
         r"^gauge 2 stands in the sponge, which takes waves from x = 14 m on$",

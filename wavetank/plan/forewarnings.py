@@ -14,7 +14,8 @@ from wavetank.case import Scene
 from wavetank.case.initial import StillWater
 from wavetank.case.initial_run import RunState
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
-from wavetank.case.sponges import EndSponge, GroupSponge
+from wavetank.case.sponges import EndSponge, FormulaSponge, GroupSponge
+from wavetank.case.tanks import SliceTank
 from wavetank.case.wave_files import SurfaceFile
 from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
@@ -31,9 +32,12 @@ from wavetank.plan.waves_held import HELD, too_short, waves_missed
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.waters import AnyWaves
 from wavetank.theory.airy import wave_number
+from wavetank.theory.damped_waves import onset_reflection
 from wavetank.water.short_waves import FARTHEST
 
 LARGE = 0.1  # predicted relative error of the elevation
+SENT_BACK = 0.1  # of waves, where a sponge begins: steep ones broke from 0.2 on (docs/absorption.md)
+LAYERS = 2000  # along the tank, in which a sponge by formula is looked at
 SHORT = 0.5  # of a wave: a sponge that absorbs little of it
 WEAK = 0.01  # of a sponge's largest rate: what takes no waves to speak of
 SUDDEN = 0.1  # of its largest speed: what a paddle starts with in water at rest
@@ -54,6 +58,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
         *_of_walls(scene, waves),
         *of_motion,
         *_sponge(scene),
+        *abrupt_sponge(scene),
         *in_sponge(scene),
         *_damped(scene, waves),
         *harmonics_sent_back(scene),
@@ -123,6 +128,24 @@ def _sponge(scene: Scene) -> Iterator[str]:
         of = f"the paddle's waves of T = {period:.3g} s, {waves:.3g} m long"
         back = "the sponge sends back much of them; it needs one wave length or more"
         yield f"{key} = {length:.4g} m is less than half of {of}: {back}"
+
+
+def abrupt_sponge(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle of a slice whose waves a sponge by formula sends back as it begins abruptly."""
+    if not isinstance(scene.sponge, FormulaSponge) or not isinstance(scene.tank, SliceTank):
+        return
+    step, g, depth = scene.tank.length / LAYERS, scene.tank.gravity, bed_shape(scene).shallow
+    x = step * (np.arange(LAYERS, dtype=np.float64) + 0.5)
+    for seen in scene.paddles:
+        if (period := seen.paddle_period) is None:
+            continue
+        gamma = scene.sponge.build()(x if seen is scene else x[::-1], 0 * x)
+        omega = 2 * np.pi / period
+        if (back := onset_reflection(gamma, step, omega=omega, depth=depth, gravity=g)) > SENT_BACK:
+            length = 2 * np.pi / float(wave_number(omega, depth, g))
+            of = f"about {100 * back:.2g} % of the paddle's waves of T = {period:.3g} s, {length:.3g} m long"
+            gently = 'type = "end" begins gently, over a length of one wave or more'
+            yield f"sponge.gamma begins so abruptly that it sends back {of}, and steep ones may break there; {gently}"
 
 
 def _length(scene: Scene) -> tuple[str, float | None]:
