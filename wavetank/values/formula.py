@@ -109,11 +109,15 @@ class Formula:
 
     def derivative(self, order: int, coordinate: ArrayLike) -> Array:
         """Return the derivative of order 0 to 2 of a formula of one variable, exact; raise as a call does."""
+        return self.derivatives(coordinate, order)[0]
+
+    def derivatives(self, coordinate: ArrayLike, *orders: int) -> list[Array]:
+        """Return those of several orders, found as one."""
         array = np.asarray(coordinate, dtype=np.float64)
         (variable,) = self._variables
         found = self._found({variable: Jet(array, np.ones_like(array), np.zeros_like(array))})
         whole = found if isinstance(found, Jet) else Jet(found, 0.0, 0.0)
-        return self._checked(whole[order], {variable: array})
+        return [self._checked(whole[order], {variable: array}) for order in orders]
 
     def _found(self, variables: Mapping[str, Any]) -> Any:
         values: Values = {**CONSTANTS, **variables}
@@ -124,8 +128,7 @@ class Formula:
 
     def _checked(self, found: Any, places: Mapping[str, Array]) -> Array:
         shape = next(iter(places.values())).shape
-        values = np.array(np.broadcast_to(found, shape), dtype=np.float64)
-        return finite(values, places, source=f"formula {self.text!r}")
+        return finite(np.full(shape, found, dtype=np.float64), places, source=f"formula {self.text!r}")
 
 
 def finite(values: Array, places: Mapping[str, Array], *, source: str) -> Array:
@@ -133,10 +136,11 @@ def finite(values: Array, places: Mapping[str, Array], *, source: str) -> Array:
 
     Values and the places' coordinates have one shape; the source is named first.
     """
-    wrong = np.flatnonzero(~np.isfinite(values))
-    if wrong.size:
-        where = ", ".join(f"{name} = {place.flat[wrong[0]]:.6g}" for name, place in places.items())
-        raise InputError(f"{source}: {values.flat[wrong[0]]} at {where}; must be finite.")
+    right = np.isfinite(values)
+    if not right.all():
+        wrong = int(right.argmin())
+        where = ", ".join(f"{name} = {place.flat[wrong]:.6g}" for name, place in places.items())
+        raise InputError(f"{source}: {values.flat[wrong]} at {where}; must be finite.")
     return values
 
 
