@@ -44,8 +44,9 @@ def started(*arguments, ranks=1):
         yield process
 
 
-def wait_for(process, path: Path) -> None:
-    while not path.exists():
+def wait_for(process, path: Path, *, lines: int = 0) -> None:
+    """Wait for a file, and so many lines in it."""
+    while not path.exists() or path.read_bytes().count(b"\n") < lines:
         assert process.poll() is None, process.communicate()
         time.sleep(0.02)
 
@@ -213,7 +214,7 @@ def test_who_has_lost_its_directory_leaves_that_of_the_next_run_alone(tmp_path):
 def test_a_directory_deleted_under_a_run_ends_it_on_all_ranks(tmp_path, ranks):
     out = tmp_path / "run"
     with started("run", CASE, "--no-plots", "--out", out, "--set", "run.duration=1e4", ranks=ranks) as process:
-        wait_for(process, out / "energy.csv")
+        wait_for(process, out / "energy.csv", lines=2)  # all records are open
         shutil.rmtree(out)
         said, errors = process.communicate()
     assert process.returncode == 1
