@@ -54,10 +54,14 @@ class SolitaryPush(Motion):
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
         """Return the spline's derivative; before and after it the paddle stands."""
+        return self.rates(t)[order]
+
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the spline's derivatives."""
         since, (first, last) = np.subtract(t, self.begin), self.spline.x[[0, -1]]
         moving = (since >= first) & (since <= last)
-        values = self.spline.derivative(np.clip(since, first, last), order)
-        return np.where(moving | (order == 0), values, 0.0)[()]
+        position, *rates = self.spline.rates(np.clip(since, first, last))[: up_to + 1]
+        return [position, *(np.where(moving, rate, 0.0)[()] for rate in rates)]
 
 
 def pushed(elevation: Callable[[Array], Array], *, speed: float, depth: float, half: float) -> SolitaryPush:

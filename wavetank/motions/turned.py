@@ -60,11 +60,12 @@ class Turned(Motion):
         return self.angle.power_period
 
     def derivative(self, t: Any, order: int, y: Any = None) -> Any:
-        """Return the derivative by the chain rule."""
-        tan = np.tan(self.angle.derivative(t, 0, y))
-        if order == 0:
-            return self.arm * tan
-        square, speed = 1.0 + tan**2, self.angle.derivative(t, 1, y)  # tan' = 1 + tan²
-        if order == 1:
-            return self.arm * square * speed
-        return self.arm * square * (self.angle.derivative(t, 2, y) + 2.0 * tan * speed**2)
+        """Return the derivative."""
+        return self.rates(t, y, up_to=order)[order]
+
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the derivatives by the chain rule."""
+        angle, speed, bend, *_ = [*self.angle.rates(t, y, up_to=up_to), 0.0, 0.0]
+        tan = np.tan(angle)
+        slope = self.arm * (1.0 + tan**2)  # of arm tan
+        return [self.arm * tan, slope * speed, slope * (bend + 2.0 * tan * speed**2)][: up_to + 1]
