@@ -70,6 +70,18 @@ def test_still_water_over_a_bed_stays_still(make):
     assert near > 1e-7 and far < 1e-12
 
 
+@pytest.mark.parametrize("make", [penalty, viscosity])
+def test_each_of_several_points_is_smoothed_as_is_written(make):
+    """Oracle: (M + N) v' = M v of elevation and potential over a bed, of waves that are none of each other's."""
+    waves = over_a_bar()
+    smoothing, x = make(waves), waves.plane.x
+    before = np.array([waves.state(0.05 * np.sin(k * x), np.cos(k * x)) for k in (2.0, 9.0)])
+    for (q, p), (after_q, after_p) in zip(before, smoothing.passed(before), strict=True):
+        taken = [smoothing._smoother.apply(one) for one in (waves.elevation(after_q, after_p, 0.0), after_p)]
+        assert np.abs(taken).max() > 1e-6
+        np.testing.assert_allclose([q - after_q, waves.mass.apply(p - after_p)], taken, rtol=0, atol=1e-13)
+
+
 def test_conjugate_gradients_smooth_as_factors_do():
     """Those are of basins and several ranks, these of slices; from nothing, and from what is found."""
     waves = over_a_bar()

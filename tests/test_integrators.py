@@ -15,6 +15,8 @@ from hypothesis import strategies as st
 
 from wavetank.hamiltonian.oscillators import Forced, Harmonic, NonSeparable
 from wavetank.integrators import Filtered, GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
+from wavetank.integrators.discontinuous_verlet import JumpInP, JumpInQ
+from wavetank.integrators.states import Point, Traces
 from wavetank.verify import (
     damped_jumps,
     damping,
@@ -303,6 +305,32 @@ def test_the_limit_of_the_scheme_with_damped_jumps():
     assert stability.spectral_radius(simpson(), limit - 1e-4) < 1 + 1e-9
     assert stability.spectral_radius(simpson(), limit + 1e-4) > 1 + 1e-6
     assert max(stability.spectral_radius(simpson(), theta) for theta in np.linspace(0.01, limit, 50)) < 1 + 1e-9
+
+
+VALUES = np.array([[1.0], [2.0], [3.0], [5.0]])
+
+
+@pytest.mark.parametrize(
+    "state", [Point(*VALUES[:2]), Traces(*VALUES), JumpInQ(*VALUES[:3], 0.5), JumpInP(*VALUES[:3], 0.5)]
+)
+def test_of_a_mapped_state_all_traces_are_mapped(state):
+    left = {"q": 0.5, "p": 0.25, "a": 1.0}
+    after = state.mapped(lambda pairs: np.array([[left["q"]], [left["p"]]]) * pairs)
+    assert after._asdict() == {name: left[name[0]] * value for name, value in state._asdict().items()}
+
+
+def test_a_mapped_mean_keeps_where_its_step_has_ended_and_begins_at_its_plus_trace():
+    """Which a run goes on from bit for bit that has mean and jump alone; nobody can write into what it is known by."""
+    scheme, left = Simpson4(), np.array([[0.5], [0.25]])
+    state = scheme.start(np.array([1.0]), np.array([0.3]))
+    for step in range(3):
+        state = scheme.step(Harmonic(), state, 0.1 * step, 0.1)
+    after = state.mapped(lambda pairs: left * pairs)
+    assert after.points[0] is state.points[0] and np.array_equal(after.minus, state.minus)
+    assert np.array_equal(after.points[-1], (after.mean + after.jump / 2).ravel())
+    assert after.known[-1] == pytest.approx(left * state.known[-1], rel=1e-15)
+    assert np.array_equal(after.mean, left * state.mean) and after[2:4] == state[2:4]
+    assert not any(one.flags.writeable for one in (after.q, after.p, *after.points))
 
 
 class BetweenSteps:
