@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wavetank.errors import RunError
-from wavetank.hamiltonian.oscillators import Harmonic
+from wavetank.hamiltonian.oscillators import Harmonic, NonSeparable
 from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
 from wavetank.integrators.states import Point
@@ -81,14 +81,14 @@ def test_filters_are_asked_at_the_end_of_the_step():
     assert one.times == [2.25]
 
 
-class Timed(Harmonic):
+class Timed(NonSeparable):
     """An oscillator whose energy grows with the time, as a moving wall's depends on it."""
 
     def H_q(self, q, p, t):
-        return t * q
+        return t * super().H_q(q, p, t)
 
     def H_p(self, q, p, t):
-        return t * p
+        return t * super().H_p(q, p, t)
 
     def energy(self, q, p, t):
         return t * super().energy(q, p, t)
@@ -113,7 +113,7 @@ class Leaving(Looking):
 
 @pytest.mark.parametrize("second", [[], [Leaving(1.0, 0.8)]])
 def test_what_filters_take_is_counted_at_the_end_of_the_step(second):
-    """Oracle: the energies there, of a quadratic one, whose derivatives at both ends tell all that is taken."""
+    """Oracle: the energies there; of two the one that takes less is told what derivatives at both ends say it takes."""
     filters, system = [Leaving(0.5, 0.9), *second], Timed()
     scheme = Filtered(StormerVerlet(), filters)
     state = scheme.step(system, scheme.start(np.array([1.0]), np.array([0.3])), 2.0, 0.25)
@@ -122,6 +122,9 @@ def test_what_filters_take_is_counted_at_the_end_of_the_step(second):
     taken = system.energy(q, p, t) - system.energy(state.q, state.p, t)
     assert sum(one.told[0] for one in filters) == pytest.approx(taken, rel=1e-14)
     assert filters[0].told[1] == system.energy(q, p, t)
+    if second:
+        slopes = system.H_p(q, p, t) + system.H_p(state.q, state.p, t)
+        assert filters[1].told[0] == pytest.approx(slopes / 2 * (0.9 - 0.72) * p, rel=1e-14)
 
 
 class Keeper(Keeping):

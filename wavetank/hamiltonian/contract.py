@@ -10,7 +10,7 @@ and costs nothing; whatever couples the ranks (norms, ghosts, solves) happens in
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 from wavetank.arrays import Vector
 
@@ -130,6 +130,10 @@ class BetweenTwo:
 
         They are as ``flow`` is asked of them: [q, p], one behind the other, shape (2n,) each.
         """
+        raise NotImplementedError
+
+    def ended(self, at: Vector) -> Self:
+        """Return it with another point where its step has ended, (q, p), shape (2, n)."""
         raise NotImplementedError
 
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage, Stages, StageSolver
+from wavetank.hamiltonian.contract import BetweenTwo, HamiltonianSystem, Near, Stage, Stages, StageSolver
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.wrapper import Wrapper
 from wavetank.stateful import Held
@@ -163,7 +163,8 @@ class Damped(Wrapper[S]):
         """Return the state at t + dt; collective."""
         after = self.scheme.step(_Growing(system, self.damping, t, dt, self.nodes), state, t, dt)
         left = _of_pairs(self.damping.at_node(dt, most=np.inf), after.p.size).reshape(2, -1)
-        return after.mapped(lambda pairs: np.asarray(left * pairs))
+        mapped = after.mapped(lambda pairs: np.asarray(left * pairs))
+        return mapped.ended(left * after.known[0]) if isinstance(mapped, BetweenTwo) else mapped
 
     def held(self) -> Held:
         """Return what the scheme remembers, and the rate."""

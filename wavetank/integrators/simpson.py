@@ -129,6 +129,10 @@ class MeanAndJumps(Pairs, BetweenTwo):
         last = Evaluated(*after.reshape(2, -1))
         return last if before is after else Evaluated(*before.reshape(2, -1)), last
 
+    def ended(self, at: Vector) -> Self:
+        """See ``BetweenTwo``."""
+        return self._replace(minus=at)
+
     def mapped(self, of: Map) -> Self:
         """Return the state with mean and plus trace mapped; the jumps of earlier steps are what they were."""
         mean, plus = of(np.array([self.mean, self.points[-1].reshape(2, -1)]))
