@@ -142,9 +142,16 @@ class Keeper(Keeping):
         self.worked_off = moments.times.tolist()
 
 
+class Sometimes(Leaving):
+    """One that acts in every third step of 0.1 s."""
+
+    def needed(self, state, t):
+        return round(10 * t) % 3 == 0
+
+
 def filtered_run(*observers):
     start, clock = (np.array([1.0]), np.array([0.3])), Clock(0.1, 7)
-    return Run(Timed(), StormerVerlet(), observers, start=start, clock=clock, filters=[Leaving(0.99, 0.9)])
+    return Run(Timed(), StormerVerlet(), observers, start=start, clock=clock, filters=[Sometimes(0.99, 0.9)])
 
 
 def test_what_filters_leave_is_kept_once_at_the_time_that_is_recorded():
