@@ -18,7 +18,7 @@ from wavetank.calibrate.aim import NOTHING, Elevation, Found, Tried
 from wavetank.calibrate.aims import aim_of
 from wavetank.calibrate.calibration import CASE, PICTURE, TABLE, WAVES
 from wavetank.calibrate.crest import CrestAim, crests
-from wavetank.calibrate.numerics import cheaper
+from wavetank.calibrate.numerics import cheaper, exhausted
 from wavetank.calibrate.record import mixed
 from wavetank.calibrate.table import told
 from wavetank.calibrate.waves import Lines, Scale, moved, scale, table
@@ -473,6 +473,13 @@ def test_a_gauge_that_is_not_in_a_table_is_refused_by_its_name(tmp_path):
     target = f"target={{type='record', file='{tmp_path / 'gauges.csv'}', gauge='5', x=10.0}}"
     said = commanded("calibrate", "cases/focusing.toml", "--out", str(tmp_path / "out"), "--set", target)
     assert said.returncode == 2 and "target.file" in said.stderr and "has no gauge '5'; there are 4" in said.stderr
+
+
+@pytest.mark.parametrize(
+    ("misfits", "done"), [([15.0], False), ([15.0, 5.0], False), ([15.0, 5.0, 4.9], True), ([15.0, 3.9], True)]
+)
+def test_cheap_numerics_are_left_near_the_target_and_where_they_bring_it_no_nearer(misfits, done):
+    assert exhausted(misfits) is done
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from wavetank.calibrate.aim import NOTHING, Setting, Tried
 from wavetank.calibrate.aims import aim_of
 from wavetank.calibrate.attempt import Attempt, files_of, with_waves
 from wavetank.calibrate.drawing import draw
-from wavetank.calibrate.numerics import cheaper
+from wavetank.calibrate.numerics import cheaper, exhausted
 from wavetank.calibrate.table import figures, told, write_table
 from wavetank.calibrate.waves import table
 from wavetank.case.reading import located, read_case
@@ -27,7 +27,6 @@ from wavetank.study.sweep import Combination
 from wavetank.values.toml import toml
 
 CHEAP, OWN = "cheap", "the case's"
-CLOSE = 4.0  # of what is allowed: so near, cheap numerics, a few percent off themselves, have done what they can
 FAILURES = 3  # attempts that do not finish
 TABLE, PICTURE, CASE, WAVES, RUNS = "calibration.csv", "calibration.png", "case.toml", "components.csv", "runs"
 ATTEMPTS = "attempt-[0-9]*.*"
@@ -101,7 +100,7 @@ class Calibration:
             if reached and not cheap:
                 self._finish(tried)
                 return
-            if cheap and tried.found.misfit <= CLOSE:
+            if cheap and exhausted([one.found.misfit for one in self._finished]):
                 self._stages.pop(0)
             setting = setting if reached else self._aim.corrected(self._finished)
         self._give_up(f"{self._runs} of at most {self._most} runs were not enough; --most allows more")

@@ -1,5 +1,7 @@
 """By which numerics it is first looked for a motion: a plan for a tenth, if that is so much cheaper than the case's."""
 
+from collections.abc import Sequence
+
 from wavetank.case import LinearWater, NonlinearWater, Scene
 from wavetank.errors import InputError
 from wavetank.plan.defaults import DEFAULT, resolved
@@ -8,6 +10,8 @@ from wavetank.plan.planned import default_plan
 
 ROUGH = 0.1  # relative error of the elevation that is asked of it; a third of it is to be expected
 WORTH = 0.45  # of the CPU time of the case's own numerics
+CLOSE = 4.0  # of what is allowed: so near they, a few percent off themselves, have done what they can
+LESS = 0.8  # of the least misfit before: and so where it is no less
 
 
 def cheaper(scene: Scene) -> Scene | None:
@@ -23,3 +27,9 @@ def cheaper(scene: Scene) -> Scene | None:
     except InputError:  # no plan is made of such scenes
         return None
     return rough.applied_to(scene) if rough.cost.cpu < WORTH * own.cost.cpu else None
+
+
+def exhausted(misfits: Sequence[float]) -> bool:
+    """Return whether cheap numerics, of attempts of such misfits over what is allowed, have done what they can."""
+    *before, last = misfits
+    return last <= CLOSE or last > LESS * min(before, default=float("inf"))
