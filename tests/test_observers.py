@@ -245,6 +245,21 @@ def test_what_gives_energy_is_told_by_its_name_whatever_the_other_takes(which, c
     assert "by t = 1 s" in told[0]
 
 
+@pytest.mark.parametrize(("other", "cured"), [(0.0, False), (4.0, True)])
+def test_a_balance_that_is_off_by_what_was_given_is_not_cured_by_a_shorter_step(other, cured):
+    """0.3 J were given of 0.3 J that do not add up, and of 3.7 J."""
+    beach, more = SimpleNamespace(energy_taken=0.0, called="the beach", gives="it is none"), Unnamed()
+    water = Steady()
+    water.explicit_rate = lambda *_: 0.0
+    budget = EnergyBudget(water, record=Memory(), sinks=[beach, more])
+    for n in range(3):
+        beach.energy_taken, more.energy_taken = -0.3 * (n > 0), other * (n > 0)
+        budget.observe(Moment(n, 0.5 * n, Point(np.zeros(1), np.zeros(1))))
+    given, off = sorted(budget.verdict(), key=lambda said: "balance" in said)
+    assert budget.verdict() == ([off, given] if cured else [given, off])
+    assert off.endswith(": a shorter step or a tighter tolerance is needed" if cured else "to what the beach has given")
+
+
 @pytest.mark.parametrize(("taken", "told"), [(0.02, True), (0.008, False)])
 def test_numerics_that_took_energy_are_told_by_name_and_what_should_take_it_is_not(taken, told):
     """Of 1 J that stays, and twice what each of two has taken: 0.02 / 1.04."""

@@ -41,6 +41,7 @@ COLUMNS = columns(1)
 ROUNDING = 1e-12  # of g d² of the whole tank: less energy is round-off
 TRUE = 0.01  # of the energy, what has gone included: a balance that is farther off is told
 GIVEN = 1e-3  # of the energy: of what should take, giving more than that is told
+BLAMED = 0.2  # of what the balance is off: one that should take and has given more than that is why
 LOST = 0.01  # of the energy, half of that of the waves' height: losing more to numerics is told
 
 # what a budget remembers:
@@ -196,21 +197,25 @@ class EnergyBudget(Keeping):
         """Return a sentence if the balance was ever off by more than ``TRUE`` of the energy, and what that came by.
 
         And one for each that should take energy and has given back more than ``GIVEN`` of it, and for numerics that
-        have taken more than ``LOST`` of it.
+        have taken more than ``LOST`` of it. What the balance is off by comes first, but after what it is blamed on.
         """
-        sentences = list[str]()
-        if self._off > (least := max(TRUE * self._energy, self._nothing)):
-            what = "a shorter step or a tighter tolerance is needed"
-            if self._off - self._jumped <= least:
-                what = "with the numerics that the run went on with its surface had another energy"
-            sentences.append(f"the energy balance is off by {self._off / self._energy:.2g} of the energy: {what}")
+        sentences, most, giver = list[str](), 0.0, ""
         for name, (called, gives, cure) in self._called.items():
             given, t = self._given.get(name, (0.0, 0.0))
             if given > max(GIVEN * self._energy, self._nothing):
                 part = f"has given the waves {given / self._energy:.2g} of the energy by t = {t:.4g} s"
                 sentences.append(f"{called} {part}: {gives}")
+                most, giver = max((most, giver), (given, called))
             if cure and (taken := self._most.get(name, 0.0)) > max(LOST * self._energy, self._nothing):
                 sentences.append(f"{called} has taken {taken / self._energy:.2g} of the energy: {cure}")
+        if self._off > (least := max(TRUE * self._energy, self._nothing)):
+            what, place = "a shorter step or a tighter tolerance is needed", 0
+            if self._off - self._jumped <= least:
+                what = "with the numerics that the run went on with its surface had another energy"
+            elif most > BLAMED * self._off:
+                what, place = f"see first to what {giver} has given", len(sentences)
+            off = f"the energy balance is off by {self._off / self._energy:.2g} of the energy"
+            sentences.insert(place, f"{off}: {what}")
         return sentences
 
     def held(self) -> Held:
