@@ -86,7 +86,7 @@ class Pairs(NamedTuple):
     Attributes
     ----------
     minus
-        The minus trace as the step found it, whatever has mapped the state since.
+        The minus trace as the step found it, whatever filters have made of the state since.
     """
 
     mean: Vector
