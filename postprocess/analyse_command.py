@@ -14,6 +14,7 @@ from wavetank import data
 from wavetank.console import console
 from wavetank.errors import InputError, choice
 from wavetank.records.directory import MANIFEST
+from wavetank.records.log import told_of_warnings
 from wavetank.records.place import check_new
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
@@ -82,6 +83,8 @@ def analyse(
         raise why
     _make(folder)
     terminal = console(least=WIDTH)
+    if record.warnings:
+        terminal.print(f"the run has {told_of_warnings(record.warnings)}", highlight=False)
     if units := data.told_of_units(source):
         terminal.print(units, highlight=False)
     for kind, found in results.items():

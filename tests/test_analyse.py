@@ -88,10 +88,11 @@ def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
         for t in T[:400]:
             surface.append(t, x, eta(x, t), 0 * x)
             gauges.append([t, *eta(np.array([4.0, 7.0]), t)])
-        writer.finish("finished", {})
+        writer.finish("finished", {"warnings": ["the energy balance is off: shorter steps", "another"]})
     for words, told, off in (((), "incident [m]", 1e-3), (("--sea",), "Hm0 incident [m]", 0.25)):  # of ten periods
         done = commanded("analyse", str(run), "reflection", "--along", "5,20,40", *words)
         assert done.returncode == 0 and str(run / "analysis-reflection.png") in done.stdout
+        assert done.stdout.startswith("the run has 2 warnings, the worst: the energy balance is off\n")
         (waves,) = rows_of(run, "reflection")
         assert told in waves and float(waves["reflection [-]"]) == pytest.approx(0.2, rel=off)
     assert commanded("analyse", str(run)).returncode == 0  # its own pictures are drawn anew

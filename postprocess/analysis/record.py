@@ -42,6 +42,8 @@ class Record:
         Whether x counts from the wall that makes the waves, with one depth all the way, as a run over a flat bed knows.
     before
         The elevation from the record's first time on, where what is analysed starts later.
+    warnings
+        Those of a run, the worst first.
     """
 
     eta: DataArray
@@ -52,6 +54,7 @@ class Record:
     far_end: float | None = None
     from_wall: bool = False
     before: DataArray | None = None
+    warnings: tuple[str, ...] = ()
 
     @property
     def on_its_way(self) -> DataArray:
@@ -115,9 +118,10 @@ def read_record(
     Raises ``InputError`` for what cannot be had.
     """
     told: float | Depth | None = depth
-    gravity, path, far_end, from_wall = GRAVITY, Path(source), None, False
+    gravity, path, far_end, from_wall, warnings = GRAVITY, Path(source), None, False, ()
     if (path / MANIFEST).is_file():
         run = RunDirectory(path)
+        warnings = tuple(run.manifest.get("warnings", ()))
         scene = run.manifest.get("scene", {})
         tank, driven = scene.get("tank", {}), _driven(scene)
         far_end = _end(tank) if driven == ["far_wall"] else None
@@ -133,7 +137,7 @@ def read_record(
     if gauges:
         eta = records.chosen(eta, gauges)
     before = None if start is None else eta.sel(time=slice(None, end))
-    return Record(records.between(eta, start, end), title, period, told, gravity, far_end, from_wall, before)
+    return Record(records.between(eta, start, end), title, period, told, gravity, far_end, from_wall, before, warnings)
 
 
 def _driven(scene: dict[str, Any]) -> list[str]:

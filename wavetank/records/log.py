@@ -1,5 +1,6 @@
 """What a run says: on the console, and in its directory as plain text."""
 
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
@@ -51,3 +52,11 @@ class RunLog:
             with suppress(OSError, ValueError):
                 self._file.write(text)
                 self._file.flush()
+
+
+def told_of_warnings(warnings: Sequence[str]) -> str:
+    """Return how many warnings a run has, the worst first, and that one without its advice."""
+    if not warnings:
+        return "no warnings"
+    worst = warnings[0].rpartition(": ")[0] or warnings[0]
+    return f"a warning: {worst}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {worst}"

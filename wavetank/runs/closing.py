@@ -10,6 +10,7 @@ from wavetank.observers.crest import Crest, HighestCrest
 from wavetank.observers.energy import EnergyBudget
 from wavetank.observers.stability import StabilityWatch
 from wavetank.records.directory import BROKEN, BROKEN_PICTURE, CHECKPOINT
+from wavetank.records.log import told_of_warnings
 from wavetank.runs.run import Run
 from wavetank.water.breaking import ONSET
 from wavetank.water.linear_waves import LinearWaves
@@ -87,11 +88,11 @@ def closing(
         f"{spent['counters']['interior_solves'] / max(steps, 1):.1f} interior solves a step",
         f"{timings['stepping_s'] / simulated if simulated else 0.0:.2g} s for a second of waves",
     ]
-    directory = shlex.quote(str(path))
+    directory, warned = shlex.quote(str(path)), told_of_warnings(warnings)
     broken = _of_breakdown(spent, path, untrue=outcome.untrue, drawn=drawn)
     return [
         f"highest crest: {crest.height:.4g} m, at the node {place}, t = {crest.t:.4g} s",
-        f"errors: {outcome.mass:.1g} of the mass{follows}, {outcome.energy:.1g} of the energy; {_told(warnings)}",
+        f"errors: {outcome.mass:.1g} of the mass{follows}, {outcome.energy:.1g} of the energy; {warned}",
         f"cost: {', '.join(costs)}",
         f"records: {path}",
         *(broken or [f"next: {'; '.join(_next(spent, directory))}"]),
@@ -139,11 +140,3 @@ def _ranks(spent: dict[str, Any]) -> str:
     """Return on how many ranks a run has been, in each of its parts."""
     *others, last = dict.fromkeys([part["ranks"] for part in spent["parts"]])
     return f"{', '.join(map(str, others))}{' and ' if others else ''}{last} {'ranks' if others or last > 1 else 'rank'}"
-
-
-def _told(warnings: Sequence[str]) -> str:
-    """Return how many warnings there were, and the worst without its advice."""
-    if not warnings:
-        return "no warnings"
-    worst = warnings[0].rpartition(": ")[0] or warnings[0]
-    return f"a warning: {worst}" if len(warnings) == 1 else f"{len(warnings)} warnings, the worst: {worst}"
