@@ -32,13 +32,13 @@ from wavetank.plan.waves_held import HELD, too_short, waves_missed
 from wavetank.runs.clock import ROUNDING, Clock
 from wavetank.runs.waters import AnyWaves
 from wavetank.theory.airy import wave_number
-from wavetank.theory.damped_waves import onset_reflection
+from wavetank.theory.damped_waves import reflection
 from wavetank.water.short_waves import FARTHEST
+from wavetank.water.sponge import profile
 
 LARGE = 0.1  # predicted relative error of the elevation
-SENT_BACK = 0.1  # of waves, where a sponge begins: steep ones broke from 0.2 on (docs/absorption.md)
-LAYERS = 2000  # along the tank, in which a sponge by formula is looked at
-SHORT = 0.5  # of a wave: a sponge that absorbs little of it
+SENT_BACK = 0.1  # of waves, by a sponge: steep ones broke from 0.2 on (docs/absorption.md)
+LAYERS = 2000  # in which a sponge is looked at
 WEAK = 0.01  # of a sponge's largest rate: what takes no waves to speak of
 SUDDEN = 0.1  # of its largest speed: what a paddle starts with in water at rest
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
@@ -57,8 +57,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
         *mesh,
         *_of_walls(scene, waves),
         *of_motion,
-        *_sponge(scene),
-        *abrupt_sponge(scene),
+        *sent_back(scene),
         *in_sponge(scene),
         *_damped(scene, waves),
         *harmonics_sent_back(scene),
@@ -117,43 +116,39 @@ def _ramps(scene: Scene) -> Iterator[str]:
             yield f"the ramp of {key} is over after {risen:.4g} s, {end} before: its waves do not get their height"
 
 
-def _sponge(scene: Scene) -> Iterator[str]:
-    """Yield a sentence if the sponge is too short for the paddle's waves, by their length where it is shallow."""
-    key, length = _length(scene)
-    if length is None or not scene.paddle_periods:
-        return
-    period, depth = max(scene.paddle_periods), bed_shape(scene).shallow
-    waves = 2 * np.pi / float(wave_number(2 * np.pi / period, depth, scene.tank.gravity))
-    if length < SHORT * waves:
-        of = f"the paddle's waves of T = {period:.3g} s, {waves:.3g} m long"
-        back = "the sponge sends back much of them; it needs one wave length or more"
-        yield f"{key} = {length:.4g} m is less than half of {of}: {back}"
+def sent_back(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle of whose waves the sponge sends back much, by their length where it is shallow.
 
-
-def abrupt_sponge(scene: Scene) -> Iterator[str]:
-    """Yield a sentence for each paddle of a slice whose waves a sponge by formula sends back as it begins abruptly."""
-    if not isinstance(scene.sponge, FormulaSponge) or not isinstance(scene.tank, SliceTank):
+    Of a basin's sponge by formula nothing is known.
+    """
+    sponge, tank, depth = scene.sponge, scene.tank, bed_shape(scene).shallow
+    length = tank.length if isinstance(sponge, FormulaSponge) and isinstance(tank, SliceTank) else _length(scene)
+    if sponge is None or length is None:
         return
-    step, g, depth = scene.tank.length / LAYERS, scene.tank.gravity, bed_shape(scene).shallow
+    step = length / LAYERS
     x = step * (np.arange(LAYERS, dtype=np.float64) + 0.5)
     for seen in scene.paddles:
         if (period := seen.paddle_period) is None:
             continue
-        gamma = scene.sponge.build()(x if seen is scene else x[::-1], 0 * x)
-        omega = 2 * np.pi / period
-        if (back := onset_reflection(gamma, step, omega=omega, depth=depth, gravity=g)) > SENT_BACK:
-            length = 2 * np.pi / float(wave_number(omega, depth, g))
-            of = f"about {100 * back:.2g} % of the paddle's waves of T = {period:.3g} s, {length:.3g} m long"
-            gently = 'type = "end" begins gently, over a length of one wave or more'
-            yield f"sponge.gamma begins so abruptly that it sends back {of}, and steep ones may break there; {gently}"
+        if isinstance(sponge, FormulaSponge):
+            gamma = sponge.build()(x if seen is scene else x[::-1], 0 * x)
+        else:
+            gamma = profile(x, width=length, strength=sponge.strength_for(length, tank, paddle=scene.paddle_period))
+        omega, end = 2 * np.pi / period, 0.0 if getattr(seen.far_wall, "absorb", None) else 1.0
+        back = reflection(gamma, step, omega=omega, depth=depth, gravity=tank.gravity, end=end)
+        if back > SENT_BACK:
+            waves = 2 * np.pi / float(wave_number(omega, depth, tank.gravity))
+            of = f"about {100 * back:.2g} % of the paddle's waves of T = {period:.3g} s, {waves:.3g} m long"
+            least = 'one of type "end" or "group", a wave long or more, of the default strength, sends back some 2 %'
+            yield f"the sponge sends back {of}, and steep ones may break before it: {least}"
 
 
-def _length(scene: Scene) -> tuple[str, float | None]:
-    """Return how long the sponge is [m], if the case names that, and by which key."""
+def _length(scene: Scene) -> float | None:
+    """Return how long a sponge is that grows from its inner edge [m], if the case names that."""
     if isinstance(scene.sponge, EndSponge):
-        return "sponge.length", scene.sponge.length
+        return scene.sponge.length
     layout = getattr(scene.tank, "layout", None) if isinstance(scene.sponge, GroupSponge) else None
-    return "tank.layout.sponge_length", getattr(layout, "sponge_length", None)
+    return getattr(layout, "sponge_length", None)
 
 
 def in_sponge(scene: Scene) -> Iterator[str]:

@@ -13,15 +13,15 @@ from wavetank.theory import airy
 from wavetank.theory.wave import Array
 
 
-def onset_reflection(gamma: Array, step: float, *, omega: float, depth: float, gravity: float) -> float:
-    """Return what part of waves [rad/s] that come from x = 0 a damping rate [1/s] sends back by how it changes.
+def reflection(gamma: Array, step: float, *, omega: float, depth: float, gravity: float, end: float = 1.0) -> float:
+    """Return what part of waves [rad/s] that come from x = 0 a damping rate [1/s] and what is behind it send back.
 
-    It is that of layers of a width [m], shape (layers,), and goes on beyond the last one for ever: what a wall there
-    would send back through it is not counted, nor what is damped evenly from the first layer on.
+    The rate is that of layers of a width [m], shape (layers,); ``end`` is what part comes back of what has gone through
+    them, 1 of a wall. That the first layer damps is not counted.
     """
     k = float(airy.wave_number(omega, depth, gravity))
     numbers = np.sqrt(k**2 + 1j * k / float(airy.group_velocity(k, depth, gravity)) * gamma)
-    back = 0.0j
+    back = complex(end)
     for here, beyond in zip(numbers[-2::-1], numbers[:0:-1], strict=True):
         jump = (here - beyond) / (here + beyond)
         back *= np.exp(2j * beyond * step)
