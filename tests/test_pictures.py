@@ -20,7 +20,7 @@ from wavetank.study.measures import GAUGES, PHASE, SURFACE
 from wavetank.study.response_drawing import draw_responses
 from wavetank.study.responses import CREST, CREST_PLACE, TROUGH
 from wavetank.study.runs import Outcome
-from wavetank.study.sweep import combinations, parse_axes, unit
+from wavetank.study.sweep import Refused, combinations, parse_axes, unit
 from wavetank.study.table import Row
 from wavetank.verify import cylinder, growth, sponge, steepness
 from wavetank.verify.report import Report
@@ -148,11 +148,12 @@ def test_work_and_precision(drawn, tmp_path):
         "ring-50-percent.toml", [f"dt={','.join(steps)}", f"integrator={','.join(sizes)}"], measures
     )
     rows[1] = replace(rows[1], warnings=["it breaks"])
-    draw_study(rows, axes, tmp_path / "study.png", title="A study")
+    broken = replace(rows[1], outcome=Outcome("broke down"), errors={}, costs={})
+    draw_study([broken, *rows], axes, tmp_path / "study.png", title="A study")
     (figure,) = drawn
     assert not faults(figure)
     point = [rows[1].costs["CPU [s]"], rows[1].errors[SURFACE]]
-    assert opened(figure.axes[0]) == [point] and WARNED in told(figure)
+    assert opened(figure.axes[0]) == [point] and {WARNED, "1 of 7 runs broke down"} <= told(figure)
     front = pareto_front([(row.costs["CPU [s]"], row.errors[SURFACE]) for row in rows])
     for panel in figure.axes:
         assert len(panel.texts) == len(front) > 2
@@ -160,7 +161,10 @@ def test_work_and_precision(drawn, tmp_path):
 
 
 def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, tmp_path):
-    """No front and no CPU time: crests over heights, in metres both, a line for each vertical order; errors beside."""
+    """No front and no CPU time: crests over heights, in metres both, a line for each vertical order; errors beside.
+
+    Where no run has finished stands a cross on the axis.
+    """
 
     def measures(n, values):
         a = float(values["initial.wave_amplitude"])
@@ -169,15 +173,23 @@ def test_a_study_over_what_is_modelled_draws_the_waters_response_over_it(drawn, 
     sweeps = ["initial.wave_amplitude=0.01,0.04,0.02", "n=4,6"]
     axes, rows = study_rows("standing-wave.toml", sweeps, measures)
     rows[2], marked = (replace(rows[n], warnings=["it breaks"], mark=mark) for n, mark in ((2, ""), (1, "plan")))
-    draw_responses([*rows, marked], axes, tmp_path / "study.png", title="A study")
+    axes = parse_axes([f"{sweeps[0]},0.08", sweeps[1]])
+    highest = [Refused("", {"initial.wave_amplitude": "0.08", "n": n}, "it is too high") for n in ("4", "6")]
+    ended = [Row(one, Outcome("broke down"), warnings=["it breaks"]) for one in highest]
+    rows[3] = replace(rows[3], broke=15)
+    draw_responses([*ended, *rows, marked], axes, tmp_path / "study.png", title="A study")
     (figure,) = drawn
     assert not faults(figure)
     crests = [[a, 1.2 * a] for a in (0.04, 0.01)]  # of the run that is swept, and of the star
     np.testing.assert_allclose(opened(figure.axes[0]), crests)
-    labels = {panel.get_ylabel() for panel in figure.axes if panel.lines}
+    labels = {panel.get_ylabel() for panel in figure.axes if panel.axison}
     assert labels == {CREST, TROUGH, CREST_PLACE, SURFACE, PHASE}
-    assert {panel.get_xlabel() for panel in figure.axes if panel.lines} == {"initial.wave_amplitude [m]"}
-    assert told(figure) == {"n = 4", "n = 6", "plan: initial.wave_amplitude 0.01, n 6", WARNED}
+    for panel in (panel for panel in figure.axes if panel.axison):
+        assert {place for line in panel.lines if line.get_marker() == "x" for place in line.get_xdata()} == {0.08}
+        assert panel.get_xlim()[1] > 0.08
+    assert {panel.get_xlabel() for panel in figure.axes if panel.axison} == {"initial.wave_amplitude [m]"}
+    of_runs = {WARNED, "2 of 9 runs broke down", "waves broke and were damped in 1 of 9 runs"}
+    assert told(figure) == {"n = 4", "n = 6", "plan: initial.wave_amplitude 0.01, n 6", *of_runs}
     crest = figure.axes[0].lines[0]
     np.testing.assert_allclose(crest.get_xydata(), [(a, 1.2 * a) for a in (0.01, 0.02, 0.04)])
 
@@ -187,7 +199,8 @@ def test_what_is_modelled_may_be_no_number(drawn, tmp_path):
         return {SURFACE: 0.1}, {"CPU [s]": 1.0}, "", {CREST: 0.1 + n, TROUGH: -0.1, CREST_PLACE: 0.0}
 
     axes, rows = study_rows("standing-wave.toml", ["water.type=linear,nonlinear"], measures)
-    draw_responses(rows, axes, tmp_path / "study.png")
+    broken = Row(rows[1].combination, Outcome("broke down"), warnings=["it breaks"])  # its warning is of no mark
+    draw_responses([*rows, broken], axes, tmp_path / "study.png")
     (figure,) = drawn
     assert not faults(figure)
     assert not opened(figure.axes[0]) and WARNED not in told(figure)

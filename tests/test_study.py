@@ -37,7 +37,7 @@ from wavetank.study.refinement import finest, refined, same_but_numerics
 from wavetank.study.runs import Outcome, Runner, Worker, is_finished
 from wavetank.study.study import Study
 from wavetank.study.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
-from wavetank.study.table import Row, write_table
+from wavetank.study.table import Row, unfinished, write_table
 from wavetank.theory.airy import angular_frequency
 
 CASE = CHECKOUT / "cases" / "standing-wave.toml"
@@ -337,16 +337,19 @@ def test_the_table_says_settings_errors_costs_and_status(linear_study):
     assert (out / "study.png").stat().st_size > 10_000
 
 
-def test_warnings_of_runs_are_told(linear_study, tmp_path):
+def test_warnings_of_runs_and_waves_that_broke_are_told(linear_study, tmp_path):
     out, rows = linear_study
     shutil.copytree(out, tmp_path / "study")
     manifest = tmp_path / "study" / rows[1].combination.name / "manifest.json"
-    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"warnings": ["it leans", "it leaks"]}))
+    more = {"warnings": ["it leans", "it leaks"], "breaking": {"waves": 15}}
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | more))
     _, said = run_study(tmp_path / "study", reference="exact")
-    told = f"warning: 1 of {len(rows)} runs have warnings, which are in study.csv; {rows[1].combination.name}: it leans"
-    assert told in " ".join(said.split())
+    told = f"warning: 1 of {len(rows)} runs has warnings, which are in study.csv; {rows[1].combination.name}: it leans"
+    assert f"{told} waves broke and were damped in 1 of {len(rows)} runs" in " ".join(said.split())
     with (tmp_path / "study" / "study.csv").open() as file:
-        assert [line["warnings"] for line in csv.DictReader(file)][:2] == ["", "it leans; it leaks"]
+        found = [(line["warnings"], line["broke"]) for line in csv.DictReader(file)]
+    assert found == [("", ""), ("it leans; it leaks", "15")]
+    assert re.search(r" broke +CPU ", said) and "broke" not in (out / "study.csv").read_text()
 
 
 def test_what_has_finished_is_not_run_again(linear_study):
@@ -364,19 +367,31 @@ def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
     overrides = ["run.duration=0.8", "numerics.cells=8", "numerics.vertical_order=3"]
     sweeps = ["initial.wave_amplitude=0.02,0.8", "dt=0.04"]
     rows, said = run_study(tmp_path, sweeps, overrides, marked=["initial.wave_amplitude=0.02", "dt=0.02", "n=6"])
-    assert [row.outcome.status for row in rows] == ["finished", "failed", "finished"]
+    assert [row.outcome.status for row in rows] == ["finished", "broke down", "finished"]
     good, broken, plan = rows
-    assert broken.outcome.cause == RunDirectory(tmp_path / broken.combination.name).manifest["cause"]
+    manifest = RunDirectory(tmp_path / broken.combination.name).manifest
+    assert broken.outcome.cause == manifest["cause"] and broken.warnings == manifest["warnings"] != []
+    assert "\n1 of 3 runs broke down\n" in said and re.search(r" status +\n", said) and "plan, finished" in said
     assert broken.outcome.cause.rstrip(".") in " ".join(said.split()) and not broken.errors
     assert GAUGES in good.errors
     assert plan.mark == "plan" and plan.errors[SURFACE] < 0.5 * good.errors[SURFACE] < 0.05
     with (tmp_path / "study.csv").open() as file:
         table = list(csv.DictReader(file))
     assert [line["mark"] for line in table] == ["", "", "plan"] and table[2]["n"] == "6"
+    assert (table[1]["status"], table[1]["warnings"]) == ("broke down", "; ".join(broken.warnings))
     assert table[1]["cause"] == broken.outcome.cause and table[1][SURFACE] == table[1]["highest crest [m]"] == ""
     surface = RunDirectory(tmp_path / good.combination.name).snapshots()
     assert float(table[0]["highest crest [m]"]) == pytest.approx(surface.eta.max(), rel=1e-6)
     assert float(table[0]["deepest trough [m]"]) == pytest.approx(surface.eta.min(), rel=1e-6)
+
+
+def test_what_has_not_finished_is_counted_in_words():
+    (one,) = combinations(CASE, parse_axes(["dt=0.02"]))
+    rows = {status: Row(one, Outcome(status)) for status in ("finished", "broke down", "refused")}
+    finished, broken, refused = rows.values()
+    assert unfinished([finished]) == "" and unfinished([broken]) == "1 of 1 run broke down"
+    assert unfinished([broken, finished, refused]) == "1 of 3 runs broke down, 1 of 3 runs was refused"
+    assert unfinished([refused, refused]) == "2 of 2 runs were refused"
 
 
 @pytest.mark.slow

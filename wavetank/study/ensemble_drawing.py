@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from wavetank.postprocess.style import BLUE, PALE_GREY, VERMILION, entry, picture
 from wavetank.study.ensemble import Ensemble
-from wavetank.study.look import OPEN, warned
-from wavetank.study.response_drawing import TICKS, numeric, panels_of, places_of
-from wavetank.study.sweep import Axis, unit
+from wavetank.study.look import OPEN, remarks
+from wavetank.study.response_drawing import TICKS, label_of, numeric, panels_of, places_of
+from wavetank.study.sweep import Axis
 from wavetank.study.table import Row
 
 RUN, MEAN, QUANTILE = PALE_GREY, BLUE, VERMILION
@@ -26,9 +26,7 @@ def draw_ensembles(
     Of more such keys each further setting is a point beside the others.
     """
     along = next((axis for axis in axes if not axis.seeds and axis.physical), None)
-    label = "run [-]"
-    if along:
-        label = f"{along.name} [{unit(rows[0].scene, along.key) or '-'}]" if numeric(along) else along.name
+    label = label_of(rows, along) if along else "run [-]"
     names = list(dict.fromkeys(one.response for one in found))
     with picture(path, *panels_of(names)[1]) as figure:
         panels = figure.subplots(*panels_of(names)[0], squeeze=False).flat
@@ -45,9 +43,9 @@ def draw_ensembles(
             entry("a run", color=RUN, marker=".", ls=""),
             entry("mean, with its 95 % confidence", color=MEAN, marker="o"),
             entry("5, 50 and 95 % quantiles", color=QUANTILE, ls="--"),
-            *warned(rows),
+            *remarks(rows),
         ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=2 if warned(rows) else 3)
+        figure.legend(handles=handles, loc="outside lower center", ncols=2 if remarks(rows) else 3)
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
 

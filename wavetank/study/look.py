@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from wavetank.postprocess.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, VERMILION, entry
 from wavetank.study.sweep import Axis
-from wavetank.study.table import Row
+from wavetank.study.table import Row, damped, unfinished
 
 COLOURS = (BLUE, VERMILION, GREEN, PURPLE)
 EDGE = INK
@@ -21,6 +21,7 @@ MARKERS = "osD^v<>Pph"
 INTEGRATOR = "integrator"
 WARNED = "open: the run has warnings (study.csv)"
 OPEN: dict[str, Any] = {"ls": "", "mfc": "white"}  # of their marks
+CROSS: dict[str, Any] = {"marker": "x", "color": EDGE, "ms": 7, "mew": 1.5, "ls": ""}  # of a run that has not finished
 
 Point = tuple[float, float]
 
@@ -82,7 +83,7 @@ class Look:
         return ", ".join(axis.label for axis in self._settings)
 
     def legend(self, rows: Sequence[Row]) -> list[Line2D]:
-        """Return the entries of colours, markers, marked rows and warnings."""
+        """Return the entries of colours, markers and marked rows."""
         own = self._coloured == self._marked  # the colour says nothing else
         entries = [entry(name, color=colour, lw=3) for name, colour in self._colours.items() if not own]
         entries += [
@@ -91,12 +92,17 @@ class Look:
             if self._marked
         ]
         marks = [f"{row.mark}: {_words(row.combination.values)}" for row in rows if row.mark]
-        return [*entries, *(entry(mark, **STAR) for mark in marks), *warned(rows)]
+        return [*entries, *(entry(mark, **STAR) for mark in marks)]
 
 
-def warned(rows: Sequence[Row]) -> list[Line2D]:
-    """Return the entry that says which marks are of runs that have warnings, if some have."""
-    return [entry(WARNED, marker="o", **OPEN)] if any(row.warnings for row in rows) else []
+def remarks(rows: Sequence[Row], **look: Any) -> list[Line2D]:
+    """Return the entries that say which marks are of runs that have warnings, and of how many runs what is to be known.
+
+    ``look`` is that of the marks of runs that have not finished, if there are such marks.
+    """
+    warned = [entry(WARNED, marker="o", **OPEN)] if any(row.warnings and row.found for row in rows) else []
+    ended = [entry(unfinished(rows), **{"ls": "", **look})] if unfinished(rows) else []
+    return [*warned, *ended, *([entry(damped(rows), ls="")] if damped(rows) else [])]
 
 
 def _words(values: dict[str, str]) -> str:

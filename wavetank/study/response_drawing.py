@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from wavetank.postprocess.style import GREY, number_logarithms, picture
-from wavetank.study.look import Look, warned
+from wavetank.study.look import CROSS, Look, remarks
 from wavetank.study.measures import CREST as CREST_ERROR
 from wavetank.study.responses import CREST_TIME, responded
 from wavetank.study.sweep import Axis, unit
@@ -27,8 +27,8 @@ def draw_responses(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, tit
     """Draw each response but the crest's time over the first physical axis, a panel each, and return ``path``.
 
     Over two axes of numbers, three of each at least, they are maps. Where numerics are swept beside it errors are
-    drawn, too; the other axes are colours and markers. Values that are no numbers stand side by side. Raises
-    ``StopIteration`` if no axis is physical.
+    drawn, too; the other axes are colours and markers. Values that are no numbers stand side by side; where a run has
+    not finished there is a cross on the axis. Raises ``StopIteration`` if no axis is physical.
     """
     names = [name for name in responded(row.responses for row in rows) if name != CREST_TIME]
     if len(axes) == 2 and all(axis.physical and numeric(axis) and len(axis.values) >= MAPPED for axis in axes):
@@ -39,12 +39,12 @@ def draw_responses(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, tit
     (down, across), size = panels_of(names)
     with picture(path, *size) as figure:
         panels = figure.subplots(down, across, squeeze=False).flat
-        for panel, name in zip(panels, names, strict=False):
+        for name, panel in zip(names, panels, strict=False):
             _draw_panel(panel, rows, name, along, look)
-            panel.set(xlabel=_label(rows, along), ylabel=name)
+            panel.set(xlabel=label_of(rows, along), ylabel=name)
         for empty in list(panels):
             empty.set_axis_off()
-        if handles := look.legend(rows):
+        if handles := [*look.legend(rows), *remarks(rows, **CROSS)]:
             figure.legend(handles=handles, loc="outside lower center", ncols=4)
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
@@ -56,13 +56,14 @@ def panels_of(names: Sequence[str]) -> tuple[tuple[int, int], tuple[float, float
     return (down, across), (1.0 + 4.2 * across, 0.8 + 3.8 * down)
 
 
-def _label(rows: Sequence[Row], axis: Axis) -> str:
-    one = f" [{unit(rows[0].scene, axis.key) or '-'}]" if numeric(axis) else ""
-    return f"{axis.name}{one}"
+def label_of(rows: Sequence[Row], axis: Axis) -> str:
+    """Return a key with the unit of its numbers, as a run that tells something has it."""
+    scene = next(row.scene for row in rows if row.found)
+    return f"{axis.name} [{unit(scene, axis.key) or '-'}]" if numeric(axis) else axis.name
 
 
 def _draw_maps(rows: Sequence[Row], axes: Sequence[Axis], names: Sequence[str], path: Path, *, title: str) -> Path:
-    """Draw each response as a map over two axes of numbers, cells of runs that have none left white.
+    """Draw each response as a map over two axes of numbers, a cross where a run has not finished.
 
     In those of runs that have warnings stands a white mark, with the number where numbers are written.
     """
@@ -70,22 +71,26 @@ def _draw_maps(rows: Sequence[Row], axes: Sequence[Axis], names: Sequence[str], 
     (down, wide), size = panels_of(names)
     with picture(path, *size) as figure:
         panels = figure.subplots(down, wide, squeeze=False).flat
-        for panel, name in zip(panels, names, strict=False):
+        for name, panel in zip(names, panels, strict=False):
             values = np.full((len(up), len(across)), np.nan)
             doubtful = np.zeros(values.shape, dtype=bool)
             for row in rows:
                 x, y = (float(row.combination.values.get(axis.name, "nan")) for axis in axes)
-                if name in row.responses and x in across and y in up:
+                if x not in across or y not in up:
+                    continue
+                if name in row.responses:
                     at = up.index(y), across.index(x)
                     values[at], doubtful[at] = row.responses[name], bool(row.warnings)
+                elif row.outcome.status != "finished":
+                    panel.plot(x, y, **CROSS)
             cells = panel.pcolormesh(across, up, values, shading="nearest", cmap="viridis")
             figure.colorbar(cells, ax=panel).set_label(name)
             panel.grid(False)
             _write(panel, across, up, values, doubtful)
-            panel.set(xlabel=_label(rows, axes[0]), ylabel=_label(rows, axes[1]), xticks=across, yticks=up)
+            panel.set(xlabel=label_of(rows, axes[0]), ylabel=label_of(rows, axes[1]), xticks=across, yticks=up)
         for empty in list(panels):
             empty.set_axis_off()
-        if handles := warned(rows):
+        if handles := remarks(rows, **CROSS):
             figure.legend(handles=handles, loc="outside lower center")
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
@@ -108,8 +113,13 @@ def _write(
 def _draw_panel(panel: Axes, rows: Sequence[Row], name: str, along: Axis, look: Look) -> None:
     """Draw a response, or an error on a logarithmic axis, a line for each of the other settings."""
     places = places_of(along)
-    shown = [row for row in rows if _value(row, name) is not None and row.combination.values.get(along.name) in places]
+    rows = [row for row in rows if row.combination.values.get(along.name) in places]
+    shown = [row for row in rows if _value(row, name) is not None]
     look.draw(panel, shown, lambda row: (places[row.combination.values[along.name]], _value(row, name) or 0.0))
+    for row in rows:
+        if row.outcome.status != "finished":
+            place, on_axis = places[row.combination.values[along.name]], panel.get_xaxis_transform()
+            panel.plot(place, 0.0, **CROSS, transform=on_axis, clip_on=False)
     if name in measured(rows):
         panel.set_yscale("log")
         number_logarithms(panel.yaxis)

@@ -14,7 +14,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from tempfile import TemporaryFile
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from wavetank.case.contents import contents
 from wavetank.errors import InputError, RunError
@@ -23,7 +23,6 @@ from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.place import Place
 from wavetank.study.sweep import Combination
 
-Status = Literal["finished", "failed", "refused"]
 CAN_GO_ON = ("killed", "stopped", "failed", "unknown")  # what has broken down would do so again
 
 
@@ -33,14 +32,15 @@ class Outcome(NamedTuple):
     Attributes
     ----------
     status
-        ``"finished"``; ``"failed"``: it broke down; ``"refused"``: it never began, e.g. because dt is unstable.
+        ``"finished"``; ``"refused"``: it never began, e.g. because dt is unstable; else what its directory says,
+        ``"broke down"``, say, and ``"failed"`` where it left none.
     cause
         The run's own sentence if it is not finished.
     again
         Whether it was run now; else it had been finished before.
     """
 
-    status: Status
+    status: str
     cause: str = ""
     again: bool = True
 
@@ -102,7 +102,7 @@ class Runner:
             at_the_end.callback(self._dismiss)
             at_the_end.enter_context(_termination_as_interrupt())
             pool = at_the_end.enter_context(ThreadPoolExecutor(self._at_once))
-            futures = {pool.submit(self._run, one): one for one in waiting}
+            futures = {pool.submit(self._ended, one): one for one in waiting}
             try:
                 for future in as_completed(futures):
                     yield futures[future], future.result()
@@ -112,6 +112,12 @@ class Runner:
                 if isinstance(error, KeyboardInterrupt):
                     raise RunError("interrupted; the same command goes on with the runs that are missing.") from None
                 raise
+
+    def _ended(self, combination: Combination) -> Outcome:
+        """Run a combination, and return how it has ended: where it failed, by the word that its directory has."""
+        outcome = self._run(combination)
+        status = status_of(self.directory(combination), combination) if outcome.status == "failed" else None
+        return outcome if status in (None, "finished") else outcome._replace(status=status)
 
     def _run(self, combination: Combination) -> Outcome:
         changes = [word for change in combination.overrides for word in ("--set", change)]
@@ -196,7 +202,7 @@ def _outcome(code: int, errors: str) -> Outcome:
     if code == 0:
         return Outcome("finished")
     lines = [line for line in errors.splitlines() if line.strip()] or [f"ended with code {code}"]
-    status: Status = "refused" if code == InputError.exit_code else "failed"
+    status = "refused" if code == InputError.exit_code else "failed"
     return Outcome(status, lines[-1].removeprefix("wavetank: "))
 
 

@@ -5,6 +5,7 @@ The picture is of work and precision, or, where a swept key changes what is mode
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -12,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from wavetank.console import spelt
 from wavetank.errors import InputError, RunError
-from wavetank.records.directory import RunDirectory
+from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.place import Place
 from wavetank.study.drawing import draw_study
 from wavetank.study.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
@@ -23,7 +24,7 @@ from wavetank.study.response_drawing import draw_responses
 from wavetank.study.responses import Response, responded, responses, usual_responses
 from wavetank.study.runs import Outcome, Runner, cores
 from wavetank.study.sweep import Axis, Combination, marked_combination, parse_axes, swept
-from wavetank.study.table import CPU, Row, costs, study_table, write_table
+from wavetank.study.table import CPU, Row, costs, counted, damped, study_table, unfinished, write_table
 
 TABLE, PICTURE, ENSEMBLES = "study.csv", "study.png", "ensemble.csv"
 FINE, EXACT, NONE = "fine", "exact", "none"
@@ -181,14 +182,18 @@ class Study:
         return refined(self._case, coarse, dt=dt, name=name)
 
     def _row(self, one: Combination, outcome: Outcome, reference: Reference | None) -> Row:
-        mark = "plan" if one in self._marked else ""
+        row, place = Row(one, outcome, mark="plan" if one in self._marked else ""), self._runner.directory(one)
+        if outcome.status == "refused" or not (place / MANIFEST).exists():
+            return row
+        run = RunDirectory(place)
+        broke = run.manifest.get("breaking", {}).get("waves")
+        row = replace(row, warnings=run.manifest.get("warnings", []), broke=broke)
         if outcome.status != "finished":
-            return Row(one, outcome, mark=mark)
-        run = RunDirectory(self._runner.directory(one))
+            return row
         errors = reference.errors(run) if reference else {}
         told, untold = responses(run, self._asked, start=self._start)
         self._untold.update(dict.fromkeys(f"{one.name}: {cause}" for cause in untold))
-        return Row(one, outcome, errors, self._costs(one), mark, told, run.manifest.get("warnings", []))
+        return replace(row, errors=errors, costs=self._costs(one), responses=told)
 
     def _write(self, rows: Sequence[Row]) -> None:
         beside = [Axis.of(name) for one in self._marked for name in one.values]
@@ -200,24 +205,25 @@ class Study:
         for cause in self._untold:
             self._console.print(f"warning: {cause}", markup=False, highlight=False)
         if warned := [row for row in rows if row.warnings]:
-            first = f"{warned[0].combination.name}: {warned[0].warnings[0]}"
-            line = f"warning: {len(warned)} of {len(rows)} runs have warnings, which are in {TABLE}; {first}"
-            self._console.print(line, markup=False, highlight=False)
+            have = f"{counted(len(warned), rows)} {'has' if len(warned) == 1 else 'have'} warnings"
+            line = f"{have}, which are in {TABLE}; {warned[0].combination.name}: {warned[0].warnings[0]}"
+            self._console.print(f"warning: {line}", markup=False, highlight=False)
+        for line in filter(None, (unfinished(rows), damped(rows))):
+            self._console.print(line, highlight=False)
         if not any(responded([row.found]) for row in rows):
             causes = "; ".join([*dict.fromkeys(row.outcome.cause for row in rows if row.outcome.cause), *self._untold])
             raise RunError(f"nothing could be measured: no run, or not its reference, has finished. {causes}")
-        rows = [row for row in rows if isinstance(row.combination, Combination)]
         if any(axis.seeds for axis in self._axes) and (found := ensembles(rows, self._axes)):
             self._write_ensembles(rows, found, wide)
             return
-        draw, title = draw_responses if self._physical else draw_study, rows[0].scene.title
+        draw, title = draw_responses if self._physical else draw_study, self._swept[0].scene.title
         self._console.print(f"wrote {draw(rows, self._axes, self._out / PICTURE, title=title)}", highlight=False)
 
     def _write_ensembles(self, rows: Sequence[Row], found: Sequence[Ensemble], wide: Console) -> None:
         write_ensembles(self._out / ENSEMBLES, found)
         wide.print(ensemble_table(found))
         self._console.print(f"wrote {self._out / ENSEMBLES}", highlight=False)
-        title = rows[0].scene.title
+        title = self._swept[0].scene.title
         drawn = draw_ensembles(rows, found, self._axes, self._out / PICTURE, title=title)
         self._console.print(f"wrote {drawn}", highlight=False)
 
