@@ -32,7 +32,7 @@ from wavetank.runs.run import Run
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
-CASES = {"focusing": 130.0, "marin-202002": 118.0, "flap": 40.0, "bar": 40.0}  # and how long they go on [s]
+CASES = {"focusing": 130.0, "marin-202002": 118.0, "flap": 120.0, "bar": 40.0}  # and how long they go on [s]
 LOOKS = EnergyBudget, Gauges, StabilityWatch  # beside the filters
 GROUP, BEFORE, PASSES = 10, 100, 8  # steps of a group, and before the first; and how often all of it is done
 

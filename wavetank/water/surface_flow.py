@@ -226,7 +226,7 @@ class SurfaceFlow(SurfaceVelocity):
 
     def near(self, state: State, t: float) -> None:
         """See ``SurfaceVelocity``; elevation and surface potential are set when they are asked for, if they can be."""
-        if state is self._state and one_time(t, self.t):
+        if state is self._state and (t == self.t or one_time(t, self.t)):
             return
         told = self._waves.told(state, t)
         if told is None:
