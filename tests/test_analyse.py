@@ -220,6 +220,29 @@ def test_a_reflection_that_is_not_to_be_trusted_is_said_to_be_so(table):
     assert "the reflection is" not in said(reflected=0.03, second=0.005, gauges=2)
 
 
+def test_harmonics_and_free_waves_that_are_not_steady_are_said_to_be_so(table):
+    """Oracle: of waves of 50 mm a third or a free second harmonic of 1 mm that is of 6 mm from half the time on.
+
+    Less than counts is not told, nor over a few periods what a fifth harmonic leaves of a half that is not whole ones.
+    """
+    regular = read_record(str(table), period=PERIOD, depth=DEPTH)
+    steps = np.where(T > 30.0, 0.005, 0.0)
+
+    def said(kind, k, n, amplitude, *, part=1.0):
+        more = [amplitude * np.cos(k * x - n * OMEGA * T) for x in X]
+        record = replace(regular, eta=regular.eta.copy(data=regular.eta.values + np.array(more)))
+        return kinds.analysed(kind, replace(record, eta=between(record.eta, None, part * T[-1]))).said
+
+    two = "is not steady, {} m in the first half of this record, {} m in the second: a later --start tells it, or a"
+    assert re.search(
+        r"; harmonic 3 at gauge G\d " + two.format("0.001", "0.006"), said("harmonics", K, 3, 0.001 + steps)
+    )
+    assert f"; the free wave {two.format('0.003', '0.008')}" in said("bound-free", FREE, 2, 0.001 + steps)
+    for kind, k, n in (("harmonics", K, 3), ("bound-free", FREE, 2)):
+        assert "not steady" not in said(kind, k, n, 0.001 + 0.05 * steps)
+    assert "not steady" not in said("harmonics", K, 5, 0.03, part=0.17)
+
+
 def test_bound_and_free_waves_are_waited_for(table):
     """Oracle: both leave the paddle at once, or the first gauge, and go with their group velocities."""
     regular = replace(read_record(str(table), period=PERIOD, depth=DEPTH), from_wall=True)

@@ -1,5 +1,6 @@
 """The kinds of analysis that ``wavetank analyse`` offers: of a record a table, and what draws its picture."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,6 +12,7 @@ from xarray import DataArray, Dataset
 
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis import figures
+from wavetank.postprocess.analysis.along import Along
 from wavetank.postprocess.analysis.bound_free import beat_length, bound_and_free
 from wavetank.postprocess.analysis.exceedance import forristall_crests
 from wavetank.postprocess.analysis.groups import envelope, groupiness
@@ -31,6 +33,8 @@ MIDDLE = 16  # mean periods that are looked at before all of a record is
 MANY = 6  # pairs of gauges that are named
 SEVERAL = 5  # of a sea's mean periods: over which its height is looked at
 SLIGHT, UNSURE = 1e-3, 0.5  # reflection, and part of it: what is uncertain by more is told
+UNSTEADY, MINOR = 0.15, 0.05  # of itself, and of all: a harmonic that changes by more than both is told
+UNSTEADY_SECOND = 0.1  # of the largest: a bound or free wave that changes by more is told
 STEEP = 0.05  # of the wave number: within which that of regular waves is looked for, where gauges allow
 
 Value = str | float
@@ -95,30 +99,53 @@ def heights(record: Record) -> Result:
 
 def harmonic(record: Record) -> Result:
     """Amplitudes and phases of the waves' harmonics."""
-    found = harmonics(record.eta, record.frequency, number=resolved(record.eta, record.frequency))
+    f, number = record.frequency, resolved(record.eta, record.frequency)
+    found = harmonics(record.eta, f, number=number)
     A, numbers = found.component.values, found.harmonic.values
     columns = ["gauge", "x [m]", *(f"a{n} [m]" for n in numbers), *(f"phase{n} [rad]" for n in numbers), "rest [m]"]
     rows = _rows(record, np.abs(A), np.angle(A), found.rest)
-    said = _period_told(record) + _others_told(record) + _begin_told(record, 1 / record.frequency)
+    unsteady = _unsteady_told(
+        record,
+        lambda eta: np.abs(harmonics(eta, f, number=number).component.values),
+        lambda a: np.maximum(UNSTEADY * a, MINOR * np.linalg.norm(a, axis=1, keepdims=True)),
+        [[f"harmonic {n} at gauge {gauge}" for n in numbers] for gauge in record.eta.gauge.values],
+    )
+    said = _period_told(record) + _others_told(record) + (_begin_told(record, 1 / f) or unsteady)
     return Result(columns, rows, said, lambda path: figures.harmonics_figure(found, path, title=record.title))
 
 
 def bound_free(record: Record) -> Result:
     """The second harmonic along the tank: bound to the first, free, and free that goes back."""
     f, depth, g = record.frequency, record.depth, record.gravity
-    component = harmonics(record.on_its_way, f, number=max(2, resolved(record.eta, f))).component[:, 1]
     names = ["bound", "free", "free, going back"][: 3 if record.eta.sizes["gauge"] > 3 else 2]
-    found = bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
+
+    def second(eta: DataArray) -> tuple[DataArray, Along]:
+        found = harmonics(replace(record, eta=eta).on_its_way, f, number=max(2, resolved(record.eta, f)))
+        component = found.component[:, 1]
+        return component, bound_and_free(component, f, depth=depth, gravity=g, returning=len(names) > 2)
+
+    component, found = second(record.eta)
     k, free = (float(one) for one in wave_number(2 * np.pi * f * np.array([1, 2]), depth, g))
     numbers = [2 * k, free, -free][: len(names)]
     rows: list[tuple[Value, ...]] = [
         (name, q, abs(a), float(np.angle(a))) for name, q, a in zip(names, numbers, found.amplitudes, strict=True)
     ]
     badly = ": gauges stand badly, which should be apart by parts of the beat, not by all of it (--gauges, --along)"
+    badly = badly if found.condition > WORST else ""
+    unsteady = (
+        ""
+        if badly
+        else _unsteady_told(
+            record,
+            lambda eta: np.abs(second(eta)[1].amplitudes),
+            lambda a: UNSTEADY_SECOND * a.max(keepdims=True),
+            [f"the {name} wave" for name in ("bound", "free", "returning free")[: len(names)]],
+        )
+    )
     said = (
         f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; rest {found.rest:.3g} m (rms); "
-        f"condition {found.condition:.3g}{badly if found.condition > WORST else ''}{_others_told(record)}"
-        f"{_slowest_told(record, k, free)}{record.told_way}"
+        f"condition {found.condition:.3g}{badly}{_others_told(record)}"
+        f"{_slowest_told(record, k, free) or unsteady}{record.told_way}"
     )
     title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
     return Result(
@@ -184,19 +211,52 @@ def _regular(record: Record) -> Result:
     )
 
 
+def _unsteady_told(
+    record: Record, amplitudes: Callable[[DataArray], Array], least: Callable[[Array], Array], names: ArrayLike
+) -> str:
+    """Return which of some named amplitudes [m] changes most over the record, where by more than ``least`` of it."""
+    early, whole, late = (amplitudes(eta) for eta in _whole_periods(record))
+    change = np.ptp([early, whole, late], axis=0) / np.maximum(least(whole), SMALLEST)
+    if not change.max() > 1.0:
+        return ""
+    worst = np.unravel_index(np.argmax(change), change.shape)
+    return _not_steady(np.asarray(names)[worst], *(f"{amplitude[worst]:.3g} m" for amplitude in (early, late)))
+
+
+def _not_steady(what: str, early: str, late: str) -> str:
+    two = f"{early} in the first half of this record, {late} in the second"
+    return f"; {what} is not steady, {two}: a later --start tells it, or a longer record"
+
+
+def _ends(eta: DataArray, times: int) -> list[DataArray]:
+    """Return the first and the last so many times of a record."""
+    return [eta.isel(time=slice(times)), eta.isel(time=slice(-times, None))]
+
+
+def _whole_periods(record: Record) -> list[DataArray]:
+    """Return as many whole periods of a record as its half has, the first, all, the last; all where these are few.
+
+    Over a part of a period what is above the highest harmonic counts as others.
+    """
+    step, period = time_step(record.eta), 1 / record.frequency
+    periods = int((record.eta.time.size - 1) * step / period / 2)
+    times = 1 + math.ceil(periods * period / step) if periods > 1 else record.eta.time.size
+    first, last = _ends(record.eta, times)
+    return [first, record.eta, last]
+
+
 def _doubted(record: Record, component: DataArray, found: Reflection) -> str:
     """Return why the reflection of the waves that are ``found`` of harmonics is not to be trusted, and what helps.
 
     Because it changes, or gauges cannot tell it from what linear theory leaves out of the first harmonic. Three see
     that in what they leave; two leave nothing, and it is about as much as the second harmonic is steep.
     """
-    doubtful, middle = max(UNSURE * found.coefficient, SLIGHT), record.eta.time.size // 2
-    halves = [replace(record, eta=record.eta.isel(time=part)) for part in (slice(middle), slice(middle, None))]
+    doubtful = max(UNSURE * found.coefficient, SLIGHT)
+    halves = [replace(record, eta=half) for half in _ends(record.eta, record.eta.time.size // 2)]
     if all(np.ptp(half.eta.time.values) * record.frequency > 1 for half in halves):
         early, late = (_told_apart(half)[1].coefficient for half in halves)
         if np.ptp([early, found.coefficient, late]) > doubtful:
-            two = f"{100 * early:.2g} % in the first half of this record, {100 * late:.2g} % in the second"
-            return f"; the reflection is not steady, {two}: a later --start tells it, or a longer record"
+            return _not_steady("the reflection", *(f"{100 * part:.2g} %" for part in (early, late)))
     number, steepness = component.sizes["gauge"], found.k * float(np.linalg.norm(component[:, 1:2])) / np.sqrt(2)
     rest = found.rest / max(abs(found.incident), np.finfo(float).tiny)
     left = rest * np.sqrt(2 / (2 * number - 5)) if number > 2 else steepness
