@@ -22,11 +22,13 @@ def faults(figure: Figure) -> list[str]:
     """Return what is wrong with a figure, a sentence each.
 
     Axes with fewer than two numbers, axes without a unit, colours that no legend of the panel or of the figure names,
-    legends and texts on curves, texts on texts.
+    legends and texts on curves, texts on texts, legends that are wider than the figure.
     """
     figure.draw_without_rendering()
     panels = [axes for axes in figure.axes if axes.lines]
-    return [fault for axes in panels for fault in chain(_numbers(axes), _colours(axes), _covered(axes), _texts(axes))]
+    found = [fault for axes in panels for fault in chain(_numbers(axes), _colours(axes), _covered(axes), _texts(axes))]
+    wide = [one for one in figure.legends if one.get_window_extent().width > figure.bbox.width]
+    return [*found, *("a legend is wider than the figure" for _ in wide)]
 
 
 def _numbers(axes: Axes) -> Iterator[str]:

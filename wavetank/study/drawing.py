@@ -12,7 +12,7 @@ from matplotlib.text import Annotation
 from matplotlib.transforms import Bbox
 
 from wavetank.postprocess.style import entry, lay_out, number_logarithms, picture
-from wavetank.study.look import EDGE, INTEGRATOR, Look, Point, remarks
+from wavetank.study.look import EDGE, INTEGRATOR, Look, Point, legend_below, remarks
 from wavetank.study.measures import CREST
 from wavetank.study.sweep import Axis
 from wavetank.study.table import CPU, Row, measured
@@ -47,7 +47,7 @@ def draw_study(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, title: 
         ]
         numbers = f" ({look.text_labels})" if look.text_labels else ""
         front = entry(f"Pareto front{numbers}: none is cheaper and more precise", color=FRONT, ls=DASHES, lw=1.4)
-        figure.legend(handles=[*look.legend(rows), *remarks(rows), front], loc="outside lower center", ncols=4)
+        legend_below(figure, [*look.legend(rows), *remarks(rows), front])
         figure.suptitle(f"{title}{': ' if title else ''}work and precision", fontsize=12, parse_math=False)
         lay_out(figure)  # where points and texts are is known only now
         for panel, texts in zip(panels, fronts, strict=True):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from wavetank.postprocess.style import BLUE, PALE_GREY, VERMILION, entry, picture
 from wavetank.study.ensemble import Ensemble
-from wavetank.study.look import OPEN, remarks
+from wavetank.study.look import OPEN, legend_below, remarks
 from wavetank.study.response_drawing import TICKS, label_of, numeric, panels_of, places_of
 from wavetank.study.sweep import Axis
 from wavetank.study.table import Row
@@ -45,7 +45,7 @@ def draw_ensembles(
             entry("5, 50 and 95 % quantiles", color=QUANTILE, ls="--"),
             *remarks(rows),
         ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=2 if remarks(rows) else 3)
+        legend_below(figure, handles)
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
 

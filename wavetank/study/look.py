@@ -8,6 +8,7 @@ from itertools import cycle
 from typing import Any
 
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from wavetank.postprocess.style import BLUE, GREEN, GREY, INK, ORANGE, PURPLE, VERMILION, entry
@@ -19,6 +20,7 @@ EDGE = INK
 STAR: dict[str, Any] = {"marker": "*", "color": ORANGE, "ms": 15, "mec": EDGE, "ls": ""}  # a marked combination
 MARKERS = "osD^v<>Pph"
 INTEGRATOR = "integrator"
+COLUMNS = 4  # of a legend, at most
 WARNED = "open: the run has warnings (study.csv)"
 OPEN: dict[str, Any] = {"ls": "", "mfc": "white"}  # of their marks
 CROSS: dict[str, Any] = {"marker": "x", "color": EDGE, "ms": 7, "mew": 1.5, "ls": ""}  # of a run that has not finished
@@ -103,6 +105,15 @@ def remarks(rows: Sequence[Row], **look: Any) -> list[Line2D]:
     warned = [entry(WARNED, marker="o", **OPEN)] if any(row.warnings and row.found for row in rows) else []
     ended = [entry(unfinished(rows), **{"ls": "", **look})] if unfinished(rows) else []
     return [*warned, *ended, *([entry(damped(rows), ls="")] if damped(rows) else [])]
+
+
+def legend_below(figure: Figure, handles: Sequence[Line2D]) -> None:
+    """Put a legend, if it has entries, below the panels, in as many columns, at most four, as there is room for."""
+    for columns in range(min(COLUMNS, len(handles)), 0, -1):
+        legend = figure.legend(handles=handles, loc="outside lower center", ncols=columns)
+        if columns == 1 or legend.get_window_extent().width <= figure.bbox.width:
+            return
+        legend.remove()
 
 
 def _words(values: dict[str, str]) -> str:

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from wavetank.postprocess.style import GREY, number_logarithms, picture
-from wavetank.study.look import CROSS, Look, remarks
+from wavetank.study.look import CROSS, Look, legend_below, remarks
 from wavetank.study.measures import CREST as CREST_ERROR
 from wavetank.study.responses import CREST_TIME, responded
 from wavetank.study.sweep import Axis, unit
@@ -44,8 +44,7 @@ def draw_responses(rows: Sequence[Row], axes: Sequence[Axis], path: Path, *, tit
             panel.set(xlabel=label_of(rows, along), ylabel=name)
         for empty in list(panels):
             empty.set_axis_off()
-        if handles := [*look.legend(rows), *remarks(rows, **CROSS)]:
-            figure.legend(handles=handles, loc="outside lower center", ncols=4)
+        legend_below(figure, [*look.legend(rows), *remarks(rows, **CROSS)])
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
 
@@ -90,8 +89,7 @@ def _draw_maps(rows: Sequence[Row], axes: Sequence[Axis], names: Sequence[str], 
             panel.set(xlabel=label_of(rows, axes[0]), ylabel=label_of(rows, axes[1]), xticks=across, yticks=up)
         for empty in list(panels):
             empty.set_axis_off()
-        if handles := remarks(rows, **CROSS):
-            figure.legend(handles=handles, loc="outside lower center")
+        legend_below(figure, remarks(rows, **CROSS))
         figure.suptitle(title, fontsize=12, parse_math=False)
     return path
 
