@@ -22,7 +22,7 @@ from wavetank.observers.energy import EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.plan.defaults import resolved
 from wavetank.plan.dispersion import Cells, Mesh
-from wavetank.plan.forewarnings import forewarnings, in_sponge
+from wavetank.plan.forewarnings import coarse, forewarnings, in_sponge
 from wavetank.plan.highest_waves import too_high
 from wavetank.plan.planned import planned, told_of_rule
 from wavetank.plan.requirements import requirements
@@ -113,7 +113,8 @@ DOUBTFUL = {
             "numerics": {"cells": 40, "vertical_order": 4},
             "duration": 20.0,
         },
-        r"the bed frees second harmonics of the waves of 2 s, about 1 of these; far_wall, whose band begins at 2 s",
+        r"(?s)the bed frees second harmonics of the waves of 2 s, about 1 of these; far_wall, whose band begins at 2 s"
+        r".*\ncells of 0\.5 m and vertical order 4 are coarse over this bed, and no accuracy is predicted: the rule",
     ),
     "a sponge that begins at once": (
         {
@@ -283,6 +284,27 @@ def test_cells_that_miss_a_paddle_s_waves_over_a_bed_are_told():
     missed, enough = map(float, re.search(r"their speed by (\S+)%: cells of (\S+) m hold them", said).groups())
     assert missed / 100 == pytest.approx(speed - 1, abs=1e-3)
     assert not [*waves_missed(one, enough)] and not [*waves_missed(on_a_slope(0.5), on_a_slope(0.5).cell_size)]
+
+
+@pytest.mark.parametrize(
+    ("numerics", "told"),
+    [
+        ({"cell_size": 0.12}, False),  # right to 2.5 % at all gauges
+        ({"cell_size": 0.16}, True),  # a wave breaks
+        ({"cell_size": 0.3, "order": 8}, False),
+        ({"vertical_order": 4}, False),  # right to 0.5 %
+        ({"vertical_order": 2}, True),  # to 26 %
+    ],
+    ids=str,
+)
+def test_what_is_far_from_the_rule_over_a_bed_is_told(numerics, told):
+    """Oracle: waves of 30 mm over a bar from 0.4 m to 0.1 m, against cells of 0.05 m (docs/plan.md)."""
+    depth = "0.4 - 0.3 * clip((x - 6) / 6, 0, 1) + 0.3 * clip((x - 14) / 3, 0, 1)"
+    tank = {"length": 22.0, "depth": 0.4, "bed": {"type": "formula", "depth": depth}}
+    one = resolved(scene(tank=tank, wall=piston(1.5), numerics=numerics))
+    said = [*coarse(one, one.cell_size)]
+    assert len(said) == told
+    assert all(line.endswith("no accuracy is predicted: the rule (docs/plan.md) takes 0.08 m and 8") for line in said)
 
 
 def test_waves_that_cells_do_not_carry_are_told_in_a_basin():

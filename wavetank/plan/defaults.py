@@ -15,7 +15,7 @@ from wavetank.arrays import Vector
 from wavetank.case import BasinTank, Scene
 from wavetank.case.initial import StillWater
 from wavetank.case.initial_run import RunState
-from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER, Numerics
 from wavetank.case.sponges import paddle_period
 from wavetank.errors import InputError
 from wavetank.plan.dispersion import relative_frequency_error
@@ -58,6 +58,13 @@ def resolved(scene: Scene) -> Scene:
     elif all(getattr(scene.numerics, key) == value for key, value in changes.items()):
         return scene
     return scene.model_copy(update={"numerics": scene.numerics.model_copy(update=changes)})
+
+
+def by_rule(scene: Scene) -> Scene:
+    """Return the scene with the cells and vertical order that it would get if it named none of them."""
+    kept = scene.numerics.model_fields_set - {"cells", "cell_size", "vertical_order"}
+    numerics = Numerics(**{key: getattr(scene.numerics, key) for key in kept})
+    return resolved(scene.model_copy(update={"numerics": numerics}))
 
 
 def solved_to(accuracy: float, scene: Scene) -> dict[str, float]:

@@ -21,7 +21,7 @@ from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.plan.defaults import DEFAULT, bed_shape
+from wavetank.plan.defaults import DEFAULT, bed_shape, by_rule
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.freed_harmonics import harmonics_sent_back
 from wavetank.plan.highest_waves import too_high
@@ -36,6 +36,7 @@ from wavetank.theory.damped_waves import reflection
 from wavetank.water.short_waves import FARTHEST
 from wavetank.water.sponge import profile
 
+COARSE, LOW = 1.6, 0.5  # of the rule's cells and vertical order over a bed: a wave broke at 2 that does not
 LARGE = 0.1  # predicted relative error of the elevation
 SENT_BACK = 0.1  # of waves, by a sponge: steep ones broke from 0.2 on (docs/absorption.md)
 LAYERS = 2000  # in which a sponge is looked at
@@ -61,6 +62,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
         *in_sponge(scene),
         *_damped(scene, waves),
         *harmonics_sent_back(scene),
+        *coarse(scene, waves.plane.cell_size),
     ]
     scheme = own or INTEGRATORS[scene.numerics.integrator]()
     of_step = *_motion(scene, clock, scheme.nodes), *_farthest(scene, clock, waves, scheme), *_end(scene, clock)
@@ -236,6 +238,19 @@ def _bed(scene: Scene, waves: AnyWaves) -> Iterator[str]:
     off = rms(waves.plane, np.asarray(missed / depth))
     if off > HELD:
         yield f"the mesh misses the bed by {off:.2g} of the depth: {_cells(waves)}"
+
+
+def coarse(scene: Scene, cell_size: float) -> Iterator[str]:
+    """Yield a sentence if over a bed cells, of a size [m], or vertical order are far from what the rule takes."""
+    if scene.tank.bed is None:
+        return
+    ruled, order = by_rule(scene), scene.numerics.vertical_order
+    takes, held = ruled.cell_size, ruled.numerics.vertical_order
+    finer = max(scene.numerics.order / 3, 1.0)  # nodes are as far apart; the rule is the same from order 3 on
+    if cell_size > COARSE * (1 + ROUNDING) * finer * takes or order < LOW * held:
+        received = f"cells of {cell_size:.3g} m and vertical order {order} are coarse over this bed"
+        rule = f"the rule (docs/plan.md) takes {takes:.2g} m and {held}"
+        yield f"{received}, and no accuracy is predicted: {rule}"
 
 
 def _start(scene: Scene, waves: AnyWaves) -> Iterator[str]:
