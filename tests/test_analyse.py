@@ -139,6 +139,22 @@ def test_regular_waves_go_with_their_phase_speed_and_no_other_frequency_has_one(
     assert not faults(figures[0]) and [line.get_xdata().size for line in figures[0].axes[0].lines] == [1, 1, 200]
 
 
+def test_gauges_on_either_side_of_a_bar_are_refused_where_one_depth_is_needed():
+    """Oracle: the bed, which is flat on either side of the bar, and of one depth at all gauges."""
+    record, _ = regular((2.0, 2.5, 8.0, 8.5))
+
+    def bed(x, y):
+        return np.where(abs(x - 5.0) < 0.2, 0.5, 1.0)
+
+    over = replace(record, told_depth=bed)
+    for kind in ("reflection", "bound-free", "speed"):
+        with pytest.raises(InputError, match="differs between the gauges: --gauges names those that stand over one"):
+            kinds.analysed(kind, replace(over, told_period=1.6))
+        for one in (over.eta[:2], over.eta[2:]):
+            kinds.analysed(kind, replace(over, told_period=1.6, eta=one))
+    assert "left out" not in kinds.analysed("heights", over).said  # each has its own waves, over that depth
+
+
 def test_where_whole_periods_cannot_be_told_it_is_said(tmp_path, monkeypatch):
     """Oracle: of records of two frequencies alike a period later; of a depth whose waves are off by over a quarter.
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from xarray import DataArray
 
 from wavetank import data
@@ -17,6 +18,7 @@ from wavetank.postprocess.beds import still_water
 from wavetank.records.directory import MANIFEST, RunDirectory
 
 GRAVITY = 9.81  # m/s^2; of what is no run
+BETWEEN = 64  # places from gauge to gauge at which the bed is looked at
 SAME = 0.01  # of the depth: gauges over depths that differ by less are over one
 
 
@@ -74,15 +76,22 @@ class Record:
     @property
     def depth_if_known(self) -> float | None:
         """The depth [m] at the gauges; None where it is not known, or differs between them."""
+        return self._one_depth(self.eta.x.values, self.eta.y.values)
+
+    def _one_depth(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> float | None:
+        """Return the depth [m] at places x and y [m] of shape (N,); None where it is not known, or not one."""
         if not callable(self.told_depth):
             return self.told_depth
-        depths = self.told_depth(np.asarray(self.eta.x.values), np.asarray(self.eta.y.values))
+        depths = self.told_depth(x, y)
         return float(depths.mean()) if np.ptp(depths) < SAME * depths.mean() else None
 
-    @property
+    @cached_property
     def depth(self) -> float:
-        """The depth [m] at the gauges; raises ``InputError`` where it is not known, or differs between them."""
-        if (depth := self.depth_if_known) is None:
+        """The depth [m] from gauge to gauge; raises ``InputError`` where it is not known, or differs between them."""
+        gauges = np.arange(self.eta.sizes["gauge"])
+        way = np.linspace(0, gauges[-1], 1 + BETWEEN * gauges[-1])
+        x, y = (np.interp(way, gauges, at.values) for at in (self.eta.x, self.eta.y))
+        if (depth := self._one_depth(x, y)) is None:
             differs = "it differs between the gauges: --gauges names those that stand over one"
             why = differs if self.told_depth else "give --depth METRES"
             raise InputError(f"{self.title}: the depth is needed for this; {why}.")
