@@ -233,6 +233,7 @@ def test_a_reflection_that_is_not_to_be_trusted_is_said_to_be_so(table):
     assert "which the gauges leave of the waves: more of them" in said(reflected=0.01, other=0.002)
     assert "the reflection is" not in said(reflected=0.1, other=0.002)
     assert "uncertain by 1 %, which two gauges cannot tell" in said(reflected=0.01, second=0.005, gauges=2)
+    assert "uncertain by 10 %, which two gauges cannot tell" in said(reflected=0.1, second=0.05, gauges=2)
     assert "the reflection is" not in said(reflected=0.03, second=0.005, gauges=2)
 
 

@@ -256,7 +256,7 @@ def _doubted(record: Record, component: DataArray, found: Reflection) -> str:
     if all(np.ptp(half.eta.time.values) * record.frequency > 1 for half in halves):
         early, late = (_told_apart(half)[1].coefficient for half in halves)
         if np.ptp([early, found.coefficient, late]) > doubtful:
-            return _not_steady("the reflection", *(f"{100 * part:.2g} %" for part in (early, late)))
+            return _not_steady("the reflection", *(_percent(part, 2) for part in (early, late)))
     number, steepness = component.sizes["gauge"], found.k * float(np.linalg.norm(component[:, 1:2])) / np.sqrt(2)
     rest = found.rest / max(abs(found.incident), np.finfo(float).tiny)
     left = rest * np.sqrt(2 / (2 * number - 5)) if number > 2 else steepness
@@ -265,7 +265,12 @@ def _doubted(record: Record, component: DataArray, found: Reflection) -> str:
     why = "the gauges leave of the waves: more of them tell it better"
     if number == 2:
         why = "two gauges cannot tell from free harmonics and steepness: three can"
-    return f"; the reflection is uncertain by {100 * unsure:.1g} %, which {why} (--gauges, --along)"
+    return f"; the reflection is uncertain by {_percent(unsure, 1)}, which {why} (--gauges, --along)"
+
+
+def _percent(part: float, digits: int) -> str:
+    """Return a part in so many digits, and never with an exponent."""
+    return f"{float(f'{100 * part:.{digits}g}'):g} %"
 
 
 def _period_told(record: Record) -> str:
@@ -281,7 +286,7 @@ def _share_of_others(record: Record) -> float:
 def _others_told(record: Record) -> str:
     """Return words on the variance that is neither of the waves' frequency nor of its harmonics, where that is much."""
     share = _share_of_others(record)
-    others = f"; {100 * share:.2g} % of the variance is not of this period, but of other waves or of growing ones"
+    others = f"; {_percent(share, 2)} of the variance is not of this period, but of other waves or of growing ones"
     return others if share > DOUBTFUL else ""
 
 
