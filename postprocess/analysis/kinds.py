@@ -143,8 +143,8 @@ def bound_free(record: Record) -> Result:
         )
     )
     said = (
-        f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; rest {found.rest:.3g} m (rms); "
-        f"condition {found.condition:.3g}{badly}{_others_told(record)}"
+        f"T = {1 / f:.6g} s; beat {beat_length(f, depth=depth, gravity=g):.4g} m; "
+        f"{_rest_told(component, found)}condition {found.condition:.3g}{badly}{_others_told(record)}"
         f"{_slowest_told(record, k, free) or unsteady}{record.told_way}"
     )
     title = f"{record.title}: second harmonic, T = {1 / f:.4g} s"
@@ -202,7 +202,7 @@ def _regular(record: Record) -> Result:
     component, found = _told_apart(record)
     begin = _begin_told(record, 1 / record.frequency)
     badly = ": gauges stand badly" if found.condition > WORST else ""
-    said = f"rest {found.rest:.3g} m (rms); condition {found.condition:.3g}{badly}{_others_told(record)}"
+    said = f"{_rest_told(component, found)}condition {found.condition:.3g}{badly}{_others_told(record)}"
     return Result(
         ("period [s]", "k [rad/m]", "incident [m]", "reflected [m]", "reflection [-]"),
         [(1 / record.frequency, found.k, abs(found.incident), abs(found.reflected), found.coefficient)],
@@ -266,6 +266,11 @@ def _doubted(record: Record, component: DataArray, found: Reflection) -> str:
     if number == 2:
         why = "two gauges cannot tell from free harmonics and steepness: three can"
     return f"; the reflection is uncertain by {_percent(unsure, 1)}, which {why} (--gauges, --along)"
+
+
+def _rest_told(component: DataArray, found: Along | Reflection) -> str:
+    """Return what waves told apart leave of complex amplitudes over gauge, which of two gauges is nothing."""
+    return f"rest {found.rest:.3g} m (rms); " if component.sizes["gauge"] > 2 else ""
 
 
 def _percent(part: float, digits: int) -> str:
