@@ -91,8 +91,10 @@ def analyse(
         terminal.print(_table(found.columns, found.rows))
         if found.said:
             terminal.print(found.said, highlight=False)
+        instead = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
         write_rows(files[kind], found.columns, found.rows)
-        terminal.print(f"wrote {files[kind]} and {found.draw(files[kind].with_suffix('.png'))}", highlight=False)
+        picture = found.draw(files[kind].with_suffix(".png"))
+        terminal.print(f"wrote {files[kind]} and {picture}{instead}", highlight=False)
     if refused:
         raise why
 

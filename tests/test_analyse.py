@@ -94,6 +94,7 @@ def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
         assert done.returncode == 0 and str(run / "analysis-reflection.png") in done.stdout
         assert done.stdout.startswith("the run has 2 warnings, the worst: the energy balance is off\n")
         (waves,) = rows_of(run, "reflection")
+        assert ("in place of what was there (--out: elsewhere)" in done.stdout) == bool(words)
         assert told in waves and float(waves["reflection [-]"]) == pytest.approx(0.2, rel=off)
     assert commanded("analyse", str(run)).returncode == 0  # its own pictures are drawn anew
     assert {row["gauge"] for row in rows_of(run, "spectrum")} == {"1", "2"}
