@@ -83,6 +83,8 @@ def analyse(
         raise why
     _make(folder)
     terminal = console(least=WIDTH)
+    if record.cause:
+        terminal.print(f"the run has not finished: {record.cause}", highlight=False, markup=False)
     if record.warnings:
         terminal.print(f"the run has {told_of_warnings(record.warnings)}", highlight=False)
     if units := data.told_of_units(source):

@@ -88,11 +88,15 @@ def test_a_run_knows_its_depth_and_its_surface_is_as_many_gauges(tmp_path):
         for t in T[:400]:
             surface.append(t, x, eta(x, t), 0 * x)
             gauges.append([t, *eta(np.array([4.0, 7.0]), t)])
-        writer.finish("finished", {"warnings": ["the energy balance is off: shorter steps", "another"]})
+        writer.finish(
+            "broke down", {"warnings": ["the energy balance is off: shorter", "another"], "cause": "It broke."}
+        )
     for words, told, off in (((), "incident [m]", 1e-3), (("--sea",), "Hm0 incident [m]", 0.25)):  # of ten periods
         done = commanded("analyse", str(run), "reflection", "--along", "5,20,40", *words)
         assert done.returncode == 0 and str(run / "analysis-reflection.png") in done.stdout
-        assert done.stdout.startswith("the run has 2 warnings, the worst: the energy balance is off\n")
+        first, second, *_ = done.stdout.splitlines()
+        assert first == "the run has not finished: It broke."
+        assert second == "the run has 2 warnings, the worst: the energy balance is off"
         (waves,) = rows_of(run, "reflection")
         assert ("in place of what was there (--out: elsewhere)" in done.stdout) == bool(words)
         assert told in waves and float(waves["reflection [-]"]) == pytest.approx(0.2, rel=off)

@@ -44,8 +44,8 @@ class Record:
         Whether x counts from the wall that makes the waves, with one depth all the way, as a run over a flat bed knows.
     before
         The elevation from the record's first time on, where what is analysed starts later.
-    warnings
-        Those of a run, the worst first.
+    cause, warnings
+        Why a run has not finished, if it has not, and those of it, the worst first.
     """
 
     eta: DataArray
@@ -56,6 +56,7 @@ class Record:
     far_end: float | None = None
     from_wall: bool = False
     before: DataArray | None = None
+    cause: str = ""
     warnings: tuple[str, ...] = ()
 
     @property
@@ -127,10 +128,10 @@ def read_record(
     Raises ``InputError`` for what cannot be had.
     """
     told: float | Depth | None = depth
-    gravity, path, far_end, from_wall, warnings = GRAVITY, Path(source), None, False, ()
+    gravity, path, far_end, from_wall, ended = GRAVITY, Path(source), None, False, ("", ())
     if (path / MANIFEST).is_file():
         run = RunDirectory(path)
-        warnings = tuple(run.manifest.get("warnings", ()))
+        ended = run.manifest.get("cause", ""), tuple(run.manifest.get("warnings", ()))
         scene = run.manifest.get("scene", {})
         tank, driven = scene.get("tank", {}), _driven(scene)
         far_end = _end(tank) if driven == ["far_wall"] else None
@@ -146,7 +147,7 @@ def read_record(
     if gauges:
         eta = records.chosen(eta, gauges)
     before = None if start is None else eta.sel(time=slice(None, end))
-    return Record(records.between(eta, start, end), title, period, told, gravity, far_end, from_wall, before, warnings)
+    return Record(records.between(eta, start, end), title, period, told, gravity, far_end, from_wall, before, *ended)
 
 
 def _driven(scene: dict[str, Any]) -> list[str]:

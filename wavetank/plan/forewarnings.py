@@ -121,9 +121,9 @@ def _ramps(scene: Scene) -> Iterator[str]:
 def sent_back(scene: Scene) -> Iterator[str]:
     """Yield a sentence for each paddle of whose waves the sponge sends back much, by their length where it is shallow.
 
-    Of a basin's sponge by formula nothing is known.
+    That is within the sponge along a slice, and of all water in a basin, of whose sponge by formula nothing is known.
     """
-    sponge, tank, depth = scene.sponge, scene.tank, bed_shape(scene).shallow
+    sponge, tank, bed = scene.sponge, scene.tank, scene.depths()
     length = tank.length if isinstance(sponge, FormulaSponge) and isinstance(tank, SliceTank) else _length(scene)
     if sponge is None or length is None:
         return
@@ -137,10 +137,14 @@ def sent_back(scene: Scene) -> Iterator[str]:
         else:
             gamma = profile(x, width=length, strength=sponge.strength_for(length, tank, paddle=scene.paddle_period))
         omega, end = 2 * np.pi / period, 0.0 if getattr(seen.far_wall, "absorb", None) else 1.0
+        depth = bed_shape(scene).shallow
+        if callable(bed) and isinstance(tank, SliceTank) and gamma.any():
+            from_wall = tank.length - length + x
+            depth = float(bed(from_wall if seen is scene else tank.length - from_wall, 0 * x)[gamma > 0].min())
         back = reflection(gamma, step, omega=omega, depth=depth, gravity=tank.gravity, end=end)
         if back > SENT_BACK:
             waves = 2 * np.pi / float(wave_number(omega, depth, tank.gravity))
-            of = f"about {100 * back:.2g} % of the paddle's waves of T = {period:.3g} s, {waves:.3g} m long"
+            of = f"about {100 * back:.0f} % of the paddle's waves of T = {period:.3g} s, {waves:.3g} m long"
             least = 'one of type "end" or "group", a wave long or more, of the default strength, sends back some 2 %'
             yield f"the sponge sends back {of}, and steep ones may break before it: {least}"
 
@@ -247,10 +251,16 @@ def coarse(scene: Scene, cell_size: float) -> Iterator[str]:
     ruled, order = by_rule(scene), scene.numerics.vertical_order
     takes, held = ruled.cell_size, ruled.numerics.vertical_order
     finer = max(scene.numerics.order / 3, 1.0)  # nodes are as far apart; the rule is the same from order 3 on
-    if cell_size > COARSE * (1 + ROUNDING) * finer * takes or order < LOW * held:
-        received = f"cells of {cell_size:.3g} m and vertical order {order} are coarse over this bed"
-        rule = f"the rule (docs/plan.md) takes {takes:.2g} m and {held}"
-        yield f"{received}, and no accuracy is predicted: {rule}"
+    parts = [
+        (
+            cell_size > COARSE * (1 + ROUNDING) * finer * takes,
+            f"cells of {cell_size:.3g} m are coarse",
+            f"{takes:.2g} m",
+        ),
+        (order < LOW * held, f"a vertical order of {order} is low", f"{held}"),
+    ]
+    for received, rule in ((received, rule) for far, received, rule in parts if far):
+        yield f"{received} over this bed, and no accuracy is predicted: the rule (docs/plan.md) takes {rule}"
 
 
 def _start(scene: Scene, waves: AnyWaves) -> Iterator[str]:

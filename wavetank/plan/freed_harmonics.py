@@ -40,8 +40,8 @@ def harmonics_sent_back(scene: Scene) -> Iterator[str]:
         periods = np.array([half])
         back = float(absorb.reflection(periods, seen.tank, seen.wall.maker, paddles=scene.paddle_periods)[0])
         if back * freed > MUCH:
-            frees = f"the bed frees second harmonics of the waves of {period:.3g} s, about {freed:.1g} of these"
-            sends = f"{seen.key}, whose band begins at {shortest:.3g} s, sends back {100 * back:.2g} % of them"
+            frees = f"the bed frees second harmonics of the waves of {period:.3g} s, about {100 * freed:.0f} % as high"
+            sends = f"{seen.key}, whose band begins at {shortest:.3g} s, sends back {100 * back:.0f} % of them"
             yield f'{frees}; {sends}: {seen.key}.absorb = {{ type = "active", shortest = {half:.3g} }} takes them'
 
 
