@@ -341,6 +341,10 @@ def test_a_scene_is_frozen():
             "initial.mode = 0: must be greater than or equal to 1",
         ),
         ("gauges=3", "gauges = 3: must be a list (the gauges)"),
+        (
+            'tank={type="ring", length=9.0, depth=1.0, bed={type="formula", depth="1"}}',
+            """tank.bed = {"type": "formula", "depth": "1"}: must be left out (a ring's bed is flat).""",
+        ),
         ("gauges.1.x=25", "gauges.1.x = 25.0: must be inside the tank, 0 to 24 m"),
         ("gauges.1.name=1", "gauges.1.name = 1: must be a valid string (name of the gauge)"),
         ('gauges.1.name="1"', 'gauges.1.name = "1": must be a name that no other gauge has'),

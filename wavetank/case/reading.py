@@ -357,5 +357,6 @@ def _in_words(message: str, meaning: str) -> str:
         re.sub(r"^(Input|String|Value) should", "must", message)
         .replace("valid tuple", "list")
         .replace("dictionary", "table")
+        .replace("be None", "be left out")
     )
     return f"{words} ({meaning})" if meaning else words
