@@ -36,6 +36,7 @@ from wavetank.theory.airy import wave_number
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SLICE = {"length": 20.0, "depth": 1.0}
+OVER_A_BAR = SLICE | {"bed": {"type": "formula", "depth": "1 - 0.7 * exp(-((x - 8) / 2) ** 4)"}}
 BASIN = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length": 4.0, "width": 1.0}}
 
 
@@ -107,7 +108,7 @@ DOUBTFUL = {
     ),
     "a sponge behind a bar": (
         {
-            "tank": SLICE | {"bed": {"type": "formula", "depth": "1 - 0.7 * exp(-((x - 8) / 2) ** 4)"}},
+            "tank": OVER_A_BAR,
             "wall": piston(1.8),
             "numerics": {"cells": 40, "vertical_order": 4},
             "sponge": {"type": "end", "length": 1.0},
@@ -116,7 +117,7 @@ DOUBTFUL = {
     ),
     "a bar before a paddle of one period": (
         {
-            "tank": SLICE | {"bed": {"type": "formula", "depth": "1 - 0.7 * exp(-((x - 8) / 2) ** 4)"}},
+            "tank": OVER_A_BAR,
             "wall": piston(2.0, 0.05),
             "far_wall": {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type": "spring-damper"}},
             "numerics": {"cells": 40, "vertical_order": 4},
@@ -125,8 +126,9 @@ DOUBTFUL = {
         r"(?s)the bed frees second harmonics of the waves of 2 s, about 100 % as high; far_wall, whose band begins at "
         r"2 s.*\ncells of 0\.5 m are coarse over this bed, and no accuracy is predicted: the rule .* takes 0\.2 m",
     ),
-    "a sponge that begins at once": (
+    "a sponge that begins at once behind a bar": (
         {
+            "tank": OVER_A_BAR,
             "wall": piston(2.0),
             "numerics": {"cells": 20},
             "sponge": {"type": "formula", "gamma": "20 * clip(1e6 * (x - 12), 0, 1)"},

@@ -251,16 +251,11 @@ def coarse(scene: Scene, cell_size: float) -> Iterator[str]:
     ruled, order = by_rule(scene), scene.numerics.vertical_order
     takes, held = ruled.cell_size, ruled.numerics.vertical_order
     finer = max(scene.numerics.order / 3, 1.0)  # nodes are as far apart; the rule is the same from order 3 on
-    parts = [
-        (
-            cell_size > COARSE * (1 + ROUNDING) * finer * takes,
-            f"cells of {cell_size:.3g} m are coarse",
-            f"{takes:.2g} m",
-        ),
-        (order < LOW * held, f"a vertical order of {order} is low", f"{held}"),
-    ]
-    for received, rule in ((received, rule) for far, received, rule in parts if far):
-        yield f"{received} over this bed, and no accuracy is predicted: the rule (docs/plan.md) takes {rule}"
+    found = "over this bed, and no accuracy is predicted: the rule (docs/plan.md) takes"
+    if cell_size > COARSE * (1 + ROUNDING) * finer * takes:
+        yield f"cells of {cell_size:.3g} m are coarse {found} {takes:.2g} m"
+    if order < LOW * held:
+        yield f"a vertical order of {order} is low {found} {held}"
 
 
 def _start(scene: Scene, waves: AnyWaves) -> Iterator[str]:
