@@ -97,6 +97,15 @@ def test_a_filter_absorbs_its_band_and_feeds_no_wave(maker, band, tuned):
         assert one(0.0) == pytest.approx(0.0, abs=1e-12)
 
 
+def test_reflection_solves_the_feedback_loop_with_the_elevation_of_the_answer():
+    """Oracle: e = 2a + Z U and U = -F e as two equations; a fixed wall reflects a, the answer radiates Re Z U."""
+    one, omega = PassiveFilter(0.7, np.array([[2.0, 0.6, 0.5, 0.3]])), np.array([0.5, 2.0, 8.0])
+    Z = face(PISTON, omega, 1.0, GRAVITY)
+    loops = np.array([[[1.0, -z], [F, 1.0]] for z, F in zip(Z, one(1j * omega), strict=True)])
+    _, U = np.linalg.solve(loops, np.array([[[2.0], [0.0]]] * 3))[..., 0].T
+    assert one.reflection(Z, omega) == pytest.approx(1.0 + Z.real * U, rel=1e-12)
+
+
 def test_the_band_holds_the_waves_that_the_paddle_makes():
     """And is one, whichever end of it is given."""
     water = SliceTank(length=10.0, depth=1.0)

@@ -1,19 +1,25 @@
 """Linear theory of paddles that absorb: what a paddle's motion does at the paddle itself, and what answers waves best.
 
 Of a paddle that moves at the velocity U exp(i omega t) (``wavemaker.py``; k_0 the wave, k_j = -i kappa_j what dies out)
-the elevation at its face and the force of the water on it over the density are
+the elevation at its face and the force f of the water on it over the density are
 
     eta = Z U,    Z = omega/g sum_j m(k_j) / (k_j N(k_j)),
-    F = -(r + i omega mu) U,    r = omega m(k_0)² / (k_0 N(k_0)),    mu = sum_j m(kappa_j)² / (kappa_j N(kappa_j)),
+    f = -(r + i omega mu) U,    r = omega m(k_0)² / (k_0 N(k_0)),    mu = sum_j m(kappa_j)² / (kappa_j N(kappa_j)),
 
-of which Re Z = c / omega and r belong to the wave. A wave a that comes makes 2a at a wall. A paddle that moves at
-U = -F(i omega) times the elevation that it has not made itself sends back, in units of a,
+of which Re Z = c / omega and r belong to the wave. An incident wave of amplitude a has elevation 2a at a fixed wall.
+The controller moves the paddle at U = -F(i omega) e in addition to the prescribed motion. Its input e is the elevation
+at the face minus that of the prescribed motion. The wave of the additional motion is part of e:
 
-    R = (1 - F Z*) / (1 + F Z),
+    e = 2a + Z U  =>  U = -2a F / (1 + F Z).
 
-nothing if F = 1 / Z*, which answers before the wave is there: what is causal comes near in a band. |R| <= 1 at all
-frequencies if and only if Re F >= 0: then no tank, whatever it sends back, grows with the paddle. A paddle on a spring
-and a damper has R = (b - r + i X) / (b + r + i X), X = omega (M + mu) - k / omega, M, b and k over the density.
+The fixed wall reflects a. The additional motion radiates Re Z U. Their sum over a is the reflection coefficient:
+
+    R = 1 + Re Z U / a = (1 - F Z*) / (1 + F Z).
+
+(Without that wave, e = 2a, the coefficient would be 1 - 2 F Re Z.) R = 0 for F = 1 / Z*. That filter is not causal; a
+causal one approximates it in a band. |R| <= 1 at all frequencies if and only if Re F >= 0. Then the paddle adds no
+energy to the waves of any tank, whatever the tank reflects. A paddle on a spring and a damper has
+R = (b - r + i X) / (b + r + i X), X = omega (M + mu) - k / omega, M, b and k over the density.
 
 Sources: H. A. Schaffer and K. P. Jakobsen, "Non-linear wave generation and active absorption in wave flumes", Proc.
 Long Waves Symposium, Thessaloniki, 2003, who fit F likewise; J. Falnes, "Ocean Waves and Oscillating Systems", 2002,
