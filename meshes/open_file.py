@@ -9,6 +9,8 @@ from collections.abc import Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from io import StringIO
 from pathlib import Path
+from shutil import copyfile
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from numpy.typing import NDArray
 from wavetank.errors import InputError
 from wavetank.meshes.gmsh_model import SURFACE
 
+FORMAT = b"$MeshFormat"  # the first line of a file of gmsh's
 NAMES = ("paddle", "wall", "sponge", "water")
 KINDS = {  # meshio's names of cells, gmsh's numbers
     "line": 1,
@@ -44,14 +47,22 @@ def open_mesh(gmsh: Any, path: Path) -> None:
 
 
 def _open_msh(gmsh: Any, path: Path) -> None:
-    with path.open("rb") as file:
-        begins = file.read(1)
-    if begins != b"$":  # gmsh would run it as a script
-        raise InputError(f"{path}: is not in gmsh's mesh format, which begins with $MeshFormat.")
-    try:
-        gmsh.open(str(path))
-    except Exception as error:  # gmsh raises nothing more special
-        raise InputError(f"{path}: gmsh cannot read it ({str(error).strip()}).") from None
+    """Open a private copy of a file of gmsh's.
+
+    gmsh executes the commands of FILE.opt, and of any file that does not begin with its format's name.
+    """
+    with TemporaryDirectory() as folder:
+        copy = Path(folder) / "mesh.msh"
+        copyfile(path, copy)
+        with copy.open("rb") as file:
+            first = file.readline(len(FORMAT) + 2)
+        if first.rstrip(b"\r\n") != FORMAT:
+            raise InputError(f"{path}: is not in gmsh's mesh format, which begins with {FORMAT.decode()}.")
+        try:
+            gmsh.open(str(copy))
+        except Exception as error:  # gmsh raises nothing more special
+            reason = str(error).strip().replace(str(copy), path.name)
+            raise InputError(f"{path}: gmsh cannot read it ({reason}).") from None
 
 
 def _read(path: Path) -> Any:
