@@ -1,12 +1,14 @@
 """The gauges' records: places in the header of the table, and the same numbers as CF-NetCDF when a run has ended."""
 
 import csv
+import tracemalloc
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
 
 from wavetank.errors import RunError
-from wavetank.records.directory import RunDirectory
+from wavetank.records.directory import BLOCK, RunDirectory
 from wavetank.records.growing import TableWriter
 from wavetank.records.place import Place
 from wavetank.records.series import place
@@ -66,6 +68,38 @@ def test_the_netcdf_holds_the_table_to_the_last_bit(engine, tmp_path):
             np.testing.assert_array_equal(station.elevation, gauge.eta)
 
 
+def peak_of_resuming(path, rows):
+    """Return the peak memory [bytes] of a resumed run that gets another gauge, and of its ``gauges.nc``."""
+    written = RunWriter(path, MANIFEST).begin()
+    table = written.gauges(GAUGES)
+    table.extend(np.arange(rows)[:, None] * [0.1, 0.3, np.pi * 1e-9, -1 / 7])
+    held = written.held()
+    with pytest.raises(RunError), written:
+        raise RunError("t = 1 s: the wave broke.")
+    tracemalloc.start()
+    try:
+        resumed = RunWriter(path, MANIFEST, resume=True)
+        resumed.gauges([*GAUGES, ("new", 3.0)])
+        resumed.take(held)
+        with resumed:
+            resumed.finish("finished", {})
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_memory_of_resuming_and_of_the_netcdf_does_not_depend_on_the_number_of_rows(tmp_path):
+    rows = 4 * BLOCK // 60  # of 60 bytes
+    few, many = (peak_of_resuming(tmp_path / str(times), times * rows) for times in (1, 3))
+    assert (tmp_path / "3" / "gauges.csv").stat().st_size > 6 * BLOCK
+    assert many < few + BLOCK
+    with xarray.open_dataset(tmp_path / "3" / "gauges.nc") as data:
+        assert dict(data.sizes) == {"time": 3 * rows, "gauge": 4}
+        np.testing.assert_array_equal(data.time, 0.1 * np.arange(3 * rows))
+        np.testing.assert_array_equal(data.elevation[:, 2], np.arange(3 * rows) * (-1 / 7))
+        assert np.isnan(data.elevation[:, 3]).all()
+
+
 def test_the_netcdf_follows_the_conventions(tmp_path):
     """CF-1.8, 9.3 and H.2.1: orthogonal time series, identified stations, units and standard names.
 
@@ -82,7 +116,7 @@ def test_the_netcdf_follows_the_conventions(tmp_path):
             "history": "2025-01-02T03:04:05 wavetank run 'a case.toml'",
         }
         elevation = data.elevation
-        assert elevation.dims == ("gauge", "time") and elevation.attrs["units"] == "m"
+        assert elevation.dims == ("time", "gauge") and elevation.attrs["units"] == "m"
         assert elevation.attrs["standard_name"] == "sea_surface_height_above_mean_sea_level"
         assert set(elevation.attrs["coordinates"].split()) == {"x", "y"}
         assert data.gauge.attrs["cf_role"] == "timeseries_id"
@@ -120,14 +154,13 @@ def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
 def test_a_finished_run_stays_one_where_there_is_no_room_for_it(tmp_path, monkeypatch):
     from wavetank.records import writer
 
-    written, replace = write(tmp_path), writer.replace
+    @contextmanager
+    def full(path):
+        raise OSError(28, "No space left on device")
+        yield
 
-    def full(path, *content, **how):
-        if path.suffix == ".nc":
-            raise OSError(28, "No space left on device")
-        replace(path, *content, **how)
-
-    monkeypatch.setattr(writer, "replace", full)
+    written = write(tmp_path)
+    monkeypatch.setattr(writer, "replacing", full)
     with written:
         written.finish("finished", {})
     manifest = RunDirectory(tmp_path).manifest
@@ -140,4 +173,4 @@ def test_of_a_run_that_ends_before_its_first_row_there_is_none(tmp_path):
         writer.finish("finished", {})
     assert not (tmp_path / "gauges.nc").exists()
     (said,) = RunDirectory(tmp_path).manifest["warnings"]
-    assert said == "gauges.nc could not be written (gauges.csv has no elevation); gauges.csv has the same"
+    assert said == "gauges.nc could not be written (gauges.csv has no row); gauges.csv has the same"

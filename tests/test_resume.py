@@ -161,7 +161,7 @@ def test_more_gauges_from_now_on_and_other_intervals(uninterrupted, part):
     assert np.isnan(run.gauges.sel(gauge="new").values[:5]).all()
     import xarray
 
-    np.testing.assert_array_equal(xarray.load_dataset(part / "gauges.nc", engine="scipy").elevation, one.eta)
+    np.testing.assert_array_equal(xarray.load_dataset(part / "gauges.nc", engine="scipy").elevation.T, one.eta)
     assert run.snapshots().t == pytest.approx([0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5])
     elevations = whole.snapshots()
     np.testing.assert_array_equal(run.snapshots().eta[-1], elevations.eta[-1])

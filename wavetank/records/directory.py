@@ -29,12 +29,13 @@ what was cut. No number that is not finite is ever written.
 import csv
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from io import BytesIO, StringIO
+from io import BytesIO
+from itertools import chain
 from pathlib import Path
 from socket import gethostname
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -44,7 +45,7 @@ from wavetank.errors import InputError
 from wavetank.records.growing_netcdf import whole
 from wavetank.records.load_table import wall
 from wavetank.records.lock import is_held
-from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Variable, conventions, netcdf
+from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Variable, conventions, write_records
 from wavetank.records.probe_table import point, quantities
 from wavetank.records.series import GaugeSeries, place
 from wavetank.records.surface import Surface, snapshots
@@ -66,6 +67,7 @@ FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
 PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png", "view.mp4", "view.gif"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
 INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
+BLOCK = 2**16  # bytes of a table that are read together
 LINES = 2**12  # bytes, more than a row of energies has
 ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
 
@@ -161,7 +163,7 @@ class RunDirectory:
         """The elevation [m] over gauge and time [s]; gauges by their names, with their places x and y [m]."""
         from xarray import DataArray, Dataset
 
-        elevation: DataArray = Dataset(self._stations()).set_coords(["x", "y"]).elevation
+        elevation: DataArray = Dataset(self._stations(*self._table(GAUGES))).set_coords(["x", "y"]).elevation
         return elevation
 
     @property
@@ -197,7 +199,7 @@ class RunDirectory:
         """
         from xarray import Dataset
 
-        return Dataset(self._probes()).set_coords(["x", "y", "z"])
+        return Dataset(self._probes(*self._table(PROBES))).set_coords(["x", "y", "z"])
 
     @property
     def loads(self) -> "xarray.Dataset":
@@ -283,22 +285,27 @@ class RunDirectory:
         except (KeyError, ValueError) as error:
             raise InputError(f"{self.path / SURFACE}: is no record of a surface ({error}).") from None
 
-    def netcdf_of(self, table: str) -> bytes:
-        """Return one of ``COPIES``, a CF-NetCDF file of time series at stations (CF 1.8, section H.2).
+    def write_netcdf(self, table: str, file: BinaryIO) -> None:
+        """Write one of ``COPIES`` as CF-NetCDF of time series at stations (CF 1.8, section H.2), times as records.
 
-        Raises ``InputError`` where there is no gauge, probe or row.
+        The memory needed does not depend on the number of rows. Raises ``InputError`` where there is none.
         """
-        variables = self._stations() if table == GAUGES else self._probes()
-        missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there, while a probe is dry
+        header, blocks = self._blocks(table)
+        if (first := next(blocks, None)) is None:
+            raise InputError(f"{table} has no row")
+        described = (self._described(table, header, rows) for rows in chain([first], blocks))
+        write_records(file, described, conventions(self.manifest) | {"featureType": "timeSeries"})
+
+    def _described(self, table: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
+        """Return rows of one of ``COPIES`` as variables with the attributes of CF, time first."""
+        variables = self._stations(header, rows) if table == GAUGES else self._probes(header, rows)
         places = " ".join(name for name in ("x", "y", "z") if name in variables)
-        recorded = [name for name, one in variables.items() if len(one.dimensions) == 2]
-        for name in recorded:
-            said = {**variables[name].attributes, "coordinates": places, **missing}
-            variables[name] = variables[name]._replace(attributes=said)
-        try:
-            return netcdf(variables, conventions(self.manifest) | {"featureType": "timeSeries"})
-        except ValueError:
-            raise InputError(f"{table} has no {recorded[0]}") from None
+        missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there, while a probe is dry
+        for name, (dimensions, values, said) in variables.items():
+            if len(dimensions) == 2:
+                said = {**said, "coordinates": places, **missing}
+                variables[name] = Variable(dimensions[::-1], values.T, said)
+        return variables
 
     def fields(self, name: str) -> list[tuple[float, Path]]:
         """Return time [s] and file, for pyvista or ParaView, of each snapshot of a series, one of ``SERIES``."""
@@ -328,7 +335,10 @@ class RunDirectory:
 
     def _gauges(self) -> "_Gauges":
         """Return what the gauges' table holds."""
-        header, rows = self._table(GAUGES)
+        return self._elevations(*self._table(GAUGES))
+
+    def _elevations(self, header: Sequence[str], rows: NDArray[np.float64]) -> "_Gauges":
+        """Return rows of the gauges' table."""
         try:
             places = [place(column) for column in header[1:]]
         except ValueError:
@@ -337,9 +347,9 @@ class RunDirectory:
         names, x, y = zip(*places, strict=True) if places else ((), (), ())
         return _Gauges(names, x, y, rows[:, 0], rows.T[1:])
 
-    def _stations(self) -> dict[str, Variable]:
+    def _stations(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
         """Return the gauges' names, places and records as variables."""
-        found = self._gauges()
+        found = self._elevations(header, rows)
         x, y = np.array([found.x, found.y], dtype=float)
         return {
             "time": Variable(("time",), found.t, TIME),
@@ -349,9 +359,8 @@ class RunDirectory:
             "elevation": Variable(("gauge", "time"), found.eta, ELEVATION),
         }
 
-    def _probes(self) -> dict[str, Variable]:
+    def _probes(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
         """Return the probes' names, places and records as variables."""
-        header, rows = self._table(PROBES)
         try:
             found = [point(column) for column in header[1:]]
         except (KeyError, ValueError):
@@ -399,12 +408,34 @@ class RunDirectory:
 
     def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:
         """Return column names and complete rows, shape (rows, columns)."""
-        text = self._read(file).decode(errors="replace")
-        complete = text[: text.rfind("\n") + 1]  # a killed run may have cut the last line
-        header, *rows = list(csv.reader(StringIO(complete))) or [["t"]]
+        header, blocks = self._blocks(file)
+        return header, np.concatenate([np.empty((0, len(header))), *blocks])
+
+    def _blocks(self, file: str) -> tuple[list[str], Iterator[NDArray[np.float64]]]:
+        """Return column names and an iterator of the complete rows in blocks, each of shape (rows, columns)."""
+        lines = self._lines(file)
+        header = next(csv.reader(next(lines, [])), ["t"])
+        return header, (self._numbers(file, header, block) for block in lines)
+
+    def _lines(self, file: str) -> Iterator[list[str]]:
+        """Yield the complete lines of a table: the header, then the others in blocks."""
         try:
-            values = [[float(value or "nan") for value in row] for row in rows]
-            return header, np.array(values).reshape(len(rows), len(header))
+            with (self.path / file).open("rb") as table:
+                size = 1  # byte: a block ends with the line in which it has this size
+                while lines := table.readlines(size):
+                    if not lines[-1].endswith(b"\n"):  # cut by a kill
+                        lines.pop()
+                    if lines:
+                        yield [line.decode(errors="replace") for line in lines]
+                    size = BLOCK
+        except OSError as error:
+            raise self._unreadable(file, error) from None
+
+    def _numbers(self, file: str, header: Sequence[str], lines: Sequence[str]) -> NDArray[np.float64]:
+        """Return the numbers of lines, shape (lines, columns); not a number where a cell is empty."""
+        try:
+            values = [[float(value or "nan") for value in row] for row in csv.reader(lines)]
+            return np.array(values).reshape(len(lines), len(header))
         except ValueError:
             where = self.path / file
             raise InputError(f"{where}: rows of {len(header)} numbers must follow the header; some do not.") from None
@@ -413,7 +444,10 @@ class RunDirectory:
         try:
             return (self.path / file).read_bytes()
         except OSError as error:
-            raise InputError(f"{self.path}: has no readable {file} ({error.strerror}).") from None
+            raise self._unreadable(file, error) from None
+
+    def _unreadable(self, file: str, error: OSError) -> InputError:
+        return InputError(f"{self.path}: has no readable {file} ({error.strerror}).")
 
 
 def open_run(path: Path | str) -> RunDirectory:

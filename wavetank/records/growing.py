@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import RecordError, RunError
-from wavetank.records.whole import replace
+from wavetank.records.whole import replacing
 from wavetank.stateful import Held
 
 
@@ -59,9 +59,12 @@ def lacks(path: Path, held: Held) -> bool:
 
 def _end(path: Path, rows: int) -> int | None:
     """Return where the rows of a table end that follow its header [bytes]; None where there are fewer."""
+    size = count = 0
     with path.open("rb") as file:
-        ends = [len(line) for line in islice(file, 1 + rows) if line.endswith(b"\n")]
-    return sum(ends) if len(ends) == 1 + rows else None
+        for line in islice(file, 1 + rows):
+            if line.endswith(b"\n"):
+                size, count = size + len(line), count + 1
+    return size if count == 1 + rows else None
 
 
 def as_many_as_fit(append: Callable[[Any], None], parts: Any) -> None:
@@ -176,15 +179,18 @@ class TableWriter(GrowingFile):
     def _widen(self) -> None:
         """Replace a file that has other columns, what it had under its name."""
         with self._path.open(newline="", encoding="utf-8") as file:
-            header, *rows = islice(csv.reader(file), 1 + self._rows)
-        if header != list(self._columns):
+            rows = csv.reader(islice(file, 1 + self._rows))
+            header = next(rows)
+            if header == list(self._columns):
+                return
             told = {name.replace(",", ";"): name for name in self._columns}  # places were told with commas once
             header = [told.get(name.replace(",", ";"), name) for name in header]
-            cells = (dict(zip(header, row, strict=True)) for row in rows)
-            lines = (_csv_line(row.get(name, "") for name in self._columns) for row in cells)
-            content = b"".join([_csv_line(self._columns), *lines])
-            replace(self._path, content)
-            self._kept = len(content)
+            with replacing(self._path) as wider:
+                wider.write(_csv_line(self._columns))
+                for row in rows:
+                    cells = dict(zip(header, row, strict=True))
+                    wider.write(_csv_line(cells.get(name, "") for name in self._columns))
+                self._kept = wider.tell()
 
     def held(self) -> Held:
         """Return how many rows there are."""

@@ -13,11 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.records.growing import GrowingFile
-from wavetank.records.netcdf import Variable, netcdf
+from wavetank.records.netcdf import COUNT, NUMBER, Variable, netcdf
 from wavetank.stateful import Held
 
-NUMBER = np.dtype(">f8")  # the format's
-MAGIC, COUNT = b"CDF\x02", slice(4, 8)  # of the header: what the file is, and how many records there are
+MAGIC = b"CDF\x02"  # the first bytes of the header
 STANDS = "_records", "_begin"  # what tells where a record is
 
 

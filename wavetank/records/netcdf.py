@@ -1,13 +1,15 @@
 """NetCDF in the classic 64-bit format, which every NetCDF library reads, by the CF conventions 1.8."""
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from io import BytesIO
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+NUMBER = np.dtype(">f8")  # the format's
+COUNT = slice(4, 8)  # bytes of the header: the number of records
 ELEVATION = {
     "standard_name": "sea_surface_height_above_mean_sea_level",
     "long_name": "elevation of the surface above still water",
@@ -64,6 +66,35 @@ def netcdf(variables: Mapping[str, Variable], attributes: Mapping[str, str], *, 
             _tell(variable, said)
         file.flush()
         return content.getvalue()
+
+
+def write_records(file: BinaryIO, blocks: Iterable[Mapping[str, Variable]], attributes: Mapping[str, str]) -> None:
+    """Write a file of variables whose times come in blocks; the memory needed is that of one block.
+
+    Parameters
+    ----------
+    file
+        Where it is written, from the first byte.
+    blocks
+        One or more, each with all variables. Those over ``time``, which is their first and an unlimited dimension, have
+        rows that follow those of the block before; the others are those of the first block.
+    attributes
+        Of the file.
+    """
+    count = 0
+    for block in blocks:
+        records = [one.values for one in block.values() if "time" in one.dimensions]
+        rows = np.column_stack([values.reshape(len(values), -1) for values in records]).astype(NUMBER)
+        if not count:
+            one_time = {
+                name: one._replace(values=one.values[:1]) if "time" in one.dimensions else one
+                for name, one in block.items()
+            }
+            file.write(netcdf(one_time, attributes, growing="time")[: -rows[0].nbytes])
+        file.write(rows.tobytes())
+        count += len(rows)
+    file.seek(COUNT.start)
+    file.write(count.to_bytes(4, "big"))
 
 
 def _tell(named: Any, attributes: Mapping[str, str | np.float64]) -> None:

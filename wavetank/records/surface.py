@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from wavetank.errors import RecordError
 from wavetank.records.growing import INDEX, GrowingFile, as_many_as_fit
-from wavetank.records.growing_netcdf import NUMBER, GrowingNetCDF
-from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, Variable
+from wavetank.records.growing_netcdf import GrowingNetCDF
+from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, NUMBER, TIME, Variable
 from wavetank.stateful import Held
 
 Array = NDArray[np.float64]

@@ -1,8 +1,10 @@
 """Files that are there whole or not at all."""
 
 import os
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 
 def replace(path: Path, *content: bytes | memoryview, lasting: bool = False) -> None:
@@ -10,17 +12,27 @@ def replace(path: Path, *content: bytes | memoryview, lasting: bool = False) -> 
 
     A ``lasting`` one outlives a power cut, too. Raises ``OSError``.
     """
+    with replacing(path, lasting=lasting) as file:
+        file.writelines(content)
+
+
+@contextmanager
+def replacing(path: Path, *, lasting: bool = False) -> Iterator[BinaryIO]:
+    """Yield a temporary file that replaces the file at ``path`` at the end of the block, and is deleted on any error.
+
+    The block may also write the temporary file by its ``name``. Arguments and errors as of ``replace``.
+    """
     temporary = unfinished(path)
     try:
         with temporary.open("wb") as file:
-            file.writelines(content)
+            yield file
             if lasting:
                 file.flush()
                 os.fsync(file.fileno())
         os.replace(temporary, path)
         if lasting:
             sync(path.parent)
-    except OSError:
+    except BaseException:
         with suppress(OSError):
             temporary.unlink()
         raise

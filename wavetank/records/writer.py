@@ -33,7 +33,7 @@ from wavetank.records.place import Place
 from wavetank.records.series import column
 from wavetank.records.surface import SurfaceWriter
 from wavetank.records.vtu_series import missing
-from wavetank.records.whole import replace, unfinished
+from wavetank.records.whole import replace, replacing, unfinished
 from wavetank.records.window import WindowFile, WindowTable, file_of
 from wavetank.stateful import Held
 
@@ -272,7 +272,8 @@ class RunWriter:
     def _copy(self, name: str) -> None:
         """Write a table as CF-NetCDF, too."""
         try:
-            replace(self.path / COPIES[name], RunDirectory(self.path).netcdf_of(name))
+            with replacing(self.path / COPIES[name]) as copy:
+                RunDirectory(self.path).write_netcdf(name, copy)
         except (OSError, InputError) as error:
             why = getattr(error, "strerror", None) or str(error)
             said = f"{COPIES[name]} could not be written ({why}); {name} has the same"
