@@ -85,11 +85,11 @@ class Crew:
     """
 
     def __init__(self, ranks: int, *, limit: int = CPU_LIMIT):
-        self._folder = tempfile.TemporaryDirectory(prefix="crew-")
+        self._limit, self._folder = limit, tempfile.TemporaryDirectory(prefix="crew-")
         self._said = (Path(self._folder.name) / "said").open("w+")
         address = f"{self._folder.name}/socket"
         with socket.create_server(address, family=socket.AF_UNIX) as server:
-            command = on(ranks, [sys.executable, __file__, address, str(limit)])
+            command = on(ranks, [sys.executable, __file__, address])
             self._session = begun(command, stdin=subprocess.DEVNULL, stdout=self._said, stderr=self._said)
             self._process = self._session.__enter__()
             self._ranks = dict(self._connected(server) for _ in range(ranks))
@@ -105,11 +105,14 @@ class Crew:
                 raise self._ended("the ranks have ended before they had begun") from None
             return connection.recv(), connection
 
-    def call(self, function: Callable[..., Any], *arguments: Any) -> list[Any]:
-        """Return what a function of a module returns on each rank; what one of them raises ends the crew."""
+    def call(self, function: Callable[..., Any], *arguments: Any, limit: int | None = None) -> list[Any]:
+        """Return what a function of a module returns on each rank; what one of them raises ends the crew.
+
+        ``limit`` is the CPU time of this call on each [s], if it is not that of all.
+        """
         waiting = {connection: rank for rank, connection in self._ranks.items()}
         for connection in waiting:
-            connection.send((function, arguments))
+            connection.send((function, arguments, limit or self._limit))
         returned: dict[int, Any] = {}
         while waiting:
             for connection in wait(list(waiting)):
@@ -153,12 +156,14 @@ class Crews:
     def __init__(self) -> None:
         self._crews: dict[int, Crew] = {}
 
-    def call(self, function: Callable[..., Any], *arguments: Any, ranks: int = 3) -> list[Any]:
-        """Return what a function of a module returns on each of some ranks."""
+    def call(
+        self, function: Callable[..., Any], *arguments: Any, ranks: int = 3, limit: int | None = None
+    ) -> list[Any]:
+        """Return what a function of a module returns on each of some ranks, in a CPU time [s] if one is given."""
         crew = self._crews.get(ranks)
         if crew is None or not crew.at_work:
             crew = self._crews[ranks] = Crew(ranks)
-        return crew.call(function, *arguments)
+        return crew.call(function, *arguments, limit=limit)
 
     def end(self) -> None:
         """End all that are at work."""
@@ -167,7 +172,7 @@ class Crews:
                 crew.end()
 
 
-def serve(address: str, limit: int) -> None:
+def serve(address: str) -> None:
     """Call what a crew's owner says, until it leaves."""
     from mpi4py import MPI
 
@@ -176,7 +181,7 @@ def serve(address: str, limit: int) -> None:
         connection.send(MPI.COMM_WORLD.rank)
         while True:
             try:
-                function, arguments = connection.recv()
+                function, arguments, limit = connection.recv()
                 resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + limit, most))
                 outcome = (True, function(*arguments))
             except EOFError:
@@ -187,4 +192,4 @@ def serve(address: str, limit: int) -> None:
 
 
 if __name__ == "__main__":
-    serve(sys.argv[1], int(sys.argv[2]))
+    serve(sys.argv[1])

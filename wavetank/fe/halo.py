@@ -48,7 +48,7 @@ class Halo:
         reached: Indices | None = None,
     ):
         self._owned, self.size = numbering.size_local, numbering.size_local + numbering.num_ghosts
-        self._alone = numbering.size_local == numbering.size_global
+        self._alone = numbering.comm.size == 1
         if not self._alone:
             self._comm: MPI.Comm = numbering.comm
             self._rows: NDArray[Any] = np.zeros((self.size, components), dtype=real)
