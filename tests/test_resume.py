@@ -383,6 +383,33 @@ def test_where_records_are_shorter_than_it_counts_on_the_one_before_is_taken(uni
     same(uninterrupted, part)
 
 
+DAMAGES = {
+    "a doubled row": lambda lines: [*lines[:3], *lines[2:]],
+    "a lost row": lambda lines: [*lines[:2], *lines[3:]],
+    "an edited value": lambda lines: [*lines[:2], lines[2].replace(b"0.05", b"0.06", 1), *lines[3:]],
+    "a byte that is not UTF-8": lambda lines: [lines[0], b"\xff" + lines[1], *lines[2:]],
+    "a header that is not UTF-8": lambda lines: [b"\xff" + lines[0], *lines[1:]],
+}
+
+
+@pytest.mark.parametrize("table", [GAUGES, ENERGY])
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_table_that_was_changed_before_its_checkpoint_is_refused(damage, table, part, capsys):
+    """The command is refused and writes nothing, with other gauges from then on, too."""
+    lines = (part / table).read_bytes().splitlines(keepends=True)
+    (part / table).write_bytes(b"".join(DAMAGES[damage](lines)))
+    (part / CHECKPOINT_BEFORE).unlink()
+    before = contents(part)
+    more = ["--set", 'gauges=[{name="1", x=1.0}, {name="2", x=2.5}, {name="3", x=4.0}]']
+    for options in ([], more):
+        assert main(["resume", str(part), "--no-plots", *options]) == 2
+        why = f"a row of {table} before t = 0.2 s has been added, removed or edited since"
+        assert f"holds no checkpoint to go on from; {part / CHECKPOINT} cannot be used ({why})." in (
+            " ".join(capsys.readouterr().err.split())
+        )
+        assert contents(part) == before
+
+
 def test_a_checkpoint_of_another_run_is_not_taken(part, uninterrupted, capsys):
     shutil.copy(uninterrupted / CHECKPOINT, part / CHECKPOINT)
     run = resumed(part)

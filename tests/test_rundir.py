@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.records.directory import RunDirectory
 from wavetank.records.environment import environment
@@ -272,6 +273,18 @@ def test_an_unreadable_manifest_is_bad_input(tmp_path, content):
     (tmp_path / "manifest.json").write_bytes(content)
     with pytest.raises(InputError, match="is no run directory"):
         RunDirectory(tmp_path)
+
+
+@pytest.mark.parametrize("time", ["0.1", "0.5", ""])
+@pytest.mark.parametrize("command", [["analyse", "RUN"], ["compare", "RUN", "--with", "RUN"]])
+def test_times_of_a_table_that_do_not_ascend_are_bad_input(tmp_path, time, command, capsys):
+    with written(run := tmp_path / "run") as writer:
+        writer.finish("finished", {})
+    with (run / "gauges.csv").open("a") as table:
+        table.write(f"0.5,1.0,2.0\n{time},1.0,2.0\n")
+    assert main([str(run) if word == "RUN" else word for word in command]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"gauges.csv, line 8: time {float(time or 'nan'):g} s follows 0.5 s; times must ascend." in said
 
 
 def test_missing_and_damaged_files_are_bad_input(complete_run):

@@ -415,7 +415,20 @@ class RunDirectory:
         """Return column names and an iterator of the complete rows in blocks, each of shape (rows, columns)."""
         lines = self._lines(file)
         header = next(csv.reader(next(lines, [])), ["t"])
-        return header, (self._numbers(file, header, block) for block in lines)
+        blocks = (self._numbers(file, header, block) for block in lines)
+        return header, self._ascending(file, blocks) if file in TABLES else blocks
+
+    def _ascending(self, file: str, blocks: Iterator[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
+        """Yield blocks of rows; raise ``InputError`` where the time, the first column, does not ascend."""
+        line, last = 2, -np.inf
+        for rows in blocks:
+            times = np.array([last, *rows[:, 0]])
+            if not (ascends := np.diff(times) > 0.0).all():
+                n = int(ascends.argmin())
+                where = f"{self.path / file}, line {line + n}"
+                raise InputError(f"{where}: time {times[n + 1]:g} s follows {times[n]:g} s; times must ascend.")
+            yield rows
+            line, last = line + len(rows), times[-1]
 
     def _lines(self, file: str) -> Iterator[list[str]]:
         """Yield the complete lines of a table: the header, then the others in blocks."""

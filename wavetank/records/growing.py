@@ -9,6 +9,7 @@ from io import StringIO
 from itertools import islice
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +56,30 @@ def lacks(path: Path, held: Held) -> bool:
     if "rows" in held:
         return _end(path, held["rows"]) is None
     return path.stat().st_size < held["size"] or ("index" in held and lacks(path.with_suffix(INDEX), held["index"]))
+
+
+def changed(path: Path, held: Held) -> bool:
+    """Return whether the rows that were held of a table differ from those that are there; raises ``OSError``.
+
+    False for other files, and for a table whose rows were held without a checksum.
+    """
+    return "checksum" in held and _checksum(path, held["rows"], held["columns"]) != held["checksum"]
+
+
+def _checksum(path: Path, rows: int, columns: Sequence[str]) -> int | None:
+    """Return the CRC-32 of the first rows of a table in some of its columns; None where it lacks one of them."""
+    checksum = 0
+    with path.open("rb") as file:
+        header = next(csv.reader([file.readline().decode(errors="replace")]), [])
+        if not set(columns) <= set(header):
+            return None
+        chosen = [header.index(name) for name in columns]
+        for line in islice(file, rows):
+            if header != list(columns):
+                cells = dict(enumerate(line.rstrip(b"\n").split(b",")))
+                line = b",".join(cells.get(n, b"") for n in chosen) + b"\n"
+            checksum = crc32(line, checksum)
+    return checksum
 
 
 def _end(path: Path, rows: int) -> int | None:
@@ -161,7 +186,8 @@ class TableWriter(GrowingFile):
 
     def __init__(self, path: Path, columns: Sequence[str]):
         super().__init__(path)
-        self._columns, self._rows = columns, 0
+        self._columns, self._rows = list(columns), 0
+        self._checksum = 0  # CRC-32 of the rows
 
     @property
     def has_values(self) -> bool:
@@ -172,16 +198,17 @@ class TableWriter(GrowingFile):
         """Make the file, with the names of its columns, or go on; raises ``RecordError``."""
         if self._kept:
             self._widen()
+            self._checksum = _checksum(self._path, self._rows, self._columns) or 0
         super().open()
         if not self._kept:
             self.write(_csv_line(self._columns))
 
     def _widen(self) -> None:
         """Replace a file that has other columns, what it had under its name."""
-        with self._path.open(newline="", encoding="utf-8") as file:
+        with self._path.open(newline="", encoding="utf-8", errors="replace") as file:
             rows = csv.reader(islice(file, 1 + self._rows))
             header = next(rows)
-            if header == list(self._columns):
+            if header == self._columns:
                 return
             told = {name.replace(",", ";"): name for name in self._columns}  # places were told with commas once
             header = [told.get(name.replace(",", ";"), name) for name in header]
@@ -193,8 +220,8 @@ class TableWriter(GrowingFile):
                 self._kept = wider.tell()
 
     def held(self) -> Held:
-        """Return how many rows there are."""
-        return {"rows": self._rows}
+        """Return how many rows there are, of which columns, and their checksum."""
+        return {"rows": self._rows, "columns": self._columns, "checksum": self._checksum}
 
     def take(self, held: Held) -> None:
         """Go on after these, once it is opened."""
@@ -222,5 +249,6 @@ class TableWriter(GrowingFile):
             self._write_rows([given])
 
     def _write_rows(self, rows: Rows) -> None:
-        self.write(csv_lines(rows))
-        self._rows += len(rows)
+        lines = csv_lines(rows)
+        self.write(lines)
+        self._rows, self._checksum = self._rows + len(rows), crc32(lines, self._checksum)

@@ -26,7 +26,7 @@ from wavetank.records.directory import (
     recorded,
 )
 from wavetank.records.environment import now
-from wavetank.records.growing import GrowingFile, TableWriter, lacks, table
+from wavetank.records.growing import GrowingFile, TableWriter, changed, lacks, table
 from wavetank.records.lock import LOCK, RunLock, is_held
 from wavetank.records.netcdf import conventions
 from wavetank.records.place import Place
@@ -238,6 +238,8 @@ class RunWriter:
         for name, held in about["records"].items():
             if lacks(self.path / name, held):
                 return f"it counts on more than there is in {name}"
+            if changed(self.path / name, held):
+                return f"a row of {name} before t = {about['t']:.6g} s has been added, removed or edited since"
         lost = (missing(self.path, name, held) for name, held in about.get("fields", {}).items())
         return next((f"it counts on {file}, which is no longer there, or not all of it" for file in lost if file), "")
 
