@@ -23,6 +23,15 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 @pytest.fixture
+def trusted() -> Iterator[None]:
+    """Trust the Python files that cases name."""
+    from wavetank.values.python_file import trusting
+
+    with trusting():
+        yield
+
+
+@pytest.fixture
 def make_tank() -> Callable[..., object]:
     """Return a function that makes nonlinear waves in a slice, or in another footprint."""
     from wavetank.fe.plane import Plane

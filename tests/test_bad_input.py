@@ -31,6 +31,8 @@ from wavetank.records.series import GaugeSeries
 from wavetank.values.noun import Problem, SceneError
 from wavetank.values.python_file import load
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 CHECKOUT = Path(__file__).resolve().parents[1]
 TANK = "[tank]\nlength = 8.0\ndepth = 1.0\n[run]\nduration = 1.0\n"
 

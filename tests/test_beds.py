@@ -18,6 +18,8 @@ from wavetank.fe.plane import Plane
 from wavetank.motions import Ramped, Sinusoid
 from wavetank.values.python_file import load
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 RANDOM = np.random.default_rng(5)
 X, Y = RANDOM.uniform(0.0, 4.0, 400), RANDOM.uniform(-1.0, 2.0, 400)
 

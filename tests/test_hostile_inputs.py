@@ -1,10 +1,20 @@
 """Files of somebody else: no command executes code from them, or writes outside its own directory."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 from mpi4py import MPI
 
+import wavetank as wt
+from wavetank.case import Scene
 from wavetank.cli import main
+from wavetank.errors import InputError
 from wavetank.fe.layout_mesh import read_layout
+from wavetank.postprocess.beds import still_water
+from wavetank.postprocess.run_figures import draw_run
+from wavetank.records.directory import open_run
+from wavetank.values import python_file
 
 SQUARE = """$MeshFormat
 2.2 0 8
@@ -65,3 +75,90 @@ def test_mesh_is_read_without_executing_its_option_file(tmp_path):
     (tmp_path / "foreign.msh.opt").write_text(f'SystemCall "touch {mark}";\n')
     assert read_layout(mesh, MPI.COMM_SELF).mesh.topology.index_map(2).size_local == 2
     assert not mark.exists()
+
+
+# ---------------------------------------------------------------- Python files that a case or a run names
+CODED = """
+gauges = [1.0]
+[tank]
+length = 4.0
+depth = 0.7
+bed = { type = "python", file = "own.py", function = "depth" }
+[wall]
+type = "piston"
+motion = { type = "python", file = "own.py" }
+[run]
+duration = 0.1
+[numerics]
+cell_size = 0.5
+vertical_order = 4
+dt = 0.05
+"""
+OWN = """
+import numpy as np
+from pathlib import Path
+
+Path(MARK).touch()
+
+def depth(x, y):
+    return 0.7 + 0.1 * x
+
+def motion(t, order):
+    wave = -0.01 * 3.0**order * np.cos(3.0 * t + order * np.pi / 2)
+    return wave + 0.01 if order == 0 else wave
+"""
+
+
+@pytest.fixture(scope="module")
+def coded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a case whose bed and motion are Python functions, its run, and no mark of an execution."""
+    folder = tmp_path_factory.mktemp("coded")
+    (folder / "own.py").write_text(OWN.replace("MARK", repr(str(folder / "executed"))))
+    (folder / "case.toml").write_text(CODED)
+    assert main(["run", str(folder / "case.toml"), "--out", str(folder / "run"), "--no-plots", "--trust"]) == 0
+    (folder / "executed").unlink()
+    python_file._trusted.clear()  # as in another process
+    return folder
+
+
+@pytest.mark.parametrize(
+    "words", [["run", "--out", "new"], ["plan"], ["motion"], ["study", "--sweep", "dt=0.05,0.02"], ["resume"]]
+)
+def test_commands_execute_no_python_file_without_trust(words, coded, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    command, *options = words
+    given = [coded / "run", "--extend", "1"] if command == "resume" else [coded / "case.toml"]
+    before = contents(coded / "run")
+    said = refusal(capfd, command, *given, *options)
+    assert f"{coded / 'own.py'}: is Python code, which is executed only with --trust" in said
+    assert not (coded / "executed").exists() and not list(tmp_path.iterdir()) and contents(coded / "run") == before
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """Return the files of a folder."""
+    return {str(path): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+
+
+def test_run_is_drawn_from_the_recorded_bed_without_its_code(coded):
+    run = open_run(coded / "run")
+    depth = still_water(run)
+    x = np.linspace(0.0, 4.0, 9)
+    np.testing.assert_allclose(depth(x, 0 * x), 0.7 + 0.1 * x, rtol=1e-12)  # linear, so exact between the places
+    assert [path.name for path in draw_run(run)] == ["surface.png", "gauges.png", "energy.png"]
+    assert not (coded / "executed").exists()
+
+
+def test_trust_names_each_file_that_is_executed_once(coded, tmp_path, capfd):
+    assert main(["plan", str(coded / "case.toml"), "--trust"]) == 0
+    assert capfd.readouterr().out.count(f"executing {coded / 'own.py'}\n") == 1
+    (coded / "executed").unlink()
+    python_file._trusted.clear()
+
+
+def test_scene_read_with_trust_is_trusted_later(coded):
+    with pytest.raises(InputError, match="executed only with --trust"):
+        wt.read_case(coded / "case.toml")
+    scene = wt.read_case(coded / "case.toml", trust=True)
+    assert Scene.model_validate(scene.model_dump(mode="json")).depths()(np.ones(1), np.zeros(1)) == pytest.approx(0.8)
+    (coded / "executed").unlink()
+    python_file._trusted.clear()

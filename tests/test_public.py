@@ -60,7 +60,9 @@ def test_the_page_runs_as_it_stands(folder):
     x = np.array([0.0, 4.0, 8.0])
     assert seen["run"].manifest["status"] == own["run"].manifest["status"] == "finished"
     assert repr(seen["run"]) == "RunDirectory('runs/seen')"
-    assert wt.read_case("case.toml").tank.bed.build(0.7)(x, 0 * x) == pytest.approx([0.7, 0.8, 0.9], abs=1e-3)
+    assert wt.read_case("case.toml", trust=True).tank.bed.build(0.7)(x, 0 * x) == pytest.approx(
+        [0.7, 0.8, 0.9], abs=1e-3
+    )
     assert seen["run"].paddle.position.values[-1] == pytest.approx(0.01 * (1 - np.cos(2 * np.pi * 0.5 / 1.6)))
     assert [t for t, _ in seen["RUN_UP"]] == pytest.approx(np.arange(0, 0.51, 0.1))
     surfaces = [run.surface.elevation.values[-1] for run in (seen["run"], own["run"])]
@@ -111,7 +113,7 @@ class Watch:
 def test_what_is_no_integrator_or_observer_is_a_sentence_before_anything_is_written(folder, own, said):
     written(folder)
     with redirect_stdout(io.StringIO()), pytest.raises(InputError) as error:
-        wt.run(wt.read_case("case.toml"), "run", **own)
+        wt.run(wt.read_case("case.toml", trust=True), "run", **own)
     assert str(error.value).startswith(said) and "\n" not in str(error.value)
     assert not (folder / "run").exists()
 
@@ -132,21 +134,21 @@ class Fails(Watch):
 def test_of_an_observer_that_is_not_made_it_is_said_which_before_anything_is_written(folder):
     written(folder)
     with pytest.raises(ZeroDivisionError) as error:
-        wt.run(wt.read_case("case.toml"), "run", observers=[Fails], quiet=True)
+        wt.run(wt.read_case("case.toml", trust=True), "run", observers=[Fails], quiet=True)
     assert error.value.__notes__ == ["ZeroDivisionError in observers[0], Fails"]
     assert not (folder / "run").exists()
 
 
 def test_a_run_may_be_quiet(folder, capfd):
     written(folder)
-    run = wt.run(wt.read_case("case.toml", ["run.duration=0.1"]), "run", quiet=True)
+    run = wt.run(wt.read_case("case.toml", ["run.duration=0.1"], trust=True), "run", quiet=True)
     assert "".join(capfd.readouterr()) == "" and "16 cells" in (run.path / "run.log").read_text()
     assert run.energy.paddle_work.attrs["long_name"] == "paddle work"
 
 
 def test_a_run_that_is_there_is_kept_unless_told(folder):
     written(folder)
-    scene = wt.read_case("case.toml", ["run.duration=0.1"])
+    scene = wt.read_case("case.toml", ["run.duration=0.1"], trust=True)
     with redirect_stdout(io.StringIO()):
         wt.run(scene, "run")
         with pytest.raises(InputError, match="run: holds a run already"):
@@ -170,12 +172,12 @@ def test_a_motion_that_is_none_is_refused_in_a_sentence(folder, body, said):
     written(folder)
     (folder / "paddle.py").write_text(f"import numpy as np\ndef motion(t, order):\n    return {body}\n")
     with pytest.raises(InputError, match=rf"case\.toml, line 10: wall\.motion: .*{said}"):
-        wt.read_case("case.toml")
+        wt.read_case("case.toml", trust=True)
 
 
 def test_a_motion_of_ones_own_may_grow_from_rest(folder):
     written(folder)
-    motion = wt.read_case("case.toml", ["wall.motion.ramp=0.4"]).motion()
-    plain = wt.read_case("case.toml").motion()
+    motion = wt.read_case("case.toml", ["wall.motion.ramp=0.4"], trust=True).motion()
+    plain = wt.read_case("case.toml", trust=True).motion()
     assert motion.acceleration(0.0) == 0.0 != plain.acceleration(0.0)
     assert motion.position(0.45) == plain.position(0.45)

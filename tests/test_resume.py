@@ -30,6 +30,8 @@ from wavetank.runs import run as running
 from wavetank.runs.kept_surface import KeptSurface
 from wavetank.runs.waters import build_waves
 
+pytestmark = pytest.mark.usefixtures("trusted")
+
 DT = SLICE["numerics"]["dt"]
 MISS = "these numerics are predicted to miss the elevation by"
 

@@ -1,12 +1,14 @@
 """The command line. Exit codes: 0 done; 1 the run failed; 2 the input is wrong."""
 
+import inspect
 import json
 import os
 import shlex
 import sys
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
-from functools import cache
+from functools import cache, wraps
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
@@ -30,6 +32,7 @@ from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
 from wavetank.status import status
 from wavetank.study.command import study
+from wavetank.values.python_file import trusting
 
 # of use
 ORDER = (
@@ -44,6 +47,24 @@ class InOrderOfUse(TyperGroup):
     def list_commands(self, ctx: typer.Context) -> list[str]:  # type: ignore[override]
         """Return the names of all commands."""
         return sorted(self.commands, key=ORDER.index)
+
+
+Trust = Annotated[bool, typer.Option("--trust", help="execute the Python files that the case or the run names")]
+
+
+def may_execute(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command with the option ``--trust``, without which it executes no Python file."""
+
+    @wraps(command)
+    def trusted(*, trust: bool = False, **options: Any) -> None:
+        with trusting(trust, lambda sentence: console().print(sentence, highlight=False)):
+            command(**options)
+
+    signature = inspect.signature(command)
+    added = inspect.Parameter("trust", inspect.Parameter.KEYWORD_ONLY, default=False, annotation=Trust)
+    trusted.__dict__["__signature__"] = signature.replace(parameters=[*signature.parameters.values(), added])
+    trusted.__annotations__ = {**command.__annotations__, "trust": Trust}
+    return trusted
 
 
 def example(command: str) -> str:
@@ -69,14 +90,14 @@ verify_app = typer.Typer(
 )
 app.add_typer(data_app, name="data")
 app.add_typer(verify_app, name="verify")
-app.command(epilog=example("plan cases/wavemaker.toml --accuracy 0.01"))(plan)
-app.command(epilog=example("motion cases/focusing.toml --rate 200"))(motion)
+app.command(epilog=example("plan cases/wavemaker.toml --accuracy 0.01"))(may_execute(plan))
+app.command(epilog=example("motion cases/focusing.toml --rate 200"))(may_execute(motion))
 app.command(epilog=example("status runs"))(status)
-app.command(epilog=example("view runs/focusing --film runs/focusing/film.mp4"))(view)
-app.command(epilog=example("compare runs/marin-202002 --with marin-202002"))(compare)
-app.command(epilog=example("analyse runs/focusing spectrum groups"))(analyse)
-app.command(epilog=example("calibrate cases/focusing.toml"))(calibrate)
-app.command(epilog=example("study cases/standing-wave.toml --sweep dt=0.02,0.01"))(study)
+app.command(epilog=example("view runs/focusing --film runs/focusing/film.mp4"))(may_execute(view))
+app.command(epilog=example("compare runs/marin-202002 --with marin-202002"))(may_execute(compare))
+app.command(epilog=example("analyse runs/focusing spectrum groups"))(may_execute(analyse))
+app.command(epilog=example("calibrate cases/focusing.toml"))(may_execute(calibrate))
+app.command(epilog=example("study cases/standing-wave.toml --sweep dt=0.02,0.01"))(may_execute(study))
 
 
 def _tell_version(asked: bool) -> None:
@@ -110,6 +131,7 @@ def new(
 
 
 @app.command(epilog=example("run cases/focusing.toml --set numerics.cell_size=0.1"))
+@may_execute
 def run(
     case: Annotated[
         Path | None, typer.Argument(help="case file (TOML); without one, the cases at hand are listed", metavar="CASE")
@@ -143,6 +165,7 @@ def run(
 
 
 @app.command(epilog=example("resume runs/focusing --extend 30"))
+@may_execute
 def resume(
     directory: Annotated[
         Path, typer.Argument(help="run directory; the case is kept there", metavar="RUN", readable=False)

@@ -16,6 +16,7 @@ from wavetank.recording import record_run, resume_run
 from wavetank.records.directory import RunDirectory
 from wavetank.records.place import Place
 from wavetank.runs.waters import AnyWaves
+from wavetank.values.python_file import trusting
 
 
 def run(
@@ -74,6 +75,7 @@ def resume(
     at: float | None = None,
     observers: Sequence[Callable[[AnyWaves], Observer]] = (),
     integrator: Integrator[Any] | None = None,
+    trust: bool = False,
 ) -> RunDirectory:
     """Go on with a run from its last checkpoint, and return its run directory; also under mpirun.
 
@@ -91,9 +93,12 @@ def resume(
         The time of the checkpoint to go on from [s], one of the two that are kept; default: of the last.
     observers, integrator
         Those of the run, where it was given some.
+    trust
+        Whether Python files that the run directory names may be executed.
     """
     comm = MPI.COMM_WORLD
     own = {"observers": observers, "integrator": integrator}
-    resume_run(directory, changes, extend=extend, at=at, comm=comm, console=console(), **own)
+    with trusting(trust):
+        resume_run(directory, changes, extend=extend, at=at, comm=comm, console=console(), **own)
     comm.Barrier()
     return RunDirectory(directory)

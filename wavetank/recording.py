@@ -10,6 +10,7 @@ import numpy as np
 from mpi4py import MPI
 from rich.console import Console
 
+from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.windows import Window
@@ -58,7 +59,7 @@ from wavetank.runs.parts import Parts
 from wavetank.runs.run import Run
 from wavetank.runs.sponges import told_of_sponge
 from wavetank.runs.starts import told_of_start
-from wavetank.runs.waters import AnyWaves, told_of_bed
+from wavetank.runs.waters import AnyWaves, bed_by_code, told_of_bed
 from wavetank.values.noun import SceneError
 from wavetank.water.breakdown import cause, folds
 from wavetank.water.breaking import BreakingDissipation
@@ -213,7 +214,8 @@ def record_run(
 
         with Interruption(comm) as interruption:  # from now on SIGTERM is written down
             begun = {"parts": parts.so_far()} | _chosen(asked, scene, integrator)
-            on_first(comm, lambda: _begin(writer, log, begun, going_on=resume))
+            bed = bed_by_code(scene, waves)
+            on_first(comm, lambda: _begin(writer, log, begun, bed=bed, going_on=resume))
             if writer is not None:
                 at_the_end.enter_context(_said(writer, log, draw=draw))
             at_the_end.callback(warnings.show)
@@ -342,11 +344,15 @@ def _chosen(asked: Scene, planned: Scene, integrator: Integrator[Any] | None) ->
     return {} if chosen == given else {"planned": chosen}
 
 
-def _begin(writer: RunWriter | None, log: RunLog, begun: dict[str, Any], *, going_on: bool) -> None:
+def _begin(
+    writer: RunWriter | None, log: RunLog, begun: dict[str, Any], *, bed: dict[str, Vector], going_on: bool
+) -> None:
     """Begin the directory, with what is known by now."""
     if writer is not None:
         old = [path.name for pattern in ANALYSES for path in writer.path.glob(pattern)] if going_on else []
         writer.begin(begun)
+        if bed:
+            writer.bed(bed)
         log.open(writer.path / LOG, going_on=going_on)
         log.say(f"writing {writer.path}")
         if old:

@@ -74,7 +74,7 @@ class FormulaBed(BedNoun, FormulaNoun):
 
 
 class PythonBed(BedNoun):
-    """d(x, y) by a function in a Python file, which is run: it must be one that is trusted."""
+    """d(x, y) by a function in a Python file, which is executed only with `--trust`."""
 
     type: Literal["python"] = "python"
     file: FilePath = Field(description="Python file")

@@ -126,7 +126,7 @@ class FormulaMotion(PaddleNoun):
 
 
 class PythonMotion(PaddleNoun):
-    """X(t) and its derivatives by a function in a Python file, which is run: it must be one that is trusted."""
+    """X(t) and its derivatives by a function in a Python file, which is executed only with `--trust`."""
 
     type: Literal["python"] = "python"
     said_by: ClassVar[tuple[str, ...]] = ()

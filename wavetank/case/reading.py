@@ -19,6 +19,7 @@ from wavetank.case.keys import homes, homes_of_type, nouns, table_at, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.files import regular
 from wavetank.values.noun import Noun, Problem, SceneError
+from wavetank.values.python_file import trusting
 
 Key = tuple[str | int, ...]
 LONGEST_INDEX = 9  # digits
@@ -26,15 +27,16 @@ SHOWN = 20  # mistakes; more are counted
 FEW = 4  # keys
 
 
-def read_case(path: Path | str, overrides: Sequence[str] = ()) -> Scene:
+def read_case(path: Path | str, overrides: Sequence[str] = (), *, trust: bool = False) -> Scene:
     """Return the scene of a case file, with ``KEY=VALUE`` overrides such as ``"numerics.dt=0.01"``.
 
-    Raises ``InputError`` that lists everything that is wrong, one line each: the file, the line, the key, the value
-    received and what is allowed.
+    ``trust`` allows the Python files that the case names to be executed. Raises ``InputError`` that lists everything
+    that is wrong, one line each: the file, the line, the key, the value received and what is allowed.
     """
     path = Path(path)
     text = _read(path)
-    return _scene(path, text, _parse(path, text), overrides)
+    with trusting(trust):
+        return _scene(path, text, _parse(path, text), overrides)
 
 
 def changed_scene(path: Path, content: dict[str, Any], overrides: Sequence[str]) -> Scene:

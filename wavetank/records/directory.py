@@ -16,6 +16,7 @@
     surface.xdmf    opens them in ParaView
     surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
     checkpoint.zip  what a run needs to go on, from time to time, and in ``checkpoint-before.zip`` the one before
+    bed.csv         of a bed by a Python function, its depth [m] at the degrees of freedom
     broken.csv      of a run that broke down, the surface from which it could not go on; drawn in broken.png
     run.log         what the run has said: its summary, progress, warnings, and why it ended
     .lock           while it goes on (``lock.py``)
@@ -61,6 +62,7 @@ TABLES = GAUGES, ENERGY, PADDLE, FAR_PADDLE, PROBES, LOADS = (
 PADDLES = {"wall": PADDLE, "far_wall": FAR_PADDLE}  # by the key of the wall
 COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the run has ended
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
+BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
@@ -86,7 +88,7 @@ def made_of_records(run: Path) -> Iterator[Path]:
 def recorded(run: Path) -> Iterator[Path]:
     """Yield the records in a run directory, and what has been made of them."""
     yield from made_of_records(run)
-    files = (*TABLES, SURFACE, SURFACE_INDEX, LOG, *CHECKPOINTS)
+    files = (*TABLES, BED, SURFACE, SURFACE_INDEX, LOG, *CHECKPOINTS)
     indices = (*(f"{name}.pvd" for name in SERIES), "window-*.nc", "window-*.csv")
     pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
     for pattern in (*files, *indices, *pieces):
@@ -275,6 +277,14 @@ class RunDirectory:
         x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where none is kept.
         """
         header, rows = self._table(BROKEN)
+        return {name.partition(" ")[0]: column for name, column in zip(header, rows.T, strict=True)}
+
+    def bed(self) -> dict[str, NDArray[np.float64]]:
+        """Return the depth of a bed by a Python function: x, y (of a basin) and depth [m], each of shape (rows,).
+
+        Raises ``InputError`` where the run has no such record.
+        """
+        header, rows = self._table(BED)
         return {name.partition(" ")[0]: column for name, column in zip(header, rows.T, strict=True)}
 
     def snapshots(self) -> Surface:

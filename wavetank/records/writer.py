@@ -13,6 +13,7 @@ from wavetank.arrays import Vector
 from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded
 from wavetank.records.checkpoint import Checkpoint, kept, read_checkpoint, write_checkpoint
 from wavetank.records.directory import (
+    BED,
     BROKEN,
     CHECKPOINT,
     CHECKPOINT_BEFORE,
@@ -247,6 +248,11 @@ class RunWriter:
         """Write the surface from which the run cannot go on; on a full disk it is left out."""
         with suppress(OSError):
             replace(self.path / BROKEN, table(columns))
+
+    def bed(self, columns: Mapping[str, Vector]) -> None:
+        """Write the depths of a bed, so that nobody who draws the run executes its code; on a full disk left out."""
+        with suppress(OSError):
+            replace(self.path / BED, table(columns))
 
     def note(self, figures: dict[str, Any]) -> None:
         """Take figures into the manifest, with its last word, whichever that will be."""

@@ -6,9 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from mpi4py import MPI
 
-from wavetank.case import Physics, Scene
+from wavetank.arrays import Vector
+from wavetank.case import Physics, PythonBed, Scene
 from wavetank.case.loads import FAR
 from wavetank.fe.agreed import agreed
+from wavetank.fe.by_place import gathered
 from wavetank.fe.plane import Plane
 from wavetank.motions.tangent import Tangent
 from wavetank.runs.footprints import Footprint, build_footprint
@@ -65,6 +67,22 @@ def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
     touched = np.asarray(waves.bed.still == minimum, dtype=np.float64)
     wet, whole = (waves.plane.sum(waves.mass.apply(part)) for part in (touched, np.ones_like(touched)))
     return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / whole:.3g} % of the tank"
+
+
+def bed_by_code(scene: Scene, waves: AnyWaves) -> dict[str, Vector]:
+    """Return x, y (of a basin) [m] and depth [m] of a bed by a Python function at all degrees of freedom; collective.
+
+    Empty of any other bed, and on all ranks but the first.
+    """
+    depth = scene.depths()
+    if not isinstance(scene.tank.bed, PythonBed) or not callable(depth):
+        return {}
+    x, y = waves.plane.places.T
+    columns = {"x [m]": x, "y [m]": y, "depth [m]": agreed(waves.plane.comm, lambda: depth(x, y))}
+    if waves.plane.mesh.topology.dim == 1:
+        del columns["y [m]"]
+    found, _ = gathered(waves.plane, [*columns.values()])
+    return dict(zip(columns, found, strict=False))
 
 
 def told_energy(scene: Scene) -> list[str]:

@@ -22,6 +22,7 @@ from wavetank.records.checkpoint import last_checkpoint
 from wavetank.records.directory import MANIFEST, RunDirectory
 from wavetank.records.place import Place
 from wavetank.study.sweep import Combination
+from wavetank.values.python_file import is_trusting
 
 CAN_GO_ON = ("killed", "stopped", "failed", "unknown")  # what has broken down would do so again
 
@@ -78,7 +79,9 @@ class Runner:
     """
 
     def __init__(self, case: Path, out: Path, *, at_once: int, yes: bool = False):
-        self._case, self._out, self._at_once, self._yes = case, out, at_once, yes
+        self._case, self._out, self._at_once = case, out, at_once
+        given = {"--no-plots": True, "--yes": yes, "--trust": is_trusting()}
+        self._options = [name for name, there in given.items() if there]
         self._directories: dict[str, Path] = {}
         self._idle, self._workers = SimpleQueue[Worker](), list[Worker]()
 
@@ -131,9 +134,8 @@ class Runner:
 
     def _called(self, arguments: Sequence[str]) -> Outcome:
         """Return how a ``wavetank run`` with these arguments has ended."""
-        options = ["--no-plots", *(["--yes"] if self._yes else [])]
         worker = self._worker()
-        code, errors = worker.called(["run", str(self._case), *options, *arguments])
+        code, errors = worker.called(["run", str(self._case), *self._options, *arguments])
         if worker.serves:
             self._idle.put(worker)
         return _outcome(code, errors)
@@ -162,7 +164,7 @@ class Worker:
     def __init__(self) -> None:
         self._errors = TemporaryFile()  # noqa: SIM115 (as long as the process)
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "wavetank.worker"],
+            [sys.executable, "-P", "-m", "wavetank.worker"],  # no module of the current directory
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=self._errors,

@@ -1,6 +1,8 @@
-"""A function in a Python file; the file is run, so it must be one that is trusted."""
+"""A function in a Python file, which is executed only where the user trusts it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 from traceback import extract_tb
 from typing import Any
@@ -10,6 +12,44 @@ import numpy as np
 from wavetank.errors import InputError
 from wavetank.values.files import regular
 from wavetank.values.formula import Array, finite
+
+Say = Callable[[str], object]
+
+
+class UntrustedError(InputError):
+    """A Python file would be executed that the user does not trust."""
+
+
+_say = ContextVar[Say | None]("say", default=None)
+_trusted = set[Path]()
+
+
+@contextmanager
+def trusting(granted: bool = True, say: Say = lambda sentence: None) -> Iterator[None]:
+    """Allow a block to execute the Python files of a case; each stays trusted until the process ends.
+
+    ``say`` receives a sentence that names each file when it is first executed.
+    """
+    token = _say.set(say if granted else _say.get())
+    try:
+        yield
+    finally:
+        _say.reset(token)
+
+
+def is_trusting() -> bool:
+    """Return whether all Python files may be executed here."""
+    return _say.get() is not None
+
+
+def _check_trusted(path: Path) -> None:
+    """Raise ``UntrustedError`` for a Python file that the user does not trust."""
+    if path in _trusted:
+        return
+    if (say := _say.get()) is None:
+        raise UntrustedError(f"{path}: is Python code, which is executed only with --trust (in Python: trust=True).")
+    _trusted.add(path)
+    say(f"executing {path}")
 
 
 class PythonFunction:
@@ -47,12 +87,16 @@ class PythonFunction:
 
 
 def load(path: Path, name: str) -> PythonFunction:
-    """Return a function of a Python file; raises ``InputError`` if it cannot be had, read or run."""
+    """Return a function of a Python file; raises ``InputError`` if it is not trusted, or cannot be read or executed."""
     members: dict[str, Any] = {"__name__": path.stem, "__file__": str(path)}
     try:
-        exec(compile(regular(path).read_bytes(), str(path), "exec"), members)
+        code = regular(path).read_bytes()
+        _check_trusted(path.resolve())
+        exec(compile(code, str(path), "exec"), members)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); a Python file is needed.") from None
+    except UntrustedError:
+        raise
     except (Exception, SystemExit) as error:  # whatever a user's file may do
         raise InputError(f"{path}{_line(error, path)}: {_shown(error)}.") from error
     function = members.get(name)
