@@ -1,13 +1,17 @@
 """What ``wavetank verify integrators`` writes: every table with its picture, readable, and bad folders refused."""
 
 import csv
+import re
 
 import pytest
+from conftest import CHECKOUT
 from rich.console import Console
 
 from wavetank.cli import main
 from wavetank.verify import integrators
 from wavetank.verify.report import Report
+from wavetank.verify.schemes import simpson
+from wavetank.verify.work_precision import Tank
 
 SLOW = ("overview", "work_precision", "damped_jumps", "long_orbits")
 EXPECTED = {
@@ -104,6 +108,13 @@ def test_the_third_order_scheme_needs_least_work_for_a_small_error(tmp_path):
         good = [row for row in rows if row["system"] == system and float(row["error"]) < wanted]
         least = min(good, key=lambda row: int(row["evaluations"]))
         assert least["scheme"] in ("third order (23)", "Simpson 4")
+
+
+def test_documented_evaluations_are_those_of_the_scheme():
+    """Oracle: the table of docs/integrators.md, within a tenth: solvers' iterations differ between platforms."""
+    rows = re.findall(r"^\| (.+?) \| (\d+) \| .*⁻", (CHECKOUT / "docs/integrators.md").read_text(), re.MULTILINE)
+    _, evaluations = Tank().run(simpson().integrator, 36)
+    assert evaluations == pytest.approx(int(dict(rows)["Simpson 4"]), rel=0.1)
 
 
 def test_a_folder_that_cannot_be_written_is_refused(wavetank, tmp_path):
