@@ -7,7 +7,8 @@ Per gauge, over the times both have, with the reference's times as the base and 
     correlation of computed and reference, without shift
     crests      the largest elevation of either's spline, at the same times; troughs the lowest
     crest error the computed crest over the reference's, less 1; of the troughs alike
-    arrival     by how much later than in the reference the elevation first is a tenth of the reference's largest
+    arrival     by how much later than in the reference the elevation first is a tenth of the reference's largest; not a
+                number where these are different waves
     similarity  the surface similarity parameter: 0 alike, 1 opposite (``analysis/similarity.py``)
 
 Where the reference's clock is another's, one offset for all gauges is found first (``synchronised``).
@@ -34,6 +35,7 @@ from wavetank.records.series import GaugeSeries
 MINIMA = 4  # of all clock offsets: which is least is seen when they are refined
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
 ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
+FLANK = 0.25  # of a mean period, from still water to a crest: a level is crossed within it, whatever the amplitude
 MATCH = 1e-3  # m; two gauges nearer than that stand at one place
 
 COLUMNS = (
@@ -212,8 +214,16 @@ def compare_gauge(computed: GaugeSeries, reference: GaugeSeries, *, clock_offset
         trough_reference=float(expected.min()),
         crest_error=_excess(near.max(), expected.max()),
         trough_error=_excess(-near.min(), -expected.min()),
-        arrival_error=_arrival(fine, near, level) - _arrival(fine, expected, level),
+        arrival_error=_late(spline, t, eta, _arrival(fine, near, level) - _arrival(fine, expected, level)),
         similarity=surface_similarity(there, eta),
+    )
+
+
+def clock_line(compared: Sequence[GaugeComparison]) -> str:
+    """Return the line about the offset between both clocks; empty where it is zero."""
+    offset = compared[0].clock_offset
+    return f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it" * bool(
+        offset
     )
 
 
@@ -221,7 +231,7 @@ def told_of_clock(
     computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries], compared: Sequence[GaugeComparison]
 ) -> str:
     """Return that another clock explains half of the misfit and more, by when waves arrive; nothing where none does."""
-    late = float(np.median([one.arrival_error for one in compared]))
+    late = float(np.median([one.arrival_error for one in compared if not isnan(one.arrival_error)] or [0.0]))
     if not abs(late) > LARGEST_SHIFT:
         return ""
     try:
@@ -238,6 +248,21 @@ def told_of_clock(
 def _excess(size: float, expected: float) -> float:
     """Return a size over the one that is expected, less 1; not a number where none is expected."""
     return float(size / expected - 1) if expected > 0 else nan
+
+
+def _late(
+    spline: "scipy.interpolate.CubicSpline", t: NDArray[np.float64], eta: NDArray[np.float64], late: float
+) -> float:
+    """Return a delay of arrival [s]; not a number where it pairs different waves.
+
+    The same wave crosses the level within one flank. A longer delay is accepted where a shift by it reduces the misfit.
+    """
+    period = 2 * np.pi * rms(eta) / max(rms(np.gradient(eta, t)), np.finfo(float).tiny)
+    there = (t + late >= spline.x[0]) & (t + late <= spline.x[-1])
+    if isnan(late) or abs(late) <= FLANK * period:
+        return late
+    before, after = (rms(spline(t[there] + shift) - eta[there]) for shift in (0.0, late))
+    return late if after < before else nan
 
 
 def _arrival(t: NDArray[np.float64], eta: NDArray[np.float64], level: float) -> float:

@@ -44,15 +44,15 @@ def compare(
         if clock is not None or period is not None:
             raise InputError(f"{reference}: holds wave heights; --clock and --period are for records of gauges.")
         tables = [_compare_heights(RunDirectory(run), given.heights, data.height_series(given), folder=folder)]
-        doubt = ""
+        lines = list[str]()
     else:
         first, *others = data.gauge_records(given) if given else [_of_run(Path(reference))]
         references = [first._replace(clock=_clock(clock)) if clock is not None else first, *others]
-        tables, doubt = _compare_gauges(_computed(run), references, folder=folder, period=period, start=start)
+        tables, lines = _compare_gauges(_computed(run), references, folder=folder, period=period, start=start)
     terminal = console()
     for table in tables:
         terminal.print(table)
-    for line in filter(None, (doubt, *map(data.told_of_units, (run, reference)), told_of_tanks(run, reference))):
+    for line in filter(None, (*lines, *map(data.told_of_units, (run, reference)), told_of_tanks(run, reference))):
         terminal.print(line, highlight=False)
     terminal.print(f"wrote {', '.join(str(folder / name) for name in names)}", highlight=False)
 
@@ -109,8 +109,8 @@ def _compare_gauges(
     folder: Path,
     period: float | None,
     start: float | None,
-) -> tuple[list[Table], str]:
-    """Compare with the first of the references, and draw them all; return also what is doubtful of their clocks."""
+) -> tuple[list[Table], list[str]]:
+    """Compare with the first of the references, and draw them all; return tables and lines on the clocks."""
     from wavetank.postprocess import compare as comparison
     from wavetank.postprocess import compare_harmonics
     from wavetank.postprocess.figures import gauges_figure
@@ -127,7 +127,8 @@ def _compare_gauges(
         tables.append(compare_harmonics.harmonics_table(harmonic))
     published = [gauge for series, _ in others for gauge in series]
     gauges_figure(measured, computed, published, folder / "compare.png")
-    return tables, comparison.told_of_clock(computed, measured, compared)
+    lines = [comparison.clock_line(compared), comparison.told_of_clock(computed, measured, compared)]
+    return tables, lines
 
 
 def _compare_heights(
