@@ -19,9 +19,9 @@ from wavetank.calibrate.aims import aim_of
 from wavetank.calibrate.calibration import CASE, PICTURE, TABLE, WAVES
 from wavetank.calibrate.crest import CrestAim, crests
 from wavetank.calibrate.numerics import cheaper, exhausted
-from wavetank.calibrate.record import mixed
+from wavetank.calibrate.record import RecordAim, mixed
 from wavetank.calibrate.table import told
-from wavetank.calibrate.waves import Lines, Scale, moved, scale, table
+from wavetank.calibrate.waves import Lines, Scale, moved, scale, started, table
 from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.reading import read_case
@@ -420,6 +420,9 @@ def test_a_run_that_fails_for_another_reason_ends_the_calibration(tiny, monkeypa
         ("focusing", ["target={type='record', file='none.txt', x=3.0}"], "none.txt: cannot be read"),
         ("focusing", ["target={type='record', file='ETA', x=3.0, start=30.0}"], "has 0 rows that count"),
         ("focusing", ["target={type='record', file='ETA', x=23.0}"], "when none of them can be there"),
+        ("irregular", ["target={type='components', x=12.0}"], ": 17 % (rms) of the target cannot arrive in time"),
+        ("irregular", ["target={type='components', x=4.0}"], "waves of 1.09 Hz from a paddle that starts"),
+        ("irregular", ["target={type='record', file='ETA', x=4.0}"], ": 99 % (rms) of the target cannot arrive"),
         ("focusing", ["wall.motion.components=5000", "target={type='components', x=3.0}"], "target: is too long"),
     ],
 )  # fmt: skip
@@ -440,6 +443,18 @@ def test_what_a_far_wall_makes_is_not_calibrated():
         with pytest.raises(InputError, match="wall.motion alone, far_wall.motion stays as it is"):
             aim_of(read_case(FOCUSING, [*changes, far, "sponge={type='formula', gamma='0'}"]))
     assert aim_of(read_case(FOCUSING, [target, far, "sponge={type='formula', gamma='0'}"])).x == 3.0
+
+
+def test_the_part_of_a_target_that_cannot_arrive_is_the_misfit_that_remains():
+    """Oracle: calibrations in linear water, which stall at nrms 0.0999 (x = 4 m) and 0.313 (12 m), 0.010 at a focus."""
+    sea, group = read_case(FOCUSING.with_name("irregular.toml"), ["run.duration=40"]), read_case(FOCUSING)
+    for scene, x, part in ((sea, 4.0, 0.0999), (sea, 12.0, 0.313), (group, 10.0, 0.010)):
+        waves = scene.wall.motion.waves(scene.tank, scene.wall.maker).target
+        t = np.arange(0.0, scene.run.duration, 0.08)
+        aim = RecordAim(x, Elevation(t, waves.elevation(x, t)), waves, tolerance=0.02, linear=True)
+        assert 0.6 * part < aim.late().part < part
+        early = 0.5 * (t[1:] + t[:-1])
+        assert started(waves, x, early[200:]) == pytest.approx(started(waves, x, early)[200:], abs=1e-12)
 
 
 def test_a_surface_that_is_wished_for_is_the_record_that_is_wanted(tmp_path):

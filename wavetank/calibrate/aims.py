@@ -30,6 +30,7 @@ FEWEST = 16  # rows of a record that count
 PER_PERIOD = 8  # times of a record in the shortest period
 MOST_NUMBERS = 10**7  # times by frequencies, unless the shortest period needs more, and then twice as many
 MOST_LINES = 4000  # frequencies
+LATE = 0.15  # of the rms of a record; bound waves count as free ones: 2 to 9 % in records that a paddle can make
 
 
 def aim_of(scene: Scene) -> Aim:
@@ -82,7 +83,8 @@ def _components(target: ComponentsTarget, scene: Scene) -> Aim:
     waves = _made(scene)
     t = _times(0.0, scene.run.duration, waves.omega)
     wanted = Elevation(t, waves.elevation(target.x, t))
-    return RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True)
+    aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=True)
+    return _in_time(aim, scene, most=target.tolerance)
 
 
 def _record(target: RecordTarget, scene: Scene) -> Aim:
@@ -102,7 +104,20 @@ def _record(target: RecordTarget, scene: Scene) -> Aim:
     fewest = min(t.size, int(MOST_NUMBERS / judged.size))
     times = _times(t[0], t[-1], judged, fewest=fewest)
     wanted = Elevation(times, CubicSpline(t, eta)(times))
-    return RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
+    aim = RecordAim(target.x, wanted, waves, tolerance=target.tolerance, linear=False, judged=judged)
+    return _in_time(aim, scene, most=max(target.tolerance, LATE))
+
+
+def _in_time(aim: RecordAim, scene: Scene, *, most: float) -> Aim:
+    """Return an aim; raise ``SceneError`` where more of it than a part of its rms cannot arrive in time."""
+    late = aim.late()
+    if late.part > most:
+        k = float(airy.wave_number(2 * np.pi * late.frequency, scene.tank.depth, scene.tank.gravity))
+        arrival = aim.x / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
+        what = f"{100 * late.part:.2g} % (rms) of the target cannot arrive in time, allowed are {100 * most:.2g} %"
+        when = f"waves of {late.frequency:.3g} Hz from a paddle that starts at t = 0 arrive at t = {arrival:.4g} s"
+        raise SceneError([Problem(("target", "x"), aim.x, f"{what}: {when}")])
+    return aim
 
 
 def _counting(target: RecordTarget, scene: Scene) -> tuple[Array, Array]:

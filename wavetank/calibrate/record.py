@@ -14,12 +14,13 @@ and breaking onset", Coastal Eng. 128, 2017, for runs with turned phases.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wavetank.calibrate.aim import Aim, Elevation, Found, Setting, Tried, at
-from wavetank.calibrate.waves import Complex, Lines, scale
+from wavetank.calibrate.waves import Complex, Lines, scale, started
 from wavetank.postprocess.compare import rms
 from wavetank.records.directory import RunDirectory
 from wavetank.theory.plane_waves import PlaneWaves
@@ -32,6 +33,13 @@ LOWER = 0.8
 FINER = 8  # times at which a crest is looked for, by those of the record
 TURNED = 2  # attempts at a whole record with turned phases, too
 CREST, TROUGH = 0.0, 180.0
+
+
+class Late(NamedTuple):
+    """Waves of a target that cannot arrive in time: rms over that of the target, and mean frequency [Hz]."""
+
+    part: float
+    frequency: float
 
 
 class RecordAim(Aim):
@@ -75,6 +83,13 @@ class RecordAim(Aim):
     def waves(self, setting: Setting) -> PlaneWaves:
         """Return waves of other amplitudes."""
         return replace(self._waves, amplitudes=setting)
+
+    def late(self) -> Late:
+        """Return what is missing of the target where its waves start at the paddle at t = 0, by linear theory."""
+        missing = self._wanted.eta - started(self._waves, self.x, self._wanted.t)
+        energy = np.abs(self._judge.of(missing)) ** 2
+        part = rms(self._judge.kept(missing)) / rms(self._judge.kept(self._wanted.eta))
+        return Late(part, float(energy @ self._judge.omega / energy.sum() / (2 * np.pi)))
 
     def phases(self, tried: Sequence[Tried]) -> tuple[float, ...]:
         """Return both, as long as the tank's transfer, or what is linear, is to be known."""

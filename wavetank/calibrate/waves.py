@@ -7,12 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal.windows import tukey
 
+from wavetank.theory.airy import wave_number
 from wavetank.theory.plane_waves import PlaneWaves
 from wavetank.theory.wave import Array
 
 Complex = NDArray[np.complex128]
 
 EASED = 2.0  # mean periods at either end of a record
+BLOCK = 1000  # times at once
+PADDING = 4
 
 
 class Scale(NamedTuple):
@@ -32,6 +35,21 @@ def scale(waves: PlaneWaves) -> Scale:
 def moved(waves: PlaneWaves, dx: float, dt: float, *, factor: float = 1.0) -> PlaneWaves:
     """Return waves times a factor that are dx [m] farther along and dt [s] later."""
     return replace(waves, amplitudes=factor * waves.amplitudes * np.exp(-1j * (waves.k_x * dx - waves.omega * dt)))
+
+
+def started(waves: PlaneWaves, x: float, t: Array) -> Array:
+    """Return the elevation [m] at x [m] of waves that a paddle at x = 0 starts at t = 0, by linear theory.
+
+    The times t [s], shape (N,), are equally spaced, >= 0, and so many in a period that the paddle's waves are resolved.
+    """
+    dt = (t[-1] - t[0]) / (t.size - 1)
+    times = np.append(t[0] - dt * np.arange(int(t[0] / dt), 0, -1), t)
+    parts = np.array_split(times, 1 + times.size // BLOCK)
+    at_paddle = np.concatenate([waves.elevation(0.0, part) for part in parts])
+    padded = PADDING * times.size  # the slowest waves must not come round again
+    omega = 2 * np.pi * np.fft.rfftfreq(padded, dt)
+    turns = np.exp(-1j * x * np.append(0.0, wave_number(omega[1:], waves.depth, waves.gravity)))
+    return np.asarray(np.fft.irfft(turns * np.fft.rfft(at_paddle, padded), padded)[times.size - t.size : times.size])
 
 
 def table(waves: PlaneWaves) -> str:
@@ -63,6 +81,7 @@ class Lines:
     """
 
     def __init__(self, t: Array, omega: Array, *, period: float):
+        self.omega = omega
         self._turns, ease = np.exp(-1j * np.outer(t, omega)), eased(t, period)
         step, order = (t[-1] - t[0]) / (t.size - 1), np.argsort(omega)
         weights = np.full(omega.size, 1.0 / (step * float(ease @ ease)))
