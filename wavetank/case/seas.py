@@ -306,6 +306,10 @@ class SolitaryWaveMotion(PaddleNoun):
         make = motions.exact_solitary if self.generation == "exact" else motions.goring
         return make(self.height, depth=tank.depth, gravity=tank.gravity)
 
+    def crest_time_in(self, tank: AnyTank) -> float:
+        """Return when the crest would be at x = 0 [s], default resolved."""
+        return self._pushed(tank).lead if self.crest_time is None else self.crest_time
+
     def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the motion."""
         push = self._pushed(tank).scaled(tank.depth / maker.volume(tank.depth))

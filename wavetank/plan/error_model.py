@@ -18,7 +18,9 @@ waves of permanent form; single runs scatter about it, as harmonics resonate wit
 mesh or do not: of 46 waves of permanent form 29 have their error predicted within a factor of three (docs/plan.md).
 Linear waves have none of this.
 
-Elevations are compared with an exact computation of the same waves; reflections by the far wall are not followed.
+A solitary wave that meets a wall has its run-up beside that (``run_up.py``): the larger of both errors counts.
+
+Elevations are compared with an exact computation of the same waves; other reflections by the far wall are not followed.
 """
 
 from dataclasses import dataclass
@@ -59,10 +61,19 @@ class Settings:
 
 
 class ErrorPart(NamedTuple):
-    """What space or time contributes to a component's error, shape (N,) each: phase [rad], and what is bounded."""
+    """What space or time contributes to the error.
+
+    Attributes
+    ----------
+    phase, bounded
+        Of each component: the phase [rad], and what is bounded, shape (N,).
+    run_up
+        The relative error of a solitary wave's run-up at a wall.
+    """
 
     phase: Vector
     bounded: Vector
+    run_up: float = 0.0
 
 
 class ErrorModel:
@@ -117,7 +128,11 @@ class ErrorModel:
         _, mu, profile = self._waves[mesh.cells]
         part = self._part(mesh.surface_frequency(mu) / self._exact - 1.0, profile)
         # Bound harmonics are forced, not free: of them the cells miss what the products have, not a mix of branches.
-        return part._replace(bounded=np.hypot(profile[:, 0], self._products[mesh.cells]))
+        run_up = self._required.run_up
+        return part._replace(
+            bounded=np.hypot(profile[:, 0], self._products[mesh.cells]),
+            run_up=0.0 if run_up is None else run_up.error(mesh),
+        )
 
     def time(self, integrator: str, dt: float) -> ErrorPart:
         """Return what a scheme contributes."""
@@ -128,7 +143,8 @@ class ErrorModel:
         """Return the predicted relative error of the elevation."""
         phase = np.minimum(self._slope * sum(part.phase for part in parts), np.pi)
         bounded = np.minimum(sum(part.bounded for part in parts), 1.0)
-        return float(np.sqrt(self._energy @ ((2 * np.sin(phase / 2)) ** 2 + bounded**2)))
+        travelling = float(np.sqrt(self._energy @ ((2 * np.sin(phase / 2)) ** 2 + bounded**2)))
+        return max(travelling, min(sum(part.run_up for part in parts), 1.0))
 
     def predict(self, settings: Settings) -> float:
         """Return the predicted relative error of the elevation of a run with these settings; inf if it is unstable."""

@@ -1,6 +1,7 @@
 """What is known of a run's accuracy before it: what the mesh and the step hold, and what the plan predicts."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import groupby
 from typing import Any
 
@@ -27,6 +28,7 @@ from wavetank.plan.freed_harmonics import harmonics_sent_back
 from wavetank.plan.highest_waves import too_high
 from wavetank.plan.plan import own_plan
 from wavetank.plan.requirements import looked_at, requirements, unplanned
+from wavetank.plan.run_up import RESOLVED
 from wavetank.plan.stroke_held import stroke_missed
 from wavetank.plan.waves_held import HELD, too_short, waves_missed
 from wavetank.runs.clock import ROUNDING, Clock
@@ -56,6 +58,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     of_motion = *_strokes(scene), *_jolts(scene), *of_duration(scene)
     before = [
         *mesh,
+        *jets(scene),
         *_of_walls(scene, waves),
         *of_motion,
         *sent_back(scene),
@@ -226,6 +229,18 @@ def predicted(scene: Scene) -> Iterator[str]:
     required = requirements(scene, DEFAULT)
     size = f"{error:.0%}" if error < 1.0 else "all of it"
     yield f"these numerics are predicted to miss the elevation by {size}; {_cure(required.k * required.depth)}"
+
+
+def jets(scene: Scene) -> Iterator[str]:
+    """Yield a sentence if a solitary wave meets a wall that is too high for its run-up to be predicted."""
+    if scene.physics == "linear" or unplanned(scene) is not None:
+        return
+    with suppress(InputError):  # nothing moves
+        run_up = requirements(scene, DEFAULT).run_up
+        if run_up is not None and not run_up.resolved:
+            jet = f"above {RESOLVED:g} depths its run-up ends in a thin jet"
+            wave = f"the solitary wave of {run_up.height:.3g} depths meets a wall"
+            yield f"{wave}: {jet}, and no numerics are known that hold it; from then on the run is not accurate"
 
 
 def _cure(kd: float) -> str:

@@ -41,6 +41,7 @@ ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
 SCHEME = "simpson-4"
 PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
+PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
 STEP_RATIO = 1.08  # between neighbouring steps
 MARGIN = 0.9  # of the stability limit
 AIM = 1 / 3  # of the accuracy: the cheapest of all settings lean to those whose error is underestimated, by up to 3
@@ -194,7 +195,11 @@ class _Search:
         if self._given.cells is not None:
             return [self._given.cells]
         waves, fewest = self._required.length * self._required.k / (2 * np.pi), self._scene.tank.fewest_cells
-        return sorted({max(fewest, ceil(waves * one)) for one in PER_WAVE})
+        counts = waves * PER_WAVE
+        if (run_up := self._required.run_up) is not None:
+            finer = self._required.length / run_up.width * PER_PEAK
+            counts = np.concatenate([counts, finer[finer > counts[-1]]])
+        return sorted({max(fewest, ceil(one)) for one in counts})
 
     def _vertical_orders(self) -> tuple[int, ...]:
         return VERTICAL_ORDERS if self._given.vertical_order is None else (self._given.vertical_order,)

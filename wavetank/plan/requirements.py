@@ -34,9 +34,11 @@ from wavetank.errors import InputError
 from wavetank.motions import Motion
 from wavetank.motions.extent import values
 from wavetank.plan.kinds import kind_of
+from wavetank.plan.run_up import RunUp
 from wavetank.theory import airy, standing_wave
 from wavetank.theory.conformal import SteadyWave
 from wavetank.theory.second_order import Strokes, second_order
+from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.values.noun import Problem, SceneError
 
 LEFT = 0.05  # of the free second harmonic: what second-order generation leaves of it, in steep waves
@@ -77,13 +79,14 @@ class Components(NamedTuple):
 class SceneWaves(NamedTuple):
     """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one.
 
-    ``lasting`` is for how long they are about as high [s].
+    ``lasting`` is for how long they are about as high [s]; ``run_up`` is that of a solitary wave that meets a wall.
     """
 
     components: Components
     crest: float
     form: "Form | None" = None
     lasting: float = np.inf
+    run_up: RunUp | None = None
 
 
 class Form(NamedTuple):
@@ -150,6 +153,8 @@ class Requirements:
         The horizontal velocity in the crest, a omega / tanh(k d) [m/s].
     harmonics
         Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
+    run_up
+        The highest run-up of a solitary wave at a wall; None where there is none.
     kind
         Of waves by what a step costs (``kind_of``).
     measured
@@ -172,6 +177,7 @@ class Requirements:
     lasting: float
     velocity: float
     harmonics: Vector
+    run_up: RunUp | None
     kind: str
     measured: tuple[Motion, ...]
     physics: Physics
@@ -199,7 +205,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     if why := unplanned(scene):
         allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
         raise SceneError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
-    waves, crest, form, lasting = _all_waves(scene, accuracy)
+    waves, crest, form, lasting, run_up = _all_waves(scene, accuracy)
     motions = [seen.motion() for seen in scene.paddles]
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
@@ -208,7 +214,8 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
-    free = _free_harmonic(waves, k, scene) if physics == "nonlinear" and any(one.moves for one in motions) else None
+    driven = any(one.moves and _solitary_motion(seen) is None for seen, one in zip(scene.paddles, motions, strict=True))
+    free = _free_harmonic(waves, k, scene) if physics == "nonlinear" and driven else None
     return Requirements(
         accuracy=accuracy,
         length=tank.length,
@@ -222,6 +229,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         lasting=lasting,
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
+        run_up=run_up,
         kind=kind_of(scene, physics),
         measured=tuple(one for one in motions if one.interval is not None),
         physics=physics,
@@ -231,6 +239,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
             _physics_reason(scene, accuracy, k * crest, second, phase),
             _wall_reason(scene),
             _end_reason(scene, waves),
+            *_run_up_reason(run_up),
         ),
     )
 
@@ -302,6 +311,13 @@ def absorption(seen: Scene, scene: Scene) -> str:
     return "" if absorb is None else absorb.told(scene.tank, seen.wall.maker, paddles=scene.paddle_periods)
 
 
+def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:
+    if run_up is None:
+        return ()
+    peak = f"about {run_up.elevation:.3g} m with a peak of length {run_up.width:.3g} m"
+    return (f"run-up: the solitary wave meets a wall; {peak} decides on cells and vertical order beside the wave.",)
+
+
 def _end_reason(scene: Scene, waves: Components) -> str:
     if isinstance(scene.tank, nouns.RingTank):
         return "far end: none, a ring needs no sponge."
@@ -326,7 +342,9 @@ def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
     parts = zip(*(waves.components for waves in found), strict=True)
     form = next((waves.form for waves in found), None)
     crest, lasting = sum(waves.crest for waves in found), max(waves.lasting for waves in found)
-    return SceneWaves(Components(*(np.concatenate(part) for part in parts)), crest, form, lasting)
+    run_ups = [waves.run_up for waves in found if waves.run_up is not None]
+    highest = max(run_ups, key=lambda one: one.height, default=None)
+    return SceneWaves(Components(*(np.concatenate(part) for part in parts)), crest, form, lasting, highest)
 
 
 def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
@@ -352,10 +370,24 @@ def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[SceneW
 
 
 def _solitary_wave(wave: nouns.SolitaryWave, scene: Scene) -> list[SceneWaves]:
-    exact = wave.wave(scene.tank)
+    return [_followed(wave.wave(scene.tank), wave.height, scene, distance=scene.tank.length - wave.x)]
+
+
+def _followed(exact: SteadyWave, height: float, scene: Scene, *, distance: float, begin: float = 0.0) -> SceneWaves:
+    """Return a solitary wave whose crest is at a distance [m] from the far wall at a time [s], with its run-up."""
     x = scene.tank.depth * np.linspace(0.0, FARTHEST, POINTS)
-    half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * wave.height)[-1]])
-    return [_steady_waves(exact, 2 * half, scene)]
+    half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * height)[-1]])
+    waves = _steady_waves(exact, 2 * half, scene)
+    arrives = begin + distance / exact.speed < scene.run.duration
+    if scene.sponge is not None or getattr(scene.far_wall, "absorb", None) is not None or not arrives:
+        return waves
+    return waves._replace(run_up=RunUp(height / scene.tank.depth, scene.tank.depth))
+
+
+def _solitary_motion(scene: Scene) -> nouns.SolitaryWaveMotion | None:
+    """Return the motion of a scene's wall if that makes a solitary wave."""
+    motion = getattr(scene.wall, "motion", None)
+    return motion if isinstance(motion, nouns.SolitaryWaveMotion) else None
 
 
 def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> SceneWaves:
@@ -381,6 +413,10 @@ class _Lines(NamedTuple):
 
 
 def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
+    if (solitary := _solitary_motion(scene)) is not None:
+        exact = solitary_wave(solitary.height, depth=scene.tank.depth, gravity=scene.tank.gravity)
+        begin = solitary.crest_time_in(scene.tank)
+        return _followed(exact, solitary.height, scene, distance=scene.tank.length, begin=begin)
     lines = _lines(scene, motion)
     waves = lines.omega <= _highest(motion, lines, accuracy)
     omega, amplitude = _gathered(lines.omega[waves], np.abs(lines.elevation[waves]), 0.05 * accuracy**2)
