@@ -61,7 +61,7 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
         raise InputError(f"{path}: {surface.times.size} snapshots of the surface received; at least 2 are needed.")
     came_to = history(surface)
     rows = {row["name"] for row in run.manifest.get("scene", {}).get("gauge_lines", ())}
-    paddles, high = [surface.paddle(came_to.travel, far=far) for far in (False, True)], came_to.extremes.high
+    walls, high = surface.moving_walls(came_to.travel), came_to.extremes.high
     title, both = (
         f"at the highest crest of the snapshots, t = {came_to.crest_time:.2f} s",
         (-came_to.usual, came_to.usual),
@@ -83,8 +83,8 @@ def basin_figure(run: RunDirectory, path: Path) -> Path:
         panels = _panels(figure, surface, len(maps))
         for axes, one in zip(panels, maps, strict=True):
             _draw_map(figure, axes, surface, one)
-            for paddle in paddles:
-                axes.plot(*one.points[paddle, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
+            for wall in walls:
+                axes.plot(*one.points[wall.points, :2].T, color=PADDLE, lw=3.5, solid_capstyle="butt")
             mark_places(axes, run.gauge_series(), rows=rows, ink=one.ink)
         figure.suptitle(run.title or "Surface elevation", fontsize=13, parse_math=False)
         lay_out(figure)  # where names are is known only now

@@ -4,21 +4,24 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyvista as pv
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator
+from scipy.spatial import KDTree
 
 from wavetank.errors import InputError
 from wavetank.postprocess.style import CM, FLAT, SATURATED
-from wavetank.records.directory import RunDirectory
+from wavetank.records.directory import REST_POSITION, RunDirectory
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 SAME = 1e-9  # of the basin's size: points as close are one, on the two sides of a border between ranks
+SAME_AT_REST = 1e-6  # of the basin's size: rest positions are in single precision
 AROUND = 4  # snapshots that the surface between two of them is interpolated from
 KEPT = 8  # snapshots in memory
 SLOPING = 1e-3  # of the depth: a bed that varies less is flat
@@ -29,6 +32,9 @@ CORNERS = {pv.CellType.TRIANGLE: 3, pv.CellType.QUAD: 4}
 
 class BasinSurface:
     """The surface of a run in a basin: the pieces of all ranks as one mesh.
+
+    Points have the numbers of the first snapshot. The number of ranks may change where a run was resumed; points of
+    later snapshots are then identified by their positions at rest.
 
     Attributes
     ----------
@@ -64,8 +70,9 @@ class BasinSurface:
         flat.points = parts.points * (1.0, 1.0, 0.0)
         # in x and y: what stands on both sides of a border is computed by both, to solver tolerance the same
         whole = flat.clean(tolerance=SAME * parts.length, produce_merge_map=True)
+        self._chosen: Indices
         _, self._chosen = np.unique(whole.field_data["PointMergeMap"], return_index=True)
-        self._stored = parts.n_points
+        self._stored, self._rest, self._size = parts.n_points, _rest_positions(parts), float(parts.length)
         kinds = [kind for kind in CORNERS if kind in whole.cells_dict]
         if len(kinds) != 1 or "depth" not in parts.point_data:
             raise InputError(f"{self._files[0]}: is no surface of triangles or quadrilaterals with their depth.")
@@ -78,9 +85,19 @@ class BasinSurface:
     def _snapshot(self, number: int) -> Array:
         """Return the points (x, y, eta) [m] of a snapshot by its number, shape (N, 3)."""
         parts = _read(self._files[number])
-        if parts.n_points != self._stored:
-            raise InputError(f"{self._files[number]}: {parts.n_points} points; the first snapshot has {self._stored}.")
-        return np.asarray(parts.points[self._chosen], float)
+        return np.asarray(parts.points[self._numbers(parts, self._files[number])], float)
+
+    def _numbers(self, parts: pv.UnstructuredGrid, file: Path) -> Indices:
+        """Return the numbers that the points have in a snapshot, shape (N,)."""
+        rest = _rest_positions(parts)
+        if np.array_equal(rest, self._rest) and parts.n_points == self._stored:
+            return self._chosen
+        if not (len(rest) and len(self._rest)):
+            raise InputError(f"{file}: {parts.n_points} points; the first snapshot has {self._stored}.")
+        distances, numbers = KDTree(rest).query(self._rest[self._chosen])
+        if distances.max() > SAME_AT_REST * self._size:
+            raise InputError(f"{file}: its cells differ from those of the first snapshot; they must be the same.")
+        return np.asarray(numbers, np.int64)
 
     def snapshots(self) -> Iterator[tuple[float, Array]]:
         """Yield times [s] and points (x, y, eta) [m], shape (N, 3), one after the other."""
@@ -125,26 +142,55 @@ class BasinSurface:
             loops.append(np.array(loop))
         return sorted(loops, key=lambda loop: -_area(self.first[loop]))
 
-    def paddle(self, travel: Array, *, far: bool = False) -> Indices:
-        """Return the points of the paddle, or of the far wall, by increasing y; none, shape (0,), if it does not move.
+    def moving_walls(self, travel: Array) -> list["MovingWall"]:
+        """Return the walls that move across themselves: the paddle, and the far wall if it moves.
 
-        ``travel`` [m], shape (N,), is how far each point moves along x.
+        ``travel`` [m], shape (N, 2), is the largest horizontal displacement of each point. The mapping moves points of
+        the side walls, too, but along these walls.
         """
-        stroke, rim = travel.max(), self.loops[0]
-        x, y = (-1 if far else 1) * self.first[rim, 0], self.first[rim, 1]
-        moving = travel[rim] > MOVED * np.ptp(x)
+        rim = self.loops[0]
+        edges = np.diff(self.first[np.append(rim, rim[0]), :2], axis=0)
+        outward = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / np.linalg.norm(edges, axis=1, keepdims=True)
+        mean = (travel[rim] + travel[np.roll(rim, -1)]) / 2
+        across = np.abs(np.sum(mean * outward, axis=1))
+        moving = across > np.maximum(MOVED * np.ptp(self.first[:, :2]), np.linalg.norm(mean, axis=1) / np.sqrt(2))
         if not np.any(moving):
-            return np.zeros(0, np.int64)
-        # the mapping moves the side walls' points, too, but along these walls
-        ends = moving & np.roll(moving, -1) & (np.abs(np.roll(y, -1) - y) > np.abs(np.roll(x, -1) - x))
-        front = (ends | np.roll(ends, 1)) & (x <= x[moving].min() + 2 * stroke)
-        return np.asarray(rim[front][np.argsort(y[front])])
+            return []
+        opposite = outward @ outward[np.argmax(moving)] < 0
+        return [self._moving_wall(moving & end, outward) for end in (~opposite, opposite) if np.any(moving & end)]
+
+    def _moving_wall(self, edges: NDArray[np.bool_], outward: Array) -> "MovingWall":
+        """Return the wall of some edges of the rim."""
+        rim, normal = self.loops[0], outward[edges].mean(axis=0)
+        normal /= np.linalg.norm(normal)
+        points = rim[edges | np.roll(edges, 1)]
+        return MovingWall(points[np.argsort(self.first[points, :2] @ (-normal[1], normal[0]))], normal)
+
+
+class MovingWall(NamedTuple):
+    """A wall that moves.
+
+    Attributes
+    ----------
+    points
+        Of the surface, from one end of the wall to the other.
+    outward
+        Unit normal (x, y) out of the water.
+    """
+
+    points: Indices
+    outward: Array
 
 
 def _area(line: Array) -> float:
     """Return the area within a closed line (x, y, ...) [m], positive if it runs anticlockwise."""
     x, y = line[:, 0], line[:, 1]
     return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
+
+
+def _rest_positions(parts: pv.UnstructuredGrid) -> Array:
+    """Return (x, y) [m] at rest of a snapshot's points, shape (N, 2); shape (0, 2) if it does not contain them."""
+    return np.asarray(parts.point_data.get(REST_POSITION, np.zeros((0, 2))), float)
 
 
 def _read(file: Path) -> pv.UnstructuredGrid:
@@ -204,7 +250,7 @@ class History:
     crest_time, crest
         When the highest crest is there [s], and the points (x, y, eta) [m] then, shape (N, 3).
     travel
-        How far each point moves along x [m], shape (N,).
+        The largest horizontal displacement (x, y) of each point [m], shape (N, 2).
     usual, slope
         The largest elevation [m] and slope [-], single sharp crests left out.
     """
@@ -219,12 +265,15 @@ class History:
 
 def history(surface: BasinSurface) -> History:
     """Return what the waves came to; reads all snapshots once, one at a time."""
-    extremes, travel = Extremes(len(surface.first)), np.zeros(len(surface.first))
+    extremes = Extremes(len(surface.first))
+    travel: Array = np.zeros((len(surface.first), 2))
     crest_time, crest, usual, slope = float(surface.times[0]), surface.first, FLAT / CM, 0.0
     start, end = np.unique(np.sort(surface.edges, axis=1), axis=0).T
     for t, points in surface.snapshots():
         extremes.add(t, points[:, 2])
-        travel = np.maximum(travel, np.abs(points[:, 0] - surface.first[:, 0]))
+        displacement = (points - surface.first)[:, :2]
+        farther = np.linalg.norm(displacement, axis=1) > np.linalg.norm(travel, axis=1)
+        travel = np.where(farther[:, None], displacement, travel)
         if points[:, 2].max() > crest[:, 2].max():
             crest_time, crest = t, points
         step = points[end] - points[start]

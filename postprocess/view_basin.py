@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pyvista as pv
 
-from wavetank.postprocess.basin_surface import BasinSurface, Indices, history
+from wavetank.postprocess.basin_surface import BasinSurface, Indices, MovingWall, history
 from wavetank.postprocess.fittings import gauges_of
 from wavetank.postprocess.style import CM
 from wavetank.postprocess.view_sight import (
@@ -58,11 +58,11 @@ class BasinView:
         )
         sponge = SPONGE if self._surface.damping is not None else ""
         self.note = ", ".join(filter(None, (_said(self._surface.contours), sponge)))
-        found = {out: self._surface.paddle(came_to.travel, far=out > 0) for out in (-1, 1)}
-        self._paddles = {out: points for out, points in found.items() if points.size}  # 1: outwards is along x
+        self._moving = self._surface.moving_walls(came_to.travel)
+        farthest = np.linalg.norm(came_to.travel, axis=1).max()
         self._ground = self._surface.first * (1.0, 1.0, 0.0)
-        for out, points in self._paddles.items():
-            self._ground[points, 0] += out * (came_to.travel.max() + PLATE * self.extent)
+        for wall in self._moving:
+            self._ground[wall.points, :2] += wall.outward * (farthest + PLATE * self.extent)
 
     @property
     def extent(self) -> float:
@@ -76,7 +76,7 @@ class BasinView:
         surface[ELEVATION] = CM * points[:, 2]
         depth = self._surface.depth
         sides = pv.merge([curtain(points[loop], -depth[loop]) for loop in self._surface.loops])
-        paddles = [self._board(points, one, out) for out, one in self._paddles.items()]
+        paddles = [self._board(points, wall) for wall in self._moving]
         contours = self._contours(surface) if self._surface.contours.size else None
         return Sight(surface, sides, together(paddles), contours, self._sponge(surface))
 
@@ -153,16 +153,16 @@ class BasinView:
             return None
         return veiled(surface, damping / damping.max(), self.waves.high - self.waves.low)
 
-    def _board(self, points: Array, paddle: Indices, out: int) -> pv.PolyData:
-        """Return a paddle behind its line among the water's points [m], shape (N, 3)."""
-        rows = np.array([points[paddle], points[paddle]])
-        rows[..., 2] = -self._surface.depth[paddle], np.full(paddle.size, self._top)
-        return sheet(rows).extrude((out * PLATE * self.extent, 0.0, 0.0), capping=True)
+    def _board(self, points: Array, wall: MovingWall) -> pv.PolyData:
+        """Return the plate of a moving wall behind its line among the water's points [m], shape (N, 3)."""
+        rows = np.array([points[wall.points], points[wall.points]])
+        rows[..., 2] = -self._surface.depth[wall.points], np.full(wall.points.size, self._top)
+        return sheet(rows).extrude((*(PLATE * self.extent * wall.outward), 0.0), capping=True)
 
     def _wall(self, loop: Indices) -> pv.PolyData:
         """Return the wall along a line of the rim but for paddles; faces look at the water."""
         line = self._ground[loop] + (0.0, 0.0, self._top)
-        wall, moving = curtain(line, -self._surface.depth[loop]), (np.isin(loop, one) for one in self._paddles.values())
+        wall, moving = curtain(line, -self._surface.depth[loop]), (np.isin(loop, one.points) for one in self._moving)
         within = sum((one & np.roll(one, -1) for one in moving), start=np.zeros(len(loop), dtype=bool))
         return wall.remove_cells(np.flatnonzero(within))
 

@@ -136,10 +136,11 @@ def test_the_surface_is_the_field_at_its_degrees_of_freedom_and_covers_the_tank(
     record(water(plane), tmp_path)
     surface, below = read(tmp_path, "surface"), read(tmp_path, "velocity")
     x, y, z = surface.points.T
-    assert set(surface.array_names) == {"elevation", "surface potential", "depth"}
+    assert set(surface.array_names) == {"elevation", "surface potential", "depth", "rest position"}
     assert set(below.array_names) == {"velocity", "potential"}
     assert (surface.n_points, below.n_points) == (plane.size, 7 * plane.size)
     np.testing.assert_array_equal(surface["elevation"], z)
+    np.testing.assert_allclose(surface["rest position"], surface.points[:, :2], atol=3e-7)
     np.testing.assert_allclose(z, elevation(x, y), atol=1e-14)
     np.testing.assert_allclose(surface["depth"], still_depth(x, y), atol=1e-14)
     np.testing.assert_allclose(surface["surface potential"], np.sin(x), atol=1e-14)

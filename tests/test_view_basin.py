@@ -150,7 +150,12 @@ def test_pieces_of_two_and_three_ranks_are_one_surface(tmp_path):
         columns = [surface.at(0.7), surface.depth, came_to.travel, came_to.extremes.high, came_to.crest]
         loops = [sorted(map(tuple, place[loop])) for loop in surface.loops]
         sizes = [came_to.usual, came_to.slope, came_to.crest_time, len(surface.pieces)]
-        return np.column_stack(columns)[order], loops, sizes, place[surface.paddle(came_to.travel)].tolist()
+        return (
+            np.column_stack(columns)[order],
+            loops,
+            sizes,
+            [place[wall.points].tolist() for wall in surface.moving_walls(came_to.travel)],
+        )
 
     alone, others = told(1), [told(ranks) for ranks in (2, 3)]
     for other in others:
@@ -166,11 +171,13 @@ def test_the_rim_is_the_walls_then_the_islands(tmp_path):
 
 def test_the_paddle_is_the_wall_that_moves_across_its_plane(tmp_path):
     surface = BasinSurface(record(tmp_path / "run", paddle=swinging, kept=around))
-    line = surface.first[surface.paddle(history(surface).travel)]
-    assert line[:, 1] == pytest.approx(np.linspace(0.0, WIDTH, 25))
-    assert np.all(np.abs(line[:, 0]) < 1e-9)
+    (paddle,) = surface.moving_walls(history(surface).travel)
+    x, y = surface.first[paddle.points, :2].T
+    assert np.sort(y) == pytest.approx(np.linspace(0.0, WIDTH, 25)) and np.all(np.diff(y) < 0)
+    assert np.all(np.abs(x) < 1e-9)
+    assert paddle.outward == pytest.approx([-1.0, 0.0])
     still = BasinSurface(record(tmp_path / "still", times=TIMES[:2]))
-    assert not still.paddle(history(still).travel).size
+    assert still.moving_walls(history(still).travel) == []
 
 
 def test_a_far_wall_that_moves_is_another_paddle(tmp_path):
@@ -392,6 +399,66 @@ def test_a_basin_is_drawn_after_its_run_and_viewed_like_a_slice(tmp_path, monkey
     assert imread(run.path / "view.png").shape[:2] == (180, 320)
     assert imread(run.path / "surface.png")[..., :3].std() > 0.05
     assert (tmp_path / "film.gif").stat().st_size > 10_000
+
+
+TURNED = np.pi / 6
+LEANING = """
+gauges = [{x = 0.5, y = 0.5}]
+run.duration = 0.4
+tank = {type = "basin", depth = 0.5, layout = {type = "file", file = "turned.msh"}}
+wall = {type = "piston", reach = 1.0, motion = {type = "sinusoid", paddle_amplitude = 0.05, period = 0.8, ramp = 0.0}}
+numerics = {order = 2, vertical_order = 2, dt = 0.05, tolerance = 1e-10}
+output.surface_every = 0.05
+"""
+
+
+def write_turned_mesh(path):
+    """Write a mesh of 2 m by 1 m in eight squares, turned by TURNED about its corner at (0, 0)."""
+    x, y = (one.ravel() for one in np.meshgrid(np.linspace(0.0, 2.0, 5), np.linspace(0.0, 1.0, 3), indexing="ij"))
+    c, s = np.cos(TURNED), np.sin(TURNED)
+    first = (3 * np.arange(4)[:, None] + np.arange(2)).ravel() + 1
+    paddle, walls = (
+        [(1, 2), (2, 3)],
+        [*((n, n + 3) for m in (1, 3) for n in range(m, m + 10, 3)), (13, 14), (14, 15)],
+    )
+    lines = [*(f"1 2 1 1 {a} {b}" for a, b in paddle), *(f"1 2 2 2 {a} {b}" for a, b in walls)]
+    lines += [f"3 2 3 1 {n} {n + 3} {n + 4} {n + 1}" for n in first]
+    path.write_text(
+        "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+        '$PhysicalNames\n3\n1 1 "paddle"\n1 2 "wall"\n2 3 "water"\n$EndPhysicalNames\n'
+        f"$Nodes\n{x.size}\n"
+        + "".join(
+            f"{n} {a:.17g} {b:.17g} 0\n" for n, (a, b) in enumerate(zip(c * x - s * y, s * x + c * y, strict=True), 1)
+        )
+        + f"$EndNodes\n$Elements\n{len(lines)}\n"
+        + "".join(f"{n} {line}\n" for n, line in enumerate(lines, 1))
+        + "$EndElements\n"
+    )
+
+
+def test_view_draws_a_run_resumed_on_other_ranks_with_a_paddle_at_an_angle(wavetank, tmp_path, monkeypatch):
+    """Oracles: the same run on one rank without interruption; the turned line of the paddle and its motion."""
+    monkeypatch.setitem(FORMATS, ".gif", replace(FORMATS[".gif"], rate=2.0))
+    write_turned_mesh(tmp_path / "turned.msh")
+    (tmp_path / "case.toml").write_text(LEANING)
+    case, one, part = (str(tmp_path / name) for name in ("case.toml", "one", "part"))
+    assert wavetank("run", case, "--no-plots", "--out", one).returncode == 0
+    half = ("--set", "run.duration=0.2", "--no-plots", "--out", part)
+    assert wavetank("run", case, *half, ranks=2).returncode == 0
+    assert wavetank("resume", part, "--extend", "0.2", "--no-plots").returncode == 0
+    said = wavetank("view", part, "--diagram", "--film", str(tmp_path / "film.gif"), "--size", "320x180")
+    assert said.returncode == 0, said
+    assert (tmp_path / "film.gif").exists() and (tmp_path / "part" / "surface.png").exists()
+    whole, resumed = (BasinSurface(RunDirectory(name)) for name in (one, part))
+    assert whole.times == pytest.approx(resumed.times) and len(whole.times) == 9
+    order, reordered = (np.lexsort(np.round(each.first[:, :2], 6).T) for each in (whole, resumed))
+    for (_, expected), (_, found) in zip(whole.snapshots(), resumed.snapshots(), strict=True):
+        np.testing.assert_allclose(found[reordered], expected[order], atol=1e-9)
+    (paddle,) = resumed.moving_walls(history(resumed).travel)
+    c, s = np.cos(TURNED), np.sin(TURNED)
+    assert paddle.outward == pytest.approx([-c, -s], abs=1e-6)
+    x, y = resumed.snapshot(4)[paddle.points, :2].T  # t = 0.2 s, a quarter of the period
+    assert len(x) == 5 and x * c + y * s == pytest.approx(0.05, abs=1e-6)
 
 
 def test_a_run_killed_early_has_no_maps(tmp_path):

@@ -1,8 +1,9 @@
 """Fields for pictures and films: the surface, and the water's velocity below it, each rank its own part of the tank."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.fe.lattice import Lattice
@@ -10,6 +11,7 @@ from wavetank.fe.plane import Field
 from wavetank.observers.contract import Moment, ObservedWaves
 from wavetank.observers.record import FieldRecord
 from wavetank.observers.schedule import Schedule
+from wavetank.records.directory import REST_POSITION
 from wavetank.records.vtu_series import VtkCells
 from wavetank.water.bed import Bed
 from wavetank.water.velocity import Velocity
@@ -55,7 +57,8 @@ class LatticePlaces:
 class SurfaceFields:
     """The surface (x, y, eta): ``elevation`` [m], ``surface potential`` [m²/s] and still-water ``depth`` [m].
 
-    In double precision: where there are no other records of the surface, it is measured by these.
+    In double precision: where there are no other records of the surface, it is measured by these. ``rest position``
+    [m], (x, y) in the reference tank in single precision, identifies points in snapshots of other numbers of ranks.
 
     Parameters
     ----------
@@ -76,7 +79,12 @@ class SurfaceFields:
         self._eta.set(self._waves.elevation(moment.q, moment.p, moment.t))
         self._psi.set(moment.p)
         eta, psi = self._places.at(self._eta), self._places.at(self._psi)
-        arrays = {"elevation": eta, "surface potential": psi, "depth": self._places.depths()}
+        arrays: dict[str, NDArray[Any]] = {
+            "elevation": eta,
+            "surface potential": psi,
+            "depth": self._places.depths(),
+            REST_POSITION: self._places.lattice.places.astype(np.float32),
+        }
         if self._damping is not None:
             self._rate.set(self._damping)  # a run that goes on may have taken another
             arrays["damping rate"] = self._places.at(self._rate)

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 from mpi4py import MPI
+from numpy.typing import NDArray
 
 from wavetank.arrays import Vector, summed
 from wavetank.errors import RecordError, RunError
@@ -26,7 +27,7 @@ class Record(Protocol):
 class FieldRecord(Protocol):
     """Snapshots of fields on a mesh, each rank's part its own."""
 
-    def append(self, t: float, points: Vector, *, cells: VtkCells, arrays: Mapping[str, Vector]) -> None:
+    def append(self, t: float, points: Vector, *, cells: VtkCells, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Append a snapshot at t [s]: points [m], shape (N, 3), the cells between them, fields at them; collective."""
 
 

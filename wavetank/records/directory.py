@@ -66,6 +66,7 @@ BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
+REST_POSITION = "rest position"  # (x, y) [m] in the reference tank, of the points of a surface
 PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png", "view.mp4", "view.gif"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
 INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
