@@ -140,6 +140,7 @@ def test_planned_numerics_reach_the_accuracy_of_the_run_up(height, accuracy):
     assert highest(*at_wall(found)) / RUN_UPS[height] == pytest.approx(1.0, abs=accuracy or 1e-2)
     assert not warnings and not [*jets(scene)]
 
+
 PUSHED = {
     "initial": {"type": "still-water"},
     "wall": {"type": "piston", "motion": {"type": "solitary-wave", "height": 0.61}},
