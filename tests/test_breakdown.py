@@ -35,11 +35,16 @@ def run(folder, **changes):
     record_run(Scene.model_validate(case), folder / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
 
 
-def test_a_step_too_long_where_the_surface_moves_is_told_from_steep_waves(tmp_path):
-    """With Störmer-Verlet, which bears dt omega = 2: 1.6 on still water, 2.8 with the current; the step named runs."""
+def test_step_too_long_where_the_surface_moves_is_named_with_a_step_that_runs(tmp_path):
+    """Oracle: the stability limit dt omega = 2 of Störmer-Verlet, met on still water and exceeded on the moving surface.
+
+    How far it is exceeded depends on the time of the breakdown, which round-off determines: 2.74 and 2.8 on two processors.
+    """
     scheme = {"integrator": "stormer-verlet", "vertical_order": 8}
-    with pytest.raises(RunError, match=r"step is too long: dt omega_max = 1\.59 .*, 2\.8.* where .* try 0\.02\d s\.$"):
+    cause = r"step is too long: dt omega_max = 1\.59 on still water, (\S+) where the surface moves, .*; try 0\.02\d s\.$"
+    with pytest.raises(RunError, match=cause) as error:
         run(tmp_path, numerics={**scheme, "dt": 0.04})
+    assert 2.0 < float(re.search(cause, str(error.value))[1]) < 4.0
     run(tmp_path / "shorter", numerics={**scheme, "dt": 0.02})
 
 
