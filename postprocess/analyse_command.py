@@ -13,8 +13,8 @@ from rich.table import Table
 from wavetank import data
 from wavetank.console import console
 from wavetank.errors import InputError, choice
-from wavetank.records.directory import MANIFEST
 from wavetank.records.log import told_of_warnings
+from wavetank.records.manifest import MANIFEST
 from wavetank.records.place import check_new
 
 KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")

@@ -12,7 +12,8 @@ from wavetank import data
 from wavetank.console import console
 from wavetank.errors import InputError
 from wavetank.postprocess.analyse_command import own_folder
-from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.directory import RunDirectory
+from wavetank.records.manifest import MANIFEST
 from wavetank.records.place import check_new
 from wavetank.records.series import GaugeSeries
 

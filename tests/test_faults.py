@@ -27,8 +27,9 @@ from wavetank.observers.contract import Moment, Moments, Patient
 from wavetank.observers.schedule import EverySteps
 from wavetank.recording import record_run
 from wavetank.records.checkpoint import read_checkpoint
-from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, MANIFEST, RunDirectory
+from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
 from wavetank.records.lock import LOCK
+from wavetank.records.manifest import MANIFEST
 from wavetank.records.place import Place
 from wavetank.records.whole import unfinished
 from wavetank.status import line, standing

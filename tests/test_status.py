@@ -17,7 +17,8 @@ from wavetank.observers.contract import Moment
 from wavetank.observers.progress import Standing
 from wavetank.records import environment, lock
 from wavetank.records.checkpoint import Checkpoint
-from wavetank.records.directory import CHECKPOINT, ENERGY, MANIFEST, RunDirectory
+from wavetank.records.directory import CHECKPOINT, ENERGY, RunDirectory
+from wavetank.records.manifest import MANIFEST
 from wavetank.records.writer import RunWriter
 
 HOST, PRESENT = {"host": socket.gethostname()}, environment.present().replace(microsecond=0)
@@ -63,7 +64,7 @@ def test_a_run_is_told_while_it_goes_on_and_after_each_end(writer, tmp_path, wav
     stopped = f"{run}: stopped, {numbers}, written 0 seconds ago, checkpoint t = 3.5 s; t = 4 s: interrupted by SIGTERM"
     assert told(wavetank, run) == [stopped]
     writer.release()
-    changed(run, status="running", cause=None)
+    changed(run, status="running", cause="")
     assert told(wavetank, run)[0].startswith(f"{run}: killed, {numbers}, written ")
     (run / CHECKPOINT).write_bytes(b"cut")
     changed(run, host="elsewhere", written=(PRESENT - timedelta(hours=3)).isoformat(), warnings=[])

@@ -22,7 +22,8 @@ from wavetank.observers.energy import EnergyBudget
 from wavetank.plan.forewarnings import of_duration, predicted
 from wavetank.plan.planned import Planned, planned
 from wavetank.records.checkpoint import Checkpoint
-from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.directory import RunDirectory
+from wavetank.records.manifest import MANIFEST
 from wavetank.records.vtu_series import VtuSeries
 from wavetank.records.writer import RunWriter
 from wavetank.runs.build import Beginning

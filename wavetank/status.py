@@ -13,9 +13,10 @@ from rich.table import Table
 from wavetank.console import console, spelt
 from wavetank.errors import InputError
 from wavetank.records.checkpoint import last_checkpoint
-from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.directory import RunDirectory
 from wavetank.records.environment import present
 from wavetank.records.lock import is_held
+from wavetank.records.manifest import MANIFEST
 
 SETTING_UP, UNREADABLE = "setting up", "unreadable"
 

@@ -15,7 +15,8 @@ from wavetank.errors import InputError
 from wavetank.postprocess.analysis import records
 from wavetank.postprocess.analysis.harmonics import fundamental
 from wavetank.postprocess.beds import still_water
-from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.directory import RunDirectory
+from wavetank.records.manifest import MANIFEST
 
 GRAVITY = 9.81  # m/s^2; of what is no run
 BETWEEN = 64  # places from gauge to gauge at which the bed is looked at

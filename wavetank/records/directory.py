@@ -28,7 +28,6 @@ what was cut. No number that is not finite is ever written.
 """
 
 import csv
-import json
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -36,7 +35,7 @@ from io import BytesIO
 from itertools import chain
 from pathlib import Path
 from socket import gethostname
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
@@ -46,6 +45,7 @@ from wavetank.errors import InputError
 from wavetank.records.growing_netcdf import whole
 from wavetank.records.load_table import wall
 from wavetank.records.lock import is_held
+from wavetank.records.manifest import read_manifest
 from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Variable, conventions, write_records
 from wavetank.records.probe_table import point, quantities
 from wavetank.records.series import GaugeSeries, place
@@ -55,7 +55,7 @@ from wavetank.records.window import file_of, tabled
 if TYPE_CHECKING:
     import xarray
 
-MANIFEST, SURFACE, SURFACE_INDEX = "manifest.json", "surface.nc", "surface.xdmf"
+SURFACE, SURFACE_INDEX = "surface.nc", "surface.xdmf"
 TABLES = GAUGES, ENERGY, PADDLE, FAR_PADDLE, PROBES, LOADS = (
     *("gauges.csv", "energy.csv", "paddle.csv", "far-paddle.csv", "probes.csv", "loads.csv"),
 )
@@ -114,20 +114,10 @@ class RunDirectory:
 
     def __init__(self, path: Path | str):
         self.path = Path(path)
-        self.manifest = self._told()
+        self.manifest = read_manifest(self.path)
 
     def __repr__(self) -> str:
         return f"RunDirectory({str(self.path)!r})"
-
-    def _told(self) -> dict[str, Any]:
-        """Return the manifest as it is now."""
-        try:
-            manifest = json.loads((self.path / MANIFEST).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            manifest = None
-        if not isinstance(manifest, dict):
-            raise InputError(f"{self.path}: is no run directory (no readable {MANIFEST} in it).")
-        return manifest
 
     @property
     def status(self) -> str:
@@ -141,7 +131,7 @@ class RunDirectory:
             return status
         if is_held(self.path):
             return "running"
-        status = str(self._told().get("status"))  # a run's last word comes before it lets go
+        status = str(read_manifest(self.path).get("status"))  # a run's last word comes before it lets go
         if status != "running":
             return status
         return "killed" if self.manifest.get("host", gethostname()) == gethostname() else "unknown"

@@ -19,7 +19,6 @@ from wavetank.records.directory import (
     CHECKPOINT_BEFORE,
     COPIES,
     GAUGES,
-    MANIFEST,
     ROOM,
     SURFACE,
     RunDirectory,
@@ -29,6 +28,7 @@ from wavetank.records.directory import (
 from wavetank.records.environment import now
 from wavetank.records.growing import GrowingFile, TableWriter, changed, lacks, table
 from wavetank.records.lock import LOCK, RunLock, is_held
+from wavetank.records.manifest import MANIFEST
 from wavetank.records.netcdf import conventions
 from wavetank.records.place import Place
 from wavetank.records.series import column

@@ -19,7 +19,8 @@ from typing import NamedTuple
 from wavetank.case.contents import contents
 from wavetank.errors import InputError, RunError
 from wavetank.records.checkpoint import last_checkpoint
-from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.directory import RunDirectory
+from wavetank.records.manifest import MANIFEST
 from wavetank.records.place import Place
 from wavetank.study.sweep import Combination
 from wavetank.values.python_file import is_trusting

@@ -13,7 +13,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from wavetank.console import spelt
 from wavetank.errors import InputError, RunError
-from wavetank.records.directory import MANIFEST, RunDirectory
+from wavetank.records.directory import RunDirectory
+from wavetank.records.manifest import MANIFEST
 from wavetank.records.place import Place
 from wavetank.study.drawing import draw_study
 from wavetank.study.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
