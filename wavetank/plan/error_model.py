@@ -20,7 +20,8 @@ Linear waves have none of this.
 
 A solitary wave that meets a wall has its run-up beside that (``run_up.py``): the larger of both errors counts.
 
-Elevations are compared with an exact computation of the same waves; other reflections by the far wall are not followed.
+Elevations are compared with an exact computation of the same waves. Between walls that reflect a paddle's waves age
+with the run (``travel.py``).
 """
 
 from dataclasses import dataclass

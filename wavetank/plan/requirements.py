@@ -3,9 +3,9 @@
 A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
 motion over the run (of a short one, and beyond it: ``WINDOW``) and c the paddle's transfer function
 (``theory/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
-within the run; where there is no gauge, or most is still on its way, as far as it gets towards the far wall. At a
-gauge it is seen for the rest of the run: that is its share in the error. Those of a far wall are found alike, as seen
-from it. A standing wave is followed for the whole run.
+within the run, with all later passages after reflections at both ends (``travel.py``); where there is no gauge, or most
+of the energy has not arrived, to the far wall. The energy that a gauge records weights its error. Those of a far wall
+are found alike, as seen from it. A standing wave is followed for the whole run.
 
 Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma = tanh(k d):
 
@@ -20,7 +20,7 @@ at the start come and go: with k a = 0.3, k d = pi / 2 the crest gets 1.45 a hig
 Source: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter 11.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -33,6 +33,7 @@ from wavetank.case import Physics, Scene
 from wavetank.errors import InputError
 from wavetank.motions import Motion
 from wavetank.motions.extent import values
+from wavetank.plan import travel
 from wavetank.plan.kinds import kind_of
 from wavetank.plan.run_up import RunUp
 from wavetank.theory import airy, standing_wave
@@ -53,8 +54,11 @@ POINTS = 1024  # along a wave of permanent form
 TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths looked at
 BEYOND = 2  # harmonics of a standing wave beyond those of its expansion
 NEGLIGIBLE = 1e-5  # of its first harmonic
+RETURNING = 0.1  # of the recorded energy: where less is reflected, the crest is that of waves that travel away
 REACHED = 0.9  # of the energy: of a run that ends before it gets to a gauge all that is in the tank counts
 PLACES = 33  # at which the highest crest is looked for
+AROUND = 4  # groups of lines on either side: of fewer the envelope has no place in time
+TIMES = 512  # at which an envelope is sampled
 
 
 class Components(NamedTuple):
@@ -75,11 +79,16 @@ class Components(NamedTuple):
     amplitude: Vector
     age: Vector
 
+    def selected(self, which: NDArray[np.bool_]) -> "Components":
+        """Return some of them, shape (N,)."""
+        return Components(*(part[which] for part in self))
+
 
 class SceneWaves(NamedTuple):
     """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one.
 
-    ``lasting`` is for how long they are about as high [s]; ``run_up`` is that of a solitary wave that meets a wall.
+    ``lasting`` is for how long they are about as high [s]; ``run_up`` is that of a solitary wave that meets a wall,
+    ``free`` are the free second harmonics of a paddle.
     """
 
     components: Components
@@ -87,6 +96,7 @@ class SceneWaves(NamedTuple):
     form: "Form | None" = None
     lasting: float = np.inf
     run_up: RunUp | None = None
+    free: Components = Components(*4 * [np.empty(0)])
 
 
 class Form(NamedTuple):
@@ -205,7 +215,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     if why := unplanned(scene):
         allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
         raise SceneError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
-    waves, crest, form, lasting, run_up = _all_waves(scene, accuracy)
+    waves, crest, form, lasting, run_up, free = _all_waves(scene, accuracy)
     motions = [seen.motion() for seen in scene.paddles]
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
@@ -214,15 +224,13 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
-    driven = any(one.moves and _solitary_motion(seen) is None for seen, one in zip(scene.paddles, motions, strict=True))
-    free = _free_harmonic(waves, k, scene) if physics == "nonlinear" and driven else None
     return Requirements(
         accuracy=accuracy,
         length=tank.length,
         depth=tank.depth,
         gravity=tank.gravity,
         duration=scene.run.duration,
-        waves=waves if free is None else Components(*map(np.append, waves, free)),
+        waves=Components(*map(np.append, waves, free)) if physics == "nonlinear" else waves,
         k=k,
         steepness=k * crest,
         highest=k * (form.crest if form else crest),
@@ -242,24 +250,6 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
             *_run_up_reason(run_up),
         ),
     )
-
-
-def _free_harmonic(waves: Components, k: float, scene: Scene) -> tuple[float, float, float, float]:
-    """Return wave number, frequency, amplitude and age of the free waves of twice the frequency that a paddle makes.
-
-    Their amplitude is that of a regular wave as high (``theory/second_order.py``), at most that itself.
-    """
-    depth, g, maker = scene.tank.depth, scene.tank.gravity, scene.wall.maker
-    size, energy = float(np.linalg.norm(waves.amplitude)), waves.amplitude**2
-    omega = 2 * float(airy.angular_frequency(k, depth, g))
-    free = float(airy.wave_number(omega, depth, g))
-    first, second = (float(airy.group_velocity(np.array([one]), depth, g)[0]) for one in (k, free))
-    age = min(float(energy @ waves.age / energy.sum()) * first / second, scene.run.duration)
-    stroke = Strokes(np.array([omega / 2]), np.array([size / complex(maker.transfer(k, depth))]))
-    made_up = second_order(stroke, maker, depth=depth, gravity=g).b[0]
-    amplitude = min(size, float(abs(made_up) * maker.transfer(free, depth)))
-    taken = getattr(getattr(scene.wall, "motion", None), "generation", None) == "second-order"
-    return free, omega, LEFT * amplitude if taken else amplitude, age
 
 
 def _crest_velocity(k: float, crest: float, scene: Scene) -> float:
@@ -327,7 +317,9 @@ def _end_reason(scene: Scene, waves: Components) -> str:
         return f"far end: {_paddle_reason(scene.mirrored, scene)}"
     fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
     if not scene.wall.moves or fastest * scene.run.duration > scene.tank.length:
-        return "far end: a wall that reflects, the scene has no sponge; reflected waves are not followed further."
+        energy = waves.amplitude**2
+        age = float(np.sqrt(energy @ waves.age**2 / energy.sum()))
+        return f"far end: a wall that reflects; waves are followed over the run, for {age:.3g} s (root mean square)."
     return "far end: a wall, no sponge is needed, no wave gets there within the run."
 
 
@@ -339,12 +331,16 @@ def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
             found.append(_paddle_waves(seen, motion, accuracy))
     if not found or not max(waves.crest for waves in found) > 0.0:
         raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
-    parts = zip(*(waves.components for waves in found), strict=True)
     form = next((waves.form for waves in found), None)
     crest, lasting = sum(waves.crest for waves in found), max(waves.lasting for waves in found)
     run_ups = [waves.run_up for waves in found if waves.run_up is not None]
     highest = max(run_ups, key=lambda one: one.height, default=None)
-    return SceneWaves(Components(*(np.concatenate(part) for part in parts)), crest, form, lasting, highest)
+    components, free = (_together(parts) for parts in zip(*((one.components, one.free) for one in found), strict=True))
+    return SceneWaves(components, crest, form, lasting, highest, free)
+
+
+def _together(several: Iterable[Components]) -> Components:
+    return Components(*(np.concatenate(part) for part in zip(*several, strict=True)))
 
 
 def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
@@ -411,22 +407,58 @@ class _Lines(NamedTuple):
     k: Vector
     elevation: NDArray[np.complex128]
 
+    @property
+    def duration(self) -> float:
+        """Of the motion that they are of [s]."""
+        return 2 * np.pi / float(self.omega[0])
+
+    def squared_envelope(self, group: NDArray[np.int_]) -> Vector:
+        """Return the squared envelope [m²] of a group of lines that follow each other, at ``TIMES`` equal steps."""
+        step = -(-group.size // TIMES)  # of more lines than times, by means over so many
+        envelope = np.fft.ifft(self.elevation[group], TIMES * step, norm="forward")
+        return np.asarray(np.mean(np.abs(envelope.reshape(TIMES, step)) ** 2, axis=1))
+
 
 def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     if (solitary := _solitary_motion(scene)) is not None:
         exact = solitary_wave(solitary.height, depth=scene.tank.depth, gravity=scene.tank.gravity)
         begin = solitary.crest_time_in(scene.tank)
         return _followed(exact, solitary.height, scene, distance=scene.tank.length, begin=begin)
-    lines = _lines(scene, motion)
-    waves = lines.omega <= _highest(motion, lines, accuracy)
-    omega, amplitude = _gathered(lines.omega[waves], np.abs(lines.elevation[waves]), 0.05 * accuracy**2)
-    k = airy.wave_number(omega, scene.tank.depth, scene.tank.gravity)
-    age, share = _age(scene, k, amplitude**2)
-    seen = share > 0.0
-    parts = (k[seen], omega[seen], (amplitude * np.sqrt(share))[seen], age[seen])
-    crest, duration = _crest(scene, lines), 2 * np.pi / float(lines.omega[0])
-    squares = float(np.sum(np.abs(lines.elevation[waves]) ** 2))  # of the envelope, in the mean
-    return SceneWaves(Components(*parts), crest, lasting=2 * duration * squares / max(crest, 1e-300) ** 2)
+    tank, lines = scene.tank, _lines(scene, motion)
+    groups = _groups(lines, _highest(motion, lines, accuracy), 0.05 * accuracy**2)
+    omega, amplitude = _gathered(lines, groups)
+    k, energy = airy.wave_number(omega, tank.depth, tank.gravity), amplitude**2
+    around = [groups[max(0, n - AROUND) : n + AROUND + 1] for n in range(len(groups))]
+    squares = np.array([lines.squared_envelope(np.concatenate(some)) for some in around])
+    free, squared = _free_harmonic(scene, float(energy @ k / energy.sum()), lines)
+    each = np.append(k, free.k), np.append(energy, 0.0), np.vstack([squares, squared**2])
+    age, share, reflected = _travel(scene, *each)
+    returning = bool(reflected[:-1] @ energy > RETURNING * (share[:-1] @ energy))
+
+    found = Components(k, omega, amplitude * np.sqrt(share[:-1]), age[:-1])
+    freed = free._replace(amplitude=free.amplitude * np.sqrt(energy.sum() * share[-1:]), age=age[-1:])
+    crest, mean_square = _crest(scene, lines, returning)
+    lasting = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
+    free = freed.selected(share[-1:] > 0.0)
+    return SceneWaves(found.selected(share[:-1] > 0.0), crest, lasting=lasting, free=free)
+
+
+def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, Vector]:
+    """Return the free waves of twice the frequency that a paddle makes, over the waves of wave number k [rad/m].
+
+    Their amplitude is that of a regular wave as high (``theory/second_order.py``), at most that itself. They grow with
+    the square of the envelope, which is returned, too.
+    """
+    depth, g, maker = scene.tank.depth, scene.tank.gravity, scene.wall.maker
+    squares = lines.squared_envelope(np.arange(lines.omega.size))
+    size = float(np.sqrt(np.sum(squares**2) / max(np.sum(squares), 1e-300)))
+    omega = 2 * airy.angular_frequency(np.array([k]), depth, g)
+    free = airy.wave_number(omega, depth, g)
+    stroke = Strokes(omega / 2, np.array([size / complex(maker.transfer(k, depth))]))
+    made_up = second_order(stroke, maker, depth=depth, gravity=g).b[:1]
+    ratio = np.minimum(1.0, np.abs(made_up) * maker.transfer(free, depth) / max(size, 1e-300))
+    taken = getattr(getattr(scene.wall, "motion", None), "generation", None) == "second-order"
+    return Components(free, omega, LEFT * ratio if taken else ratio, np.zeros(1)), squares
 
 
 def highest_frequency(scene: Scene, accuracy: float) -> float:
@@ -438,7 +470,7 @@ def highest_frequency(scene: Scene, accuracy: float) -> float:
 def _highest(motion: Motion, lines: _Lines, accuracy: float) -> float:
     if motion.interval is None or not np.any(lines.elevation):
         return np.inf
-    omega, amplitude = _gathered(lines.omega, np.abs(lines.elevation), 0.05 * accuracy**2)
+    omega, amplitude = _gathered(lines, _groups(lines, np.inf, 0.05 * accuracy**2))
     return float(omega[amplitude > NOISE * amplitude.max()].max())
 
 
@@ -479,38 +511,60 @@ def tapered(part: Vector) -> Vector:
     return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
 
 
-def _crest(scene: Scene, lines: _Lines) -> float:
-    """Return the largest elevation [m] between the paddle and the farthest gauge."""
+def _crest(scene: Scene, lines: _Lines, returning: bool) -> tuple[float, float]:
+    """Return the largest elevation [m] between the paddle and the farthest gauge, and the mean square [m²] there.
+
+    Where waves return to the gauges, that is along the tank, with all reflections.
+    """
+    tank, at = scene.tank, travel.ends(scene, lines.omega)
     count = 2 * (lines.omega.size + 1)
     spectra = np.zeros((PLACES, count // 2 + 1), dtype=complex)
-    places = np.linspace(0.0, max((gauge.x for gauge in scene.all_gauges), default=scene.tank.length), PLACES)
-    spectra[:, 1:-1] = lines.elevation * np.exp(-1j * np.outer(places, lines.k)) * (count / 2)
-    return float(np.abs(np.fft.irfft(spectra, count)).max())
+    farthest = max((gauge.x for gauge in scene.all_gauges), default=tank.length)
+    places = np.linspace(0.0, tank.length if returning else farthest, PLACES, dtype=np.float64)
+    speed = airy.group_velocity(lines.k, tank.depth, tank.gravity)
+    passed = np.exp(-1j * np.outer(places, lines.k))
+    if returning:
+        passed = travel.response(places, lines.k, speed, length=tank.length, at=at, duration=scene.run.duration)
+    spectra[:, 1:-1] = lines.elevation * passed * (count / 2)
+    elevation = np.fft.irfft(spectra, count)
+    return float(np.abs(elevation).max()), float(np.mean(elevation**2))
 
 
-def _gathered(omega: Vector, amplitude: Vector, lost: float) -> tuple[Vector, Vector]:
-    """Return frequencies and amplitudes of few lines for many, without ends with a share ``lost`` of the energy."""
-    share = np.cumsum(amplitude**2) / np.sum(amplitude**2)
+def _groups(lines: _Lines, highest: float, lost: float) -> list[NDArray[np.int_]]:
+    """Return the lines in few groups, up to a frequency [rad/s], without ends with a share ``lost`` of the energy."""
+    energy = np.abs(lines.elevation[lines.omega <= highest]) ** 2
+    share = np.cumsum(energy) / np.sum(energy)
     kept = np.flatnonzero((share > lost) & (np.concatenate([[0.0], share[:-1]]) < 1 - lost))
-    groups = np.array_split(kept, min(MOST_COMPONENTS, kept.size))
-    energy = np.array([np.sum(amplitude[group] ** 2) for group in groups])
-    mean = np.array([amplitude[group] ** 2 @ omega[group] for group in groups]) / energy
+    return np.array_split(kept, min(MOST_COMPONENTS, kept.size))
+
+
+def _gathered(lines: _Lines, groups: list[NDArray[np.int_]]) -> tuple[Vector, Vector]:
+    """Return frequencies and amplitudes of groups of lines."""
+    energies = np.abs(lines.elevation) ** 2
+    energy = np.array([np.sum(energies[group]) for group in groups])
+    mean = np.array([energies[group] @ lines.omega[group] for group in groups]) / energy
     return mean, np.sqrt(energy)
 
 
-def _age(scene: Scene, k: Vector, energy: Vector) -> tuple[Vector, Vector]:
-    """Return how long components travel to the farthest gauge they reach [s], and for what share of the run they do.
+def _travel(scene: Scene, k: Vector, energy: Vector, squares: Vector) -> travel.Travel:
+    """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
 
     The share is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the rest
-    being on its way to them, it is 1 of all, along the tank.
+    being on its way to them, all travel along the tank.
     """
-    duration = scene.run.duration
-    speed = airy.group_velocity(k, scene.tank.depth, scene.tank.gravity)
-    times = np.divide.outer(np.array([gauge.x for gauge in scene.all_gauges]), speed)
-    if energy @ np.any(times < duration, axis=0) < REACHED * energy.sum():
-        return np.asarray(np.minimum(duration, scene.tank.length / speed)), np.ones_like(k)
-    age = np.where(times < duration, times, -np.inf).max(axis=0)
-    return np.maximum(age, 0.0), np.where(age >= 0.0, 1.0 - np.maximum(age, 0.0) / duration, 0.0)
+    tank, duration = scene.tank, scene.run.duration
+    speed = airy.group_velocity(k, tank.depth, tank.gravity)
+    at = travel.ends(scene, airy.angular_frequency(k, tank.depth, tank.gravity))
+    x = np.array([gauge.x for gauge in scene.all_gauges])
+    reached = np.divide.outer(x, speed) < duration
+    everywhere = energy @ np.any(reached, axis=0) < REACHED * energy.sum()
+    farthest = np.full_like(k, tank.length) if everywhere else np.where(reached, x[:, None], 0.0).max(axis=0)
+    generated = travel.Generation.of(squares, duration=max(duration, looked_at(scene, scene.motion())), until=duration)
+    found = travel.travel(farthest, speed, length=tank.length, at=at, generated=generated, duration=duration)
+    if everywhere:
+        along = np.minimum(duration, tank.length / speed)
+        return found._replace(age=np.maximum(found.age, along), share=np.maximum(found.share, 1.0))
+    return found._replace(share=np.where(np.any(reached, axis=0), found.share, 0.0))
 
 
 STARTS: dict[type[Any], Callable[[Any, Scene], list[SceneWaves]]] = {  # that a plan knows, and their waves

@@ -1,0 +1,90 @@
+"""How long waves travel in tanks that reflect: against mirror images and closed formulas."""
+
+import numpy as np
+import pytest
+
+from wavetank.case import Scene
+from wavetank.plan import travel
+from wavetank.plan.error_model import ErrorModel, Settings
+from wavetank.plan.requirements import requirements
+from wavetank.theory import airy
+
+GRAVITY = 9.81
+PACKET = {"type": "formula", "position": "0.01*sin(6*(t-3))*exp(-(t-3)**2)"}  # k d = 2, generated at t = 3 s
+
+
+def tank(duration, *, end=None, motion=PACKET, **changes):
+    case = {
+        "tank": {"length": 2.0, "depth": 0.55},
+        "wall": {"type": "piston", "motion": motion},
+        "gauges": [1.5],
+        "run": {"duration": duration},
+    }
+    return Scene.model_validate(case | (end or {}) | changes)
+
+
+def mean_age(scene):
+    waves = requirements(scene, 1e-2).waves
+    energy = waves.amplitude**2
+    return float(np.sqrt(energy @ waves.age**2 / energy.sum())), waves
+
+
+def test_a_packet_between_walls_is_as_old_as_the_run():
+    """Recorded at all ages from 0 to T - 3 s alike: their root mean square is (T - 3 s) / 3^(1/2)."""
+    assert mean_age(tank(120.0))[0] == pytest.approx(117.0 / np.sqrt(3), rel=0.03)
+
+
+def test_continuous_waves_between_walls_are_younger_than_a_packet():
+    """Generated at a constant rate, ages have the density T - a: their root mean square is T / 6^(1/2)."""
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.001, "period": 1.05, "ramp": 1.0}
+    found = mean_age(tank(120.0, motion=motion))[0]
+    assert found == pytest.approx(120.0 / np.sqrt(6), rel=0.1)  # the motion is tapered at its end
+
+
+def test_waves_before_a_sponge_pass_once():
+    _, waves = mean_age(tank(120.0, end={"sponge": {"type": "end", "length": 0.4}}, water={"type": "linear"}))
+    speed = airy.group_velocity(waves.k, 0.55, GRAVITY)
+    assert waves.age == pytest.approx(1.5 / speed, rel=1e-6)
+
+
+def test_a_paddle_that_absorbs_ends_the_travel():
+    """The age is that of the first passage but for what the filter reflects, a few per cent."""
+    far = {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
+    age, waves = mean_age(tank(120.0, far_wall=far, water={"type": "linear"}))
+    first = 1.5 / airy.group_velocity(waves.k, 0.55, GRAVITY)
+    assert np.all(waves.age > first)
+    assert age < 3 * first.mean()
+
+
+def test_each_reflection_multiplies_the_energy_by_its_square():
+    """All energy is generated at t = 0: passages at 1.5, 2.5, 5.5, 6.5 and 9.5 s, at the speed 1 m/s in 2 m."""
+    generated = travel.Generation.of(np.array([[1.0, 0.0, 0.0, 0.0]]), duration=4e-6, until=10.0)
+    at = travel.Ends(np.array([0.5]), np.array([0.8]))
+    found = travel.travel(np.array([1.5]), np.array([1.0]), length=2.0, at=at, generated=generated, duration=10.0)
+    energy = np.array([1.0, 0.8**2, 0.4**2, 0.4**2 * 0.8**2, 0.4**4])
+    ages = np.array([1.5, 2.5, 5.5, 6.5, 9.5])
+    assert found.share == pytest.approx(energy.sum())
+    assert found.reflected == pytest.approx(energy[1:].sum())
+    assert found.age == pytest.approx(np.sqrt(energy @ ages**2 / energy.sum()))
+
+
+def test_the_response_is_the_sum_of_all_mirror_images():
+    length, duration, k = 3.0, 40.0, np.array([1.1, 2.3, 4.0])
+    speed = airy.group_velocity(k, 1.0, GRAVITY)
+    at = travel.Ends(np.array([1.0, 0.9, 0.5]), np.array([1.0, 0.7, 0.2]))
+    x = np.array([0.0, 1.2, 3.0])
+    expected = np.zeros((3, 3), dtype=complex)
+    for n in range(60):
+        for first, factor in ((x, 1.0), (2 * length - x, at.opposite)):
+            path = np.add.outer(first, 2 * n * length * np.ones(3))
+            image = factor * (at.paddle * at.opposite) ** n * np.exp(-1j * k * path)
+            expected += np.where(path <= speed * duration, image, 0.0)
+    found = travel.response(x, k, speed, length=length, at=at, duration=duration)
+    assert np.allclose(found, expected, atol=1e-6)
+
+
+def test_a_longer_run_of_a_closed_tank_needs_finer_numerics():
+    """The plan of a single passage misses such a run by 9 % (docs/plan.md)."""
+    coarse = Settings(order=3, cells=6, vertical_order=5, dt=0.066, integrator="simpson-4")
+    short, long = (requirements(tank(T), 1e-2) for T in (6.0, 120.0))
+    assert ErrorModel(short).predict(coarse) < 0.015 < 0.05 < ErrorModel(long).predict(coarse)
