@@ -1,15 +1,21 @@
 """Files of somebody else: no command executes code from them, or writes outside its own directory."""
 
+import os
+import stat
+import subprocess
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mpi4py import MPI
+from ranks import CHECKOUT
 
 import wavetank as wt
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError
+from wavetank.fe.compiled import compiled
 from wavetank.fe.layout_mesh import read_layout
 from wavetank.postprocess.beds import still_water
 from wavetank.postprocess.run_figures import draw_run
@@ -162,3 +168,75 @@ def test_scene_read_with_trust_is_trusted_later(coded):
     assert Scene.model_validate(scene.model_dump(mode="json")).depths()(np.ones(1), np.zeros(1)) == pytest.approx(0.8)
     (coded / "executed").unlink()
     python_file._trusted.clear()
+
+
+# ---------------------------------------------------------------- caches of compiled code
+def foreign(path: Path) -> None:
+    if os.getuid():
+        pytest.skip("only root can give a folder to another user")
+    os.chown(path, 65534, 65534)
+
+
+def linked(path: Path) -> None:
+    path.rename(path.with_name("elsewhere"))
+    path.symlink_to(path.with_name("elsewhere"))
+
+
+TAMPERED = {
+    "cache home of another user": ("", foreign),
+    "cache home that others can write": ("", lambda path: path.chmod(0o777)),
+    "cache of another user": ("wavetank", foreign),
+    "linked cache": ("wavetank", linked),
+    "part of another user": ("wavetank/compiled", foreign),
+    "linked part": ("wavetank/compiled", linked),
+}
+
+
+@pytest.mark.parametrize("case", TAMPERED)
+def test_code_in_a_cache_that_others_can_change_is_compiled_anew(case, tmp_path, monkeypatch, caplog):
+    """Oracle: the content that this user's own compiler writes."""
+    home, (name, tamper) = tmp_path / "home", TAMPERED[case]
+    monkeypatch.setenv("XDG_CACHE_HOME", str(home))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    planted = compiled(MPI.COMM_SELF, case, build=lambda folder: (folder / "code").write_text("planted"))
+    tamper(home / name)
+    found = compiled(MPI.COMM_SELF, case, build=lambda folder: (folder / "code").write_text("own"))
+    assert found == tmp_path / f"wavetank-{os.getuid()}" / "compiled" / planted.name
+    assert (found / "code").read_text() == "own"
+    assert f"nothing can be kept in {home / 'wavetank'} (other users can write there)" in caplog.text
+
+
+def test_cache_of_code_is_closed_to_others(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    former = os.umask(0)
+    try:
+        made = compiled(MPI.COMM_SELF, "code", build=lambda folder: None)
+    finally:
+        os.umask(former)
+    assert [stat.S_IMODE(one.stat().st_mode) for one in (made, made.parent, made.parent.parent)] == [0o700] * 3
+
+
+def test_env_refuses_a_temporary_home_that_others_can_write(tmp_path):
+    """``HOME`` is not set, and the user's home does not exist."""
+    home, command = tmp_path / f"home-{os.getuid()}", tmp_path / "id"
+    home.mkdir()
+    home.chmod(0o777)
+    command.write_text(f'#!/bin/sh\n[ "$1" = -un ] && echo missing || echo {os.getuid()}\n')
+    command.chmod(0o755)
+    world = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "TMPDIR": str(tmp_path), "WAVETANK_ENV": "none"}
+    done = subprocess.run([CHECKOUT / "env", "true"], env=world, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "") and not list(home.iterdir())
+    needed = "HOME or WAVETANK_CACHE must name a folder of your own."
+    assert done.stderr == f"env: {home}: other users own it or can write there; {needed}\n"
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give a folder to another user")
+def test_env_refuses_a_cache_of_another_user(tmp_path):
+    folder = tmp_path / "cache"
+    folder.mkdir()
+    os.chown(folder, 65534, 65534)
+    world = {"PATH": os.environ["PATH"], "HOME": "/", "WAVETANK_CACHE": str(folder), "WAVETANK_ENV": "none"}
+    done = subprocess.run([CHECKOUT / "env", "true"], env=world, capture_output=True, text=True)
+    assert done.returncode == 2
+    needed = "WAVETANK_CACHE must name a folder of your own."
+    assert done.stderr == f"env: {folder}: other users own it or can write there; {needed}\n"

@@ -1,8 +1,10 @@
 """The user's cache, for what is dear to make; where nothing can be kept in it, a temporary one takes its place."""
 
+import errno
 import fcntl
 import logging
 import os
+import stat
 import tempfile
 from functools import cache
 from pathlib import Path
@@ -21,26 +23,26 @@ def usual(part: str = "") -> Path:
     return Path(pooch.os_cache("wavetank")) / part
 
 
-def places(part: str = "") -> list[Path]:
-    """Return the folders in which a part of the cache is looked for; they need not be there."""
-    temporary = _temporary()
-    return [usual(part), *([temporary / part] if _is_ours(temporary) else [])]
+def places(part: str = "", *, private: bool = False) -> list[Path]:
+    """Return the folders in which a part of the cache is looked for; they need not be there.
+
+    Of ``private`` ones, those of code, each is there, and nobody else can have put anything into it.
+    """
+    found = [] if private and not _is_private(usual(), part) else [usual(part)]
+    return [*found, *([_temporary() / part] if _is_private(_temporary(), part if private else "") else [])]
 
 
-def writable(part: str = "") -> Path:
+def writable(part: str = "", *, private: bool = False) -> Path:
     """Return a folder in which a part of the cache can be kept: the usual one, or, which is said, a temporary one.
 
     Raises ``InputError`` that names the variable to set if there is neither.
     """
     try:
-        return _usable(usual(part))
+        return _usable(usual(), part, private=private)
     except OSError as error:
         reason, temporary = error.strerror, _temporary()
     try:
-        temporary.mkdir(mode=PRIVATE, exist_ok=True)
-        if not _is_ours(temporary):
-            raise PermissionError(None, "it belongs to others")
-        folder = _usable(temporary / part)
+        folder = _usable(temporary, part, private=True)
     except OSError as error:
         raise InputError(
             f"nothing can be kept in {usual()} ({reason}), nor in {temporary} ({error.strerror}); "
@@ -53,8 +55,18 @@ def writable(part: str = "") -> Path:
     return folder
 
 
-def _usable(folder: Path) -> Path:
-    """Return the folder, made if it is missing; raise ``OSError`` unless files in it can be written and locked."""
+def _usable(cache: Path, part: str, *, private: bool) -> Path:
+    """Return a part of a cache, made if it is missing; raise ``OSError`` unless files in it can be written and locked.
+
+    A ``private`` one is closed to others, and refused where that is not possible.
+    """
+    folder = cache / part
+    for one in (cache, folder) if private else ():
+        one.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
+        if is_ours(one, others_may_write=True) and not is_ours(one):
+            one.chmod(one.stat().st_mode & ~OTHERS_MAY_WRITE)
+    if private and not _is_private(cache, part):
+        raise PermissionError(errno.EPERM, "other users can write there")
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=folder) as file:
         fcntl.flock(file, fcntl.LOCK_EX)
@@ -66,12 +78,24 @@ def _temporary() -> Path:
     return Path(tempfile.gettempdir()) / f"wavetank-{os.getuid()}"
 
 
-def _is_ours(folder: Path) -> bool:
-    """Tell whether a folder is there and nobody else can have put anything into it: what is kept may be run."""
-    if folder.is_symlink() or not folder.is_dir():
+def _is_private(cache: Path, part: str) -> bool:
+    """Return whether nobody but this user and root can change a part of a cache, whose content may be executed."""
+    try:
+        above = cache.parent.stat()
+    except OSError:
         return False
-    status = folder.stat()
-    return status.st_uid == os.getuid() and not status.st_mode & OTHERS_MAY_WRITE
+    closed = not above.st_mode & stat.S_IWOTH or bool(above.st_mode & stat.S_ISVTX)
+    return above.st_uid in (0, os.getuid()) and closed and is_ours(cache) and is_ours(cache / part)
+
+
+def is_ours(folder: Path, *, others_may_write: bool = False) -> bool:
+    """Return whether a folder is there, no link, of this user's, and nobody else can write to it."""
+    try:
+        found = folder.lstat()
+    except OSError:
+        return False
+    closed = others_may_write or not found.st_mode & OTHERS_MAY_WRITE
+    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and closed
 
 
 @cache

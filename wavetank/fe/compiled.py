@@ -18,7 +18,7 @@ from typing import TypeVar
 
 from mpi4py import MPI
 
-from wavetank.cache import VARIABLE, places, warn, writable
+from wavetank.cache import VARIABLE, is_ours, places, warn, writable
 from wavetank.errors import WavetankError
 from wavetank.fe.agreed import agreed
 
@@ -83,12 +83,12 @@ def _python() -> list[str]:
 
 def _kept(name: str, build: Callable[[Path], object]) -> Path:
     """Return the folder where a piece is kept, built if it is not; raises ``WavetankError``, which ranks agree on."""
-    for folder in places(PART):
-        if os.access(folder / name, os.R_OK | os.X_OK):
+    for folder in places(PART, private=True):
+        if is_ours(folder / name):
             return folder / name
-    kept = writable(PART) / name
-    if os.path.isdir(kept):
-        raise WavetankError(f"{kept}: is another user's, and cannot be read; {VARIABLE} must name another folder.")
+    kept = writable(PART, private=True) / name
+    if os.path.lexists(kept) and not is_ours(kept):
+        raise WavetankError(f"{kept}: other users own it or can write there; {VARIABLE} must name another folder.")
     try:
         return _built(kept, build)
     except OSError as error:  # of its folder or lock: a disk that is full, say

@@ -155,7 +155,7 @@ def known_costs() -> CostModel:
 def measured_costs() -> CostModel:
     """Return this machine's constants, measured now, and keep them."""
     model = calibrate()
-    (writable() / FILE).write_text(json.dumps(asdict(model), indent=1))
+    (writable(private=True) / FILE).write_text(json.dumps(asdict(model), indent=1))
     return model
 
 
