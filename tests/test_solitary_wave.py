@@ -11,12 +11,14 @@ from scipy.interpolate import CubicSpline
 from wavetank.case import Scene
 from wavetank.errors import InputError
 from wavetank.observers.record import Memory
+from wavetank.plan.cut_starts import cut_starts
 from wavetank.plan.forewarnings import jets
 from wavetank.plan.planned import planned
 from wavetank.runs.build import Records, build_observers, build_run
 from wavetank.theory.solitary_wave import solitary_wave
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "solitary_wall_runup_reference"
+GAUSSIAN = {"type": "gaussian", "peak_frequency": 0.7, "bandwidth": 0.08}
 needs_reference = pytest.mark.skipif(not REFERENCE.is_dir(), reason="the reference computation is not on this machine")
 
 
@@ -124,6 +126,35 @@ def test_run_up_converges_in_cell_size():
     sizes = (1.5, 0.75)
     errors = [abs(highest(*run_up(0.3, cell_size=size, dt=0.1)) / run_up_of(0.3)[2] - 1) for size in sizes]
     assert fitted_slope(sizes, errors) > 4.0 and errors[-1] < 5e-4
+
+
+@pytest.mark.parametrize(
+    ("initial", "warned"),
+    [
+        ({"type": "solitary-wave", "height": 0.4, "x": 0.4}, "x = 0 m cuts the initial solitary wave, which has 0.95"),
+        (
+            {"type": "solitary-wave", "height": 0.4, "x": 23.6},
+            "x = 24 m cuts the initial solitary wave, which has 0.95",
+        ),
+        ({"type": "solitary-wave", "height": 0.4, "x": 12.0}, ""),
+        ({"type": "focused", "linear_crest": 0.02, "x": 22.0, "spectrum": GAUSSIAN}, "x = 24 m cuts the initial group"),
+        ({"type": "focused", "linear_crest": 0.02, "x": 12.0, "spectrum": GAUSSIAN}, ""),
+    ],
+)
+def test_a_start_that_a_wall_cuts_is_warned_of(initial, warned):
+    """Oracle: with 0.2 of the height at a wall the wave is 0.07 off 20 depths later, relative root mean square."""
+    case = {"tank": {"length": 24.0, "depth": 1.0}, "initial": initial, "run": {"duration": 1.0}}
+    scene = Scene.model_validate(case | {"numerics": {"cell_size": 0.4}})
+    said = planned(scene, MPI.COMM_SELF).warnings
+    assert len(said) == bool(warned)
+    assert not warned or warned in said[0]
+
+
+def test_a_start_that_a_wall_cuts_by_more_than_is_accurate_is_warned_of():
+    """0.7 % of the height at the wall: less than 1 %, but an error of 0.28 %."""
+    said = [[*cut_starts(towards_wall(0.3, start=7.6, distance=12.0, duration=1.0), one)] for one in (None, 1e-2, 1e-3)]
+    assert not said[0] and not said[1]
+    assert "the elevation is off by about 0.0028 of it" in said[2][0]
 
 
 RUN_UPS = {0.1: 0.20555, 0.5: 1.2384, 0.6: 1.6670}  # the first is the reference's

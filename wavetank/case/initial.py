@@ -13,7 +13,7 @@ from wavetank.case.initial_formula import FormulaSurface
 from wavetank.case.initial_run import RunState
 from wavetank.case.initial_sea import FocusedSurface, IrregularSurface
 from wavetank.case.surroundings import Surroundings
-from wavetank.case.tanks import AnyTank, BasinTank, RingTank
+from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
 from wavetank.errors import InputError
 from wavetank.meshes import Rectangle
 from wavetank.theory.conformal import SteadyWave
@@ -132,6 +132,10 @@ class SolitaryWave(KnownWave):
     def wave(self, tank: AnyTank) -> SteadyWave:
         """Return the wave, its crest where it is."""
         return replace(solitary_wave(self.height, depth=tank.depth, gravity=tank.gravity), crest=self.x)
+
+    def at_ends(self, tank: SliceTank) -> motions.Array:
+        """Return the elevation at both ends of a slice over the height, shape (2,)."""
+        return np.asarray(self.wave(tank).elevation(np.array([0.0, tank.length])) / self.height, dtype=np.float64)
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank without ends, a crest outside and a wave too high."""

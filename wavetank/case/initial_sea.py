@@ -10,7 +10,7 @@ from pydantic import Field
 from wavetank import motions
 from wavetank.case.spectra import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.case.surroundings import Surroundings
-from wavetank.case.tanks import AnyTank, BasinTank, RingTank
+from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
 from wavetank.theory.airy import angular_frequency, group_velocity
 from wavetank.theory.plane_waves import PlaneWaves
 from wavetank.values.noun import Noun, Problem
@@ -128,6 +128,12 @@ class FocusedSurface(SpectralSurface):
         """Return the group: amplitudes go with S(f) df."""
         k, share = self._along(tank)
         return self._waves(tank, k, self.linear_crest * share / share.sum() * np.exp(-1j * k * self.x))
+
+    def at_ends(self, tank: SliceTank) -> motions.Array:
+        """Return the envelope at both ends of a slice over the crest, shape (2,)."""
+        k, share = self._along(tank)
+        phases = np.exp(1j * np.multiply.outer([-self.x, tank.length - self.x], k))
+        return np.asarray(np.abs(phases @ share) / share.sum())
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield as any, a place outside the tank, and a trough below the bed."""

@@ -98,6 +98,7 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
 
     from wavetank.errors import InputError
     from wavetank.plan.cost_model import known_costs, measured_costs
+    from wavetank.plan.cut_starts import cut_starts
     from wavetank.plan.defaults import DEFAULT
     from wavetank.plan.plan import make_plan
     from wavetank.plan.planned import check_held, default_plan, planned
@@ -116,7 +117,9 @@ def _plan(scene: "Scene", name: str, accuracy: float | None, terminal: "Console"
     for line in (_use(scene, accuracy, wanted), f"CPU seconds are those of {costs.machine}{_elsewhere(costs)}."):
         terminal.print(line, highlight=False)
     as_it_stands = accuracy is None or own is not None
-    used, doubts = planned(scene, MPI.COMM_WORLD) if as_it_stands else (proposed.applied_to(scene), ())
+    used, doubts = (
+        planned(scene, MPI.COMM_WORLD) if as_it_stands else (proposed.applied_to(scene), cut_starts(scene, wanted))
+    )
     sponge, forewarned = _built(used)
     if sponge:
         terminal.print(sponge, highlight=False)

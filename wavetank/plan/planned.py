@@ -10,6 +10,7 @@ from wavetank.case import BasinTank, RunState, Scene
 from wavetank.errors import InputError
 from wavetank.fe.agreed import from_first
 from wavetank.meshes import MeshFile
+from wavetank.plan.cut_starts import cut_starts
 from wavetank.plan.defaults import DEFAULT, resolved
 from wavetank.plan.plan import Plan, UnreachableError, make_plan
 from wavetank.plan.requirements import unplanned
@@ -33,7 +34,8 @@ def planned(scene: Scene, comm: MPI.Comm) -> Planned:
     Where no plan can be made, or some numerics are named, its shortest wave decides on the others. Made on the first
     rank; collective. Raises ``InputError`` on all ranks if an accuracy is asked for that cannot be planned for.
     """
-    return from_first(comm, lambda: _planned(scene))
+    found, warnings = from_first(comm, lambda: _planned(scene))
+    return Planned(found, (*warnings, *cut_starts(scene, scene.numerics.accuracy)))
 
 
 def _planned(scene: Scene) -> Planned:
