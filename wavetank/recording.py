@@ -31,7 +31,7 @@ from wavetank.plan.planned import mesh_told, planned, told_of_rule
 from wavetank.plan.stable import check_stable
 from wavetank.records.checkpoint import kept as checkpoints
 from wavetank.records.checkpoint import last_checkpoint
-from wavetank.records.directory import ANALYSES, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
+from wavetank.records.directory import ANALYSES, BREAKING, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
 from wavetank.records.environment import environment
 from wavetank.records.load_table import columns as load_columns
 from wavetank.records.log import RunLog
@@ -62,7 +62,7 @@ from wavetank.runs.starts import told_of_start
 from wavetank.runs.waters import AnyWaves, bed_by_code, told_of_bed
 from wavetank.values.noun import SceneError
 from wavetank.water.breakdown import cause, folds
-from wavetank.water.breaking import BreakingDissipation
+from wavetank.water.breaking import BreakingAlarm, BreakingDissipation
 from wavetank.water.waves import NonlinearWaves
 
 ALIKE, LATEST = 20.0, 60.0  # s after an error in which all have met it, and in which the first rank has drawn pictures
@@ -168,7 +168,7 @@ def record_run(
         for doubt in (*doubts, *forewarnings(scene, run.clock, waves, own=integrator)):
             warnings.add(doubt)
         series = _observe(run, scene, waves, writer, warnings)
-        run.observers += [BreakingNews(one, log.say) for one in _breaking(run)]
+        run.observers += [BreakingNews(one, log.say) for one in _breaking(run) if isinstance(one, BreakingDissipation)]
         run.observers += own_observers(observers, waves)
         if kept:
             log.say(kept.take(run, waves, scene=scene, fields=series))
@@ -197,8 +197,13 @@ def record_run(
             for judge in (one for one in run.observers if isinstance(one, Judge)):
                 for sentence in judge.verdict():
                     warnings.add(sentence)
-            for breaking in (one for one in _breaking(run) if one.began):
-                log.say(f"{breaking.story}; {100 * breaking.part_taken:.2g} % of the energy was taken")
+            for one in (one for one in _breaking(run) if one.watch.alarms):
+                taken = ""
+                if isinstance(one, BreakingDissipation):
+                    taken = f"; the eddy viscosity took {100 * one.part_taken:.2g} % of the energy"
+                log.say(f"{one.watch.story} ({BREAKING}){taken}")
+                if writer is not None:
+                    writer.breaking(one.watch.columns)
             figures = parts.figures() | _broken(run)
             outcome = Outcome.of(run)
             if writer is not None:
@@ -469,20 +474,21 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Sc
         quickened=scene.quickened,
         warned=next(warned, None),
     )
-    for breaking in (one for one in _breaking(run) if one.began):
-        why = f"{why}; {breaking.story}, and the eddy viscosity was not enough"
+    for one in (one for one in _breaking(run) if one.watch.alarms):
+        enough = ", and the eddy viscosity was not enough" if isinstance(one, BreakingDissipation) else ""
+        why = f"{why}; {one.watch.story}{enough}"
     explained = type(error)(f"{error}: {why}.")
     explained.cure = cure
     return explained
 
 
-def _breaking(run: Run) -> list[BreakingDissipation]:
-    """Return what takes energy out of breaking waves."""
-    return [one for one in run.filters if isinstance(one, BreakingDissipation)]
+def _breaking(run: Run) -> list[BreakingAlarm | BreakingDissipation]:
+    """Return the filter of breaking, if the run has one."""
+    return [one for one in run.filters if isinstance(one, BreakingAlarm | BreakingDissipation)]
 
 
 def _broken(run: Run) -> dict[str, Any]:
-    """Return what the manifest says of the waves that broke."""
+    """Return the manifest's entry for breaking."""
     return {"breaking": breaking[0].figures} if (breaking := _breaking(run)) else {}
 
 

@@ -91,11 +91,11 @@ def give_back(parts: Mapping[str, Stateful], held: Held) -> None:
 def carry_over(parts: Mapping[str, object], held: Held) -> None:
     """Let those parts that were there already take what outlives a change of numerics; collective.
 
-    So does a part that stands in the place of another kind, which it says it ``follows``.
+    So does a part that replaces one of the kinds that it ``follows``.
     """
     for name, part in parts.items():
-        kind = name if name in held else getattr(part, "follows", name)
-        if isinstance(part, Carrying) and kind in held:
+        kind = next((one for one in (name, *getattr(part, "follows", ())) if one in held), None)
+        if isinstance(part, Carrying) and kind is not None:
             part.carry(held[kind])
 
 

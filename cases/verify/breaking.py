@@ -3,7 +3,7 @@
 Each is a case as a user would write it.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,13 +13,13 @@ from scipy.integrate import solve_ivp
 
 from wavetank.case import RingTank, Scene
 from wavetank.errors import RunError
+from wavetank.plan.planned import planned
 from wavetank.runs.build import build_run
 from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.verify.report import Report
 from wavetank.verify.steepness import scene as ring
 from wavetank.water.breaking import STEEP, BreakingWatch, StopAtBreaking
 from wavetank.water.crests import SteepCrest
-from wavetank.water.seen import State
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
@@ -35,52 +35,103 @@ class Case(NamedTuple):
 
 
 class Row(NamedTuple):
-    """A case, whether its waves break, the largest B of a steep and swift crest, when and where, and what was said."""
+    """What ``run.on_breaking = "stop"`` did with a case.
+
+    Attributes
+    ----------
+    name, breaks
+        Of the case.
+    cells, dt
+        Number of cells and step [s].
+    largest, t, x
+        The largest B of a coherent crest with a steep front, when and where.
+    alarm
+        When the first alarm began [s]; NaN without one.
+    outrun
+        The largest part of a crest's upper half that water outran during an alarm.
+    end
+        When the run ended [s].
+    stopped
+        Why, if before its duration.
+    """
 
     name: str
     breaks: bool
+    cells: int
+    dt: float
     largest: float
     t: float
     x: float
+    alarm: float
+    outrun: float
+    end: float
     stopped: str
 
 
-class LargestB(BreakingWatch):
-    """Keeps the largest B = u/c of all crests that could be breaking.
+class Measured(BreakingWatch):
+    """Also keeps the largest B and the largest outrun part.
 
     Attributes
     ----------
     found
-        (B, t [s], x [m]).
+        (B, t [s], x [m]) of the crest with the largest B.
+    outrun
+        Of crests in alarm.
     """
 
     found = (0.0, 0.0, 0.0)
+    outrun = 0.0
 
-    def look(self, state: State, t: float, *, front: float = STEEP) -> list[SteepCrest]:
+    def follow(self, crests: Sequence[SteepCrest], t: float) -> list[SteepCrest]:
         """See ``BreakingWatch``."""
-        crests = super().look(state, t, front=front)
-        self.found = max([self.found, *((crest.overtaking, t, crest.x) for crest in crests)])
-        return crests
+        steep = [(crest.overtaking, t, crest.x) for crest in crests if crest.front > STEEP]
+        self.found = max([self.found, *steep])
+        in_alarm = super().follow(crests, t)
+        self.outrun = max([self.outrun, *(crest.outrun for crest in in_alarm)])
+        return in_alarm
 
 
 def row(case: Case) -> Row:
     """Run a case until it stops, as it does at breaking."""
-    tank, stopping = case.scene.tank, case.scene.run.model_copy(update={"on_breaking": "stop"})
-    run, waves = build_run(case.scene.model_copy(update={"run": stopping}), MPI.COMM_SELF)
+    scene, _ = planned(case.scene, MPI.COMM_SELF)
+    tank, stopping = scene.tank, scene.run.model_copy(update={"on_breaking": "stop"})
+    run, waves = build_run(scene.model_copy(update={"run": stopping}), MPI.COMM_SELF)
     (stop,) = (one for one in run.filters if isinstance(one, StopAtBreaking))
     assert isinstance(waves, NonlinearWaves) and isinstance(waves.surface, SurfaceFlow)
-    largest = LargestB(waves, waves.surface, length=tank.length if isinstance(tank, RingTank) else None)
-    stop.watch, stopped = largest, ""
+    watch = Measured(waves, waves.surface, length=tank.length if isinstance(tank, RingTank) else None)
+    stop.watch, stopped = watch, ""
     try:
         run.execute()
     except RunError as error:
         stopped = str(error)
-    return Row(case.name, case.breaks, *largest.found, stopped)
+    alarm = watch.alarms[0].t if watch.alarms else float("nan")
+    numbers = (waves.plane.cells, run.clock.dt, *watch.found, alarm, watch.outrun, run.t)
+    return Row(case.name, case.breaks, *numbers, stopped)
 
 
 def write(report: Report) -> None:
-    """Write breaking.csv."""
-    report.table("breaking", Row._fields, (row(case) for case in cases(report.folder)))
+    """Write breaking.csv, all cases with their numerics, half and twice as many cells."""
+    rows = (row(refined(case, times)) for times in (1.0, 0.5, 2.0) for case in cases(report.folder))
+    report.table("breaking", Row._fields, rows)
+
+
+def refined(case: Case, times: float, *, steps: float = 1.0) -> Case:
+    """Return a case with so many times its cells, and its step over ``times``, if more, and over ``steps``.
+
+    Finer cells need a higher vertical order.
+    """
+    if times == steps == 1.0:
+        return case
+    scene, _ = planned(case.scene, MPI.COMM_SELF)
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    given = case.scene.numerics.model_dump(exclude_unset=True)
+    numerics: dict[str, Any] = {name: value for name, value in given.items() if name != "cell_size"}
+    numerics["cells"] = max(2, round(times * waves.plane.cells))
+    if times > 1.0 or steps > 1.0:
+        numerics["dt"] = run.clock.dt / max(times, 1.0) / steps
+        numerics["vertical_order"] = waves.vertical.n if times == 1.0 else max(waves.vertical.n, 8)
+    case_file = case.scene.model_dump(exclude_unset=True) | {"numerics": numerics}
+    return case._replace(name=f"{case.name} x {times:g}, / {steps:g}", scene=Scene.model_validate(case_file))
 
 
 def cases(folder: Path) -> Iterator[Case]:
@@ -92,6 +143,10 @@ def cases(folder: Path) -> Iterator[Case]:
         yield Case(f"run-up-{height:g}", False, run_up(height))
     for jump in (0.1, 0.2, 0.3):
         yield Case(f"bore-{100 * jump:.0f}", False, bore(jump, duration=12.0))
+    for k_a in (0.3, 0.4, 0.5):
+        yield Case(f"release-{k_a:g}", False, release(k_a))
+    for periods in (1, 2, 3, 4, 6):
+        yield Case(f"luth-c-{periods}", False, luth_c(periods))
     yield Case("bar-2.02", False, bar(height=0.02, period=2.02, duration=16.0))
     yield Case("bar-1.01", False, bar(height=0.041, period=1.01, duration=16.0))
     yield Case("piston-solitary", False, piston_solitary(0.27, folder))
@@ -163,6 +218,35 @@ def bar(*, height: float, period: float, duration: float) -> Scene:
         sponge={"type": "end", "length": 5.0},
         run={"duration": duration},
         numerics={"cell_size": 0.1},
+    )
+
+
+def release(k_a: float, *, duration: float = 10.0) -> Scene:
+    """Return a focused group (NewWave) of k_p a, at rest at the wall of a tank of 40 m, that disperses.
+
+    f_p = 0.7 Hz, depth 1 m, weights of a Gaussian of 0.35 k_p.
+    """
+    k_p, modes = 2.039767547832318, np.arange(1, 103)
+    weights = np.exp(-0.5 * ((modes * np.pi / 40.0 - k_p) / (0.35 * k_p)) ** 2)
+    heights = k_a / k_p * weights / weights.sum()
+    parts = [f"{height:.14g} * cos({mode} * z)" for mode, height in zip(modes, heights, strict=True) if height > 1e-13]
+    initial = {"type": "formula", "where": {"z": "pi * x / 40"}, "eta": " + ".join(parts)}
+    return Scene.model_validate(
+        {"tank": {"length": 40.0, "depth": 1.0}, "initial": initial, "run": {"duration": duration}}
+    )
+
+
+def luth_c(periods: float, *, duration: float = 24.0) -> Scene:
+    """Return ``cases/bar.toml``, case C of Luth, Klopman and Kitou, with a ramp of so many periods."""
+    bed = {"type": "formula", "depth": "0.4 - 0.3 * clip((x - 6) / 6, 0, 1) + 0.3 * clip((x - 14) / 3, 0, 1)"}
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.0135, "period": 1.01, "ramp": 1.01 * periods}
+    return Scene.model_validate(
+        {
+            "tank": {"length": 27.0, "depth": 0.4, "bed": bed},
+            "wall": {"type": "piston", "motion": motion},
+            "sponge": {"type": "end", "length": 5.0},
+            "run": {"duration": duration},
+        }
     )
 
 

@@ -37,8 +37,10 @@ class RunNoun(Noun):
     """How long is computed."""
 
     duration: Duration = Field(description="simulated time [s]")
-    on_breaking: Literal["stop", "dissipate", "ignore"] = Field(
-        default="stop", description="what to do when a wave breaks; ignore: do not look"
+    on_breaking: Literal["stop", "warn", "dissipate", "ignore"] = Field(
+        default="stop",
+        description="what to do when a wave breaks; stop: end the run where a wave overturns; warn: record; "
+        "dissipate: an eddy viscosity; ignore: do not look",
     )
     checkpoint_every: Duration | None = Field(
         default=None,

@@ -25,9 +25,9 @@ class BreakingNews:
 
     def observe(self, moment: Moment) -> None:
         """Look whether one has begun to."""
-        if self._breaking.began and not self._said:
+        if self._breaking.watch.alarms and not self._said:
             self._said = True
-            t, x = self._breaking.began[0]
+            t, x, *_ = self._breaking.watch.alarms[0]
             self._say(f"t = {t:.6g} s, x = {x:.4g} m: a wave breaks; an eddy viscosity acts on it until it is gentle")
 
     def held(self) -> Held:

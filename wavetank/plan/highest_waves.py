@@ -23,6 +23,8 @@ BREAKS = 0.81  # of the highest wave: nearly all that were made higher, by linea
 LARGE = 0.5  # of the highest wave: lower ones ride on others
 MOST_TIMES = 2**15  # an hour in a metre of water: of longer runs the first part
 
+NEVER_STOPS = {"warn": "does not stop there", "ignore": "does not look for it"}
+
 
 class HighWave(NamedTuple):
     """A wave by linear theory: its height, length [m], place [m] and time [s], and the highest of its length [m]."""
@@ -48,8 +50,8 @@ def too_high(scene: Scene) -> Iterator[str]:
             else:
                 most = f"{most}: nearly all made {BREAKS:g} times as high, or more, broke there or before"
             cure = 'run.on_breaking = "dissipate" goes on past it'
-            if scene.run.on_breaking == "ignore":
-                cure = 'run.on_breaking = "ignore" does not look for it'
+            if scene.run.on_breaking in NEVER_STOPS:
+                cure = f'run.on_breaking = "{scene.run.on_breaking}" {NEVER_STOPS[scene.run.on_breaking]}'
             yield f"the paddle of {seen.key} makes a wave {there}, by linear theory, where {most}; {cure}"
 
 

@@ -18,6 +18,7 @@
     checkpoint.zip  what a run needs to go on, from time to time, and in ``checkpoint-before.zip`` the one before
     bed.csv         of a bed by a Python function, its depth [m] at the degrees of freedom
     broken.csv      of a run that broke down, the surface from which it could not go on; drawn in broken.png
+    breaking.csv    crests that passed the threshold of breaking, when the run has ended; none without such crests
     run.log         what the run has said: its summary, progress, warnings, and why it ended
     .lock           while it goes on (``lock.py``)
 
@@ -64,6 +65,7 @@ COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the ru
 CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
 BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
+BREAKING = "breaking.csv"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
 FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
 REST_POSITION = "rest position"  # (x, y) [m] in the reference tank, of the points of a surface
@@ -82,7 +84,7 @@ def index_file(run: Path, name: str) -> Path:
 
 def made_of_records(run: Path) -> Iterator[Path]:
     """Yield what has been written and drawn of the records in a run directory once a run had ended."""
-    for pattern in (*BROKENS, *COPIES.values(), *PICTURES, *ANALYSES):
+    for pattern in (*BROKENS, BREAKING, *COPIES.values(), *PICTURES, *ANALYSES):
         yield from run.glob(pattern)
 
 

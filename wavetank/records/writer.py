@@ -14,6 +14,7 @@ from wavetank.errors import InputError, RecordError, RunError, WavetankError, wo
 from wavetank.records.checkpoint import Checkpoint, kept, read_checkpoint, write_checkpoint
 from wavetank.records.directory import (
     BED,
+    BREAKING,
     BROKEN,
     CHECKPOINT,
     CHECKPOINT_BEFORE,
@@ -253,6 +254,11 @@ class RunWriter:
         """Write the depths of a bed, so that nobody who draws the run executes its code; on a full disk left out."""
         with suppress(OSError):
             replace(self.path / BED, table(columns))
+
+    def breaking(self, columns: Mapping[str, Vector]) -> None:
+        """Write the crests that passed the threshold of breaking; on a full disk they are in the manifest alone."""
+        with suppress(OSError):
+            replace(self.path / BREAKING, table(columns))
 
     def note(self, figures: dict[str, Any]) -> None:
         """Take figures into the manifest, with its last word, whichever that will be."""

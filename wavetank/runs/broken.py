@@ -7,7 +7,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import RunError
 from wavetank.runs.run import Run
-from wavetank.water.breaking import BreakingDissipation, StopAtBreaking
+from wavetank.water.breaking import BreakingAlarm, BreakingDissipation
 from wavetank.water.crests import SteepCrest
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
@@ -61,7 +61,7 @@ class BrokenSurface(NamedTuple):
 
 
 def _crests(run: Run) -> list[SteepCrest]:
-    lookers = (one for one in run.filters if isinstance(one, StopAtBreaking | BreakingDissipation))
+    lookers = (one for one in run.filters if isinstance(one, BreakingAlarm | BreakingDissipation))
     return [crest for one in lookers for crest in one.watch.crests]
 
 

@@ -43,7 +43,7 @@ from wavetank.runs.starts import initial_surface
 from wavetank.runs.waters import AnyWaves, fill, moving_water
 from wavetank.stateful import Held, Stateful
 from wavetank.values.noun import Problem, SceneError, about
-from wavetank.water.breaking import BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.water.breaking import BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.rates import MovingWater
@@ -225,8 +225,10 @@ def build_filters(scene: Scene, waves: AnyWaves, dt: float) -> list[Filter]:
     flow, filters = waves.surface, list[Filter]()
     if isinstance(flow, SurfaceFlow) and scene.run.on_breaking != "ignore":
         watch = BreakingWatch(waves, flow, length=scene.tank.length if isinstance(scene.tank, RingTank) else None)
-        stops = scene.run.on_breaking == "stop"
-        filters.append(StopAtBreaking(watch) if stops else BreakingDissipation(waves, watch, dt=dt))
+        if scene.run.on_breaking == "dissipate":
+            filters.append(BreakingDissipation(waves, watch, dt=dt))
+        else:
+            filters.append(StopAtBreaking(watch) if scene.run.on_breaking == "stop" else BreakingAlarm(watch))
     if scene.numerics.edge_penalty > 0:
         size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
         filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))

@@ -1,21 +1,27 @@
-"""Wave breaking: when a crest breaks, and what is done about it.
+"""Wave breaking: the alarm, the stop and the dissipation.
 
-A crest breaks when its water moves at more than 85 % of the crest's own speed, B = u/c (X. Barthelemy, M. L. Banner,
-W. L. Peirson, F. Fedele, M. Allis, F. Dias, J. Fluid Mech. 841, 2018: of the waves they tried, none that passed
-B = 0.85-0.86 recovered), both seen from the current around (water/crests.py), if its front is steep and its water
-swift for its height: a wave that breaks is both long before, and of ripples, standing waves and crests that are just
-born or about to vanish, whose speeds say nothing, none is. All is seen where a step has ended, before anything acts on
-the state. What is done then is one of two: stop, or an eddy viscosity around the crest, in the manner of Z. Tian,
-M. Perlin, W. Choi (Phys. Fluids 22, 2010),
+B = (u - U) / (c - U) is the ratio of the fastest water in a crest's upper half to the speed of the crest, both relative
+to the current around (water/crests.py). The two criteria:
+
+- Alarm: B > 0.85 (X. Barthelemy, M. L. Banner, W. L. Peirson, F. Fedele, M. Allis, F. Dias, J. Fluid Mech. 841, 2018).
+  It lasts until B < 0.6. An alarm is recorded. It never stops a run: some crests recover.
+- Overturning: during its alarm the water outruns the crest in more than a fifth of the width of its upper half.
+
+Both count only if the front is steep and the crest travels with little change of form (``coherence``): the speed of a
+crest that forms, vanishes, stands or meets another has no meaning. docs/extremes.md has the measurements.
+
+``run.on_breaking`` selects the filter that acts after each step: ``BreakingAlarm`` records, ``StopAtBreaking`` also
+ends the run at an overturning crest, ``BreakingDissipation`` applies an eddy viscosity around each crest during its
+alarm, as Z. Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010):
 
     (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
 
-for eta and psi, with the crest's place x_c, speed c and height H and R a few H, until B has fallen below 0.6 or the
-front is no longer steep. It conserves mass to round-off, and the energy it takes is counted.
+for eta and psi, with the crest's place x_c, speed c and height H and R a few H. It conserves mass to round-off, and the
+energy it takes is counted.
 """
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import ufl
@@ -29,20 +35,43 @@ from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
-ONSET, RECOVERED = 0.85, 0.6  # B at which breaking begins, and ends
-STEEP, GENTLE = 0.3, 0.15  # slopes of the front without which it does not begin, and ends
-SWIFT = 0.25  # mean u - U of its upper half / (g H)^(1/2): 0.45 and more of what breaks, near 0 of what stands or meets
+ONSET, RECOVERED = 0.85, 0.6  # B at which an alarm begins, and ends
+STEEP, GENTLE = 0.3, 0.15  # slopes of the front below which no alarm begins, and each ends
+COHERENT = 0.5  # coherence below which a crest is not judged
+OVERTURNS = 0.2  # part of the width of the upper half in which water outruns the crest
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
-HARDLY = 2.0  # of the crest's speed, at which water moves where a crest hardly travels: how much more says nothing
 FASTER, RESTS = 1.15, 2  # so much the water may get where all B are below 0.6, and so many steps pass, without a look
 
 
-class BreakingWatch:
-    """Looks at the surface after each step, and tells which crests could be breaking.
+class Alarm(NamedTuple):
+    """A crest that passed the threshold of breaking.
 
-    Within a depth of a wall crests form and vanish: their speed says nothing there. Where all crests are far from
-    breaking some steps go by without a look at them: from 0.6 to 0.85 B takes an eighth of a period, or more.
+    Attributes
+    ----------
+    t, x
+        When and where [s, m].
+    height
+        Of the crest above its higher trough, then [m].
+    onset, largest
+        B then, and the largest until the end of the alarm [-].
+    end
+        When B was above 0.6 last [s].
+    """
+
+    t: float
+    x: float
+    height: float
+    onset: float
+    largest: float
+    end: float
+
+
+class BreakingWatch:
+    """Examines the crests of the surface after each step, and keeps the alarms.
+
+    Within a depth of a wall crests form and vanish: they are not examined. Where all B are below 0.6 some steps go by
+    without a look: from 0.6 to 0.85 B takes an eighth of a period, or more.
 
     Parameters
     ----------
@@ -56,29 +85,32 @@ class BreakingWatch:
     Attributes
     ----------
     last
-        When the surface was looked at last, and how it was, if crests are to be judged by that.
+        Time and profile of the last look, if the next one is to compare with it.
     crests
-        The steep ones last judged, swift or not.
+        The steep ones of the last look, coherent or not.
+    alarms
+        All so far, by time.
+    active
+        Which of them last, and their crests at the last look.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
         self._waves, self._flow, self._length = waves, flow, length
         self.last: tuple[float, Profile] | None = None
         self._rests, self._fast = 0, 0.0  # steps to come without a look, and the velocity that ends them [m/s]
-        self._before: tuple[tuple[float, Profile] | None, int, float] = None, 0, 0.0  # the last look
         self.crests: list[SteepCrest] = []
+        self.alarms: tuple[Alarm, ...] = ()
+        self.active: tuple[tuple[int, SteepCrest], ...] = ()
+        self._before = self._state()
 
-    def look(self, state: State, t: float, *, front: float = STEEP) -> list[SteepCrest]:
-        """Return the crests where the step to a state has ended that are swift enough; collective.
-
-        They have a steeper ``front``. The first look sees none.
-        """
-        flow = self._flow
+    def look(self, state: State, t: float) -> list[SteepCrest]:
+        """Return the crests during their alarms where the step to a state has ended; collective. The first is none."""
+        flow, front = self._flow, GENTLE if self.active else STEEP
         flow.near(state, t)
-        last, *_ = self._before = self.last, self._rests, self._fast
+        self._before = last, *_ = self._state()
         self.last = None
         if flow.largest_slope < front:
-            return []
+            return self.follow([], t)
         if self._rests and flow.largest_velocity < self._fast:
             self._rests -= 1
             return []
@@ -86,10 +118,53 @@ class BreakingWatch:
         if last is None:
             return []
         self.crests = self._steep(last, self.last, front)
-        swift = [crest for crest in self.crests if crest.swiftness(self._waves.gravity) > SWIFT]
-        if all(crest.overtaking < RECOVERED for crest in swift):
+        coherent = [crest for crest in self.crests if crest.coherence > COHERENT]
+        if all(crest.overtaking < RECOVERED for crest in coherent):
             self.last, self._rests, self._fast = None, RESTS, FASTER * flow.largest_velocity
-        return swift
+        return self.follow(coherent, t)
+
+    def follow(self, crests: Sequence[SteepCrest], t: float) -> list[SteepCrest]:
+        """Return which of the coherent crests at t are in alarm: those it begins for, and those not recovered yet."""
+        alarms, active = list(self.alarms), list[tuple[int, SteepCrest]]()
+        for crest in crests:
+            B = crest.overtaking
+            near = (one for one, last in self.active if self.apart(np.array([crest.x]), last)[0] < 1.0)
+            index = next(near, None)
+            if index is None and breaks(crest):
+                index = len(alarms)
+                alarms.append(Alarm(t, crest.x, crest.height, B, B, t))
+            if index is not None and B > RECOVERED:
+                alarms[index] = alarms[index]._replace(largest=max(alarms[index].largest, B), end=t)
+                active.append((index, crest))
+        self.alarms, self.active = tuple(alarms), tuple(active)
+        return [crest for _, crest in active]
+
+    def apart(self, x: Vector, crest: SteepCrest) -> Vector:
+        """Return how far places are from a crest, in R, shape (N,)."""
+        return np.asarray(self._waves.plane.chart.apart(x, crest.x) / (REACH * crest.height))
+
+    @property
+    def story(self) -> str:
+        """The alarms so far as a sentence; empty if there are none."""
+        if not self.alarms:
+            return ""
+        (t, x, *_), worst = self.alarms[0], max(self.alarms, key=lambda one: one.largest)
+        first = f"the first at t = {t:.6g} s, x = {x:.4g} m"
+        if len(self.alarms) == 1:
+            first = f"at t = {t:.6g} s, x = {x:.4g} m"
+        crests = "1 crest" if len(self.alarms) == 1 else f"{len(self.alarms)} crests"
+        return f"{crests} passed u/c = {ONSET:g}, the threshold of breaking, {first}; largest u/c {worst.largest:.2f}"
+
+    @property
+    def columns(self) -> dict[str, Vector]:
+        """The alarms as columns of a table, units in their names."""
+        names = "t [s]", "x [m]", "height [m]", "u/c at onset [-]", "largest u/c [-]", "end [s]"
+        return dict(zip(names, np.array(self.alarms).T, strict=True))
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The alarms, for a manifest."""
+        return {"alarms": [alarm._asdict() for alarm in self.alarms]}
 
     def _steep(self, last: tuple[float, Profile], now: tuple[float, Profile], front: float) -> list[SteepCrest]:
         """Return the crests between the walls that have a steeper front, of two looks."""
@@ -98,57 +173,58 @@ class BreakingWatch:
         if self._length is not None:
             (first, end), turn = (0.0, self._length), self._length
             before, profile = before.unrolled(turn), profile.unrolled(turn)
+        before, profile = before.continuous(), profile.continuous()
         crests = steep_crests(before, profile, time=t - before_t, front=front, cell=self._flow.cell)
         return [crest for crest in crests if first <= crest.x < end]
 
+    def _state(self) -> tuple[Any, ...]:
+        return self.last, self._rests, self._fast, self.alarms, self.active
+
     def undo(self) -> None:
-        """Forget the last look."""
-        self.last, self._rests, self._fast = self._before
+        """Forget the last look, and the alarms that began then."""
+        self.last, self._rests, self._fast, self.alarms, self.active = self._before
 
     def held(self) -> Held:
-        """Return the surface of the last look, if it is to be judged by, and when it is looked again."""
-        last = self.last and {"t": self.last[0], "profile": [values.tolist() for values in self.last[1]]}
-        return {"last": last, "rests": self._rests, "fast": self._fast}
+        """Return the surface of the last look, if it is to be judged by, when it is looked again, and the alarms."""
+        return {
+            "last": self.last and {"t": self.last[0], "profile": [values.tolist() for values in self.last[1]]},
+            "rests": self._rests,
+            "fast": self._fast,
+            "alarms": [list(alarm) for alarm in self.alarms],
+            "active": [[index, list(crest)] for index, crest in self.active],
+        }
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         last = held["last"]
         self.last = last and (last["t"], Profile(*map(np.array, last["profile"])))
         self._rests, self._fast = held["rests"], held["fast"]
+        self.alarms = tuple(Alarm(*alarm) for alarm in held["alarms"])
+        self.active = tuple((index, SteepCrest(*crest)) for index, crest in held["active"])
 
 
 def breaks(crest: SteepCrest) -> bool:
-    """Return whether a crest begins to break."""
+    """Return whether the alarm of a coherent crest begins."""
     return crest.front > STEEP and crest.overtaking > ONSET
 
 
-class StopAtBreaking:
-    """Ends a run in the step in which the first crest breaks, among filters: as ``BreakingDissipation`` sees it.
+class BreakingAlarm:
+    """Records crests that pass the threshold of breaking, among filters, and changes nothing.
 
     Parameters
     ----------
     watch
-        What looks for it.
+        What looks for them.
     """
 
-    follows = "BreakingDissipation"  # in whose place it may stand in a run that goes on
+    follows: tuple[str, ...] = ("StopAtBreaking", "BreakingDissipation")  # whose record it continues in a resumed run
 
     def __init__(self, watch: BreakingWatch):
         self.watch = watch
 
     def needed(self, state: State, t: float) -> bool:
-        """Return False, or raise ``RunError`` if a wave breaks; collective."""
-        for crest in filter(breaks, self.watch.look(state, t)):
-            self.undo()
-            moves = abs(crest.current) > 0.02 * abs(crest.speed)
-            seen = f", seen from a current of {crest.current:.3g} m/s" if moves else ""
-            part = f"{100 * crest.overtaking:.0f} % of the crest's speed"
-            told = part if crest.overtaking < HARDLY else f"the crest itself at {crest.speed:.3g} m/s"
-            raise RunError(
-                f"t = {t:.6g} s, x = {crest.x:.4g} m: a wave breaks: the water in its crest, "
-                f"{crest.height:.3g} m above its trough, moves at {crest.velocity:.3g} m/s, "
-                f"{told}{seen} (limit {100 * ONSET:.0f} %{'' if told is part else ' of it'})"
-            )
+        """Look at the crests where a step has ended, and return False; collective."""
+        self.watch.look(state, t)
         return False
 
     def passed(self, pairs: Vector) -> Vector:
@@ -159,18 +235,41 @@ class StopAtBreaking:
         """Do nothing: nothing is taken."""
 
     def undo(self) -> None:
-        """Forget the last look: who goes on from the step before sees the wave break again."""
+        """Forget the last look: a resumed run looks at that step again."""
         self.watch.undo()
 
     def held(self) -> Held:
-        """Return what was seen last."""
+        """Return what the watch holds."""
         return {"watch": self.watch.held()}
 
     def take(self, held: Held) -> None:
-        """Take back what has been held, by itself or by ``BreakingDissipation``."""
+        """Take back what this filter, or another of breaking, has held."""
         self.watch.take(held["watch"])
 
     carry = take
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The alarms."""
+        return self.watch.figures
+
+
+class StopAtBreaking(BreakingAlarm):
+    """Also ends a run in the step in which a crest overturns."""
+
+    follows = ("BreakingAlarm", "BreakingDissipation")
+
+    def needed(self, state: State, t: float) -> bool:
+        """Return False, or raise ``RunError`` if a wave overturns; collective."""
+        for crest in self.watch.look(state, t):
+            if crest.outrun > OVERTURNS:
+                self.undo()
+                raise RunError(
+                    f"t = {t:.6g} s, x = {crest.x:.4g} m: a wave breaks: the water outruns the crest, "
+                    f"{crest.height:.3g} m above its trough, in {100 * crest.outrun:.0f} % of its upper half "
+                    f"(limit {100 * OVERTURNS:.0f} %): {crest.velocity:.3g} m/s, the crest {crest.speed:.3g} m/s"
+                )
+        return False
 
 
 class BreakingDissipation(Smoothing):
@@ -189,20 +288,15 @@ class BreakingDissipation(Smoothing):
     ----------
     watch
         See above.
-    began
-        When and where each crest began to break, (t [s], x [m]).
     """
 
     called = "the eddy viscosity of breaking waves"
-    follows = "StopAtBreaking"
+    follows = ("StopAtBreaking", "BreakingAlarm")
 
     def __init__(self, waves: NonlinearWaves, watch: BreakingWatch, *, dt: float):
         plane = waves.plane
         self.watch, self._dt = watch, abs(dt)
         self._nu = plane.function("dt nu")
-        self._breaking: list[SteepCrest] = []  # at the last look
-        self.began: list[tuple[float, float]] = []
-        self._before = self._breaking, 0  # the last look: what broke, and how many had begun to
         self._had = 0.0  # the largest energy so far, of those it was taken from [m^4/s²]
         mapping, eta, nu = waves.wall.mapping, waves.densities.eta, self._nu.function
 
@@ -213,30 +307,14 @@ class BreakingDissipation(Smoothing):
 
     def needed(self, state: State, t: float) -> bool:
         """Return whether a crest breaks, and put the viscosity there; collective."""
-        front = GENTLE if self._breaking else STEEP
-        breaking = self.follow(self.watch.look(state, t, front=front), t)
+        breaking = self.watch.look(state, t)
         if breaking:
             self.place(breaking)
         return bool(breaking)
 
-    def follow(self, crests: Sequence[SteepCrest], t: float) -> list[SteepCrest]:
-        """Return which of the crests at t break: those that begin to, and those that did and have not recovered."""
-        self._before = self._breaking, len(self.began)
-        breaking = list[SteepCrest]()
-        for crest in crests:
-            broke = any(self._apart(np.array([crest.x]), one)[0] < 1.0 for one in self._breaking)
-            if breaks(crest) and not broke:
-                self.began.append((t, crest.x))
-            if breaks(crest) or (broke and crest.overtaking > RECOVERED):
-                breaking.append(crest)
-        self._breaking = breaking
-        return breaking
-
     def undo(self) -> None:
         """Forget the last look, and what began to break then: it begins again."""
         self.watch.undo()
-        self._breaking, begun = self._before
-        del self.began[begun:]
 
     def account(self, taken: float, *, of: float) -> None:
         """Add what has been taken."""
@@ -244,59 +322,38 @@ class BreakingDissipation(Smoothing):
         super().account(taken, of=of)
 
     def held(self) -> Held:
-        """Return what has been taken and of how much, which crests break and where they began, and the last look."""
-        more = {
-            "had": self._had,
-            "began": [list(place) for place in self.began],
-            "breaking": [list(crest) for crest in self._breaking],
-            "watch": self.watch.held(),
-        }
-        return super().held() | more
+        """Return what has been taken and of how much, and what the watch holds."""
+        return super().held() | {"had": self._had, "watch": self.watch.held()}
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         super().take(held)
         self._had = held["had"]
-        self.began = [(t, x) for t, x in held["began"]]
-        self._breaking = [SteepCrest(*crest) for crest in held["breaking"]]
         self.watch.take(held["watch"])
 
     def carry(self, held: Held) -> None:
-        """Take all of it, crests know nothing of the mesh, or of ``StopAtBreaking`` what it has seen last."""
+        """Take all of it, crests know nothing of the mesh, or of a filter that takes no energy its alarms."""
         if held.keys() == {"watch"}:
             self.watch.take(held["watch"])
         else:
             self.take(held)
 
     @property
-    def story(self) -> str:
-        """How often waves broke, and where the first did, as the beginning of a sentence; nothing if none has."""
-        if not self.began:
-            return ""
-        count, (t, x) = len(self.began), self.began[0]
-        at = f"at t = {t:.6g} s, x = {x:.4g} m"
-        return f"waves broke {count} times, the first time {at}" if count > 1 else f"1 wave broke, {at}"
+    def figures(self) -> dict[str, Any]:
+        """The alarms, their number, and what was taken of the energy there was."""
+        taken = {"waves": len(self.watch.alarms), "energy_taken": self.energy_taken, "part_taken": self.part_taken}
+        return self.watch.figures | taken
 
     @property
     def part_taken(self) -> float:
         """What has been taken so far, of the energy there was [-]."""
         return self.energy_taken / self._had if self._had else 0.0
 
-    @property
-    def figures(self) -> dict[str, object]:
-        """How often waves broke, when and where each began to, and what was taken of the energy there was."""
-        began = [{"t": t, "x": x} for t, x in self.began]
-        return {"waves": len(began), "began": began, "energy_taken": self.energy_taken, "part_taken": self.part_taken}
-
-    def _apart(self, x: Vector, crest: SteepCrest) -> Vector:
-        """Return how far places are from a crest, in R, shape (N,)."""
-        return np.asarray(self._waves.plane.chart.apart(x, crest.x) / (REACH * crest.height))
-
     def place(self, breaking: Sequence[SteepCrest]) -> None:
         """Put the viscosity of breaking crests where they are; collective."""
         x, nu = self._waves.wall.to_physical(self._waves.plane.places)[:, 0], np.zeros(self._waves.plane.owned)
         for crest in breaking:
             strength = ALPHA * abs(crest.speed - crest.current) * crest.height
-            nu += strength * np.cos(np.pi / 2 * np.minimum(self._apart(x, crest), 1.0)) ** 2
+            nu += strength * np.cos(np.pi / 2 * np.minimum(self.watch.apart(x, crest), 1.0)) ** 2
         self._nu.set(self._dt * nu)
         self.update()

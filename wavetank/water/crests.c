@@ -63,32 +63,50 @@ static double current(const Surface *s, int left, int right)
     return none < high ? none : high;
 }
 
+/* At a point of the later surface, midway between the times of both: rate and slope of the elevation, and the water's
+   horizontal velocity by the kinematic condition. */
+typedef struct {
+    double rate, slope, water;
+} Motion;
+
+static Motion motion(const Surface *before, const Surface *s, double time, Between *then, int i)
+{
+    const double x = s->x[i];
+    go_to(then, x);
+    const double rate = (s->height[i] - linear(then, before->height, x)) / time;
+    const double slope = 0.5 * (s->slope[i] + linear(then, before->slope, x));
+    const double velocity = 0.5 * (s->velocity[i] + linear(then, before->velocity, x));
+    return (Motion){rate, slope, (velocity - rate * slope) / (1.0 + slope * slope)};
+}
+
 /* A crest, of its upper half from ``first`` to ``last``. */
 static Crest crest(const Surface *before, const Surface *s, double time, int left, int peak, int right, int first, int last)
 {
     Crest c = {s->x[peak], s->height[peak] - s->height[highest(s->height, left, right)]};
-    Between then = {0, before->x, before->places};
-    double moved = 0.0, squares = 0.0, sum = 0.0, most = 0.0, least = 0.0, last_rate = 0.0, last_middle = 0.0, last_water = 0.0;
-    for (int i = first; i <= last; ++i) {
-        const double x = s->x[i];
-        go_to(&then, x);
-        const double rate = (s->height[i] - linear(&then, before->height, x)) / time;
-        const double middle = 0.5 * (s->slope[i] + linear(&then, before->slope, x));
-        const double water = (s->velocity[i] - rate * s->slope[i]) / (1.0 + s->slope[i] * s->slope[i]);
-        if (i > first) {
-            const double half = 0.5 * (x - s->x[i - 1]);
-            moved += half * (rate * middle + last_rate * last_middle);
-            squares += half * (middle * middle + last_middle * last_middle);
-            sum += half * (water + last_water);
-        }
-        most = i == first || water > most ? water : most;
-        least = i == first || water < least ? water : least;
-        last_rate = rate, last_middle = middle, last_water = water;
+    Between then = {0, before->x, before->places}, again = then;
+    Motion one, last_one = {0.0, 0.0, 0.0};
+    double rates = 0.0, moved = 0.0, squares = 0.0, most = 0.0, least = 0.0, outrun = 0.0;
+    for (int i = first; i <= last; ++i, last_one = one) {
+        const double half = i > first ? 0.5 * (s->x[i] - s->x[i - 1]) : 0.0;
+        one = motion(before, s, time, &then, i);
+        rates += half * (one.rate * one.rate + last_one.rate * last_one.rate);
+        moved += half * (one.rate * one.slope + last_one.rate * last_one.slope);
+        squares += half * (one.slope * one.slope + last_one.slope * last_one.slope);
+        most = i == first || one.water > most ? one.water : most;
+        least = i == first || one.water < least ? one.water : least;
     }
     c.current = current(s, left, right), c.speed = -moved / squares;
     const int ahead = c.speed > c.current;
-    c.velocity = ahead ? most : least, c.mean = sum / (s->x[last] - s->x[first]);
+    for (int i = first, faster = 0, last_faster = 0; i <= last; ++i, last_faster = faster) {
+        const double half = i > first ? 0.5 * (s->x[i] - s->x[i - 1]) : 0.0;
+        one = motion(before, s, time, &again, i);
+        faster = ahead ? one.water > c.speed : one.water < c.speed;
+        outrun += half * (faster + last_faster);
+    }
+    c.velocity = ahead ? most : least;
     c.front = ahead ? steepest(s->slope, peak, right) : steepest(s->slope, left, peak);
+    c.coherence = rates > 0.0 ? moved * moved / (rates * squares) : 0.0;
+    c.outrun = outrun / (s->x[last] - s->x[first]);
     return c;
 }
 

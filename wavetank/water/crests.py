@@ -18,7 +18,6 @@ the plateau for a ripple on it.
 
 from functools import cache
 from importlib.resources import files
-from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +34,7 @@ typedef struct {
     const double *x, *height, *slope, *velocity;
 } Surface;
 typedef struct {
-    double x, height, velocity, current, speed, mean, front;
+    double x, height, velocity, current, speed, front, coherence, outrun;
 } Crest;
 typedef struct {
     double time, front, cell, least, same;
@@ -61,6 +60,17 @@ class Profile(NamedTuple):
     slope: Vector
     velocity: Vector
 
+    def continuous(self) -> "Profile":
+        """Return the surface with one slope and velocity, the mean of both sides, where two cells meet.
+
+        The derivatives of elements jump there, and are least accurate.
+        """
+        first = np.flatnonzero(np.diff(self.x) <= SAME * np.ptp(self.x))
+        slope, velocity = self.slope.copy(), self.velocity.copy()
+        for one in (slope, velocity):
+            one[first] = one[first + 1] = 0.5 * (one[first] + one[first + 1])
+        return Profile(self.x, self.height, slope, velocity)
+
     def unrolled(self, length: float) -> "Profile":
         """Return a ring's surface with half of it once more at either end."""
         half = len(self.x) // 2
@@ -82,10 +92,13 @@ class SteepCrest(NamedTuple):
         Above the higher of its two troughs [m].
     velocity, current, speed
         The fastest water's in the crest's upper half, that of the water around, and the crest's own [m/s].
-    mean
-        The mean velocity of the water in the upper half [m/s].
     front
         The steepest slope of the side it travels to [-].
+    coherence
+        The part of the upper half's mean square of eta_t that travelling at ``speed`` explains [-]: 1 of a crest of
+        constant form, 0 of a standing wave. The speed of a crest of low coherence has no meaning.
+    outrun
+        The part of the upper half's width in which the water moves faster than the crest [-].
     """
 
     x: float
@@ -93,18 +106,14 @@ class SteepCrest(NamedTuple):
     velocity: float
     current: float
     speed: float
-    mean: float
     front: float
+    coherence: float
+    outrun: float
 
     @property
     def overtaking(self) -> float:
         """B = (u - U) / (c - U), the water's velocity over the crest's."""
         return (self.velocity - self.current) / (self.speed - self.current)
-
-    def swiftness(self, gravity: float) -> float:
-        """The mean u - U, ahead, over (g H)^(1/2): little of waves that stand or meet, whatever their crest does."""
-        ahead = (self.speed > self.current) - (self.speed < self.current)
-        return ahead * (self.mean - self.current) / sqrt(gravity * self.height)
 
 
 def steep_crests(before: Profile, after: Profile, *, time: float, front: float, cell: float) -> list[SteepCrest]:
