@@ -3,6 +3,7 @@
 What it becomes is held against the run that was not interrupted, or that has had those numerics from the start.
 """
 
+import json
 import os
 import shutil
 from contextlib import suppress
@@ -128,6 +129,19 @@ def test_a_run_that_fails_is_kept_up_to_its_last_good_step(scheme, uninterrupted
     assert [part["steps"] for part in run.manifest["parts"]] == [6, 4]
     gone = "the run's own observers do not look from t = 0.3 s on: Failing; wt.resume(..., observers=...) gives them"
     assert set(run.manifest["warnings"]) == {*RunDirectory(uninterrupted).manifest["warnings"], gone}
+
+
+@pytest.mark.parametrize("duration", [0.2, 0.18])
+def test_resume_completes_a_run_killed_between_its_last_checkpoint_and_its_end(duration, tmp_path, capsys):
+    """The step of 0.05 s divides one duration. Oracle: the run before it lost its status."""
+    record(SLICE, tmp_path / "whole", {"duration": duration})
+    part = Path(shutil.copytree(tmp_path / "whole", tmp_path / "part"))
+    manifest = json.loads((part / "manifest.json").read_text())
+    (part / "manifest.json").write_text(json.dumps(manifest | {"status": "running"}))
+    assert RunDirectory(part).status == "killed"
+    resumed(part)
+    assert "going on from t = 0.2 s\n" in capsys.readouterr().out
+    same(tmp_path / "whole", part)
 
 
 def test_a_finished_run_goes_on_by_some_seconds(uninterrupted, tmp_path):
