@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import CHECKOUT, commanded
+from conftest import CHECKOUT, commanded, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
@@ -133,6 +133,63 @@ def test_cells_given_by_their_size_are_refined_too():
     (coarse,) = combinations(CHECKOUT / "cases" / "wavemaker.toml", [Axis("numerics.cell_size", ("0.5",))])
     fine = refined(CHECKOUT / "cases" / "wavemaker.toml", coarse, dt=0.1, name="reference")
     assert fine.scene.cells == 2 * coarse.scene.cells
+
+
+BASIN = """
+run.duration = 0.1
+initial = {type = "standing-wave", wave_amplitude = 0.01, mode = 2}
+numerics = {cell_size = 0.5, order = 2, vertical_order = 2}
+[tank]
+type = "basin"
+depth = 0.5
+layout = {type = "rectangle", length = 2.0, width = 1.0}
+"""
+
+
+def test_study_compares_runs_of_a_basin_at_gauges(tmp_path):
+    """Its three runs are computed before, in this process. Oracle: the gauges at the times that both have."""
+    case, out, sweep = tmp_path / "case.toml", tmp_path / "study", "dt=0.05,0.025"
+    case.write_text(f"gauges = [{{x = 0.5, y = 0.25}}, {{x = 2.0}}]\n{BASIN}")
+    runs = combinations(case, parse_axes([sweep]))
+    fine = refined(case, finest(runs), dt=0.025, name="reference")
+    assert (fine.scene.numerics.dt, fine.scene.cell_size) == (0.0125, 0.25)
+    for one in (*runs, fine):
+        recorded(case, one.overrides, out / one.name)
+    said = commanded("study", str(case), "--sweep", sweep, "--out", str(out))
+    assert said.returncode == 0 and said.stdout.count("finished before") == 3, said
+    with (out / "study.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    reference = RunDirectory(out / "reference").gauges.values
+    for one, row in zip(runs, rows, strict=True):
+        found = RunDirectory(out / one.name).gauges.values
+        exact = reference[:, :: (reference.shape[1] - 1) // (found.shape[1] - 1)]
+        error = np.sqrt(np.mean((found - exact) ** 2) / np.mean(exact**2))
+        assert error > 0 and float(row["gauge error [-]"]) == pytest.approx(error, rel=1e-5)
+        assert "surface error [-]" not in row
+    assert (out / "study.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("gauges", "reference", "sentence"),
+    [
+        ("[]", "fine", "gauges: runs of a basin are compared at gauges; the case must have at least 1."),
+        ("[0.5]", "exact", "reference 'exact' received; of a basin it must be fine, none or a run directory."),
+    ],
+)
+def test_study_refuses_a_basin_that_it_cannot_compare_before_its_runs(gauges, reference, sentence, tmp_path):
+    case = tmp_path / "case.toml"
+    case.write_text(f"gauges = {gauges}\n{BASIN}")
+    said = commanded("study", str(case), "--sweep", "dt=0.05,0.025", "--reference", reference, "--out", str(tmp_path))
+    assert (said.returncode, said.stderr) == (2, f"wavetank: {sentence}\n")
+    assert list(tmp_path.iterdir()) == [case]
+
+
+def test_refined_raises_the_order_on_a_mesh_file(tmp_path):
+    case = tmp_path / "case.toml"
+    basin = BASIN.replace("layout = {", 'layout = {type = "file", file = "basin.msh"} #')
+    case.write_text(basin.replace("initial", "# initial"))
+    (coarse,) = combinations(case, [Axis("numerics.order", ("3",))])
+    assert refined(case, coarse, dt=0.1, name="reference").scene.numerics.order == 4
 
 
 def test_scenes_that_differ_in_more_than_numerics_have_references_of_their_own():

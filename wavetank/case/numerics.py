@@ -48,7 +48,7 @@ class RunNoun(Noun):
     )
 
 
-HIGHEST_VERTICAL_ORDER = 16
+HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER = 8, 16
 
 IntegratorName = Literal["simpson-4", "third-order", "stormer-verlet", "stormer-verlet-adjoint", "gauss-legendre-4"]
 
@@ -73,7 +73,7 @@ class Numerics(Noun):
         default=None,
         description="size of a cell [m], rounded to divide the length; default: from accuracy, or the shortest wave",
     )
-    order: int = Field(default=3, ge=1, le=8, description="horizontal polynomial order p")
+    order: int = Field(default=3, ge=1, le=HIGHEST_ORDER, description="horizontal polynomial order p")
     vertical_order: int = Field(default=8, ge=1, le=HIGHEST_VERTICAL_ORDER, description="vertical polynomial order n")
     dt: Duration | None = Field(default=None, description="time step [s]; default: from accuracy and stability")
     integrator: IntegratorName = Field(

@@ -5,7 +5,8 @@
     phase error     angle by which the wave is ahead of the exact one in the last snapshot
     crest error     relative error of the crest's height in the last snapshot
 
-Snapshots are interpolated in x, and those of a reference run also in t, by splines of degree 5.
+Snapshots are interpolated in x, and those of a reference run also in t, by splines of degree 5. A basin has the gauge
+error only.
 """
 
 from collections.abc import Iterator, Sequence
@@ -69,6 +70,11 @@ class Snapshot(NamedTuple):
         return max(-float(found.fun), float(self.eta.max()))
 
 
+def _is_basin(run: RunDirectory) -> bool:
+    """Return whether a run has two horizontal dimensions."""
+    return bool(run.manifest["scene"]["tank"]["type"] == "basin")
+
+
 def _period(run: RunDirectory) -> float | None:
     """Return a ring's length [m], None for other tanks."""
     tank = run.manifest["scene"]["tank"]
@@ -108,11 +114,14 @@ class ExactReference:
 class RunReference:
     """Judges by another run of the same tank, gauges by their waves below a frequency [Hz], if one is given.
 
-    Raises ``InputError`` if that has no snapshots.
+    Raises ``InputError`` if that has no snapshots; of a basin, if it has no gauges.
     """
 
     def __init__(self, path: Path, *, below: float | None = None):
         self._run, self._below = RunDirectory(path), below
+        if _is_basin(self._run):
+            self._run.gauge_series()
+            return
         surface = self._run.snapshots()
         if surface.t.size < 2:
             raise InputError(f"{path}: {surface.t.size} snapshots of the surface; a reference needs at least 2.")
@@ -126,16 +135,19 @@ class RunReference:
 
     def errors(self, run: RunDirectory) -> Errors:
         """Return the surface error and, where gauges are in common, the gauge error, over the times both have."""
+        errors = {} if _is_basin(run) else {SURFACE: self._surface_error(run)}
+        with suppress(InputError):  # no gauge in common, then
+            name = GAUGES if self._below is None else f"gauge error below {self._below:g} Hz [-]"
+            errors[name] = _relative(self._gauges(run))
+        return errors
+
+    def _surface_error(self, run: RunDirectory) -> float:
         period, pairs = _period(run), []
         for now in snapshots(run.snapshots(), period=period):
             if now.t <= self._end * (1 + 1e-9):
                 x, eta = self._in_time(min(now.t, self._end)).T
                 pairs.append((now.eta, _interpolant(x, eta, period=period)(now.x)))
-        errors = {SURFACE: _relative(pairs)}
-        with suppress(InputError):  # no gauge in common, then
-            name = GAUGES if self._below is None else f"gauge error below {self._below:g} Hz [-]"
-            errors[name] = _relative(self._gauges(run))
-        return errors
+        return _relative(pairs)
 
     def _gauges(self, run: RunDirectory) -> list[tuple[Array, Array]]:
         """Return (eta, eta_ref) of each gauge in common."""

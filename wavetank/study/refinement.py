@@ -1,17 +1,18 @@
 """The reference that a study makes for itself: its finest combination, refined once more.
 
-dt/2, twice the cells, n + 2, a tenth of the tolerance. It keeps its gauges at every step and snapshots at the steps of
-the finest combination, so that they can be interpolated in time.
+dt/2, twice the cells (order p + 1 if they are those of a mesh file), n + 2, a tenth of the tolerance. It keeps its
+gauges at every step and snapshots at the steps of the finest combination, so that they can be interpolated in time.
 """
 
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from wavetank.case import Scene
-from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.case import BasinTank, Scene
+from wavetank.case.numerics import HIGHEST_ORDER, HIGHEST_VERTICAL_ORDER
 from wavetank.case.reading import read_case
 from wavetank.integrators import INTEGRATORS
+from wavetank.meshes import MeshFile
 from wavetank.study.sweep import Combination
 
 TIGHTEST = 1e-12  # tolerance; round-off is near
@@ -34,14 +35,17 @@ def finest(group: Iterable[Combination]) -> Combination:
 def _coarseness(scene: Scene) -> tuple[float, ...]:
     numerics = scene.numerics
     order = INTEGRATORS[numerics.integrator].order
-    return (numerics.dt or 0.0, -scene.cells, -numerics.order, -numerics.vertical_order, -order, numerics.tolerance)
+    return (numerics.dt or 0.0, scene.cell_size, -numerics.order, -numerics.vertical_order, -order, numerics.tolerance)
 
 
 def refined(case: Path, coarse: Combination, *, dt: float, name: str) -> Combination:
     """Return a combination refined once more, given its step [s], which the case may leave open."""
     scene, numerics = coarse.scene, coarse.scene.numerics
-    by_size = numerics.cell_size is not None
-    cells = f"cell_size={scene.tank.length / (2 * scene.cells)!r}" if by_size else f"cells={2 * scene.cells}"
+    if isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile):
+        cells = f"order={min(numerics.order + 1, HIGHEST_ORDER)}"
+    else:
+        by_size = numerics.cells is None
+        cells = f"cell_size={scene.cell_size / 2!r}" if by_size else f"cells={2 * scene.cells}"
     changes = (
         f"numerics.dt={dt / 2!r}",
         f"numerics.{cells}",

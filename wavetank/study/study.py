@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from wavetank.case import BasinTank, Scene
 from wavetank.console import spelt
 from wavetank.errors import InputError, RunError
 from wavetank.records.directory import RunDirectory
@@ -100,6 +101,8 @@ class Study:
             raise InputError(f"reference {NONE!r} received; without one there must be a sweep of what is modelled.")
         if below is not None and reference in (NONE, EXACT):
             raise InputError(f"below = {below:g} received, reference {reference!r}: only a run has gauges to compare.")
+        for group in self._groups:
+            _check_basin(group[0].scene, reference)
         self._below = below
         self._references = _references(reference, self._groups, below)
         self._runner = Runner(case, out, at_once=at_once or cores(), yes=yes)
@@ -227,6 +230,16 @@ class Study:
         title = self._swept[0].scene.title
         drawn = draw_ensembles(rows, found, self._axes, self._out / PICTURE, title=title)
         self._console.print(f"wrote {drawn}", highlight=False)
+
+
+def _check_basin(scene: Scene, reference: str) -> None:
+    """Raise ``InputError`` for a basin whose runs cannot be compared with a reference: they are at gauges only."""
+    if not isinstance(scene.tank, BasinTank) or reference == NONE:
+        return
+    if reference == EXACT:
+        raise InputError(f"reference {EXACT!r} received; of a basin it must be {FINE}, {NONE} or a run directory.")
+    if not scene.all_gauges:
+        raise InputError("gauges: runs of a basin are compared at gauges; the case must have at least 1.")
 
 
 def _references(reference: str, groups: Sequence[Sequence[Combination]], below: float | None) -> list[Reference | None]:
