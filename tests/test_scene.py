@@ -31,6 +31,7 @@ from wavetank.case import (
 )
 from wavetank.case.keys import tables
 from wavetank.case.reading import read_case
+from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.motions.record_file import read_record
 from wavetank.runs.footprints import FOOTPRINTS
@@ -186,6 +187,27 @@ def test_a_recorded_motion_is_one_column_of_a_file_with_its_gain(case, tmp_path)
         read_case(case(), [f'{motion}"flap", highest_frequency=2.4}}', "run.duration=20"])
     with pytest.raises(InputError, match=r'motion.column = "piston": .*has no such column; allowed are flap, gauge'):
         read_case(case(), [f'{motion}"piston"}}', "run.duration=20"])
+
+
+@pytest.mark.parametrize("key", ["position", "velocity"])
+def test_a_gap_in_a_recorded_motion_is_refused_before_the_run(case, tmp_path, key, capsys):
+    """Of a period of 2 s, rows every 0.01 s: a gap of a quarter period and random times are allowed, 4 s are not."""
+    t = np.arange(3001) / 100
+    random = np.random.default_rng(7).uniform(size=t.size) < 0.2
+    random[-1] = True
+
+    def write(without):
+        rows = np.column_stack([t, 0.03 * np.sin(np.pi * t)])[~without]
+        np.savetxt(tmp_path / "paddle.dat", rows, fmt="%.9g")
+        return 'wall.motion={type="recorded", ' + f'{key}="paddle.dat"' + "}"
+
+    for without in ((t > 10) & (t < 10.49), ~random):
+        assert read_case(case(), [write(without), "run.duration=20"]).motion().duration == 30.0
+    gap = write((t > 10) & (t < 14))
+    assert main(["plan", str(case()), "--set", gap, "--set", "run.duration=20"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "paddle.dat, line 1002: gap of 4 s after t = 10 s; allowed are 0.5 s" in said
+    assert f"wall.motion.{key} = " in said and said.endswith("(median interval 0.01 s, period about 2 s): add rows.")
 
 
 def test_other_ranks_are_told_a_scene_that_has_looked_at_its_paddle(case):

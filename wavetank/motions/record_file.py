@@ -1,12 +1,16 @@
 """Reads records of paddles: text files of two columns, time [s] and value, ``#`` for comments, or of named columns."""
 
+from collections.abc import Sequence
 from pathlib import Path
+
+import numpy as np
 
 from wavetank.errors import InputError
 from wavetank.motions.motion import Array
 from wavetank.values.columns import check_ascending, first_line, read_columns
 
 TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
+INTERVALS, PERIODS = 10.0, 0.25  # of the median, of the motion: allowed between two rows
 _ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
 
 
@@ -33,7 +37,8 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
     the times in the first.
 
     Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not as many finite numbers, if
-    times do not ascend, if there are fewer than four rows; ``ColumnError`` if it has no such column.
+    times do not ascend or have a gap (``check_gaps``), if there are fewer than four rows; ``ColumnError`` if it has no
+    such column.
     """
     names, values, lines = read_columns(path, allowed=_ALLOWED)
     if named is not None:
@@ -50,5 +55,25 @@ def read_record(path: Path, *, column: str = "position [m]", named: str | None =
     wanted = names or (TIME, column)
     t = values[:, wanted.index(TIME)]
     check_ascending(path, lines, t)
+    check_gaps(path, lines, t, values[:, wanted.index(column)])
     whole = column == STATE[0] and {*STATE} <= {*names}
     return t, *(values[:, wanted.index(name)] for name in (STATE if whole else (column,)))
+
+
+def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> None:
+    """Raise ``InputError``, which names the line, for two rows too far apart to interpolate between them.
+
+    Intervals up to ten median intervals are allowed, and up to a quarter of the motion's period: over that a cubic
+    through values and slopes at both ends is within 2 % of a sine's amplitude. The period is that of the sine with the
+    range and the largest rate of the values at times t [s], shape (N,).
+    """
+    intervals = np.diff(t)
+    widest, usual = int(intervals.argmax()), float(np.median(intervals))
+    rate = float(np.abs(np.diff(values) / intervals).max())
+    period = np.pi * float(np.ptp(values)) / rate if rate else np.inf
+    allowed = max(INTERVALS * usual, PERIODS * period)
+    if intervals[widest] > allowed:
+        raise InputError(
+            f"{path}, line {lines[widest + 1]}: gap of {intervals[widest]:.4g} s after t = {t[widest]:.6g} s; "
+            f"allowed are {allowed:.3g} s (median interval {usual:.3g} s, period about {period:.3g} s): add rows."
+        )
