@@ -16,6 +16,7 @@ from scipy.spatial import KDTree
 from wavetank.errors import InputError
 from wavetank.postprocess.style import CM, FLAT, SATURATED
 from wavetank.records.directory import REST_POSITION, RunDirectory
+from wavetank.records.vtu_series import pieces
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -194,8 +195,9 @@ def _rest_positions(parts: pv.UnstructuredGrid) -> Array:
 
 
 def _read(file: Path) -> pv.UnstructuredGrid:
-    if not file.is_file():
-        raise InputError(f"{file}: is missing; the run directory names it.")
+    for one in (file, *(pieces(file) if file.is_file() else [])):
+        if not one.is_file():
+            raise InputError(f"{one}: is missing; the run directory names it.")
     return pv.read(file)
 
 

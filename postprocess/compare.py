@@ -17,6 +17,7 @@ Where the reference's clock is another's, one offset for all gauges is found fir
 import csv
 from collections.abc import Iterable, Sequence
 from dataclasses import astuple, dataclass, replace
+from io import StringIO
 from math import isnan, nan
 from pathlib import Path
 from typing import NamedTuple
@@ -31,6 +32,7 @@ from wavetank.data import GaugeRecords
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis.similarity import surface_similarity
 from wavetank.records.series import GaugeSeries
+from wavetank.records.whole import replacing
 
 MINIMA = 4  # of all clock offsets: which is least is seen when they are refined
 LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
@@ -324,10 +326,12 @@ def write_comparison(path: Path, comparisons: Sequence[GaugeComparison]) -> None
 def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     """Write a table as CSV, numbers with six digits; raises ``InputError`` where it cannot be written."""
     try:
-        with path.open("w", newline="") as file:
-            writer = csv.writer(file)
-            writer.writerow(columns)
-            writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+        text = StringIO()
+        writer = csv.writer(text)
+        writer.writerow(columns)
+        writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+        with replacing(path) as file:
+            file.write(text.getvalue().encode())
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
 

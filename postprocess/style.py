@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from wavetank.records.whole import replacing
+
 # colours that colour-blind eyes tell apart (Okabe and Ito), and greys
 BLUE, VERMILION, GREEN, ORANGE, PURPLE, LIGHT_BLUE = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#cc79a7", "#56b4e9"
 INK, GREY, PALE_GREY = "#222222", "#555555", "#9a9a9a"
@@ -51,7 +53,8 @@ def picture(path: Path, width: float, height: float) -> Iterator[Figure]:
         yield figure
         lay_out(figure)
         quickly: dict[str, Any] = {"pil_kwargs": {"compress_level": QUICKLY}} if path.suffix == ".png" else {}
-        figure.savefig(path, **quickly)
+        with replacing(path) as file:  # not through a link that is there
+            figure.savefig(file, format=path.suffix.removeprefix("."), **quickly)
 
 
 def lay_out(figure: Figure) -> None:

@@ -342,7 +342,7 @@ def test_of_several_kinds_those_that_can_be_are_done_and_the_others_told(table, 
     done = commanded("analyse", str(table), "reflection", "groups", "bound-free", "--out", str(tmp_path))
     why = "reflection, bound-free: flume: the depth is needed for this; give --depth METRES."
     assert (done.returncode, done.stderr) == (2, f"wavetank: {why}\n")
-    assert {file.name for file in tmp_path.iterdir()} == {"analysis-groups.csv"}
+    assert {file.name for file in tmp_path.iterdir()} == {"analysis-groups.csv", "analysis-groups.png"}
 
 
 def test_what_is_there_is_not_replaced_unasked(table, tmp_path):

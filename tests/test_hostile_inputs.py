@@ -1,10 +1,17 @@
 """Files of somebody else: no command executes code from them, or writes outside its own directory."""
 
+import json
 import os
+import shutil
+import signal
 import stat
 import subprocess
 import tempfile
+import tracemalloc
+from collections.abc import Iterator
+from io import BytesIO
 from pathlib import Path
+from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 
 import numpy as np
 import pytest
@@ -18,8 +25,11 @@ from wavetank.errors import InputError
 from wavetank.fe.compiled import compiled
 from wavetank.fe.layout_mesh import read_layout
 from wavetank.postprocess.beds import still_water
+from wavetank.postprocess.compare import write_rows
 from wavetank.postprocess.run_figures import draw_run
-from wavetank.records.directory import open_run
+from wavetank.postprocess.style import picture
+from wavetank.records.directory import RunDirectory, open_run
+from wavetank.records.vtu_series import pieces
 from wavetank.values import python_file
 
 SQUARE = """$MeshFormat
@@ -240,3 +250,144 @@ def test_env_refuses_a_cache_of_another_user(tmp_path):
     assert done.returncode == 2
     needed = "WAVETANK_CACHE must name a folder of your own."
     assert done.stderr == f"env: {folder}: other users own it or can write there; {needed}\n"
+
+
+# ---------------------------------------------------------------- run directories
+@pytest.fixture
+def run(coded: Path, tmp_path: Path) -> Path:
+    """Return a copy of the run."""
+    return Path(shutil.copytree(coded / "run", tmp_path / "run"))
+
+
+@pytest.fixture(autouse=True)
+def limited() -> Iterator[None]:
+    """End a test that waits for a pipe."""
+
+    def end(*_: object) -> None:
+        raise TimeoutError("a command waits")
+
+    former = signal.signal(signal.SIGALRM, end)
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, former)
+
+
+RESUME = ["resume", "--extend", "0.1", "--no-plots", "--trust"]
+LINKED = [".lock", "gauges.csv", "run.log", "checkpoint.zip", ".manifest.json", ".checkpoint.zip", "fields", "bed.csv"]
+
+
+@pytest.mark.parametrize("link", [Path.symlink_to, Path.hardlink_to], ids=["symbolic", "hard"])
+@pytest.mark.parametrize("name", LINKED)
+def test_resume_refuses_a_run_directory_with_links(name, link, run, tmp_path, capfd):
+    outside = tmp_path / "outside"
+    if (run / name).exists():
+        (run / name).rename(outside)
+    elif name == "fields" and link is Path.symlink_to:
+        outside.mkdir()
+    else:
+        outside.write_text("a file of the user")
+    link(run / name, outside)
+    before = contents(tmp_path)
+    said = refusal(capfd, *RESUME, run)
+    assert said.startswith(f"wavetank: {run / name}: is a {'symbolic' if link is Path.symlink_to else 'hard'} link; ")
+    assert contents(tmp_path) == before
+
+
+def test_commands_that_read_refuse_links(run, tmp_path, capfd):
+    (run / "gauges.csv").rename(tmp_path / "gauges.csv")
+    (run / "gauges.csv").symlink_to(tmp_path / "gauges.csv")
+    for words in (["analyse", run, "spectrum"], ["compare", run, "--with", run]):
+        assert "is a symbolic link; a run directory must contain files" in refusal(capfd, *words)
+    assert main(["status", str(run)]) == 0
+    assert "unreadable; " in capfd.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "gauges.csv", "energy.csv", "checkpoint.zip", ".lock", "run.log"])
+def test_no_command_waits_for_a_pipe_in_a_run_directory(name, run, capfd):
+    (run / name).unlink(missing_ok=True)
+    os.mkfifo(run / name)
+    for words in (["analyse", run, "spectrum"], ["compare", run, "--with", run], [*RESUME, run]):
+        said = refusal(capfd, *words)
+        assert "is a pipe or device" in said or "is no run directory" in said
+    assert main(["status", str(run)]) == 0
+
+
+def test_pipe_that_appears_later_is_not_opened(run):
+    """Or a link: whatever the check of the directory has found."""
+    table = RunDirectory(run)
+    (run / "gauges.csv").unlink()
+    os.mkfifo(run / "gauges.csv")
+    with pytest.raises(InputError, match=r"no readable gauges.csv \(not a regular file\)"):
+        table.gauge_series()
+    (run / "gauges.csv").unlink()
+    (run / "gauges.csv").symlink_to(run / "energy.csv")
+    with pytest.raises(InputError, match=r"no readable gauges.csv \(a symbolic link\)"):
+        table.gauge_series()
+
+
+def bomb(archive: ZipFile) -> dict[str, bytes | bytearray]:
+    """Return the files of a checkpoint with 100 MB of zeros."""
+    return {name: archive.read(name) for name in archive.namelist()} | {"99.npy": bytearray(10**8)}
+
+
+def declared(archive: ZipFile) -> dict[str, bytes | bytearray]:
+    """Return the files of a checkpoint with an array of 10^12 declared values."""
+    content = BytesIO()
+    np.lib.format.write_array_header_1_0(content, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    return {name: archive.read(name) for name in archive.namelist()} | {"0.npy": content.getvalue()}
+
+
+@pytest.mark.parametrize(
+    ("files", "compression", "sentence"),
+    [(bomb, ZIP_DEFLATED, "its files are compressed or overlap"), (declared, ZIP_STORED, "cannot reshape array")],
+)
+def test_checkpoint_that_declares_more_than_it_has_is_refused(files, compression, sentence, run, capfd):
+    path = run / "checkpoint.zip"
+    (run / "checkpoint-before.zip").unlink(missing_ok=True)
+    with ZipFile(path) as archive:
+        content = files(archive)
+    with ZipFile(path, "w", compression) as archive:
+        for name, part in content.items():
+            archive.writestr(name, part)
+    tracemalloc.start()
+    try:
+        assert sentence in refusal(capfd, *RESUME, run)
+        assert tracemalloc.get_traced_memory()[1] < 5e7  # bytes
+    finally:
+        tracemalloc.stop()
+
+
+def test_control_characters_of_a_manifest_are_escaped(run, capfd):
+    manifest = json.loads((run / "manifest.json").read_text())
+    code = "\x1b]0;title\x07\x1b[2J\u202e"
+    (run / "manifest.json").write_text(json.dumps(manifest | {"status": "broke down", "cause": f"cause {code}"}))
+    assert main(["status", str(run)]) == 0
+    out = capfd.readouterr().out
+    assert r"cause \x1b]0;title\x1b[2J\u202e" in out and not {"\x1b", "\x07", "\u202e"} & {*out}
+
+
+@pytest.mark.parametrize("file", ["../outside.pvtu", "/etc/passwd", "fields/../../outside.pvtu"])
+def test_snapshot_of_another_folder_is_refused(file, run):
+    (run / "surface.nc").unlink()
+    (run / "surface.pvd").write_text(
+        f'<VTKFile type="Collection"><Collection><DataSet timestep="0.0" file="{file}"/></Collection></VTKFile>\n'
+    )
+    with pytest.raises(InputError, match=r"surface\.pvd: is no collection of snapshots that this program wrote\."):
+        open_run(run).fields("surface")
+    snapshot = run / "surface_000000.pvtu"
+    snapshot.write_text(f'<VTKFile><PUnstructuredGrid><Piece Source="{file}"/></PUnstructuredGrid></VTKFile>')
+    with pytest.raises(InputError, match=r"surface_000000\.pvtu: is no snapshot that this program wrote\."):
+        pieces(snapshot)
+
+
+def test_tables_and_pictures_replace_a_link(tmp_path):
+    outside, table, drawn = (tmp_path / name for name in ("outside", "table.csv", "picture.png"))
+    outside.write_text("a file of the user")
+    for link in (table, drawn):
+        link.symlink_to(outside)
+    write_rows(table, ["x"], [[1.0]])
+    with picture(drawn, 2, 2) as figure:
+        figure.subplots()
+    assert table.read_text() == "x\n1\n" and drawn.read_bytes().startswith(b"\x89PNG")
+    assert outside.read_text() == "a file of the user" and not table.is_symlink() and not drawn.is_symlink()

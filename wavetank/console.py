@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from io import TextIOBase, UnsupportedOperation
 from queue import Full, Queue
@@ -12,8 +13,11 @@ from typing import TYPE_CHECKING, TextIO, cast
 
 from mpi4py import MPI
 
+from wavetank.errors import printable
+
 if TYPE_CHECKING:
-    from rich.console import Console
+    from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook
+    from rich.segment import Segment
 
 PENDING = 10_000  # texts that wait for a slow reader; more are dropped
 SLOW_READER = 5.0  # s, at the end, in which a slow reader must have taken something
@@ -30,7 +34,26 @@ def console(*, least: int = 0) -> "Console":
     quiet = MPI.COMM_WORLD.rank != 0
     found = Console(file=_output(sys.stdout), quiet=quiet, soft_wrap=True, force_terminal=terminal, markup=False)
     found.width = max(found.width, least)
+    found.push_render_hook(cast("RenderHook", _Sanitiser()))
     return found
+
+
+class _Sanitiser:
+    """A hook of ``rich``: texts from a case or a run are printed without control characters, which are escaped."""
+
+    def process_renderables(self, renderables: "list[ConsoleRenderable]") -> "list[ConsoleRenderable]":
+        return [_Sanitised(one) for one in renderables]
+
+
+class _Sanitised:
+    """What is printed of another object."""
+
+    def __init__(self, printed: "ConsoleRenderable"):
+        self._printed = printed
+
+    def __rich_console__(self, console: "Console", options: "ConsoleOptions") -> "Iterator[Segment]":
+        for segment in console.render(self._printed, options):
+            yield segment if segment.control else segment._replace(text=printable(segment.text))
 
 
 def spelt(seconds: float) -> str:

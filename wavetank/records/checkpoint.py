@@ -20,21 +20,30 @@ import errno
 import json
 import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Any, NamedTuple
-from zipfile import BadZipFile, ZipFile
+from zipfile import ZIP_STORED, BadZipFile, ZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError
 from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
-from wavetank.records.whole import sync, unfinished
+from wavetank.records.whole import open_regular, sync, unfinished
 
 KEPT = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
-UNREADABLE = (OSError, BadZipFile, KeyError, ValueError, TypeError, EOFError, NotImplementedError)  # what zip may meet
+UNREADABLE = (
+    OSError,
+    BadZipFile,
+    KeyError,
+    ValueError,
+    TypeError,
+    EOFError,
+    NotImplementedError,
+    RecursionError,
+)  # what zip may meet
 FULL = errno.ENOSPC, errno.EDQUOT
 
 
@@ -92,7 +101,8 @@ def _written(path: Path, checkpoint: Checkpoint) -> int:
     """Write a checkpoint beside the last one, on the disk; return its size in bytes."""
     temporary = unfinished(path)
     try:
-        with temporary.open("wb") as file:
+        temporary.unlink(missing_ok=True)
+        with temporary.open("xb") as file:
             with ZipFile(file, "w") as archive:
                 archive.writestr("about.json", json.dumps(checkpoint.about))
                 archive.writestr("held.json", checkpoint.held)
@@ -114,7 +124,7 @@ def _written(path: Path, checkpoint: Checkpoint) -> int:
 def _serves(path: Path, *, own: bool) -> bool:
     """Return whether a checkpoint may take the place of the one before."""
     try:
-        with ZipFile(path) as archive:
+        with _archive(path) as archive:
             about: dict[str, Any] = json.loads(archive.read("about.json"))
             return about.get("whole", True) and (own or archive.testzip() is None)
     except UNREADABLE:
@@ -178,8 +188,35 @@ def last_checkpoint(run: Path) -> float | None:
 def kept(run: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
     """Yield the files of the checkpoints that can be opened, the newest first, and what is told of each."""
     for name in KEPT:
-        with suppress(*UNREADABLE), ZipFile(run / name) as archive:
+        with suppress(*UNREADABLE), _archive(run / name) as archive:
             yield run / name, _about(archive, run)
+
+
+@contextmanager
+def _archive(path: Path) -> Iterator[ZipFile]:
+    """Yield the archive of a checkpoint; raises ``OSError``, ``BadZipFile``, ``ValueError`` if it cannot be one.
+
+    Its files are not compressed and do not overlap: together they are no larger than the archive.
+    """
+    with open_regular(path) as file, ZipFile(file) as archive:
+        parts = archive.infolist()
+        stored = all(one.compress_type == ZIP_STORED for one in parts)
+        if not stored or sum(one.file_size for one in parts) > os.fstat(file.fileno()).st_size:
+            raise ValueError("its files are compressed or overlap")
+        yield archive
+
+
+def _array(content: bytes) -> NDArray[np.float64]:
+    """Return the array of a file in numpy's format; raises ``ValueError`` unless it has the values that it declares."""
+    file = BytesIO(content)
+    form: Any = np.lib.format
+    if form.read_magic(file) != (1, 0):
+        raise ValueError("its arrays are of another format")
+    shape, fortran, kind = form.read_array_header_1_0(file)
+    if kind.hasobject:
+        raise ValueError("an array has Python objects")
+    values: NDArray[np.float64] = np.frombuffer(file.read(), kind).reshape(shape, order="F" if fortran else "C")
+    return values.copy("K")
 
 
 def _about(archive: ZipFile, run: Path) -> dict[str, Any]:
@@ -195,12 +232,11 @@ def _about(archive: ZipFile, run: Path) -> dict[str, Any]:
 
 def _read(path: Path) -> Checkpoint:
     """Return a checkpoint of this run, every checksum right."""
-    with ZipFile(path) as archive:
+    with _archive(path) as archive:
         about, held = _about(archive, path.parent), archive.read("held.json").decode()
 
         def array(name: object) -> NDArray[np.float64]:
-            values: NDArray[np.float64] = np.load(BytesIO(archive.read(f"{name}.npy")), allow_pickle=False)
-            return values
+            return _array(archive.read(f"{name}.npy"))
 
         numbers = range(sum(name.removesuffix(".npy").isdigit() for name in archive.namelist()))
         return Checkpoint(about, held, [array(number) for number in numbers], array("places"))

@@ -30,6 +30,7 @@ what was cut. No number that is not finite is ever written.
 
 import csv
 import os
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from io import BytesIO
@@ -51,6 +52,7 @@ from wavetank.records.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Var
 from wavetank.records.probe_table import point, quantities
 from wavetank.records.series import GaugeSeries, place
 from wavetank.records.surface import Surface, snapshots
+from wavetank.records.whole import FIELDS, check_entries, open_regular
 from wavetank.records.window import file_of, tabled
 
 if TYPE_CHECKING:
@@ -67,7 +69,7 @@ BED = "bed.csv"
 BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
 BREAKING = "breaking.csv"
 CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
-FIELDS, SERIES, LOG = "fields", ("surface", "velocity"), "run.log"
+SERIES, LOG = ("surface", "velocity"), "run.log"
 REST_POSITION = "rest position"  # (x, y) [m] in the reference tank, of the points of a surface
 PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png", "view.mp4", "view.gif"
 ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
@@ -117,6 +119,7 @@ class RunDirectory:
     def __init__(self, path: Path | str):
         self.path = Path(path)
         self.manifest = read_manifest(self.path)
+        check_entries(self.path)
 
     def __repr__(self) -> str:
         return f"RunDirectory({str(self.path)!r})"
@@ -141,7 +144,7 @@ class RunDirectory:
     @property
     def reached(self) -> float | None:
         """The time [s] of the last whole row of its energies, which may be later than its manifest; None without."""
-        with suppress(OSError, ValueError), (self.path / ENERGY).open("rb") as file:
+        with suppress(OSError, ValueError), open_regular(self.path / ENERGY) as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - LINES))
             *_, last, _ = file.read().split(b"\n")  # what is behind the last end of a line was cut
             return float(last.partition(b",")[0])
@@ -319,7 +322,10 @@ class RunDirectory:
         complete = content.rfind(b"/>") + len(b"/>")  # a killed run may have cut what follows
         try:
             snapshots = ElementTree.fromstring(content[:complete] + INDEX_END).iter("DataSet") if content else ()
-            return [(float(one.attrib["timestep"]), self.path / one.attrib["file"]) for one in snapshots]
+            found = [(float(one.attrib["timestep"]), one.attrib["file"]) for one in snapshots]
+            if not all(re.fullmatch(rf"{FIELDS}/{name}_\d+\.pvtu", file) for _, file in found):
+                raise ValueError
+            return [(t, self.path / file) for t, file in found]
         except (ElementTree.ParseError, KeyError, ValueError):
             raise InputError(f"{index}: is no collection of snapshots that this program wrote.") from None
 
@@ -436,7 +442,7 @@ class RunDirectory:
     def _lines(self, file: str) -> Iterator[list[str]]:
         """Yield the complete lines of a table: the header, then the others in blocks."""
         try:
-            with (self.path / file).open("rb") as table:
+            with open_regular(self.path / file) as table:
                 size = 1  # byte: a block ends with the line in which it has this size
                 while lines := table.readlines(size):
                     if not lines[-1].endswith(b"\n"):  # cut by a kill
@@ -458,7 +464,8 @@ class RunDirectory:
 
     def _read(self, file: str) -> bytes:
         try:
-            return (self.path / file).read_bytes()
+            with open_regular(self.path / file) as found:
+                return bytes(found.read())
         except OSError as error:
             raise self._unreadable(file, error) from None
 

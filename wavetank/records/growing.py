@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wavetank.errors import RecordError, RunError
-from wavetank.records.whole import replacing
+from wavetank.records.whole import open_regular, replacing
 from wavetank.stateful import Held
 
 
@@ -69,7 +69,7 @@ def changed(path: Path, held: Held) -> bool:
 def _checksum(path: Path, rows: int, columns: Sequence[str]) -> int | None:
     """Return the CRC-32 of the first rows of a table in some of its columns; None where it lacks one of them."""
     checksum = 0
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         header = next(csv.reader([file.readline().decode(errors="replace")]), [])
         if not set(columns) <= set(header):
             return None
@@ -85,7 +85,7 @@ def _checksum(path: Path, rows: int, columns: Sequence[str]) -> int | None:
 def _end(path: Path, rows: int) -> int | None:
     """Return where the rows of a table end that follow its header [bytes]; None where there are fewer."""
     size = count = 0
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         for line in islice(file, 1 + rows):
             if line.endswith(b"\n"):
                 size, count = size + len(line), count + 1
@@ -120,7 +120,7 @@ class GrowingFile:
     def open(self) -> None:
         """Make the file, or go on where it was when that was held; raises ``RecordError``."""
         try:
-            self._file = self._path.open("r+b" if self._kept else "w+b")
+            self._file = open_regular(self._path, "r+b" if self._kept else "w+b")
             self._file.truncate(self._kept)
             self._size, self._is = self._kept, _identity(os.fstat(self._file.fileno()))
         except OSError as error:
@@ -205,7 +205,7 @@ class TableWriter(GrowingFile):
 
     def _widen(self) -> None:
         """Replace a file that has other columns, what it had under its name."""
-        with self._path.open(newline="", encoding="utf-8", errors="replace") as file:
+        with open_regular(self._path, "r", newline="", encoding="utf-8", errors="replace") as file:
             rows = csv.reader(islice(file, 1 + self._rows))
             header = next(rows)
             if header == self._columns:

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from wavetank.errors import InputError
+from wavetank.records.whole import descriptor, open_regular
 
 LOCK = ".lock"
 ASKING, PAUSE = 0.5, 0.05  # s: a reader that asks who holds the lock has it for a moment
@@ -73,7 +74,7 @@ class RunLock:
         """Return the file, locked."""
         give_up = time.monotonic() + ASKING
         while True:
-            file = os.fdopen(os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666), "r+b")  # another's stays as it is
+            file = os.fdopen(descriptor(self._path, os.O_RDWR | os.O_CREAT), "r+b")  # another's stays as it is
             if _lock(file, fcntl.LOCK_EX) and _is_at(file, self._path):
                 return file
             holder = _holder(file)
@@ -88,7 +89,7 @@ class RunLock:
 def is_held(directory: Path) -> bool:
     """Return whether a process that is known to be still writes a run there."""
     try:
-        with (directory / LOCK).open("rb") as file:
+        with open_regular(directory / LOCK) as file:
             return _lock(file, fcntl.LOCK_SH) is False
     except OSError:
         return False

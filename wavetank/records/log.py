@@ -7,6 +7,9 @@ from typing import TextIO
 
 from rich.console import Console
 
+from wavetank.errors import printable
+from wavetank.records.whole import open_regular
+
 
 class RunLog:
     """Lines for the console and, from its opening on, a file that has the earlier ones, too; on rank 0 alone.
@@ -27,7 +30,7 @@ class RunLog:
     def open(self, path: Path, *, going_on: bool = False) -> None:
         """Begin the file, or go on with what is in it, with the lines so far."""
         with suppress(OSError):
-            self._file = path.open("a" if going_on else "w", encoding="utf-8")
+            self._file = open_regular(path, "a" if going_on else "w", encoding="utf-8")
         self._write("".join(self._lines))
 
     def say(self, line: str, *, style: str | None = None) -> None:
@@ -50,7 +53,7 @@ class RunLog:
     def _write(self, text: str) -> None:
         if self._file is not None:
             with suppress(OSError, ValueError):
-                self._file.write(text)
+                self._file.write(printable(text))
                 self._file.flush()
 
 

@@ -5,14 +5,17 @@ analyses use, also of a run of another version of this program.
 """
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, ValidationError
 
 from wavetank.errors import InputError, printable
+from wavetank.records.whole import open_regular
 
 MANIFEST = "manifest.json"
+LARGEST = 10**8  # bytes; a larger one is not read
 
 
 class Part(BaseModel):
@@ -166,7 +169,10 @@ class Manifest(Part):
 def read_manifest(run: Path) -> dict[str, Any]:
     """Return the manifest of a run directory; raise ``InputError`` where there is none, or a value of a wrong type."""
     try:
-        content = (run / MANIFEST).read_bytes()
+        with open_regular(run / MANIFEST) as file:
+            if os.fstat(file.fileno()).st_size > LARGEST:
+                raise _missing(run)
+            content = file.read()
         manifest: dict[str, Any] = json.loads(content)
         Manifest.model_validate_json(content)
     except ValidationError as error:

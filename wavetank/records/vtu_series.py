@@ -9,6 +9,7 @@ is gathered, and nothing but the present snapshot is held.
 """
 
 import os
+import re
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -21,10 +22,10 @@ import numpy as np
 from mpi4py import MPI
 from numpy.typing import NDArray
 
-from wavetank.errors import RecordError, RunError
-from wavetank.records.directory import FIELDS, INDEX_END, index_file
+from wavetank.errors import InputError, RecordError, RunError
+from wavetank.records.directory import INDEX_END, index_file
 from wavetank.records.growing import GrowingFile, lacks
-from wavetank.records.whole import replace, sync
+from wavetank.records.whole import FIELDS, open_regular, replace, sync
 from wavetank.stateful import Held
 
 Array = NDArray[Any]
@@ -204,10 +205,28 @@ def missing(run: Path, name: str, held: Held) -> str:
         whole = run / f"{_stem(name, number)}.pvtu"
         if not whole.exists():
             return f"{FIELDS}/{whole.name}"
-        for piece in ElementTree.fromstring(whole.read_bytes()).iter("Piece"):
-            if not (whole.parent / piece.attrib["Source"]).exists():
-                return f"{FIELDS}/{piece.attrib['Source']}"
+        try:
+            lost = [piece.name for piece in pieces(whole) if not piece.exists()]
+        except InputError:
+            lost = [whole.name]
+        if lost:
+            return f"{FIELDS}/{lost[0]}"
     return ""
+
+
+def pieces(snapshot: Path) -> list[Path]:
+    """Return the files that a snapshot's .pvtu file names, one of each rank.
+
+    Raises ``InputError`` where it cannot be read, or names a file of another folder.
+    """
+    try:
+        with open_regular(snapshot) as file:
+            named = [one.attrib["Source"] for one in ElementTree.fromstring(file.read()).iter("Piece")]
+        if all(re.fullmatch(r"\w+\.vtu", name) for name in named):
+            return [snapshot.with_name(name) for name in named]
+    except (OSError, ElementTree.ParseError, KeyError):
+        pass
+    raise InputError(f"{snapshot}: is no snapshot that this program wrote.")
 
 
 def _document(kind: str) -> tuple[ElementTree.Element, ElementTree.Element]:

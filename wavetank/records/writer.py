@@ -21,6 +21,7 @@ from wavetank.records.directory import (
     COPIES,
     GAUGES,
     ROOM,
+    SERIES,
     SURFACE,
     RunDirectory,
     made_of_records,
@@ -35,7 +36,7 @@ from wavetank.records.place import Place
 from wavetank.records.series import column
 from wavetank.records.surface import SurfaceWriter
 from wavetank.records.vtu_series import missing
-from wavetank.records.whole import replace, replacing, unfinished
+from wavetank.records.whole import check_entries, replace, replacing, unfinished
 from wavetank.records.window import WindowFile, WindowTable, file_of
 from wavetank.stateful import Held
 
@@ -232,11 +233,15 @@ class RunWriter:
         """Return why the run cannot go on from a checkpoint, nothing where it can."""
         try:
             return self._lost(about)
-        except (KeyError, TypeError):
+        except OSError as error:
+            return f"a record cannot be read: {error.strerror}"
+        except (KeyError, TypeError, AttributeError):
             return "it is of another version of this program"
 
     def _lost(self, about: dict[str, Any]) -> str:
         """Return what a checkpoint counts on that is not there."""
+        if {*about.get("fields", {})} - {*SERIES} or any(Path(name).name != name for name in about["records"]):
+            return "it names files that this program does not write"
         for name, held in about["records"].items():
             if lacks(self.path / name, held):
                 return f"it counts on more than there is in {name}"
@@ -334,6 +339,7 @@ def _claimed(place: Place) -> tuple[Path, RunLock, bool]:
 
 def _check_free(path: Path, *, overwrite: bool) -> None:
     """Raise ``InputError`` if a directory holds what a run must not be written over."""
+    check_entries(path, written=True)
     there = set(os.listdir(path)) - {LOCK, unfinished(path / MANIFEST).name}
     if there and MANIFEST not in there:
         raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
