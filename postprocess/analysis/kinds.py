@@ -19,7 +19,14 @@ from wavetank.postprocess.analysis.groups import envelope, groupiness
 from wavetank.postprocess.analysis.harmonics import harmonics, resolved
 from wavetank.postprocess.analysis.record import Record
 from wavetank.postprocess.analysis.records import SMALLEST, time_step, waves_begin, waving
-from wavetank.postprocess.analysis.reflection import ENERGETIC, WORST, Reflection, reflected_spectra, regular_reflection
+from wavetank.postprocess.analysis.reflection import (
+    ENERGETIC,
+    FREE,
+    WORST,
+    Reflection,
+    reflected_spectra,
+    regular_reflection,
+)
 from wavetank.postprocess.analysis.spectra import PERIODS, mean_period, sea_state, spectrum
 from wavetank.postprocess.analysis.speed import phase_speed, regular_speed, travel
 from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
@@ -329,8 +336,10 @@ def _irregular(record: Record) -> Result:
     return Result(
         ("Hm0 incident [m]", "Hm0 reflected [m]", "reflection [-]", "variance told apart [-]"),
         [tuple(float(found.attrs[name]) for name in of)],
-        f"{record.eta.sizes['gauge']} gauges; of frequencies that they tell apart and that have above "
-        f"{100 * ENERGETIC:g} % of the largest density{one if found.attrs['one_window'] else ''}{record.told_way}"
+        f"{record.eta.sizes['gauge']} gauges; reflection of frequencies that they resolve, that have above "
+        f"{100 * ENERGETIC:g} % of the largest density and are below {found.attrs['highest_frequency']:.3g} Hz, "
+        f"{FREE:g} times the peak's (harmonics above are bound waves); Hm0 of all frequencies, in that ratio"
+        f"{one if found.attrs['one_window'] else ''}{record.told_way}"
         f"{_begin_told(record, SEVERAL * mean_period(record.eta))}",
         lambda path: figures.reflection_figure(found, path, title=record.title),
     )

@@ -17,11 +17,14 @@ from xarray import DataArray, Dataset
 from wavetank.errors import InputError
 from wavetank.postprocess.analysis.along import told_apart
 from wavetank.postprocess.analysis.records import places, time_step
-from wavetank.postprocess.analysis.spectra import ends_low, mean_period, peak_frequency, samples, spectrum
+from wavetank.postprocess.analysis.spectra import ends_low, moment, peak_frequency, samples, spectrum
 from wavetank.theory.airy import group_velocity, wave_number
 
 WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
 ENERGETIC = 0.02  # of the largest incident density: of less, no reflection is told
+FREE = 1.5  # of the peak's frequency: harmonics above are bound to the waves
+STEADY = 0.7, 1.4  # Hm0 in Hann windows over that of a record: 0.74 to 1.26 of seas of 18 periods, less of cut groups
+FEWEST = 10  # peak periods of a piece of a sea: of less the coefficient differs by a factor of two
 
 
 class Reflection(NamedTuple):
@@ -74,29 +77,40 @@ def regular_reflection(
 
 
 def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, segment: float | None = None) -> Dataset:
-    """Return the spectra ``incident`` and ``reflected`` [m²/Hz] of a sea over frequency [Hz].
+    """Return the spectra ``incident`` and ``reflected`` [m²/Hz] of a sea or a group over frequency [Hz].
 
-    By the gauges' cross spectra (Welch's, segments of ``spectrum``, in Hann windows that go along with the incident
-    waves at the group velocity of their peak, lest what passes one gauge in a window and the next outside it counts as
-    reflected; a single segment has none where its waves are low at either end, as a group's are). Not numbers where the
-    gauges cannot tell them apart, by half wave lengths between them or because these are much longer than their row
-    (``condition`` above 6.3). ``counted`` is where they can and the waves are, which is what the attributes are of:
-    ``hm0_incident`` and ``hm0_reflected`` [m], ``coefficient``, their ratio, and ``told_apart``, the share of the
-    variance; ``one_window`` tells of the whole record in one, whose middle counts most. Raises ``InputError`` for fewer
-    than two gauges, and where no frequency of the waves can be told apart.
+    By the gauges' cross spectra. A group whose waves are low at both ends of the record is one segment without a
+    window. Else they are Welch's, in the segments of ``spectrum``, in Hann windows that move with the incident waves at
+    the group velocity of the peak: waves that pass one gauge within a window and the next one outside it would count as
+    reflected. The sum of the densities is that of ``spectrum``, whatever the windows. Not numbers where the gauges
+    cannot resolve both waves (``condition`` above 6.3).
+
+    ``counted`` are energetic frequencies that the gauges resolve, up to 1.5 times the peak's: harmonics above are bound
+    to the waves, and linear theory takes a part of them for reflected. The attributes: ``coefficient``, of the counted
+    frequencies, ``told_apart``, their part of the variance, ``hm0_incident`` and ``hm0_reflected`` [m], of all
+    frequencies in the ratio of the coefficient, ``highest_frequency`` [Hz], the limit, and ``one_window``, whether the
+    record is one Hann window. Raises ``InputError`` for fewer than two gauges, where they resolve no frequency of the
+    waves, and for waves that pass for a part of the record and are cut at its ends.
     """
     x, dt = places(eta), time_step(eta)
     _check(x.size, 2)
-    late = _delays(eta, x, depth, gravity)
-    length = eta.time.size - int(late.max())
-    values = np.array([one[n : n + length] for n, one in zip(late, eta.transpose("gauge", "time").values, strict=True)])
-    size = min(samples(eta, segment), length)
-    whole = size == length
-    window = "boxcar" if whole and ends_low(values, round(mean_period(eta) / dt)) else "hann"
-    f, cross = signal.csd(values[:, None], values[None], 1 / dt, window, nperseg=size, detrend="constant")
-    f, cross = f[1:], np.moveaxis(cross, -1, 0)[1:]
-    turned = np.exp(2j * np.pi * dt * f[:, None] * late)
-    cross = turned[:, :, None] * cross * turned[:, None].conj()
+    known = spectrum(eta, segment=segment).mean("gauge")
+    variance, peak = float(moment(known, 0)), float(peak_frequency(known))
+    low = ends_low(eta.transpose("gauge", "time").values, round(1 / (peak * dt)))
+    size = samples(eta, segment)
+    whole = size == eta.time.size
+    if low and whole:
+        found = _cross_spectra(eta, np.zeros(x.size, dtype=np.intp), size, "boxcar")
+    else:
+        delays = _delays(x, dt, peak, depth=depth, gravity=gravity, most=eta.time.size // 2)
+        found = _cross_spectra(eta, delays, size, "hann")
+        steady = STEADY[0] < np.sqrt(found.variance / variance) < STEADY[1]
+        if not steady or whole and size * dt * peak < FEWEST:
+            first, last = eta.time.values[[0, -1]]
+            advice = "--start and --end must leave low waves at both ends, or a longer part of a sea"
+            raise InputError(f"the record from {first:.4g} to {last:.4g} s cuts the waves; {advice}.")
+    f, cross = found.frequency, found.cross * (variance / found.variance)
+    density = np.trace(cross.real, axis1=1, axis2=2) / x.size
     k = wave_number(2 * np.pi * f, depth, gravity)
     # of e^(i(kx - ωt)), scipy's transform over e^(-iωt) is the conjugate of A
     waves = np.exp(-1j * k[:, None, None] * np.multiply.outer(x, [1, -1]))
@@ -105,32 +119,61 @@ def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, se
     inverse = np.linalg.pinv(waves)
     told = np.einsum("fag,fgh,fah->fa", inverse.conj(), cross, inverse).real
     incident, back = np.where(usable, np.maximum(told.T, 0.0), np.nan)
-    density = np.trace(cross.real, axis1=1, axis2=2) / x.size
-    there = usable & (density > ENERGETIC * density.max())
+    there = usable & (density > ENERGETIC * density.max()) & (f < FREE * peak)
     if not there.any():
         raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
-    variances = {"incident": incident, "reflected": back}
-    hm0 = {name: 4 * float(np.sqrt(S[there].sum() * f[0])) for name, S in variances.items()}
-    at = {"frequency": ("frequency", f, {"units": "Hz"})}
+    coefficient = float(np.sqrt(back[there].sum() / max(incident[there].sum(), np.finfo(float).tiny)))
+    others = density[~there].sum() / (1 + coefficient**2)
+    hm0 = 4 * float(np.sqrt((incident[there].sum() + others) * f[0]))
     return Dataset(
-        {name: ("frequency", S, {"units": "m2 Hz-1"}) for name, S in variances.items()}
-        | {"condition": ("frequency", condition, {"units": "1"}), "counted": ("frequency", there)},
-        at,
-        {f"hm0_{name}": height for name, height in hm0.items()}
-        | {
-            "coefficient": hm0["reflected"] / max(hm0["incident"], np.finfo(float).tiny),
+        {
+            "incident": ("frequency", incident, {"units": "m2 Hz-1"}),
+            "reflected": ("frequency", back, {"units": "m2 Hz-1"}),
+            "condition": ("frequency", condition, {"units": "1"}),
+            "counted": ("frequency", there),
+        },
+        {"frequency": ("frequency", f, {"units": "Hz"})},
+        {
+            "hm0_incident": hm0,
+            "hm0_reflected": coefficient * hm0,
+            "coefficient": coefficient,
             "told_apart": float(density[there].sum() / density.sum()),
-            "one_window": whole and window == "hann",
+            "highest_frequency": FREE * peak,
+            "one_window": whole and not low,
         },
     )
 
 
-def _delays(eta: DataArray, x: NDArray[np.float64], depth: float, gravity: float) -> NDArray[np.intp]:
-    """Return how many steps after the first gauge along x the waves' groups come to each: at most half the record."""
-    peak = float(peak_frequency(spectrum(eta).mean("gauge")))
+class _CrossSpectra(NamedTuple):
+    """Frequencies > 0 [Hz], shape (N,), and cross spectra of gauges [m²/Hz], shape (N, gauges, gauges)."""
+
+    frequency: NDArray[np.float64]
+    cross: NDArray[np.complex128]
+
+    @property
+    def variance(self) -> float:
+        """Mean variance of the gauges [m²]."""
+        total = np.trace(self.cross.real, axis1=1, axis2=2).sum() / self.cross.shape[1]
+        return float(total * self.frequency[0])
+
+
+def _cross_spectra(eta: DataArray, delays: NDArray[np.intp], size: int, window: str) -> _CrossSpectra:
+    """Return the cross spectra of records that begin so many steps later at each gauge, in segments of a size."""
+    dt, length = time_step(eta), eta.time.size - int(delays.max())
+    rows = zip(delays, eta.transpose("gauge", "time").values, strict=True)
+    values = np.array([row[delay : delay + length] for delay, row in rows])
+    size = min(size, length)
+    f, cross = signal.csd(values[:, None], values[None], 1 / dt, window, nperseg=size, detrend="constant")
+    turns = np.exp(2j * np.pi * dt * f[1:, None] * delays)
+    return _CrossSpectra(f[1:], turns[:, :, None] * np.moveaxis(cross, -1, 0)[1:] * turns[:, None].conj())
+
+
+def _delays(
+    x: NDArray[np.float64], dt: float, peak: float, *, depth: float, gravity: float, most: int
+) -> NDArray[np.intp]:
+    """Return how many steps after the first gauge along x waves of the peak frequency [Hz] come to each, at most."""
     speed = float(group_velocity(float(wave_number(2 * np.pi * peak, depth, gravity)), depth, gravity))
-    steps = np.rint((x - x.min()) / (speed * time_step(eta))).astype(int)
-    return np.asarray(np.minimum(steps, eta.time.size // 2), dtype=np.intp)
+    return np.asarray(np.minimum(np.rint((x - x.min()) / (speed * dt)).astype(int), most), dtype=np.intp)
 
 
 def _check(gauges: int, fewest: int) -> None:
