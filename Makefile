@@ -4,7 +4,7 @@ RUN ?=
 TESTS ?= # all
 BENCH ?= # everything
 
-.PHONY: run test test-slow lint format bench reference
+.PHONY: run test test-slow lint format bench reference lock
 
 run:
 	./env wavetank run cases/focusing.toml $(if $(RUN),--out $(RUN))
@@ -26,6 +26,11 @@ format:
 
 bench:
 	./env python -m benchmarks $(BENCH)
+
+lock: # versions and hashes of the Python packages that ./env and the containers install on Debian 13; needs uv
+	uv pip compile pyproject.toml --all-extras --generate-hashes --python-version 3.13 --no-annotate --no-emit-index-url \
+		--python-platform x86_64-manylinux_2_28 --constraint containers/debian-13.txt \
+		--custom-compile-command 'make lock' --output-file requirements-debian-13.txt
 
 reference: # of the keys of a case
 	./env wavetank schema >wavetank/case/schema.json
