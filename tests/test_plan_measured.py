@@ -234,6 +234,16 @@ def packet(wall: dict, length: float, duration: float) -> Scene:
     return Scene.model_validate(case | {"wall": {**wall, "motion": motion}})
 
 
+def absorbing_flap() -> Scene:
+    """Shallow waves from a flap to another that absorbs: of all paddles these answer a step most."""
+    flap, depth, k = {"type": "flap", "hinge": 0.0}, 0.6, 0.7 / 0.6
+    period = 2 * np.pi / float(angular_frequency(k, depth, 9.81))
+    moving = {**flap, "motion": {"type": "sinusoid", "paddle_amplitude": 0.01 / k, "period": period}}
+    still = {**flap, "absorb": {"type": "active"}, "motion": {"type": "at-rest"}}
+    case = {"tank": {"length": 6 * np.pi / k, "depth": depth}, "gauges": [4 * np.pi / k]}
+    return Scene.model_validate(case | {"wall": moving, "far_wall": still, "run": {"duration": 20 * period}})
+
+
 def absorbing_paddles() -> Scene:
     """Regular waves between two paddles that absorb."""
     wall, tank = {"type": "piston", "absorb": {"type": "active"}}, {"length": 6.0, "depth": 0.6}
@@ -252,6 +262,7 @@ NAMED_NOTHING = {  # scenes that plans once missed by 1.2 to 1.9 times, in close
     "closed, piston, 2 m": lambda: packet({"type": "piston"}, 2.0, 120.0),
     "closed, flap, 3 m": lambda: packet({"type": "flap", "hinge": 0.0}, 3.0, 45.0),
     "absorbing paddles": absorbing_paddles,
+    "absorbing flap": absorbing_flap,
 }
 
 

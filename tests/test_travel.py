@@ -6,7 +6,7 @@ import pytest
 from wavetank.case import Scene
 from wavetank.plan import travel
 from wavetank.plan.error_model import ErrorModel, Settings
-from wavetank.plan.requirements import requirements
+from wavetank.plan.requirements import requirements, stokes
 from wavetank.theory import airy
 
 GRAVITY = 9.81
@@ -88,3 +88,35 @@ def test_a_longer_run_of_a_closed_tank_needs_finer_numerics():
     coarse = Settings(order=3, cells=6, vertical_order=5, dt=0.066, integrator="simpson-4")
     short, long = (requirements(tank(T), 1e-2) for T in (6.0, 120.0))
     assert ErrorModel(short).predict(coarse) < 0.015 < 0.05 < ErrorModel(long).predict(coarse)
+
+
+def test_bound_harmonics_between_walls_are_those_of_one_direction():
+    """A wall doubles the crest, not the waves of either direction (their harmonics were predicted 0.8 of the first)."""
+    motion = {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 1.2, "ramp": 2.0}
+    found = requirements(tank(20.0, motion=motion, water={"type": "nonlinear"}), 1e-2)
+    assert found.harmonics[1] == pytest.approx(stokes(found.steepness / 2, found.k * found.depth).second)
+
+
+def test_harmonics_of_steep_standing_waves_decay_as_measured():
+    """Against a refined run of k a = 0.2, k d = 2: r_4 = 0.0057, r_5 = 0.0017, without the free ones of its start."""
+    scene = {"tank": {"length": np.pi / 2, "depth": 1.0}, "run": {"duration": 10.0}, "water": {"type": "nonlinear"}}
+    initial = {"type": "standing-wave", "wave_amplitude": 0.1}
+    harmonics = requirements(Scene.model_validate(scene | {"initial": initial}), 1e-3).harmonics
+    for predicted, measured in zip(harmonics[3:5], (0.0057, 0.0017), strict=True):
+        assert 0.5 < predicted / measured < 2.0
+
+
+@pytest.mark.parametrize(
+    ("wall", "kd", "measured"),
+    [("piston", 0.7, 2.2e-2), ("piston", 1.5, 8.2e-3), ("flap", 0.7, 4.7e-2), ("flap", 1.5, 2.6e-2)],
+)
+def test_absorption_once_a_step_is_part_of_the_error(wall, kd, measured):
+    """Regular waves between a paddle and one that absorbs, 28 steps a period, against steps of a sixth."""
+    depth, k = 0.6, kd / 0.6
+    period = 2 * np.pi / float(airy.angular_frequency(k, depth, GRAVITY))
+    made = {"type": wall, "motion": {"type": "sinusoid", "paddle_amplitude": 0.01 / k, "period": period}}
+    far = {"type": wall, "motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
+    parts = {"tank": {"length": 6 * np.pi / k, "depth": depth}, "wall": made, "far_wall": far}
+    scene = parts | {"gauges": [2 * np.pi / k], "run": {"duration": 20 * period}, "water": {"type": "linear"}}
+    model = ErrorModel(requirements(Scene.model_validate(scene), 1e-2))
+    assert 0.5 < model.total(model.time("simpson-4", period / 28)) / measured < 2.0

@@ -21,7 +21,7 @@ Linear waves have none of this.
 A solitary wave that meets a wall has its run-up beside that (``run_up.py``): the larger of both errors counts.
 
 Elevations are compared with an exact computation of the same waves. Between walls that reflect a paddle's waves age
-with the run (``travel.py``).
+with the run (``travel.py``). Paddles that absorb add an error of the step (``absorption_error.py``).
 """
 
 from dataclasses import dataclass
@@ -31,6 +31,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.integrators import INTEGRATORS
+from wavetank.plan.absorption_error import POWER
 from wavetank.plan.dispersion import BlochWaves, Cells, Mesh, step_errors
 from wavetank.plan.requirements import Requirements
 from wavetank.theory import airy
@@ -138,7 +139,8 @@ class ErrorModel:
     def time(self, integrator: str, dt: float) -> ErrorPart:
         """Return what a scheme contributes."""
         x = np.multiply.outer(self._required.waves.omega, self._m) * dt
-        return self._part(*step_errors(INTEGRATORS[integrator](), x))
+        part = self._part(*step_errors(INTEGRATORS[integrator](), x))
+        return part._replace(bounded=np.hypot(part.bounded, self._required.absorption_error * x[:, 0] ** POWER))
 
     def total(self, *parts: ErrorPart) -> float:
         """Return the predicted relative error of the elevation."""

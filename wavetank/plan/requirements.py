@@ -7,7 +7,8 @@ within the run, with all later passages after reflections at both ends (``travel
 of the energy has not arrived, to the far wall. The energy that a gauge records weights its error. Those of a far wall
 are found alike, as seen from it. A standing wave is followed for the whole run.
 
-Steepness counts in Stokes' expansion at k of the highest crest, s = k a, sigma = tanh(k d):
+Steepness counts in Stokes' expansion at k of the highest crest, of the waves of one direction, s = k a,
+sigma = tanh(k d):
 
     a_2 / a_1 = s (3 - sigma²) / (4 sigma³),     a_3 / a_1 = s² (27 - 9 sigma² + 9 sigma⁴ - 3 sigma⁶) / (64 sigma⁶),
     omega / omega_linear - 1 = s² (9 - 10 sigma² + 9 sigma⁴) / (16 sigma⁴).
@@ -34,6 +35,7 @@ from wavetank.errors import InputError
 from wavetank.motions import Motion
 from wavetank.motions.extent import values
 from wavetank.plan import travel
+from wavetank.plan.absorption_error import absorption_error
 from wavetank.plan.kinds import kind_of
 from wavetank.plan.run_up import RunUp
 from wavetank.theory import airy, standing_wave
@@ -52,7 +54,8 @@ WINDOW = 36.0  # (d / g)^(1/2): what of a motion is looked at, at least; a piece
 NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
 POINTS = 1024  # along a wave of permanent form
 TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths looked at
-BEYOND = 2  # harmonics of a standing wave beyond those of its expansion
+BEYOND = 4  # harmonics of a standing wave beyond those of its expansion
+DECAY = 1.85  # r_(m+1) / r_m of these over r_3 / r_2; 1.83 to 1.95 in runs of k a = 0.15 to 0.3 (docs/plan.md)
 NEGLIGIBLE = 1e-5  # of its first harmonic
 RETURNING = 0.1  # of the recorded energy: where less is reflected, the crest is that of waves that travel away
 REACHED = 0.9  # of the energy: of a run that ends before it gets to a gauge all that is in the tank counts
@@ -88,7 +91,7 @@ class SceneWaves(NamedTuple):
     """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one.
 
     ``lasting`` is for how long they are about as high [s]; ``run_up`` is that of a solitary wave that meets a wall,
-    ``free`` are the free second harmonics of a paddle.
+    ``free`` are the free second harmonics of a paddle, ``progressive`` is the crest of the waves of one direction [m].
     """
 
     components: Components
@@ -97,6 +100,7 @@ class SceneWaves(NamedTuple):
     lasting: float = np.inf
     run_up: RunUp | None = None
     free: Components = Components(*4 * [np.empty(0)])
+    progressive: float = 0.0
 
 
 class Form(NamedTuple):
@@ -165,6 +169,8 @@ class Requirements:
         Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
     run_up
         The highest run-up of a solitary wave at a wall; None where there is none.
+    absorption_error
+        Of each component: its error by paddles that absorb, over (omega dt)^(7/2), shape (N,).
     kind
         Of waves by what a step costs (``kind_of``).
     measured
@@ -188,6 +194,7 @@ class Requirements:
     velocity: float
     harmonics: Vector
     run_up: RunUp | None
+    absorption_error: Vector
     kind: str
     measured: tuple[Motion, ...]
     physics: Physics
@@ -215,22 +222,23 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
     if why := unplanned(scene):
         allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
         raise SceneError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
-    waves, crest, form, lasting, run_up, free = _all_waves(scene, accuracy)
+    waves, crest, form, lasting, run_up, free, progressive = _all_waves(scene, accuracy)
     motions = [seen.motion() for seen in scene.paddles]
     energy = waves.amplitude**2
     k = float(energy @ waves.k / energy.sum())
-    harmonics = stokes(k * crest, k * tank.depth)
+    harmonics = stokes(k * progressive, k * tank.depth)
     ratios, excess = (form.harmonics, form.excess) if form else (harmonics.ratios, harmonics.frequency)
     phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
     second = float(ratios[1])
     physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
+    waves = _together([waves, free]) if physics == "nonlinear" else waves
     return Requirements(
         accuracy=accuracy,
         length=tank.length,
         depth=tank.depth,
         gravity=tank.gravity,
         duration=scene.run.duration,
-        waves=Components(*map(np.append, waves, free)) if physics == "nonlinear" else waves,
+        waves=waves,
         k=k,
         steepness=k * crest,
         highest=k * (form.crest if form else crest),
@@ -238,6 +246,7 @@ def requirements(scene: Scene, accuracy: float) -> Requirements:
         velocity=form.velocity if form else _crest_velocity(k, crest, scene),
         harmonics=ratios if physics == "nonlinear" else np.ones(1),
         run_up=run_up,
+        absorption_error=absorption_error(scene, waves.k),
         kind=kind_of(scene, physics),
         measured=tuple(one for one in motions if one.interval is not None),
         physics=physics,
@@ -336,7 +345,8 @@ def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
     run_ups = [waves.run_up for waves in found if waves.run_up is not None]
     highest = max(run_ups, key=lambda one: one.height, default=None)
     components, free = (_together(parts) for parts in zip(*((one.components, one.free) for one in found), strict=True))
-    return SceneWaves(components, crest, form, lasting, highest, free)
+    progressive = sum(waves.progressive for waves in found)
+    return SceneWaves(components, crest, form, lasting, highest, free, progressive)
 
 
 def _together(several: Iterable[Components]) -> Components:
@@ -350,7 +360,7 @@ def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
     )
     in_time = exact.elevation_coefficients[:, 0, :] * [1.0, *3 * [np.sqrt(0.5)]]  # for means over a period
     ratios = np.minimum(np.linalg.norm(in_time, axis=1)[1:] / np.linalg.norm(in_time[1]), 1.0)
-    beyond = np.minimum(ratios[-1] / ratios[-2], 1.0) ** np.arange(1, BEYOND + 1)  # as these fall off, so do the others
+    beyond = np.minimum(DECAY * ratios[-1] / ratios[-2], 1.0) ** np.arange(1, BEYOND + 1)
     ratios = np.append(ratios, ratios[-1] * beyond)
     k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
     omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
@@ -440,7 +450,8 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     crest, mean_square = _crest(scene, lines, returning)
     lasting = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
     free = freed.selected(share[-1:] > 0.0)
-    return SceneWaves(found.selected(share[:-1] > 0.0), crest, lasting=lasting, free=free)
+    one_way = max(crest / 2, _crest(scene, lines, False)[0])  # at a wall that reflects both directions add up
+    return SceneWaves(found.selected(share[:-1] > 0.0), crest, None, lasting, None, free, one_way)
 
 
 def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, Vector]:
