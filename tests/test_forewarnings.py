@@ -14,7 +14,7 @@ import pytest
 from mpi4py import MPI
 from rich.console import Console
 
-from wavetank.case import Scene
+from wavetank.case import LinearWater, Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.observers import stability
@@ -37,6 +37,7 @@ from wavetank.theory.airy import wave_number
 CHECKOUT = Path(__file__).resolve().parents[1]
 SLICE = {"length": 20.0, "depth": 1.0}
 OVER_A_BAR = SLICE | {"bed": {"type": "formula", "depth": "1 - 0.7 * exp(-((x - 8) / 2) ** 4)"}}
+BAR = {"bed": {"type": "formula", "depth": "0.4 - 0.3 * clip((x - 6) / 6, 0, 1) + 0.3 * clip((x - 14) / 3, 0, 1)"}}
 BASIN = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length": 4.0, "width": 1.0}}
 
 
@@ -64,7 +65,7 @@ def test_where_a_rule_stands_for_a_plan_the_run_says_so(tmp_path):
     one = scene(tank={"length": 4.0, "depth": 1.0, "bed": bed}, duration=0.1, **start)
     record_run(one, tmp_path / "run", comm=MPI.COMM_SELF, console=Console(quiet=True))
     assert said in (tmp_path / "run" / "run.log").read_text()
-    assert RunDirectory(tmp_path / "run").manifest["numerics"]["cells"] == 20  # of 0.2 depths
+    assert RunDirectory(tmp_path / "run").manifest["numerics"]["cells"] == 12  # of a third of the depth
     assert told_of_rule(scene(tank=BASIN)).endswith("with a flat bed")
     assert not any(map(told_of_rule, (scene(**start), scene(tank=SLICE | {"bed": bed}, numerics={"cells": 9}))))
 
@@ -443,8 +444,42 @@ def test_cells_follow_the_order_that_is_named(order):
 def test_cells_follow_bed_and_start():
     bed = resolved(scene(tank=SLICE | RIPPLES, wall=piston(1.8)))
     start = resolved(scene(tank=BASIN, initial={"type": "formula", "eta": "0.001 * cos(4 * pi * x) * cos(3 * pi * y)"}))
-    assert bed.cell_size == pytest.approx(2 * np.pi / 200 / 3, rel=0.01)
+    assert bed.cell_size == pytest.approx(2 * np.pi / 200 / 3 * 5 / 3, rel=0.01)  # of order 4
     assert start.cell_size == pytest.approx(2 * np.pi / (5 * np.pi) / 3, rel=0.3)  # looked at along x and along y
+
+
+def test_order_over_a_bed_is_4_in_a_slice_and_3_in_a_basin():
+    """Measured: the cheaper one (docs/plan.md, tests/test_plan_measured.py). What a case names is kept."""
+    bar, others = {"depth": 0.4} | BAR, {"integrator": "third-order", "vertical_order": 6}
+    chosen = [resolved(scene(tank={"length": 27.0} | bar, wall=piston(2.02))), resolved(scene(tank=BASIN | BAR))]
+    assert [(one.numerics.order, one.cell_size) for one in chosen] == [(4, pytest.approx(27 / 202)), (3, 0.5)]
+    kept = [{"order": 3}, {"order": 5}, {"cell_size": 0.2}, {"cells": 135}, others]
+    numerics = [resolved(scene(tank={"length": 27.0} | bar, wall=piston(2.02), numerics=one)).numerics for one in kept]
+    assert [one.order for one in numerics] == [3, 5, 3, 3, 4]
+    assert [one.cell_size for one in numerics[:4]] == [None, None, 0.2, None]  # 0.2 depths
+
+
+TRAIN = "(1 + 0.1 * cos(pi * x / 16)) * cos(pi * x / 2)"  # eight waves of 4 m
+AHEAD = "(1 + 0.1 * cos(pi * x / 16)) * sin(pi * x / 2)"
+
+
+@pytest.mark.parametrize(("steepness", "harmonics"), [(0.01, 1), (0.1, 2), (0.2, 3)])
+@pytest.mark.parametrize("keys", [("eta",), ("psi",), ("eta", "psi")], ids="-".join)
+def test_cells_of_a_steep_start_follow_its_bound_harmonics(steepness, harmonics, keys):
+    """Oracle: Stokes' deep-water harmonics s / 2 and 3 s² / 8 against 1 %, s of the crest; three cells in the shortest.
+
+    The shortest of the free waves is the shorter side band, 32/9 m: its power is 0.25 % of the carrier's.
+    """
+    amplitude = steepness / (np.pi / 2 * 1.1)
+    assert sum(part > 0.01 for part in (1.0, steepness / 2, 3 * steepness**2 / 8)) == harmonics
+    potential = amplitude * np.sqrt(9.81 / (np.pi / 2))
+    start = {"eta": f"{amplitude} * {TRAIN}", "psi": f"{potential} * {AHEAD}"}
+    start = {"type": "formula", "eta": "0"} | {key: start[key] for key in keys}
+    one = scene(tank={"type": "ring", "length": 32.0, "depth": 8.0}, initial=start)
+    assert resolved(one).cell_size == pytest.approx(4.0 / harmonics / 3, rel=0.02)
+    assert told_of_rule(one).endswith(f"; the shortest wave, {4 / harmonics:.3g} m, is that of the initial surface")
+    linear = one.model_copy(update={"water": LinearWater()})
+    assert resolved(linear).cell_size == pytest.approx(4.0 / 3, rel=0.02)  # it has no bound harmonics
 
 
 def noisy(folder, *, noise=1e-4):

@@ -52,6 +52,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
 
     from wavetank.console import spelt
     from wavetank.plan.affordable import check_affordable
+    from wavetank.plan.defaults import shortest_wave
     from wavetank.plan.forewarnings import forewarnings
     from wavetank.plan.planned import planned
     from wavetank.plan.requirements import absorption
@@ -59,6 +60,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     from wavetank.runs.sponges import told_of_sponge
 
     terminal.print(f"{why}; timing some steps of this one, with its waves in the tank", highlight=False)
+    shortest = str(shortest_wave(scene))
     scene, doubts = planned(scene, MPI.COMM_WORLD)
     check_affordable(scene, MPI.COMM_WORLD, longest=inf)
     seen = trial(scene, MPI.COMM_WORLD)
@@ -66,6 +68,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
     told = seen.looks.told(seen.watching / seen.duration)
     for line in (
         seen.summary,
+        *([f"  {shortest}"] if shortest else []),
         f"  a step: {seen.step:.2g} CPU s on {ranks}, {seen.solves:.1f} interior solves",
         *([f"  {told}"] if told else []),
         f"  the run: {spelt(seen.duration)}, on as many free cores",

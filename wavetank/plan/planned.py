@@ -11,7 +11,7 @@ from wavetank.errors import InputError
 from wavetank.fe.agreed import from_first
 from wavetank.meshes import MeshFile
 from wavetank.plan.cut_starts import cut_starts
-from wavetank.plan.defaults import DEFAULT, resolved
+from wavetank.plan.defaults import DEFAULT, resolved, shortest_wave
 from wavetank.plan.plan import Plan, UnreachableError, make_plan
 from wavetank.plan.requirements import unplanned
 from wavetank.plan.waves_held import too_short
@@ -88,10 +88,13 @@ def default_plan(scene: Scene) -> Plan | None:
 
 
 def told_of_rule(asked: Scene) -> str:
-    """Return why nothing is known of the accuracy of a scene that names no numerics; empty where a plan is made."""
+    """Return why no accuracy is predicted of a scene that names no numerics, with its shortest wave; else nothing."""
     ruled = asked.numerics.open and not isinstance(asked.initial, RunState)
     why = unplanned(asked) if ruled else None
-    return f"no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): {why}" if why else ""
+    if why is None:
+        return ""
+    rule = f"no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): {why}"
+    return f"{rule}; {wave}" if (wave := str(shortest_wave(asked))) else rule
 
 
 @contextmanager
