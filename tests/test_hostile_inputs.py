@@ -6,6 +6,7 @@ import shutil
 import signal
 import stat
 import subprocess
+import sys
 import tempfile
 import tracemalloc
 from collections.abc import Iterator
@@ -391,3 +392,24 @@ def test_tables_and_pictures_replace_a_link(tmp_path):
         figure.subplots()
     assert table.read_text() == "x\n1\n" and drawn.read_bytes().startswith(b"\x89PNG")
     assert outside.read_text() == "a file of the user" and not table.is_symlink() and not drawn.is_symlink()
+
+
+# ---------------------------------------------------------------- the current directory
+@pytest.mark.parametrize(("name", "content"), [(".petscrc", "-dll_append {}"), ("ucx.conf", "UCX_LOG_FILE={}\n")])
+def test_settings_of_libraries_in_the_current_directory_are_refused(name, content, tmp_path):
+    """PETSc executed the library, and UCX wrote the file, when they were loaded."""
+    (tmp_path / name).write_text(content.format(tmp_path / "executed"))
+    command = [sys.executable, "-P", "-m", "wavetank", "plan", str(CHECKOUT / "cases/standing-wave.toml")]
+    world = {**os.environ, "PYTHONPATH": str(CHECKOUT)}
+    done = subprocess.run(command, cwd=tmp_path, env=world, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "") and not (tmp_path / "executed").exists()
+    assert done.stderr.startswith(f"wavetank: {tmp_path / name}: a library would execute or write what it names; ")
+
+
+def test_scene_is_not_run_where_a_library_finds_settings(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "petscrc").touch()
+    with pytest.raises(InputError, match="petscrc: a library would execute"):
+        wt.run  # noqa: B018
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert callable(wt.run)

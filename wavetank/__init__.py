@@ -13,6 +13,8 @@ What is not in ``__all__`` may change; what loads long, dolfinx first, is loaded
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from wavetank.working_directory import check_working_directory
+
 if TYPE_CHECKING:
     from wavetank.case.reading import read_case
     from wavetank.public import resume, run
@@ -31,6 +33,7 @@ HOMES = {
 
 def __getattr__(name: str) -> Any:
     if name in HOMES:
+        check_working_directory()
         return getattr(import_module(HOMES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
