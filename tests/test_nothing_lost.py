@@ -63,7 +63,7 @@ def test_no_run_replaces_another_unless_told(tmp_path, monkeypatch, capsys):
     before = contents(first)
 
     refused = [
-        (["--out", str(first)], "holds a run already; give another directory (--out), or --overwrite"),
+        (["--out", str(first)], "holds a run already; give another directory, or overwrite it (--overwrite, "),
         (["--overwrite", "--set", "numerics.dt=3"], "standing-wave.toml, overridden: numerics.dt = 3.0: must be below"),
         (["--overwrite", "--set", "numerics.dt=x"], "numerics.dt"),
     ]

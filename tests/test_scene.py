@@ -356,7 +356,7 @@ def test_a_scene_is_frozen():
         ),
         (
             'initial={type="standing-wave", wave_amplitude=1}',
-            "initial.wave_amplitude = 1.0: must be below the still-water depth, 1 m",
+            "initial.wave_amplitude = 1.0: must be at most 0.681 m, where standing waves of this length break in 1 m",
         ),
         (
             'initial={type="standing-wave", wave_amplitude=0.1, mode=0}',

@@ -130,6 +130,7 @@ def _output(stream: TextIO) -> TextIO:
 
 
 def drain() -> None:
-    """Wait until what has been printed is written, as far as that is possible."""
-    for one in _outputs.values():
-        one.drain()
+    """Wait until what has been printed is written, as far as that is possible, or until SIGINT."""
+    with suppress(KeyboardInterrupt):
+        for one in _outputs.values():
+            one.drain()

@@ -26,7 +26,7 @@ from wavetank.observers.progress import ProgressBar, Standing
 from wavetank.observers.record import Discard, DiscardArrays, Kept, RecordCheck
 from wavetank.observers.stability import StabilityWatch
 from wavetank.plan.affordable import check_affordable
-from wavetank.plan.forewarnings import forewarnings
+from wavetank.plan.forewarnings import forewarnings, noise
 from wavetank.plan.planned import mesh_told, planned, told_of_rule
 from wavetank.plan.stable import check_stable
 from wavetank.records.checkpoint import kept as checkpoints
@@ -473,6 +473,7 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Sc
         tolerance=scene.numerics.tolerance,
         quickened=scene.quickened,
         warned=next(warned, None),
+        noise=next(noise(scene), ""),
     )
     for one in (one for one in _breaking(run) if one.watch.alarms):
         enough = ", and the eddy viscosity was not enough" if isinstance(one, BreakingDissipation) else ""

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motions
-from wavetank.case.groups import KEY, FocusingWaves, SpectralWaves
+from wavetank.case.groups import KEY, MOST, FocusingWaves, SpectralWaves
 from wavetank.case.moving_wall import HingedWall, MovingWall
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank
@@ -181,7 +181,7 @@ class DirectionalIrregularMotion(SpectralWaves):
     )
     largest_angle: float = Field(default=60.0, ge=0.1, lt=90, description="angle of the outermost directions [deg]")
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
-    components: int = Field(default=1000, ge=2, le=10_000, description="number of components, each of one direction")
+    components: int = Field(default=1000, ge=2, le=MOST, description="number of components, each of one direction")
 
     _one_spread = one_of("spreading", "deviation")
 

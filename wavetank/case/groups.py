@@ -15,6 +15,7 @@ from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Duration, Frequency, Height, Length, Ramp, metres
 
 KEY = ("wall", "motion")
+MOST = 10_000  # components
 MISSED = 1e-6  # of its peak: of so little there are no waves
 
 
@@ -25,7 +26,7 @@ class SpectralWaves(Noun):
     spectrum: Spectrum
     lowest_frequency: Frequency | None = Field(default=None, description="first component [Hz]; default fp / 2")
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 2 fp")
-    components: int = Field(default=128, ge=2, le=10_000, description="number of components")
+    components: int = Field(default=128, ge=2, le=MOST, description="number of components")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two peak periods")
 
     @property
@@ -63,6 +64,11 @@ class SpectralWaves(Noun):
         repetition = (self.components - 1) / (highest - lowest)
         if scene.run.duration > repetition:
             least = int(np.ceil(scene.run.duration * (highest - lowest))) + 1
+            if least > MOST:
+                longest = (MOST - 1) / (highest - lowest)
+                allowed = f"must be at most {longest:.6g} s: {MOST} components, the most, repeat the waves after it"
+                yield Problem(("run", "duration"), scene.run.duration, allowed)
+                return
             allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
             yield Problem((*KEY, "components"), self.components, allowed)
 

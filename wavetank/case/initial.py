@@ -14,15 +14,16 @@ from wavetank.case.initial_run import RunState
 from wavetank.case.initial_sea import FocusedSurface, IrregularSurface
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
-from wavetank.errors import InputError
 from wavetank.meshes import Rectangle
 from wavetank.theory.conformal import SteadyWave
 from wavetank.theory.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.theory.standing_wave import ThirdOrderStandingWave
 from wavetank.theory.stream_function import maximum_height, stream_function_wave
 from wavetank.theory.wave import Wave
-from wavetank.values.noun import Noun, Problem, one_of
+from wavetank.values.noun import Noun, Problem, about, one_of
 from wavetank.values.quantities import Coordinate, Count, Height, Share, metres
+
+BREAKING = 0.109 * 2 * np.pi  # k a / tanh(k d) of the highest standing wave, H / L = 0.218 tanh(k d) (Danel, 1952)
 
 
 def _box(tank: AnyTank) -> tuple[float, float, float, float]:
@@ -83,8 +84,16 @@ class StandingWave(KnownWave):
             yield Problem(("initial", "type"), self.type, "needs a rectangle (tank.layout.type)")
         if self.mode_across and not isinstance(scene.tank, BasinTank):
             yield Problem(("initial", "mode_across"), self.mode_across, f"must be 0: a {scene.tank.type} has no width")
-        if self.wave_amplitude >= scene.tank.depth:
-            allowed = f"must be below the still-water depth, {scene.tank.depth:g} m"
+        depth, (left, low, right, high) = scene.tank.depth, _box(scene.tank)
+        k = float(np.hypot(self.mode / (right - left), self.mode_across / (high - low))) * np.pi
+        if scene.physics == "linear":
+            if self.wave_amplitude >= depth:
+                allowed = f"must be below the still-water depth, {depth:g} m"
+                yield Problem(("initial", "wave_amplitude"), self.wave_amplitude, allowed)
+        elif self.wave_amplitude > (highest := BREAKING * float(np.tanh(k * depth)) / k):
+            allowed = (
+                f"must be at most {highest:.4g} m, where standing waves of this length break in {depth:g} m of water"
+            )
             yield Problem(("initial", "wave_amplitude"), self.wave_amplitude, allowed)
         if isinstance(scene.tank, RingTank) and self.mode % 2:
             yield Problem(("initial", "mode"), self.mode, "must be even: whole waves, two halves each, fit a ring")
@@ -103,13 +112,11 @@ class StreamFunctionWave(KnownWave):
     _one_height = one_of("height", "steepness")
 
     def wave(self, tank: AnyTank) -> SteadyWave:
-        """Return one of the waves; raises ``InputError`` if it cannot be had."""
+        """Return one of the waves; raises ``SceneError`` if it cannot be had."""
         length = tank.length / self.waves
         height = self.height or (self.steepness or 0.0) * maximum_height(length, tank.depth)
-        try:
+        with about("initial"):
             return stream_function_wave(height, length, depth=tank.depth, gravity=tank.gravity)
-        except InputError as error:
-            raise InputError(f"initial: {error}") from None
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a tank that is no ring, and a height that no wave has."""

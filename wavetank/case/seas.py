@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field, Strict, model_validator
 
 from wavetank import motions
-from wavetank.case.groups import KEY, FocusingWaves, SpectralWaves
+from wavetank.case.groups import KEY, MOST, FocusingWaves, SpectralWaves
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
 from wavetank.case.wave_files import ComponentFile, SurfaceFile
@@ -216,7 +216,7 @@ class IrregularMotion(SpectralWaves, MadeWaves):
         default=False, description="amplitudes are random, too: Hm0 is then that of many seeds' mean"
     )
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
-    components: int = Field(default=1000, ge=2, le=10_000, description="number of components")
+    components: int = Field(default=1000, ge=2, le=MOST, description="number of components")
 
     def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory, with phases at the paddle."""

@@ -25,6 +25,8 @@ class Probes:
         What they and the paddles are called in a case.
     """
 
+    added = True
+
     def __init__(
         self,
         water: MovingWater,
@@ -35,9 +37,13 @@ class Probes:
         called: Called | None = None,
     ):
         self._water, self._sounding, self._record, self.schedule = water, sounding, record, schedule
-        self._places = sounding.places
+        self._places, self._points = (
+            sounding.places,
+            [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in sounding.points],
+        )
         self._passing = Passing(water.wall, self._places, called or Called.unnamed(water.wall, "probe", self._places))
         self._axes = axes_of(water)
+        self._wet: dict[str, bool] = {}  # by a probe's place: whether there has been water
 
     def observe(self, moment: Moment) -> None:
         """Append one row; raises ``PaddleError`` if a paddle has passed a probe; collective."""
@@ -46,10 +52,27 @@ class Probes:
             found = self._sounding.take()
         except OutsideError as error:
             raise self._passing.error(moment.t, error.index, self._water.wall.stand(self._places)) from None
+        for name, dry in zip(self._points, found.dry, strict=True):
+            self._wet[name] = self._wet.get(name, False) or not bool(dry)
         vectors = (vector[:, self._axes] for vector in (found.velocity, found.local, found.acceleration))
         each = np.column_stack([*vectors, found.pressure])
         rows = ([None] * len(row) if dry else row for row, dry in zip(each, found.dry, strict=True))
         self._record.extend([[moment.t, *(value for row in rows for value in row)]])
+
+    def verdict(self) -> list[str]:
+        """Return a sentence for probes without water at any time."""
+        dry = [point for point, wet in self._wet.items() if not wet]
+        return [f"probes without water at any time, their columns are empty: {'; '.join(dry)}"] if dry else []
+
+    def held(self) -> Held:
+        """Return at which places there has been water."""
+        return dict(self._wet)
+
+    def take(self, held: Held) -> None:
+        """Take that back."""
+        self._wet = dict(held)
+
+    carry = take
 
 
 def axes_of(water: MovingWater) -> list[int]:

@@ -15,6 +15,7 @@ from wavetank.case import Scene
 from wavetank.case.initial import StillWater
 from wavetank.case.initial_run import RunState
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
+from wavetank.case.paddles import FormulaMotion, PythonMotion
 from wavetank.case.sponges import EndSponge, FormulaSponge, GroupSponge
 from wavetank.case.tanks import SliceTank
 from wavetank.case.wave_files import SurfaceFile
@@ -22,6 +23,7 @@ from wavetank.errors import InputError
 from wavetank.fe.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
+from wavetank.motions import Recorded
 from wavetank.plan.defaults import DEFAULT, bed_shape, by_rule
 from wavetank.plan.dispersion import relative_frequency_error
 from wavetank.plan.freed_harmonics import harmonics_sent_back
@@ -44,6 +46,8 @@ SENT_BACK = 0.1  # of waves, by a sponge: steep ones broke from 0.2 on (docs/abs
 LAYERS = 2000  # in which a sponge is looked at
 WEAK = 0.01  # of a sponge's largest rate: what takes no waves to speak of
 SUDDEN = 0.1  # of its largest speed: what a paddle starts with in water at rest
+HALVINGS = 40  # of an interval of time in which a velocity may jump
+NOISY = 0.5  # of the variance of a record's acceleration
 SMALL = 0.1  # of the speed of its waves: a paddle's strokes that linear theory is of
 
 
@@ -55,7 +59,7 @@ def forewarnings(scene: Scene, clock: Clock, waves: AnyWaves, *, own: Integrator
     """
     planless = own is not None or unplanned(scene) is not None or any(too_short(scene))
     mesh = waves_missed(scene, waves.plane.cell_size) if planless else predicted(scene)
-    of_motion = *_strokes(scene), *_jolts(scene), *of_duration(scene)
+    of_motion = *_strokes(scene), *_jolts(scene), *_jumps(scene, clock), *noise(scene), *of_duration(scene)
     before = [
         *mesh,
         *jets(scene),
@@ -111,6 +115,45 @@ def _jolts(scene: Scene) -> Iterator[str]:
             jump = f"at {speed:.3g} m/s, {speed / largest:.2g} of its largest speed"
             blow = f"that strikes the water and throws it up there; {seen.key}.motion.ramp begins gently"
             yield f"the paddle of {seen.key} starts at t = {begin:.4g} s from rest {jump}: {blow}"
+
+
+def _jumps(scene: Scene, clock: Clock) -> Iterator[str]:
+    """Yield a sentence for each paddle moved by a formula or function whose velocity jumps during the run.
+
+    Intervals of a quarter step are halved, of each the half in which the velocity changes more.
+    """
+    for seen in scene.paddles:
+        by_user = isinstance(getattr(seen.wall, "motion", None), FormulaMotion | PythonMotion)
+        if not by_user or seen.wall.places(seen.tank) is not None:
+            continue
+        motion = seen.motion()
+        velocity, largest = seen.of_paddle(motion, "velocity"), seen.extent(motion).speed
+        t = np.linspace(max(motion.start, 0.0), scene.run.duration, 4 * clock.steps + 1, dtype=np.float64)
+        v = velocity(t)
+        fast = np.abs(np.diff(v)) > SUDDEN * largest
+        (begin, end), (before, after) = (t[:-1][fast], t[1:][fast]), (v[:-1][fast], v[1:][fast])
+        for _ in range(HALVINGS if fast.any() else 0):
+            middle = 0.5 * (begin + end)
+            between = velocity(middle)
+            first = np.abs(between - before) > np.abs(after - between)
+            begin, end = np.where(first, begin, middle), np.where(first, middle, end)
+            before, after = np.where(first, before, between), np.where(first, between, after)
+        jumps = np.abs(after - before)
+        if (jumps > SUDDEN * largest).any():
+            n = int(jumps.argmax())
+            jump = f"by {jumps[n]:.3g} m/s, {jumps[n] / largest:.2g} of its largest speed"
+            yield f"the velocity of the paddle of {seen.key} jumps at t = {end[n]:.4g} s {jump}: that strikes the water"
+
+
+def noise(scene: Scene) -> Iterator[str]:
+    """Yield a sentence for each paddle whose recorded motion is mostly noise, by its acceleration."""
+    for seen in scene.paddles:
+        record = getattr(seen.motion(), "motion", seen.motion())
+        found = record.noise if isinstance(record, Recorded) else None
+        if found is not None and found[0] > NOISY:
+            share, frequency = found
+            fast = f"{100 * share:.2g} % of the variance of its acceleration is above {frequency:.3g} Hz"
+            yield f"the record of {seen.key}.motion has noise: {fast}; highest_frequency leaves it out"
 
 
 def _ramps(scene: Scene) -> Iterator[str]:

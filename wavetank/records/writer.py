@@ -344,4 +344,5 @@ def _check_free(path: Path, *, overwrite: bool) -> None:
     if there and MANIFEST not in there:
         raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
     if there and not overwrite:
-        raise InputError(f"{path}: holds a run already; give another directory (--out), or --overwrite.")
+        allowed = "give another directory, or overwrite it (--overwrite, overwrite=True)"
+        raise InputError(f"{path}: holds a run already; {allowed}.")

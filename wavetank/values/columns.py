@@ -14,6 +14,7 @@ from wavetank.errors import InputError
 from wavetank.values.files import TEXT, regular
 
 Array = NDArray[np.float64]
+CELL = re.compile(r"[-+]?\d*(,\d+)?([eE][-+]?\d+)?")  # a number with a decimal comma, or a whole number
 
 
 class Columns(NamedTuple):
@@ -45,6 +46,8 @@ def read_columns(
     """
     names, rows, numbers = tuple[str, ...](), list[list[float]](), list[int]()
     for number, line in _lines(path):
+        if _has_decimal_commas(line):
+            raise InputError(f"{path}, line {number}: {line!r} received: decimal commas; allowed are decimal points.")
         try:
             row = [float(cell) for cell in re.sub("[,;]", " ", line).split()]
         except ValueError:
@@ -58,6 +61,14 @@ def read_columns(
             numbers.append(number)
         columns = columns or len(row or names)
     return Columns(names, np.array(rows).reshape(len(rows), columns), tuple(numbers))
+
+
+def _has_decimal_commas(line: str) -> bool:
+    """Return whether a line has cells such as ``0,5``, separated by blanks or semicolons, and no decimal point."""
+    if "," not in line or "." in line:
+        return False
+    cells = re.split(r"[;\s]+", line.strip())
+    return len(cells) > 1 and all(CELL.fullmatch(cell) for cell in cells)
 
 
 def check_ascending(

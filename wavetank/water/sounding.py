@@ -57,6 +57,11 @@ class Sounding:
         self._depth = water.plane.function("depth")
 
     @property
+    def points(self) -> Vector:
+        """The points (x, y, z) [m], shape (N, 3)."""
+        return self._at
+
+    @property
     def places(self) -> Vector:
         """Where the points are, seen from above: (x, y) [m], shape (N, 2)."""
         return self._at[:, :2]

@@ -1,0 +1,147 @@
+"""Messages for input that cannot be used or is doubtful: each names the key or file and what is allowed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+from rich.console import Console
+
+import wavetank as wt
+from wavetank import console
+from wavetank.case.reading import read_case
+from wavetank.cli import main
+from wavetank.errors import InputError
+from wavetank.plan.forewarnings import forewarnings
+from wavetank.recording import record_run
+from wavetank.records.directory import RunDirectory
+from wavetank.runs.build import build_run
+
+SLICE = "[tank]\nlength = 4.0\ndepth = 1.0\n[run]\nduration = {duration}\n[numerics]\ncells = 8\nvertical_order = 3\n"
+RING = SLICE.replace("length = 4.0", 'type = "ring"\nlength = 63.0')
+RECORD = '[wall]\ntype = "piston"\nmotion = {{type = "recorded", position = "paddle.txt"}}\n'
+GROUP = (
+    '[wall]\ntype = "piston"\nmotion = {{type = "focused", focus_x = 2.0, focus_time = 0.5, linear_crest = 0.01, '
+    'spectrum = {{type = "jonswap", peak_period = 1.0}}, ramp = 0.1}}\n'
+)
+SEA = '[wall]\ntype = "piston"\nmotion = {{type = "irregular", significant_height = 0.02, '
+SEA += 'spectrum = {{type = "jonswap", peak_period = 1.0}}, ramp = 0.1}}\n'
+
+
+@pytest.fixture
+def case(tmp_path):
+    """Return what writes a case, whose parts may have a duration, and a record of a paddle."""
+
+    def write(text: str, record: str = "", duration: float = 1.0) -> Path:
+        (tmp_path / "paddle.txt").write_text(record)
+        (tmp_path / "case.toml").write_text(text.format(duration=duration))
+        return tmp_path / "case.toml"
+
+    return write
+
+
+REFUSED = {
+    "a standing wave above its breaking limit": (  # 0.218 tanh(k d) of its length of 8 m, over 2
+        SLICE + '[initial]\ntype = "standing-wave"\nwave_amplitude = 0.9\n',
+        {},
+        "initial.wave_amplitude = 0.9: must be at most 0.5719 m, where standing waves of this length break",
+    ),
+    "a group that more components than allowed would not repeat": (  # 9999 / (2.0 - 0.5) Hz
+        SLICE + GROUP,
+        {"duration": 1e7},
+        "run.duration = 10000000.0: must be at most 6666 s: 10000 components, the most, repeat the waves after it",
+    ),
+    "an irregular sea that more components than allowed would not repeat": (
+        SLICE + SEA,
+        {"duration": 1e7},
+        "run.duration = 10000000.0: must be at most 3999.6 s: 10000 components, the most, repeat the waves after it",
+    ),
+    "decimal commas with semicolons": (
+        SLICE + RECORD,
+        {"record": "0,00;0,001\n1;0,002\n2,0;0,003\n3,0;0,004\n"},
+        "paddle.txt, line 1: '0,00;0,001' received: decimal commas; allowed are decimal points",
+    ),
+    "decimal commas with blanks": (
+        SLICE + RECORD,
+        {"record": "0 0\n0,5\t1,2e-3\n2,0 0,003\n3,0 0,004\n"},
+        "paddle.txt, line 2: '0,5\\t1,2e-3' received: decimal commas; allowed are decimal points",
+    ),
+    "a steady wave that cannot be computed": (
+        RING + '[initial]\ntype = "stream-function"\nsteepness = 0.97\n',
+        {},
+        "line 10: initial: height = 0.783418 m: no wave of length 63 m in a depth of 1 m could be computed",
+    ),
+}
+
+
+@pytest.mark.parametrize("which", REFUSED)
+def test_a_case_that_cannot_be_run_is_refused_with_key_and_limit(which, case, capsys):
+    text, parts, said = REFUSED[which]
+    assert main(["plan", str(case(text, **parts))]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_columns_with_commas_between_them_are_no_decimal_commas(case):
+    motion = read_case(case(SLICE + RECORD, "0,0\n1, 2\n2 3\n3.0,4\n")).motion()
+    assert motion.position(np.arange(4.0)) == pytest.approx([0.0, 2.0, 3.0, 4.0])
+
+
+def formula(position: str) -> str:
+    return '[wall]\ntype = "piston"\nmotion = {{type = "formula", position = "' + position + '"}}\n'
+
+
+T = np.arange(0.0, 3.0, 0.02)
+NOISE = 3e-4 * np.random.default_rng(1).standard_normal(T.size)
+RECORDS = {
+    name: "".join(f"{t:.2f} {x:.9f}\n" for t, x in zip(T, 0.03 * np.sin(4 * T) ** 4 + noise, strict=True))
+    for name, noise in (("clean", 0 * T), ("noisy", NOISE))
+}
+
+
+@pytest.mark.parametrize(
+    ("wall", "record", "said"),
+    [
+        (formula("0.02 * max(t - 0.513, 0)"), "", "wall jumps at t = 0.513 s by 0.02 m/s, 1 of its largest speed"),
+        (formula("0.01 * abs(sin(4 * t))"), "", "wall jumps at t = 0.7854 s by 0.08 m/s, 2 of its largest speed"),
+        (formula("0.01 * sin(9 * t) ** 2"), "", ""),
+        (RECORD, RECORDS["noisy"], "the record of wall.motion has noise: 9"),
+        (RECORD, RECORDS["clean"], ""),
+    ],
+)
+def test_a_motion_with_a_jump_of_its_velocity_or_with_noise_is_named(wall, record, said, case):
+    scene = read_case(case(SLICE + "dt = 0.02\n" + wall, record))
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    doubts = [one for one in forewarnings(scene, run.clock, waves) if "jumps" in one or "noise" in one]
+    assert len(doubts) == bool(said) and all(said in one for one in doubts)
+
+
+def test_probes_without_water_at_any_time_are_named(case, tmp_path):
+    """Also of a run that goes on; a probe that was wet once, before or after, is not."""
+    probes = "probes = [{{x = 0.0, z = 0.05}}, {{x = 1.0, z = 0.5}}, {{x = 2.0, z = -0.3}}, {{x = 4.0, z = 0.05}}]\n"
+    text = probes + SLICE + '[initial]\ntype = "standing-wave"\nwave_amplitude = 0.1\nmode = 1\n'
+    for duration, dry in (
+        (0.1, "; x = 4, y = 0, z = 0.05 m"),
+        (1.2, ""),
+    ):  # a crest at x = 0, half a period later at x = 4
+        out = tmp_path / "run"
+        scene = read_case(case(text, duration=duration))
+        record_run(scene, out, comm=MPI.COMM_SELF, console=Console(quiet=True), resume=out.exists())
+        (said,) = (one for one in RunDirectory(out).manifest["warnings"] if "probes" in one)
+        assert said == f"probes without water at any time, their columns are empty: x = 1, y = 0, z = 0.5 m{dry}"
+
+
+def test_python_is_told_its_own_argument_for_a_run_that_is_there(tmp_path):
+    (tmp_path / "manifest.json").write_text("{}")
+    case = tmp_path / "case.toml"
+    case.write_text(SLICE.format(duration=1.0))
+    with pytest.raises(InputError, match=r"run already; give another directory, or overwrite it .*overwrite=True"):
+        wt.run(wt.read_case(case), tmp_path, quiet=True)
+
+
+def test_an_interruption_while_waiting_for_output_ends_the_waiting(monkeypatch):
+    class Interrupted:
+        def drain(self) -> None:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(console, "_outputs", {None: Interrupted()})
+    console.drain()
