@@ -197,7 +197,7 @@ def test_viscosity_is_where_the_crest_is_in_the_laboratory(make_tank):
     tank.set_time(1.0)  # X_p = 0.5 m
     x = tank.wall.to_physical(tank.plane.places)[:, 0]
     psi = np.cos(2 * np.pi * x / 0.4)
-    one = SteepCrest(x=1.7, height=0.2, velocity=1.8, current=0.0, speed=2.0, mean=1.0, front=0.5)
+    one = SteepCrest(x=1.7, height=0.2, velocity=1.8, current=0.0, speed=2.0, front=0.5, coherence=1.0, outrun=0.1)
     breaking.place([one])
     taken = np.abs(smoothed(breaking, psi) - psi)
     assert np.sum(x * taken) / np.sum(taken) == pytest.approx(one.x, abs=0.03)
