@@ -96,7 +96,7 @@ def test_a_run_that_days_of_rows_make_too_long_is_refused_for_them(tmp_path, cap
     window = 'windows=[{name="a", start=[1.0, 0.0], end=[2.0, 0.0], columns=99, levels=50, every=0.05, format="csv"}]'
     assert main(["run", str(case), "--set", window, "--out", str(tmp_path / "run")]) == 2
     said = capsys.readouterr().err
-    assert "of it are for probes, loads and windows" in said and said.count("\n") == 1
+    assert "of it are for records below the surface" in said and said.count("\n") == 1
 
 
 HUGE = [

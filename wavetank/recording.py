@@ -169,7 +169,8 @@ def record_run(
             warnings.add(doubt)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run) if isinstance(one, BreakingDissipation)]
-        run.observers += own_observers(observers, waves)
+        run.own = own_observers(observers, waves)
+        run.observers += run.own
         if kept:
             log.say(kept.take(run, waves, scene=scene, fields=series))
             kept.miss(called(observers))

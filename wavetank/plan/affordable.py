@@ -34,7 +34,7 @@ PER_CELL = 60.0  # bytes of a mesh file, at least
 class Needs(NamedTuple):
     """What a run takes: its unknowns, its steps, CPU time [s] and memory [bytes], of all ranks together.
 
-    Of the CPU time ``watching`` is for probes, loads and windows.
+    Of the CPU time ``watching`` is for records below the surface.
     """
 
     unknowns: float
@@ -59,7 +59,7 @@ def _check(needs: Needs, there: float, *, ranks: int, longest: float) -> None:
         ""
         if needs.watching < WORTH_TELLING * needs.cpu
         else (
-            f"; {spelt(needs.watching / ranks)} of it are for probes, loads and windows, of which fewer rows need less"
+            f"; {spelt(needs.watching / ranks)} of it are for records below the surface, of which fewer rows need less"
         )
     )
     sentence = (

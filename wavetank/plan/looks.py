@@ -1,4 +1,4 @@
-"""What probes, loads and windows cost beside the steps, and paddles that absorb: they look at the water.
+"""What records below the surface and paddles that absorb cost beside the steps.
 
 At rows of the former a run looks below the surface.
 There the potential's rate is found, by one more interior solve and products around it, on water of the observer's own
@@ -55,6 +55,8 @@ class Looks(NamedTuple):
             points = times * window.columns * window.levels
             rows += times
             tabled, filed = (tabled + points, filed) if window.format == "csv" else (tabled, filed + points)
+        if output.velocity_every is not None and scene.physics == "nonlinear":
+            rows += scene.run.duration / output.velocity_every
         walls: list[Any] = [scene.paddles[number].wall for number in scene.absorbing]
         once, of_entry = (steps * sum(ANSWER[type(wall.absorb)][n] for wall in walls) for n in (0, 1))
         return cls(min(rows, steps), tabled, filed, (once, of_entry))
@@ -86,7 +88,8 @@ class Looks(NamedTuple):
         if not self.rows:
             return ""
         points = f", {self.tabled + self.filed:.0f} points are written" if self.writing else ""
-        return f"probes, loads and windows look below the surface {self.rows:.0f} times{points}: {part:.0%} of the time"
+        who = "probes, loads, windows and velocity fields"
+        return f"{who} look below the surface {self.rows:.0f} times{points}: {part:.0%} of the time"
 
 
 NOWHERE = Looks(0.0)

@@ -259,7 +259,7 @@ def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: S
     if waves.plane.mesh.topology.dim == 1:
         snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
         observers.append(snapshots)
-    observers += _field_observers(scene, waves, records)
+    observers += _surface_fields(scene, waves, records)
     if scene.all_gauges:
         observers.append(_gauges(scene, waves, records.gauges))
     look = InTheWater.of(scene, waves, records)
@@ -310,7 +310,7 @@ class InTheWater(NamedTuple):
     Attributes
     ----------
     observers
-        What records probes and loads, and remembers the water.
+        What records probes, loads, windows and velocity fields, and remembers the water.
     pushes
         Of the paddles, by the ends of the tank they are at, where a load there is asked for.
     """
@@ -321,10 +321,14 @@ class InTheWater(NamedTuple):
     @classmethod
     def of(cls, scene: Scene, waves: AnyWaves, records: Records) -> "InTheWater":
         """Return what a scene asks for; collective. Raises ``SceneError`` for a probe or wall that is not there."""
-        if records.probes is None and records.loads is None and not records.windows:
+        every = scene.output.velocity_every
+        velocity = records.fields if every is not None and isinstance(waves, NonlinearWaves) else None
+        if records.probes is None and records.loads is None and velocity is None and not records.windows:
             return cls([], {})
         water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
         observers: list[Observer] = [WaterKept(water)] if isinstance(water, Stateful) else []
+        if velocity is not None and every is not None and isinstance(water, NonlinearWaves):
+            observers.append(VelocityFields(water, velocity("velocity"), schedule=EveryTime(every)))
         if records.probes is not None:
             observers.append(_probes(scene, water, records.probes, schedule))
         for n, record in enumerate(records.windows):
@@ -419,15 +423,9 @@ def _wall(scene: Scene, waves: AnyWaves, n: int) -> MeshTags:
         return waves.plane.wall(scene.loads[n].on)
 
 
-def _field_observers(scene: Scene, waves: AnyWaves, records: Records) -> list[Observer]:
-    """Return what writes a basin's surface and sponge, and the velocity field where it is asked for; collective."""
-    observers = list[Observer]()
-    if records.fields is None:
-        return observers
-    if waves.plane.mesh.topology.dim == 2:
-        schedule = EveryTime(scene.surface_every)
-        observers.append(SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=waves.damping))
-    if scene.output.velocity_every is not None and isinstance(waves, NonlinearWaves):
-        schedule = EveryTime(scene.output.velocity_every)
-        observers.append(VelocityFields(waves, records.fields("velocity"), schedule=schedule))
-    return observers
+def _surface_fields(scene: Scene, waves: AnyWaves, records: Records) -> list[Observer]:
+    """Return what writes a basin's surface and sponge; collective."""
+    if records.fields is None or waves.plane.mesh.topology.dim == 1:
+        return []
+    schedule = EveryTime(scene.surface_every)
+    return [SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=waves.damping)]

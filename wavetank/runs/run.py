@@ -1,9 +1,9 @@
 """The time loop, the only one."""
 
-from collections.abc import Sequence
-from dataclasses import fields, is_dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -22,6 +22,19 @@ from wavetank.water.seen import Sight
 MOMENTS, NUMBERS = 768, 3.6e5  # that patient observers keep at most, and of all of their unknowns
 
 
+@runtime_checkable
+class Solving(Stateful, Protocol):
+    """A system with interior solves, whose start values and preconditioner depend on the solves before.
+
+    Attributes
+    ----------
+    potential
+        The interior solver, with its ``counters``.
+    """
+
+    potential: Any
+
+
 class Run:
     """A system, a scheme and what is recorded of them.
 
@@ -38,6 +51,8 @@ class Run:
     ----------
     observed
         Whether all have observed the present step.
+    own
+        Those of the observers that a user has written: they may evaluate the system, which then takes back its state.
     """
 
     def __init__(
@@ -51,7 +66,7 @@ class Run:
         filters: Sequence[Filter] = (),
     ):
         self.system, self.integrator, self.observers = system, integrator, list(observers)
-        self.clock, self.filters = clock, filters
+        self.clock, self.filters, self.own = clock, filters, list[Observer]()
         self._stepper = Filtered(integrator, filters, acted=self._acted, seen=self._energy)
         self.step = clock.first
         self.state = integrator.start(*start)
@@ -83,8 +98,9 @@ class Run:
         self._patient = [one for one in self.observers if isinstance(one, Patient)]
         self._hasty = [one for one in self._patient if not one.foreseen]
         keeping = [one for one in self.observers if isinstance(one, Keeping)]
-        self._keeps = [(*_when(schedule), one.keep) for one in keeping if (schedule := one.keeps)]
-        self._acts = [(*_when(one.schedule), one.observe) for one in self.observers if not isinstance(one, Patient)]
+        self._keeps = [(*_when(at), self._undisturbed(one, one.keep)) for one in keeping if (at := one.keeps)]
+        prompt = [one for one in self.observers if not isinstance(one, Patient)]
+        self._acts = [(*_when(one.schedule), one, self._undisturbed(one, one.observe)) for one in prompt]
         seen = {id(one.sees): one.sees for one in self._patient if one.sees}
         self._most = max(1, min(MOMENTS, int(NUMBERS / self.system.inner(*[np.ones_like(self.state.q)] * 2))))
         self._sights = {key: waves.sight(1 + self._most) for key, waves in seen.items()}  # the start comes with a step
@@ -123,7 +139,7 @@ class Run:
         for observer in self._patient:
             try:
                 if len(due := self._due(observer.schedule, moments)):
-                    observer.work_off(due)
+                    self._undisturbed(observer, observer.work_off)(due)
             except RunError as error:
                 failures.append(error)
             except Exception as error:
@@ -213,13 +229,27 @@ class Run:
         moment = self._looked or self._look(self.state, step)
         self._steps.append(step)
         try:
-            for every, schedule, act in self._acts:
+            for every, schedule, observer, act in self._acts:  # noqa: B007
                 if not step % every and (schedule is None or self._is_due(schedule, step, moment.t)):
                     act(moment)
         except Exception as error:
-            locate(error, f"the observer {type(getattr(act, '__self__', act)).__name__}")
+            locate(error, f"the observer {type(observer).__name__}")
             raise
         self.observed = True
+
+    def _undisturbed(self, observer: Observer, act: Callable[[Any], None]) -> Callable[[Any], None]:
+        """Return an action of an observer that does not change the system: start values depend on each evaluation."""
+        system = self.system
+        if not (isinstance(system, Solving) and any(observer is one for one in self.own)):
+            return act
+
+        def restoring(looked_at: Any) -> None:
+            held, counters = system.held(), replace(system.potential.counters)
+            act(looked_at)
+            if system.potential.counters != counters:
+                system.take(held)
+
+        return restoring
 
     def _due(self, schedule: Schedule, moments: Moments) -> Moments:
         """Return the moments at which to act."""
