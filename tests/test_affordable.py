@@ -109,6 +109,7 @@ HUGE = [
     [
         "numerics={accuracy=0.01, order=4, vertical_order=6}",
         'wall={type="piston", motion={type="sinusoid", paddle_amplitude=0.03, period=1.6}}',
+        'sponge={type="end", length=6.0}',
         "run.duration=1e9",
     ],
     ['tank={type="basin", depth=1.0, layout={type="rectangle", length=1e3, width=1e3}}', "numerics.cell_size=0.01"],

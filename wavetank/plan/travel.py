@@ -16,6 +16,7 @@ from wavetank.case import Scene
 
 Complex = NDArray[np.complex128]
 
+EACH_TRIP = 1000  # round trips that are summed one by one; later ones in groups, or a long run would fill the memory
 UNLIKE_ONE = 1e-9  # of a geometric series' ratio: it has no pole at resonance
 
 
@@ -84,16 +85,23 @@ def _reflection(seen: Scene, scene: Scene, omega: Vector) -> Vector:
 
 def travel(x: Vector, speed: Vector, *, length: float, at: Ends, generated: Generation, duration: float) -> Travel:
     """Return the travel of components of group velocities [m/s] to gauges at distances x [m], shape (N,) each."""
-    trips = np.arange(1 + int(duration * speed.max() / (2 * length))) if at.reflect else np.zeros(1)
+    trips, number = _trips(1 + int(duration * speed.max() / (2 * length)) if at.reflect else 1)
     there = np.add.outer(x, 2 * length * trips)
     back = np.add.outer(2 * length - x, 2 * length * trips)
     left = np.power((at.paddle * at.opposite)[:, None], 2 * trips)
     energy = np.concatenate([left, at.opposite[:, None] ** 2 * left], axis=1)
     age = np.concatenate([there, back], axis=1) / speed[:, None]
-    energy = energy * generated.until(duration - age)
+    energy = energy * np.tile(number, 2) * generated.until(duration - age)
     share = energy.sum(axis=1)
     reflected = share - energy[:, 0]
     return Travel(np.sqrt((energy * age**2).sum(axis=1) / np.maximum(share, 1e-300)), share, reflected)
+
+
+def _trips(most: int) -> tuple[Vector, Vector]:
+    """Return numbers of round trips below ``most``, and how many trips each represents."""
+    later = np.floor(np.geomspace(EACH_TRIP, max(most, EACH_TRIP), EACH_TRIP))
+    trips = np.unique(np.concatenate([np.arange(min(most, EACH_TRIP)), later[later < most]])).astype(np.float64)
+    return trips, np.diff(trips, append=most)
 
 
 def response(x: Vector, k: Vector, speed: Vector, *, length: float, at: Ends, duration: float) -> Complex:
