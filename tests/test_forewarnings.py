@@ -157,6 +157,25 @@ DOUBTFUL = {
         },
         r"^gauges 2 to 3 stand in the sponge, which takes waves there$",
     ),
+    "a load behind a sponge": (
+        {
+            "gauges": [14.5],
+            "loads": [{"on": "far wall"}, {"on": "paddle"}],
+            "wall": piston(1.8),
+            "numerics": {"cells": 20},
+            "sponge": {"type": "end", "length": 6},
+        },
+        r"^gauge 1 and load far wall stand in the sponge, which takes waves from x = 14 m on$",
+    ),
+    "a load behind a sponge by formula": (
+        {
+            "loads": [{"on": "paddle"}, {"on": "far wall", "name": "end"}],
+            "wall": piston(1.8),
+            "numerics": {"cells": 20},
+            "sponge": {"type": "formula", "gamma": "1 + tanh(4 * (x - 13))"},
+        },
+        r"^load end stands in the sponge, which takes waves there$",
+    ),
     "a basin's sponge of a quarter of a wave": (
         {
             "gauges": [{"name": "far", "x": 3.5, "y": 0.5}, {"name": "near", "x": 2.0, "y": 0.5}],

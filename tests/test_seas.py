@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy
-from conftest import needs_data, recorded
+from conftest import commanded, needs_data, recorded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mpi4py import MPI
@@ -35,6 +35,7 @@ from wavetank.motions.pieces import hermite
 from wavetank.motions.record_file import read_record
 from wavetank.plan.plan import STEP_RATIO, make_plan
 from wavetank.plan.planned import planned
+from wavetank.plan.requirements import requirements
 from wavetank.postprocess.compare import rms
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
@@ -226,13 +227,14 @@ def test_random_amplitudes_are_rayleigh_s_about_the_spectrum_s():
 
 
 REGULAR = {"type": "regular", "height": 0.04}
+LINEAR = {"generation": "linear"}
 K = 2 * np.pi / 3.0
 FREQUENCY = float(airy.angular_frequency(K, DEPTH, GRAVITY)) / (2 * np.pi)
 
 
 def test_regular_waves_by_period_frequency_or_length_are_the_same():
     ways = ({"period": 1 / FREQUENCY}, {"frequency": FREQUENCY}, {"wave_length": 3.0})
-    motions = [scene(REGULAR | way).motion() for way in ways]
+    motions = [scene(REGULAR | LINEAR | way).motion() for way in ways]
     t = np.linspace(0.0, 20.0, 40)
     for motion in motions:
         assert motion.ramp == pytest.approx(2 / FREQUENCY)
@@ -244,11 +246,11 @@ def test_regular_waves_by_period_frequency_or_length_are_the_same():
 
 
 def test_two_waves_are_the_sum_of_each():
-    pair = {"type": "bichromatic", "heights": [0.04, 0.03], "ramp": 2.0}
+    pair = {"type": "bichromatic", "heights": [0.04, 0.03], "ramp": 2.0} | LINEAR
     by_periods, t = {"periods": [2.0, 1.6]}, np.linspace(0.0, 20.0, 40)
     both = scene(pair | by_periods).motion()
     np.testing.assert_allclose(scene(pair | {"frequencies": [0.5, 0.625]}).motion().position(t), both.position(t))
-    each = [{"type": "regular", "height": H, "period": T, "ramp": 2.0} for H, T in ((0.04, 2.0), (0.03, 1.6))]
+    each = [{"type": "regular", "height": H, "period": T, "ramp": 2.0} | LINEAR for H, T in ((0.04, 2.0), (0.03, 1.6))]
     np.testing.assert_allclose(both.position(t), sum(scene(one).motion().position(t) for one in each), atol=1e-15)
 
 
@@ -389,7 +391,7 @@ def test_a_solitary_wave_begins_when_it_is_wanted():
 
 
 def test_the_paddle_for_a_wished_surface_makes_it_there(tmp_path):
-    """A group as the wish: its linear waves have the record at x, and the paddle is that of the group."""
+    """A group as the wish: its linear waves have the record at x, and the paddle is that of the linear group."""
     target = waves(FOCUSED)
     t = np.arange(0.0, 24.0, 0.05)
     np.savetxt(tmp_path / "eta.csv", np.column_stack([t, target.elevation(3.0, t)]), delimiter=",")
@@ -399,7 +401,7 @@ def test_the_paddle_for_a_wished_surface_makes_it_there(tmp_path):
     wanted = target.elevation(3.0, t[seen])
     assert np.abs(made.elevation(3.0, t[seen] + 15.0) - wanted).max() < 0.01 * np.abs(wanted).max()
     motion = scene(wish, duration=30.0).motion()
-    group = scene(FOCUSED).motion().motion
+    group = scene(FOCUSED | LINEAR).motion().motion
     paddle = group.position(t[seen])
     assert np.abs(motion.position(t[seen] + 15.0) - paddle).max() < 0.02 * np.abs(paddle).max()
     late = r"wall\.motion\.delay = 1\.0: must be at least 5\.\d+ s: after a ramp of 3 s its waves need 2\.\d+ s to x"
@@ -665,6 +667,81 @@ def test_a_plan_takes_the_second_harmonic_of_the_paddle_for_what_it_is():
     assert replace(second, dt=linear.dt, vertical_order=linear.vertical_order) == linear
     assert second.vertical_order - linear.vertical_order in (0, 1)
     assert second.dt == pytest.approx(linear.dt, rel=STEP_RATIO - 1.0)
+
+
+SECOND = {"generation": "second-order"}
+LONG = REGULAR | {"wave_length": 18.0, "height": 0.12}  # H L² / d³ = 39
+
+
+@pytest.mark.parametrize(
+    ("motion", "more", "same_as", "reason"),
+    [
+        (REGULAR | {"period": 2.0}, {}, SECOND, ""),
+        (FOCUSED, {}, SECOND, ""),
+        (SEA | {"components": 200}, {}, SECOND, ""),
+        ({"type": "bichromatic", "heights": [0.04, 0.03], "periods": [2.0, 1.6]}, {}, SECOND, ""),
+        (REGULAR | {"period": 2.0}, {"water": {"type": "linear"}}, LINEAR, ""),
+        (REGULAR | {"period": 2.0} | LINEAR, {}, LINEAR, ""),
+        (LONG, {}, LINEAR, "the bound second harmonic is 0.4"),
+        (LONG | SECOND, {}, SECOND, ""),
+        (REGULAR | {"period": 120.0}, {}, LINEAR, "k d = 0.017 of the longest wave is below 0.02"),
+        (SEA | {"components": 2001}, {}, LINEAR, "2001 components are more than 2000"),
+    ],
+)
+def test_waves_are_generated_to_second_order_where_its_theory_holds(motion, more, same_as, reason):
+    """Oracle: the motion with the key. Where the theory does not hold a line says why, in nonlinear water only."""
+    one, other = (scene(each, **more) for each in (motion, motion | same_as))
+    t = np.linspace(0.0, 20.0, 50)
+    assert np.array_equal(one.motion().position(t), other.motion().position(t))
+    assert len(one.linear_generation) == bool(reason)
+    assert not reason or f"generation of wall.motion: linear, as {reason}" in one.linear_generation[0]
+    if same_as == SECOND:
+        assert not np.allclose(one.motion().position(t), scene(motion | LINEAR, **more).motion().position(t))
+
+
+def test_water_that_a_plan_makes_linear_changes_the_generation():
+    """Oracle: the motion with the key."""
+    low = scene(REGULAR | {"period": 2.0, "height": 1e-4})
+    assert low.wall.generation(low.tank, low.physics) == "second-order" and low.motion().position(9.0)
+    found = planned(low, MPI.COMM_SELF).scene
+    assert found.physics == "linear"
+    assert found.motion().position(9.0) == scene(REGULAR | LINEAR | {"period": 2.0, "height": 1e-4}).motion().position(
+        9.0
+    )
+
+
+def test_many_components_of_uneven_frequencies_are_generated_linearly(tmp_path):
+    """201 take 40 000 lines, 2000 would take millions; as many even ones share their sums and differences."""
+    uneven = np.sort(np.random.default_rng(1).uniform(0.3, 1.2, 201))
+    for name, f in (("uneven", uneven), ("even", np.linspace(0.3, 1.2, 201))):
+        np.savetxt(tmp_path / f"{name}.csv", np.column_stack([f, np.full(201, 1e-4), 0 * f]), delimiter=",")
+    file = {"type": "components", "columns": ["frequency", "amplitude", "phase"]}
+    said = [scene(file | {"file": f"{tmp_path}/{name}.csv"}).linear_generation for name in ("uneven", "even")]
+    assert said[0] == ["generation of wall.motion: linear, as 201 components of uneven frequencies are more than 200"]
+    assert not said[1]
+
+
+def test_a_run_and_a_plan_print_why_the_generation_is_linear(tmp_path):
+    """And a wished surface and a segmented paddle are generated linearly."""
+    (tmp_path / "case.toml").write_text(
+        "[tank]\nlength = 20.0\ndepth = 1.0\n[wall]\ntype = 'piston'\n"
+        "motion = { type = 'regular', height = 0.12, wave_length = 18.0, ramp = 0.1 }\n[run]\nduration = 0.2\n"
+        "[numerics]\ncell_size = 1.0\nvertical_order = 8\n"
+    )
+    said = commanded("run", str(tmp_path / "case.toml"), "--no-plots", "--out", str(tmp_path / "run")).stdout
+    assert "generation of wall.motion: linear, as the bound second harmonic is 0.4" in said.replace("\n", " ")
+    reasons = " ".join(requirements(scene(LONG), 1e-2).reasons)
+    assert "by linear generation, as the bound second harmonic is 0.4" in reasons
+    np.savetxt(tmp_path / "eta.csv", np.column_stack([np.arange(20.0), 1e-3 * np.sin(np.arange(20.0))]), delimiter=",")
+    wish = {"type": "surface", "file": str(tmp_path / "eta.csv"), "x": 3.0, "delay": 15.0}
+    assert "has its bound waves already" in scene(wish, duration=30.0).linear_generation[0]
+    basin = {"type": "basin", "depth": 1.0, "layout": {"type": "rectangle", "length": 4.0, "width": 2.0}}
+    wave = {"type": "oblique-wave", "wave_amplitude": 0.01, "period": 1.5, "angle": 10.0}
+    wall = {"type": "segmented-piston", "motion": wave}
+    segments = Scene.model_validate({"tank": basin, "wall": wall, "run": {"duration": 1.0}})
+    assert segments.linear_generation == [
+        "generation of wall.motion: linear, as second-order generation is for paddles that move as a whole"
+    ]
 
 
 def test_beyond_its_theory_second_order_generation_is_doubted():

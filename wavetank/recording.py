@@ -231,6 +231,7 @@ def record_run(
                 told_of_rule(asked),
                 told_of_bed(scene, waves),
                 told_of_sponge(scene, waves),
+                *scene.linear_generation,
                 start,
             )
             of_clock = told_of_end(scene, run.clock), *told_of_windows(scene, run.clock)

@@ -25,8 +25,10 @@ def with_waves(scene: Scene, aim: Aim, file: str, *, recorded: bool) -> dict[str
     wall, first = scene.wall, aim.waves(aim.start)
     motion = getattr(wall, "motion", None)
     ramp = motion.ramp_in(scene.tank) if isinstance(motion, MadeWaves) else RAMP * scale(first).period
-    made = motion.generation if isinstance(motion, MadeWaves) else "linear"
-    told = {"type": "components", "file": file, "ramp": ramp, "generation": made}
+    generation = motion.generation if isinstance(motion, MadeWaves) else "linear"
+    told = {"type": "components", "file": file, "ramp": ramp} | (
+        {} if generation is None else {"generation": generation}
+    )
     changes: dict[str, Any] = {"gauges": _gauges(scene, aim.x)}
     if recorded:
         needed = {"surface_every": scale(first).period / PER_PERIOD, "gauges_every": 1}

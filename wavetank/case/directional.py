@@ -308,10 +308,14 @@ class SegmentedWall(MovingWall):
         default=None, description="largest width of a segment [m]; default: no segments, continuous in y"
     )
 
-    def paddle(self, tank: AnyTank) -> motions.Motion:
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion of the paddle's segments, hinged to each other."""
         motion = self.motion.build(tank, self.maker)
         return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return why the generation of segments is linear."""
+        return "second-order generation is for paddles that move as a whole"
 
     def places(self, tank: AnyTank) -> motions.Array:
         """Return places y along the paddle [m], shape (N,), among which it goes farthest: the joints, if it has any."""

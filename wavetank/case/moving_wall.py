@@ -91,6 +91,14 @@ class MovingWall(Noun):
         """Return places y along the paddle [m], shape (N,), among which it goes farthest; None where all go as far."""
         return None
 
+    def generation(self, tank: AnyTank, physics: str) -> str | None:
+        """Return the resolved ``generation`` of its waves; by itself, None."""
+        return None
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return why its generation is linear by default in nonlinear water; empty where it is not."""
+        return ""
+
     def doubts(self, tank: AnyTank) -> Iterator[str]:
         """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
         yield from ()

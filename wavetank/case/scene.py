@@ -149,6 +149,12 @@ class Scene(Noun):
         box = self.tank.layout.box if isinstance(self.tank, BasinTank) else None
         return box[0] if box else 0.0
 
+    def amid_end(self, end: str) -> tuple[float, float]:
+        """Return a place (x, y) [m] at the paddle or at the far wall, halfway along it."""
+        box = self.tank.layout.box if isinstance(self.tank, BasinTank) else None
+        left, low, right, high = box or (0.0, 0.0, self.tank.length, 0.0)
+        return (left if end == PADDLE else right), (low + high) / 2
+
     @property
     def absorbing(self) -> list[int]:
         """The numbers of those of ``paddles`` that absorb."""
@@ -158,6 +164,12 @@ class Scene(Noun):
     def paddles(self) -> tuple["Scene", ...]:
         """The scene as seen from each wall that moves."""
         return (*((self,) if self.wall.moves else ()), *((self.mirrored,) if self.far_wall.moves else ()))
+
+    @property
+    def linear_generation(self) -> list[str]:
+        """A line for each paddle whose generation is linear by default in nonlinear water, with the reason."""
+        reasons = {seen.key: seen.wall.generation_reason(seen.tank, seen.physics) for seen in self.paddles}
+        return [f"generation of {key}.motion: linear, as {reason}" for key, reason in reasons.items() if reason]
 
     @property
     def motions_end(self) -> float:
@@ -198,7 +210,7 @@ class Scene(Noun):
         wall = self.wall
         if isinstance(wall, MovingWall) and wall.reads_file and (problems := list(wall.motion_problems(self))):
             raise SceneError(problems)
-        motion, said_by = wall.paddle(self.tank), getattr(getattr(wall, "motion", None), "said_by", None)
+        motion, said_by = wall.paddle(self.tank, self.physics), getattr(getattr(wall, "motion", None), "said_by", None)
         with about("wall", "motion", *(said_by or ())):
             motion.check(self.run.duration * (np.arange(LOOKED_AT, dtype=np.float64) + 0.5) / LOOKED_AT)
             problems = list(self._motion_problems(motion))
@@ -215,7 +227,7 @@ class Scene(Noun):
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with some fields changed; it looks at its paddle anew where they may be of importance to it."""
         copied = super().model_copy(update=update, deep=deep)
-        if {"tank", "wall", "run"} & {*(update or ())}:
+        if {"tank", "wall", "run"} & {*(update or ())} or copied.physics != self.physics:
             copied.__dict__.pop("_motion", None)
         if "tank" in {*(update or ())}:
             copied.__dict__.pop("_depths", None)

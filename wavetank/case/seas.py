@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
@@ -25,6 +25,8 @@ STOKES_ENDS = 0.25  # of the wave: with a second harmonic as high its trough has
 SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order
 LOWEST_SOLITARY = 1e-4  # depths
 MOST_PAIRS = 2000  # components: of so many there are 4 million pairs
+MOST_UNEVEN = 200  # components whose pairs have frequencies of their own: of so many the motion takes 1.4 CPU s
+UNEVEN = 1e-6  # of the mean spacing of frequencies
 
 Heights = Annotated[tuple[Height, Height], Strict(False)]
 Periods = Annotated[tuple[Duration, Duration], Strict(False)]
@@ -50,6 +52,14 @@ class PaddleNoun(Noun):
         """Return the motion of a paddle of a shape; raises ``SceneError`` if a file it needs cannot be had or read."""
         raise NotImplementedError
 
+    def resolved(self, tank: AnyTank, maker: Wavemaker, physics: str) -> Self:
+        """Return the motion with its generation chosen for the water; by itself, the same."""
+        return self
+
+    def generation_reason(self, tank: AnyTank, maker: Wavemaker, physics: str) -> str:
+        """Return why the generation is linear by default in nonlinear water; empty where it is not."""
+        return ""
+
     def doubts(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
         """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
         yield from ()
@@ -60,10 +70,10 @@ class MadeWaves(PaddleNoun):
 
     by_waves: ClassVar[bool] = True
 
-    generation: Literal["linear", "second-order"] = Field(
-        default="linear",
+    generation: Literal["linear", "second-order"] | None = Field(
+        default=None,
         description="with second-order the paddle adds what keeps it from making free waves at sums and differences of "
-        "frequencies",
+        "frequencies; default: second-order where its theory holds, otherwise linear",
     )
 
     def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
@@ -77,12 +87,39 @@ class MadeWaves(PaddleNoun):
     def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
         """Return the ramped motion, of many components from a table."""
         waves = self.waves(tank, maker)
-        lines = waves.lines if self.generation == "linear" else waves.second_order_lines
+        lines = waves.second_order_lines if self.generation == "second-order" else waves.lines
         return motions.ramped(lines.tabulated(), self.ramp_in(tank))
+
+    def resolved(self, tank: AnyTank, maker: Wavemaker, physics: str) -> Self:
+        """Return the motion with its generation: second-order by default where its theory holds, otherwise linear."""
+        if self.generation is not None:
+            return self
+        linear = physics == "linear" or self._linear_reason(tank, maker)
+        return self.model_copy(update={"generation": "linear" if linear else "second-order"})
+
+    def generation_reason(self, tank: AnyTank, maker: Wavemaker, physics: str) -> str:
+        """Return why the generation is linear by default in nonlinear water; empty where it is not."""
+        return "" if self.generation is not None or physics == "linear" else self._linear_reason(tank, maker)
+
+    def _linear_reason(self, tank: AnyTank, maker: Wavemaker) -> str:
+        """Return where the theory of second order does not hold or costs too much; empty where it is taken."""
+        target = self.waves(tank, maker).target
+        count, shallowest = target.omega.size, float(target.k_x.min() * tank.depth)
+        if count > MOST_PAIRS:
+            return f"{count} components are more than {MOST_PAIRS}"
+        if count > MOST_UNEVEN and np.ptp(np.diff(np.sort(target.omega))) > UNEVEN * np.ptp(target.omega) / count:
+            return f"{count} components of uneven frequencies are more than {MOST_UNEVEN}"
+        if shallowest < SHALLOWEST:
+            return f"k d = {shallowest:.2g} of the longest wave is below {SHALLOWEST:g}"
+        if (second := bound_harmonic(target)) > STOKES_ENDS:
+            return (
+                f"the bound second harmonic is {second:.2g} of the wave, and {STOKES_ENDS:g} is the limit of the theory"
+            )
+        return ""
 
     def second_order_problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield waves for which second-order generation has no meaning."""
-        if self.generation == "linear":
+        if self.generation != "second-order":
             return
         target = self.waves(scene.tank, scene.wall.maker).target
         if target.omega.size > MOST_PAIRS:
@@ -97,7 +134,7 @@ class MadeWaves(PaddleNoun):
 
     def doubts(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
         """Yield a sentence where second-order generation is beyond its theory."""
-        if self.generation == "linear":
+        if self.generation != "second-order":
             return
         if (second := bound_harmonic(self.waves(tank, maker).target)) > STOKES_ENDS:
             yield (
@@ -281,6 +318,10 @@ class SurfaceMotion(SurfaceFile, MadeWaves):
     def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory."""
         return motions.Sea(self.target(tank), maker)
+
+    def _linear_reason(self, tank: AnyTank, maker: Wavemaker) -> str:
+        """Return that a recorded elevation is not of first order."""
+        return "the record of a surface has its bound waves already"
 
     def problems(self, scene: Surroundings) -> Iterator[Problem]:
         """Yield a place outside the tank, waves that come too late, and what second-order generation cannot do."""

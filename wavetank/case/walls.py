@@ -30,13 +30,20 @@ class FixedWall(Noun):
     maker: ClassVar[Wavemaker] = PISTON  # one at rest
     type: Literal["fixed"] = "fixed"
 
-    def paddle(self, tank: AnyTank) -> motions.Motion:
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion of a paddle at rest."""
         return motions.AtRest()
 
     def reach_in(self, tank: AnyTank, room: float) -> float:
         """Return inf: there is no mapping to die out."""
         return np.inf
+
+    def generation(self, tank: AnyTank, physics: str) -> None:
+        """Return None: it makes no waves."""
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return nothing."""
+        return ""
 
     def places(self, tank: AnyTank) -> None:
         """Return None: it is the same all along the wall."""
@@ -54,9 +61,17 @@ class PaddleWall(MovingWall):
         default=None, description="how it absorbs the waves that come back to it, in a slice; default: not at all"
     )
 
-    def paddle(self, tank: AnyTank) -> motions.Motion:
-        """Return the paddle's motion; raises ``SceneError`` if its file cannot be had or read."""
-        return self.motion.build(tank, self.maker)
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
+        """Return the paddle's motion in the water; raises ``SceneError`` if its file cannot be had or read."""
+        return self.motion.resolved(tank, self.maker, physics).build(tank, self.maker)
+
+    def generation(self, tank: AnyTank, physics: str) -> str | None:
+        """Return the resolved ``generation`` of its waves; None of a motion that is not found for waves."""
+        return getattr(self.motion.resolved(tank, self.maker, physics), "generation", None)
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return why its generation is linear by default in nonlinear water; empty where it is not."""
+        return self.motion.generation_reason(tank, self.maker, physics)
 
     def doubts(self, tank: AnyTank) -> Iterator[str]:
         """Yield what is doubtful of the motion."""
@@ -96,9 +111,9 @@ class FlapWall(HingedWall, PaddleWall):
         "columns are named as in paddle.csv is of positions either way",
     )
 
-    def paddle(self, tank: AnyTank) -> motions.Motion:
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
         """Return the motion at the stroke's height; raises ``SceneError`` if its file cannot be had or read."""
-        motion = super().paddle(tank)
+        motion = super().paddle(tank, physics)
         if self.motion_as == "stroke" or self.motion.says_metres:
             return motion
         return motions.Turned(motion, self.maker.arm(tank.depth))

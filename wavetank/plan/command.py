@@ -75,7 +75,7 @@ def _try(scene: "Scene", why: str, terminal: "Console") -> None:
         f"  memory: {seen.memory / 1e6:.0f} MB",
         *(f"  paddle of {seen.key}: {absorbs}" for seen in scene.paddles if (absorbs := absorption(seen, scene))),
         *([f"  {sponge}"] if (sponge := told_of_sponge(scene, seen.waves)) else []),
-        *(f"  {line}" for line in _energy(scene)),
+        *(f"  {line}" for line in (*scene.linear_generation, *_energy(scene))),
     ):
         terminal.print(line, highlight=False)
     _warn(terminal, *doubts, *forewarnings(scene, seen.clock, seen.waves))

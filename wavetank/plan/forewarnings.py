@@ -14,6 +14,7 @@ from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.case.initial import StillWater
 from wavetank.case.initial_run import RunState
+from wavetank.case.loads import ENDS, FAR
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
 from wavetank.case.paddles import FormulaMotion, PythonMotion
 from wavetank.case.sponges import EndSponge, FormulaSponge, GroupSponge
@@ -204,7 +205,7 @@ def _length(scene: Scene) -> float | None:
 
 
 def in_sponge(scene: Scene) -> Iterator[str]:
-    """Yield a sentence if gauges, or the place that waves are made for, are where a sponge at the end takes waves."""
+    """Yield a sentence if gauges, loads or the place that waves are made for are in or behind a sponge at the end."""
     if not isinstance(scene.sponge, EndSponge):
         return
     edge = scene.tank.length - scene.sponge.length  # from the paddle at rest
@@ -213,20 +214,29 @@ def in_sponge(scene: Scene) -> Iterator[str]:
     key = "x" if isinstance(motion, SurfaceFile) else "focus_x"
     if (getattr(motion, key, None) or 0.0) > edge * (1 + ROUNDING):
         names.append(f"wall.motion.{key}")
+    names += [f"load {load.called}" for load in scene.loads if load.on == FAR]
     yield from _standing(names, f"in the sponge, which takes waves from x = {scene.left + edge:.4g} m on")
 
 
 def _damped(scene: Scene, waves: AnyWaves) -> Iterator[str]:
-    """Yield a sentence if gauges are where a sponge of any other kind takes waves, by the nearest node; collective."""
-    gamma = waves.damping
-    if gamma is None or isinstance(scene.sponge, EndSponge) or not scene.all_gauges:
+    """Yield a sentence if a sponge of any other kind damps at gauges, or at a load on an end; collective.
+
+    The nearest node decides, of an end that amid it. Loads on other groups of walls are not looked for.
+    """
+    gamma, loads = waves.damping, [load for load in scene.loads if load.on in ENDS]
+    if gamma is None or isinstance(scene.sponge, EndSponge) or not (scene.all_gauges or loads):
         return
-    plane, places = waves.plane, [(gauge.x, gauge.y) for gauge in scene.all_gauges]
+    places = [(gauge.x, gauge.y) for gauge in scene.all_gauges]
+    places += [scene.amid_end(load.on) for load in loads]
+    plane = waves.plane
     away, nearest = cKDTree(plane.places).query(places)
     apart, rates = map(np.array, zip(*plane.comm.allgather((away, np.append(gamma, 0.0)[nearest])), strict=True))
     there = np.take_along_axis(rates, apart.argmin(axis=0)[None], axis=0)[0]
     strongest = plane.comm.allreduce(float(gamma.max(initial=0.0)), op=MPI.MAX)
-    yield from _standing(_rows(scene, there > WEAK * strongest), "in the sponge, which takes waves there")
+    damped = there > WEAK * strongest
+    count = len(scene.all_gauges)
+    names = [f"load {load.called}" for load, inside in zip(loads, damped[count:], strict=True) if inside]
+    yield from _standing(_rows(scene, damped[:count]) + names, "in the sponge, which takes waves there")
 
 
 def _rows(scene: Scene, chosen: Sequence[bool] | NDArray[np.bool_]) -> list[str]:

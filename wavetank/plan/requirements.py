@@ -301,7 +301,10 @@ def _paddle_reason(seen: Scene, scene: Scene) -> str:
         return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise{end}"
     if not seen.motion().moves:
         return f"{paddle} that is not driven{end}"
-    return f"{paddle}, the waves come from its motion{end}"
+    made = seen.wall.generation(seen.tank, seen.physics)
+    reason = seen.wall.generation_reason(seen.tank, seen.physics)
+    by = f" by {made} generation" if made else ""
+    return f"{paddle}, the waves come from its motion{by}{f', as {reason}' if reason else ''}{end}"
 
 
 def absorption(seen: Scene, scene: Scene) -> str:
@@ -468,7 +471,7 @@ def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, V
     stroke = Strokes(omega / 2, np.array([size / complex(maker.transfer(k, depth))]))
     made_up = second_order(stroke, maker, depth=depth, gravity=g).b[:1]
     ratio = np.minimum(1.0, np.abs(made_up) * maker.transfer(free, depth) / max(size, 1e-300))
-    taken = getattr(getattr(scene.wall, "motion", None), "generation", None) == "second-order"
+    taken = scene.wall.generation(scene.tank, scene.physics) == "second-order"
     return Components(free, omega, LEFT * ratio if taken else ratio, np.zeros(1)), squares
 
 
