@@ -12,7 +12,7 @@ from matplotlib.tri import Triangulation
 
 from wavetank.errors import InputError
 from wavetank.postprocess.basin_surface import Array, BasinSurface, Extremes, Indices, history
-from wavetank.postprocess.gauge_marks import DARK, LIGHT, leave_out_overlaps, mark_places
+from wavetank.postprocess.gauge_marks import DARK, DEPTH, LIGHT, leave_out_overlaps, mark_places
 from wavetank.postprocess.style import CM, DAMPED, FLAT, PADDLE, SATURATED, lay_out, picture
 from wavetank.records.directory import RunDirectory
 
@@ -148,7 +148,8 @@ def _draw_map(figure: Figure, axes: Axes, surface: BasinSurface, one: Map) -> No
     bar.set_label(one.label)
     if surface.contours.size:
         lines = axes.tricontour(plan, surface.depth, surface.contours, colors=one.ink, linewidths=0.6)
-        axes.clabel(lines, fmt=lambda depth: f"{depth:g} m", fontsize=7)
+        for text in axes.clabel(lines, fmt=lambda depth: f"{depth:g} m", fontsize=7):
+            text.set_gid(DEPTH)
     if surface.damping is not None:
         _hatch_sponge(axes, plan, surface.damping / surface.damping.max())
     rim = [one.points[np.append(loop, loop[0]), :2] for loop in surface.loops]

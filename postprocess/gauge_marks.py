@@ -11,6 +11,7 @@ from matplotlib.transforms import Bbox
 from wavetank.records.series import GaugeSeries
 
 NAMED = 12  # gauges at most that are called by their names, beside rows of them, each of which has one
+DEPTH = "depth"  # what depths on contours are known by
 GAUGE, AROUND = "gauge", 3.0  # what their names are known by; pixels around a gauge that none is to hide
 SINGLE, IN_ROW = 7.0, 4.0  # sizes of their crosses
 DARK, LIGHT = "#3a2c0a", "#ffffff"
@@ -39,11 +40,15 @@ def mark_along(axes: Axes, gauges: Sequence[GaugeSeries], *, top: float) -> None
 
 
 def leave_out_overlaps(axes: Axes) -> None:
-    """Take away the names of gauges that lie on one before, or on another gauge; their places must be final."""
+    """Take away names of gauges that overlap one before or another gauge, and depths that overlap any of these.
+
+    Their places must be final.
+    """
     axes.apply_aspect()
     names = [text for text in axes.texts if isinstance(text, Annotation) and text.get_gid() == GAUGE]
     places = [axes.transData.transform(name.xy) for name in names]
     marks = [Bbox.from_extents(*(place - AROUND), *(place + AROUND)) for place in places]
+    depths = [text for text in axes.texts if text.get_gid() == DEPTH]
     kept: list[Bbox] = []
     for number, name in enumerate(names):
         box = name.get_window_extent()
@@ -51,3 +56,6 @@ def leave_out_overlaps(axes: Axes) -> None:
             name.remove()
         else:
             kept.append(box)
+    for depth in depths:
+        if depth.get_window_extent().count_overlaps([*kept, *marks]):
+            depth.remove()

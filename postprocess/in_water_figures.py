@@ -68,7 +68,8 @@ def _draw_vector(panel: Axes, data: Any, name: str) -> None:
     """Draw the components of a vector that are there and are not all 0."""
     for axis, colour in COLOURS.items():
         if f"{name}_{axis}" in data and (values := data[f"{name}_{axis}"]).any():
-            _draw(panel, data.time, values, label=f"along {axis}", color=colour)
+            what = f"about {axis}" if name == "moment" else f"along {axis}"
+            _draw(panel, data.time, values, label=what, color=colour)
 
 
 def _draw(panel: Axes, t: Any, values: Any, **look: Any) -> None:

@@ -15,8 +15,9 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.font_manager import findfont
 from PIL import Image
-from vtkmodules.vtkCommonCore import vtkLogger
+from vtkmodules.vtkCommonCore import VTK_FONT_FILE, vtkLogger
 
 from wavetank.errors import InputError
 from wavetank.postprocess.run_figures import draw_surface
@@ -34,7 +35,9 @@ SURFACE = LinearSegmentedColormap.from_list(
     "surface", ["#08204a", "#0f4c8a", "#2f86bd", "#7fc4dc", "#cdebf0", "#f2fbfc"]
 )
 SKY, HORIZON, SHOAL, ROD = "#d5e3ef", "#ffffff", "#ffc83d", "#d43d2a"
+FONT = findfont("DejaVu Sans")  # of all pictures; a "t" of VTK's own font looks like a dagger
 NAMED = 24  # gauges at most that are called by their names
+SHARP = 2.0  # times the usual largest elevation, at which colours end: one sharp crest must not bleach all other waves
 ROD_OVER = 0.4  # of a gauge over the highest crest, over the height of the waves
 
 VIEW_ANGLE = 16.0  # degrees, from low to high
@@ -170,7 +173,7 @@ class View:
         self.plotter.set_background(HORIZON, top=SKY)
         self._pixel = max(size[1] / 900, 0.6)  # text is sized for 900 of them, and stays legible in small pictures
         self._line = 0.065 * 900 * self._pixel / size[1]
-        self._limit = float(f"{CM * tank.waves.usual:.1g}")  # cm
+        self._limit = colour_limit(tank)
         self._aim()
         self._corner = self._free_corner()
         self._build(title)
@@ -251,12 +254,22 @@ class View:
     ) -> None:
         """Write text with that corner at a place (shares of width and height), instead of what has that name."""
         actor = self.plotter.add_text(
-            text, position=place, viewport=True, font_size=size * self._pixel, color=INK, name=name, render=False
+            text,
+            position=place,
+            viewport=True,
+            font_size=size * self._pixel,
+            font_file=FONT,
+            color=INK,
+            name=name,
+            render=False,
         )
         actor.prop.justification_horizontal, actor.prop.justification_vertical = corner
 
     def _add_scalar_bar(self) -> None:
-        self._write("bar", ELEVATION, (0.03, 0.16), size=12)
+        waves = self.tank.waves
+        highest = CM * max(waves.high, -waves.low)
+        beyond = f", largest {highest:.2g}" * (highest > 1.05 * self._limit)
+        self._write("bar", ELEVATION + beyond, (0.03, 0.16), size=12)
         self.plotter.add_scalar_bar(
             "",
             mapper=self.plotter.actors["surface"].mapper,
@@ -269,6 +282,9 @@ class View:
             position_y=0.095,
             label_font_size=round(17 * self._pixel),
         )
+        numbers = self.plotter.scalar_bar.GetLabelTextProperty()
+        numbers.SetFontFamily(VTK_FONT_FILE)
+        numbers.SetFontFile(FONT)
 
     def _add_marks(self) -> None:
         ruler = self.tank.ruler()
@@ -290,7 +306,7 @@ class View:
     def _label(self, name: str, labels: Labels, justified: tuple[str, str], **look: Any) -> None:
         """Write texts at places, that corner or side of each at its place; none on one written before."""
         across, up = justified
-        shown = with_room(self.place(labels.places), labels.texts, letter=9 * self._pixel, line=17 * self._pixel)
+        shown = with_room(self.place(labels.places), labels.texts, letter=12 * self._pixel, line=28 * self._pixel)
         self.plotter.add_point_labels(
             self._drawn(labels.places[shown]),
             [labels.texts[number] for number in shown],
@@ -298,6 +314,7 @@ class View:
             show_points=False,
             always_visible=True,
             font_size=round(17 * self._pixel),
+            font_file=FONT,
             bold=False,
             text_color=INK,
             justification_horizontal=across,
@@ -380,6 +397,12 @@ def exaggeration(tank: TankView) -> float:
     highest = WAVE_SHARE * tank.extent / max(waves.high - waves.low, tiny)
     steepest = STEEPEST / max(waves.slope, tiny)
     return max(1.0, float(f"{min(highest, steepest, DEPTH_SHARE * tank.extent / tank.depth):.1g}"))
+
+
+def colour_limit(tank: TankView) -> float:
+    """Return the elevation [cm] at which colours end, to two digits: the largest, or twice the usual one if lower."""
+    waves = tank.waves
+    return float(f"{CM * min(max(waves.high, -waves.low, waves.usual), SHARP * waves.usual):.2g}")
 
 
 # ---------------------------------------------------------------- where there is no display

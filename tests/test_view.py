@@ -2,6 +2,8 @@
 
 import io
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -198,10 +200,21 @@ def test_gauges_are_rods_through_the_water_and_named_where_there_is_room(tmp_pat
     assert np.all(rods.points[1::2, 2] > tank.waves.high)
     tops = picture.place(rods.points[1::2])
     assert "gauge names-labels" in picture.plotter.actors
-    assert view.with_room(tops, tank.gauges().texts, letter=9, line=17) == [0, 1]  # the third lies on the second
+    assert view.with_room(tops, tank.gauges().texts, letter=12, line=28) == [0, 1]  # the third lies on the second
     column, row = np.round(picture.place((rods.points[2:3] + rods.points[3:4]) / 2)[0]).astype(int)
     around = picture.pixels(0.0)[row, column - 3 : column + 4] / 255
     assert np.max(around[:, 0] - around[:, 2]) > 0.2  # red, over blue water
+    picture.close()
+
+
+def test_colours_end_at_the_largest_elevation_unless_a_crest_is_sharp(tmp_path):
+    """Of a crest of 14 cm they ended at 9 cm; of one of 50 cm over waves of 9 cm twice those, and say so."""
+    sizes = view_sight.WaveSizes(low=-0.11, high=0.14, usual=0.09, slope=0.1, crest_time=0.0)
+    assert view.colour_limit(SimpleNamespace(waves=sizes)) == 14.0
+    assert view.colour_limit(SimpleNamespace(waves=replace(sizes, high=0.5))) == 18.0
+    picture = view.View(view_tank.tank_view(record(tmp_path / "run")), "", size=SMALL)
+    for name in ("time", "bar"):
+        assert picture.plotter.actors[name].prop.GetFontFile().endswith("DejaVuSans.ttf")
     picture.close()
 
 
@@ -381,7 +394,7 @@ def test_runs_without_waves_to_view_are_refused(tmp_path):
         view.still(record(tmp_path / "c", {**TANK, "type": "sphere"}), tmp_path / "c.png")
     with pytest.raises(InputError, match="does not say the tank's depth"):
         view.still(record(tmp_path / "d", {"type": "slice", "length": 1.0}), tmp_path / "d.png")
-    with pytest.raises(InputError, match="times and places must increase"):
+    with pytest.raises(InputError, match="time 0 s follows 1 s; times must ascend"):
         view.still(record(tmp_path / "e", times=[1.0, 0.0]), tmp_path / "e.png")
     (tmp_path / "b" / "surface.nc").unlink()
     with pytest.raises(InputError, match=r"no readable surface\.nc"):

@@ -159,7 +159,8 @@ def groups_figure(eta: DataArray, envelope: DataArray, groupiness: DataArray, pa
         for panel in panels:
             panel.set_ylabel("η [cm]")
         figure.legend(*panels[0].get_legend_handles_labels(), **LEGEND)
-        figure.suptitle(f"{title}: elevation η and its groups", fontsize=12, parse_math=False)
+        some = f", {len(shown)} of {eta.sizes['gauge']} gauges (--gauges)" * (len(shown) < eta.sizes["gauge"])
+        figure.suptitle(f"{title}: elevation η and its groups{some}", fontsize=12, parse_math=False)
     return path
 
 
