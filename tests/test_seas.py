@@ -1,5 +1,6 @@
 """Waves as motions, against closed integrals of spectra, error bounds of splines, and linear wave theory."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -464,7 +465,7 @@ def test_a_motion_of_an_old_name_is_told_the_new_one(tmp_path):
 # ---------------------------------------------------------------- the paddle's signal out
 def test_the_file_for_a_wave_board_has_the_motion_and_says_what_it_needs(tmp_path, capsys):
     out = tmp_path / "board.csv"
-    assert main(["motion", "cases/focusing.toml", "--rate", "50", "--out", str(out)]) == 0
+    assert main(["motion", "cases/focusing.toml", "--rate", "50", "--no-ramp-down", "--out", str(out)]) == 0
     said = capsys.readouterr().out
     case = read_case("cases/focusing.toml")
     t, X, velocity, acceleration = read_record(out)
@@ -478,7 +479,61 @@ def test_the_file_for_a_wave_board_has_the_motion_and_says_what_it_needs(tmp_pat
     assert "cannot be written (File exists)" in capsys.readouterr().err
     assert main(["motion", "cases/focusing.toml", "--out", str(tmp_path / "b.txt"), "--format", "txt"]) == 0
     t, X = read_record(tmp_path / "b.txt")
-    np.testing.assert_allclose(X, case.motion().position(t), atol=1e-9)
+    run = t <= 24
+    np.testing.assert_allclose(X[run], case.motion().position(t[run]), atol=1e-9)
+    assert not run.all() and X[-1] == 0.0
+
+
+WAVES = "[tank]\nlength = 9.0\ndepth = 0.9\n[run]\nduration = {}\n[wall]\ntype = {}\n"
+REGULAR_WAVES = 'motion = {{type = "regular", height = 0.03, period = 1.3}}\n'
+
+
+@pytest.mark.parametrize("end", np.linspace(7.0, 8.2, 4))
+@pytest.mark.parametrize("wall", ['"piston"', '"flap"\nhinge = 0.2\nstroke_height = 0.8'])
+def test_a_file_for_a_wave_board_ends_at_rest_within_what_the_motion_needs(wall, end, tmp_path, capsys):
+    """At any phase; up to the end of the run it has the motion, and of a flap the angle by X = arm tan(angle)."""
+    case, out = tmp_path / "case.toml", tmp_path / "board.csv"
+    case.write_text((WAVES + REGULAR_WAVES).format(end, wall) + "limits = {stroke = 0.2, acceleration = 5.0}\n")
+    assert main(["motion", str(case), "--out", str(out)]) == 0
+    said, names = capsys.readouterr().out, out.read_text().splitlines()[0].split(",")
+    table = np.loadtxt(out, delimiter=",", skiprows=1)
+    t, *rates = table.T[:4]
+    scene, run = read_case(case), t <= end
+    for order, values in enumerate(rates):
+        np.testing.assert_allclose(values[run], scene.motion().derivative(t[run], order), atol=1e-9)
+        assert values[-1] == pytest.approx(0.0, abs=1e-9)
+        assert np.abs(values).max() < 1.3 * np.abs(values[run]).max()
+    for order, values in enumerate(rates[:2]):  # each rate is the derivative of the one before it
+        assert np.gradient(values, t)[2:-2] == pytest.approx(
+            rates[order + 1][2:-2], abs=6e-2 * np.abs(rates[order + 1]).max()
+        )
+    assert re.search(
+        r"stroke [\d.]+ m \(limit 0\.2 m\), speed [\d.]+ m/s, acceleration [\d.]+ m/s\^2 \(limit 5 m/s\^2\)", said
+    )
+    assert ("position 0.8 m above the bed, 0.6 m above the hinge" in said) == ("flap" in wall)
+    assert names[4:] == (["angle [rad]", "height of position above bed [m]"] if "flap" in wall else [])
+    if "flap" in wall:
+        np.testing.assert_allclose(0.6 * np.tan(table[:, 4]), table[:, 1], atol=1e-9)
+        assert set(table[:, 5]) == {0.8}
+    assert t.size == read_record(out)[0].size
+
+
+@pytest.mark.parametrize(("rate", "warned"), [(1, True), (15.2, True), (18.5, False)])
+def test_a_rate_of_few_rows_in_the_shortest_period_is_warned_of(rate, warned, tmp_path, capsys):
+    """Of regular waves of 1.3 s: 20 rows are 15.4 a second, and 18.1 in the ramp, whose shortest is 1.1 s."""
+    case = tmp_path / "case.toml"
+    case.write_text((WAVES + REGULAR_WAVES).format(13.0, '"piston"'))
+    assert main(["motion", str(case), "--rate", str(rate), "--out", str(tmp_path / "board.csv")]) == 0
+    assert ("20 or more are needed" in capsys.readouterr().out) == warned
+
+
+def test_a_ramp_down_beyond_the_limits_of_the_drive_is_refused(tmp_path, capsys):
+    case, out = tmp_path / "case.toml", tmp_path / "board.csv"
+    case.write_text((WAVES.format(1.3, '"piston"') + 'motion = {type = "formula", position = "0.1*(1-cos(2*t))/2"}\n')
+                    + "limits = {acceleration = 0.201}\n")  # fmt: skip
+    assert main(["motion", str(case), "--out", str(out)]) == 2 and not out.exists()
+    assert "with its ramp-down; --no-ramp-down leaves that out" in capsys.readouterr().err
+    assert main(["motion", str(case), "--out", str(out), "--no-ramp-down"]) == 0
 
 
 def test_no_motion_is_a_sentence(capsys):
