@@ -6,6 +6,7 @@ Oracle: the form's value, 1, and the compiler's own record of how often it ran.
 import os
 import subprocess
 import sys
+import sysconfig
 import weakref
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,6 +19,8 @@ from ranks import begun, on
 
 from wavetank.errors import WavetankError
 from wavetank.fe import compiled, kernels
+from wavetank.fe.combination import POINTS
+from wavetank.fe.kernels import source
 
 FORM = """
 import ufl
@@ -208,3 +211,30 @@ def test_what_one_rank_alone_cannot_keep_or_load_ends_all_with_one_sentence(on_r
         assert full == f"nothing can be kept in {tmp_path}/2/wavetank/compiled (No space left on device)."
         assert barred.startswith(f"what is compiled in {tmp_path}/2/wavetank/compiled/")
         assert "cannot be loaded (failed to map segment from shared object); if no program may be run there" in barred
+
+
+ZERO = """
+int main(void)
+{
+    double gram[1] = {0}, products[2] = {0}, answer[1] = {0}, y[1] = {1};
+    float steps[1] = {0};
+    nearest(0, 0, gram, products, 1e-13, gram);
+    const int began = start(1, 1, 1, 0, 0, gram, products, 1e-13, answer, steps, y);
+    start(1, 0, 1, 0, 0, gram, products, 1e-13, answer, steps, y);
+    Points none = {.size = 0, .most = 0, .gram = gram, .products = products};
+    combine(&none, 0, 0.0, gram, products);
+    return !(began && y[0] == 0);
+}
+"""
+
+
+def test_kernels_of_start_values_take_arrays_of_length_zero(tmp_path):
+    """A rank may own no degree of freedom, and nothing is recorded at first. Oracle: the sanitizer of array bounds."""
+    recall, combination = (source(f"{name}.c").replace("aim(", f"{name}_aim(") for name in ("recall", "combination"))
+    combination = combination.replace("#define FEW", "#undef FEW\n#define FEW")
+    code = "\n".join([POINTS, source("nearest.c"), recall, combination, ZERO])
+    (tmp_path / "zero.c").write_text(code)
+    compiler = sysconfig.get_config_var("CC").split()
+    options = ["-w", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error", "zero.c", "-lm", "-o", "zero"]
+    subprocess.run([*compiler, *options], cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "zero"]).returncode == 0

@@ -6,6 +6,8 @@
    that of the longest is left takes no part. */
 static void nearest(int count, int stride, const double *gram, const double *along, double shortest, double *weights)
 {
+    if (count < 1)
+        return;
     double L[count][count], left[count], longest = 0.0;
     int order[count], taken = 0;
     for (int i = 0; i < count; ++i) {

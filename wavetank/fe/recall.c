@@ -28,7 +28,7 @@ static int start(long rows, int numbers, int stride, int known, int most, const 
                  double shortest, const double *restrict answer, const float *restrict steps, double *restrict y)
 {
     const long size = rows * numbers;
-    double weights[most], left = products[known];
+    double weights[most > 0 ? most : 1], left = products[known];
     nearest(known, most, gram, products, shortest, weights);
     for (int k = 0; k < known; ++k)
         left -= weights[k] * products[k];
@@ -36,7 +36,7 @@ static int start(long rows, int numbers, int stride, int known, int most, const 
         return 0;
     for (long begin = 0; begin < rows; begin += FEW) {
         const long few = begin + FEW < rows ? FEW : rows - begin, first = begin * numbers, count = few * numbers;
-        float sums[count];
+        float sums[count > 0 ? count : 1];
         for (long i = 0; i < count; ++i)
             sums[i] = 0.0f;
         for (int k = 0; k < known; ++k) {
