@@ -30,10 +30,14 @@ from wavetank.case import (
     paddles,
 )
 from wavetank.case.keys import tables
+from wavetank.case.numerics import IntegratorName
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
+from wavetank.integrators import INTEGRATORS, Simpson4, registered
 from wavetank.motions.record_file import read_record
+from wavetank.plan.cost_model import BUILT_IN, KINDS
+from wavetank.postprocess.run_figures import ORIGINS
 from wavetank.runs.footprints import FOOTPRINTS
 from wavetank.runs.sponges import SPONGES
 from wavetank.runs.walls import WALLS
@@ -229,6 +233,17 @@ def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(
         longer.motion()
 
 
+def test_every_integrator_of_a_case_is_registered_with_what_plans_need():
+    assert set(get_args(IntegratorName)) ^ set(INTEGRATORS) == set()
+    assert {*BUILT_IN.constants} == {f"{kind} {name}" for kind in KINDS for name in get_args(IntegratorName)}
+    named = ("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step", "solvable")
+    scheme = type("Mine", (), {name: getattr(Simpson4, name) for name in named})
+    with pytest.raises(TypeError, match=r"^Mine has no costs; a case needs them \(docs/extend.md\)\.$"):
+        registered(scheme)
+    scheme.costs = Simpson4.costs
+    assert registered(scheme) == {"simpson-4": scheme}
+
+
 def test_what_needs_dolfinx_has_a_row_for_every_noun_in_its_table():
     def nouns(union):
         return set(get_args(get_args(union)[0]))
@@ -236,6 +251,8 @@ def test_what_needs_dolfinx_has_a_row_for_every_noun_in_its_table():
     assert set(FOOTPRINTS) == nouns(Tank) and set(SPONGES) == nouns(Sponge) and set(WATERS) == set(get_args(Physics))
     moving, segmented = nouns(Wall) - {FixedWall}, {SegmentedPistonWall, SegmentedFlapWall}
     assert set(WALLS["nonlinear"]) == moving == {*WALLS["linear"], *segmented}  # refused by linear water
+    along = {wall.model_fields["type"].default for wall in nouns(Wall) - segmented}
+    assert along | {"ring"} == set(ORIGINS)
 
 
 def test_data_references_are_kept_in_the_dump(case, tmp_path, monkeypatch):

@@ -3,6 +3,8 @@
 ``INTEGRATORS`` are those a case file can name; the others are for comparison (``wavetank verify integrators``).
 """
 
+from typing import Any
+
 from wavetank.integrators.composition import SuzukiVerlet
 from wavetank.integrators.damped import Damped, Damping, damped
 from wavetank.integrators.discontinuous_verlet import DiscontinuousVerlet, DiscontinuousVerletAdjoint
@@ -16,6 +18,18 @@ from wavetank.integrators.stormer_verlet import StormerVerlet, StormerVerletAdjo
 from wavetank.integrators.symplectic_euler import SymplecticEuler, SymplecticEulerAdjoint
 from wavetank.integrators.third_order import ThirdOrder
 
-INTEGRATORS = {
-    scheme.name: scheme for scheme in (Simpson4, ThirdOrder, StormerVerlet, StormerVerletAdjoint, GaussLegendre4)
-}
+NEEDED = (
+    *("name", "order", "stability_limit", "frequency_error", "nodes", "start", "step"),
+    *("solvable", "costs"),  # by plans
+)
+
+
+def registered(*schemes: type[Any]) -> dict[str, type[Any]]:
+    """Return integrators by their names in a case; raises ``TypeError`` if one lacks what a case needs of it."""
+    for scheme in schemes:
+        if missing := [name for name in NEEDED if not hasattr(scheme, name)]:
+            raise TypeError(f"{scheme.__name__} has no {', '.join(missing)}; a case needs them (docs/extend.md).")
+    return {scheme.name: scheme for scheme in schemes}
+
+
+INTEGRATORS = registered(Simpson4, ThirdOrder, StormerVerlet, StormerVerletAdjoint, GaussLegendre4)

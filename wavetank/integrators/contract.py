@@ -51,6 +51,23 @@ class State(Protocol):
         """Return the state with its points mapped."""
 
 
+class StepCosts(NamedTuple):
+    """What a step costs, measured on one machine by ``python -m benchmarks --only costs`` (``plan/cost_model.py``).
+
+    Attributes
+    ----------
+    products
+        dt omega_max of the steps that are timed.
+    linear, nonlinear, driven
+        Constants (a, b, c, a', b', c') [s] of the kinds of waves.
+    """
+
+    products: tuple[float, ...]
+    linear: tuple[float, ...]
+    nonlinear: tuple[float, ...]
+    driven: tuple[float, ...]
+
+
 S = TypeVar("S", bound=State)
 
 
@@ -82,3 +99,15 @@ class Integrator(Protocol[S]):
 
     def step(self, system: HamiltonianSystem, state: S, t: float, dt: float) -> S:
         """Return the state at t + dt; collective."""
+
+
+class CaseIntegrator(Integrator[S], Protocol[S]):
+    """An integrator that a case can name: plans need more of it."""
+
+    @property
+    def solvable(self) -> float:
+        """Largest dt omega_max at which the iteration of its implicit stages converges; inf of an explicit scheme."""
+
+    @property
+    def costs(self) -> StepCosts:
+        """What a step costs."""

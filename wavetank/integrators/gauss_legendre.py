@@ -11,6 +11,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
+from wavetank.integrators.contract import StepCosts
 from wavetank.integrators.flow import flow
 from wavetank.integrators.states import Point
 
@@ -33,6 +34,13 @@ class GaussLegendre4:
     stability_limit: ClassVar[float] = np.inf
     frequency_error: ClassVar[tuple[float, int]] = (1 / 720, 4)
     nodes: ClassVar[tuple[float, ...]] = C
+    solvable: ClassVar[float] = 3.0
+    costs: ClassVar[StepCosts] = StepCosts(
+        products=(0.6, 2.2),
+        linear=(0.00093, 1.4e-06, 4.4e-10, 0.0007, 7.1e-07, 4.8e-08),
+        nonlinear=(0.00012, 1.5e-07, 0, 0.00019, 7.8e-07, 1.9e-08),
+        driven=(0.00024, 7.7e-08, 0, 0.00041, 9.8e-07, 2.2e-08),
+    )
 
     def start(self, q: Vector, p: Vector) -> Point:
         """Return the state of a smooth start."""

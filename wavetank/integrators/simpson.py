@@ -29,7 +29,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import BetweenTwo, HamiltonianSystem, Near, Stage
 from wavetank.hamiltonian.formulae import Formulae
-from wavetank.integrators.contract import Evaluated, Map
+from wavetank.integrators.contract import Evaluated, Map, StepCosts
 from wavetank.integrators.damped import Damping
 from wavetank.integrators.flow import flow_of
 from wavetank.stateful import Held
@@ -157,6 +157,13 @@ class Simpson4:
     frequency_error: ClassVar[tuple[float, int]] = (1 / 480, 4)
     nodes: ClassVar[tuple[float, ...]] = (0.0, 0.5, 1.0)
     lines: ClassVar[Lines] = UNDAMPED
+    solvable: ClassVar[float] = 1.5
+    costs: ClassVar[StepCosts] = StepCosts(
+        products=(0.3, 1.2),
+        linear=(0.0004, 1.2e-07, 8e-09, 0, 0, 0),
+        nonlinear=(0.0002, 1.4e-07, 1.2e-08, 5.3e-05, 7.4e-08, 2.5e-09),
+        driven=(0.00037, 1.2e-07, 1.2e-08, 2.4e-05, 1.2e-07, 4.3e-09),
+    )
     kappa: float = KAPPA
 
     def damped(self, damping: Damping) -> "DampedSimpson4":

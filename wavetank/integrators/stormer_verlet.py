@@ -16,6 +16,7 @@ from typing import ClassVar
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
+from wavetank.integrators.contract import StepCosts
 from wavetank.integrators.states import Point
 
 
@@ -37,6 +38,13 @@ class StormerVerlet(_Verlet):
     """Scheme (14): coordinate, momentum, coordinate. Cost of a step: two implicit stages."""
 
     name: ClassVar[str] = "stormer-verlet"
+    solvable: ClassVar[float] = 1.0
+    costs: ClassVar[StepCosts] = StepCosts(
+        products=(0.3, 0.8),
+        linear=(0.00016, 4.5e-08, 1.5e-09, 1.2e-05, 0, 0),
+        nonlinear=(0.00016, 0, 1.5e-08, 0.00012, 5.8e-07, 6.5e-09),
+        driven=(0.00022, 1.8e-07, 1.8e-08, 0.00022, 4.2e-07, 4.4e-09),
+    )
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""
@@ -61,6 +69,13 @@ class StormerVerletAdjoint(_Verlet):
     """Scheme (15)-(16), with forcing (57): momentum, coordinate, momentum. Cost of a step: two implicit stages."""
 
     name: ClassVar[str] = "stormer-verlet-adjoint"
+    solvable: ClassVar[float] = 1.0
+    costs: ClassVar[StepCosts] = StepCosts(
+        products=(0.3, 0.8),
+        linear=(0.00019, 4.8e-08, 2.5e-09, 1.7e-05, 4e-08, 0),
+        nonlinear=(0.00016, 1.8e-07, 1.6e-08, 0.00011, 3.3e-07, 5.8e-09),
+        driven=(0.00026, 9.1e-08, 1.8e-08, 9.8e-05, 3.2e-07, 1.2e-08),
+    )
 
     def step(self, system: HamiltonianSystem, state: Point, t: float, dt: float) -> Point:
         """Return the state at t + dt; collective."""

@@ -19,6 +19,7 @@ import numpy as np
 
 from wavetank.arrays import Vector
 from wavetank.hamiltonian.contract import HamiltonianSystem, Near, Stage
+from wavetank.integrators.contract import StepCosts
 from wavetank.integrators.flow import flow
 from wavetank.integrators.states import Traces
 
@@ -38,6 +39,13 @@ class ThirdOrder:
     stability_limit: ClassVar[float] = 4 * np.cos(np.pi / 9) - 2
     frequency_error: ClassVar[tuple[float, int]] = (1 / 480, 4)
     nodes: ClassVar[tuple[float, ...]] = (0.0, 0.5, 1.0)
+    solvable: ClassVar[float] = 1.5
+    costs: ClassVar[StepCosts] = StepCosts(
+        products=(0.3, 1.2),
+        linear=(0.00034, 1.9e-07, 9e-09, 0, 0, 0),
+        nonlinear=(0.0002, 9.6e-08, 1.5e-08, 3.1e-05, 2e-07, 2.1e-09),
+        driven=(0.00036, 1.4e-07, 1.6e-08, 1.2e-05, 2.8e-07, 4.6e-10),
+    )
     alpha: float = 0.5
 
     def start(self, q: Vector, p: Vector) -> Traces:

@@ -9,8 +9,8 @@ smaller part of its period, from step to step less is new, and Gauss-Legendre's 
 waves need more solves a step, by the factor 1 + ``STEEPER`` (s² - 0.01) with s = k times the crest's height: so
 measured, to 25 %, of standing waves up to k a = 0.3, at the tolerance of plans for a percent.
 
-The constants of one machine stand here: a choice needs ratios only, and is then the same everywhere. They are made by
-``python -m benchmarks --only costs``. Another machine's are kept in its user's cache, for its seconds.
+The schemes have the constants of one machine (``costs``): a choice needs ratios only, and is then the same everywhere.
+They are made by ``python -m benchmarks --only costs``. Another machine's are kept in its user's cache, for its seconds.
 """
 
 import json
@@ -46,13 +46,6 @@ CELLS_PER_WAVE = 5.0
 ROUNDS = 3  # of timing all
 TANKS = tuple(product((40, 280), ((2, 3), (3, 8), (4, 14))))  # cells, (p, n): few (p, n), each compiles forms
 KINDS = {"linear": ("linear", False), "nonlinear": ("nonlinear", False), "driven": ("nonlinear", True)}
-PRODUCTS = {  # dt omega_max of the steps that are timed
-    "simpson-4": (0.3, 1.2),
-    "third-order": (0.3, 1.2),
-    "stormer-verlet": (0.3, 0.8),
-    "stormer-verlet-adjoint": (0.3, 0.8),
-    "gauss-legendre-4": (0.6, 2.2),
-}
 BASE = 185e6  # bytes: Python with dolfinx and PETSc, and a tank of ten cells; largest resident size, x86-64
 PER_ENTRY = {"linear": 130.0, "nonlinear": 185.0, "driven": 185.0}  # bytes per E, from (p, n) = (3, 8) and (5, 5)
 
@@ -119,23 +112,7 @@ def machine() -> str:
 
 BUILT_IN = CostModel(
     "the machine that the cost model was made on",
-    {
-        "linear simpson-4": (0.0004, 1.2e-07, 8e-09, 0, 0, 0),
-        "linear third-order": (0.00034, 1.9e-07, 9e-09, 0, 0, 0),
-        "linear stormer-verlet": (0.00016, 4.5e-08, 1.5e-09, 1.2e-05, 0, 0),
-        "linear stormer-verlet-adjoint": (0.00019, 4.8e-08, 2.5e-09, 1.7e-05, 4e-08, 0),
-        "linear gauss-legendre-4": (0.00093, 1.4e-06, 4.4e-10, 0.0007, 7.1e-07, 4.8e-08),
-        "nonlinear simpson-4": (0.0002, 1.4e-07, 1.2e-08, 5.3e-05, 7.4e-08, 2.5e-09),
-        "nonlinear third-order": (0.0002, 9.6e-08, 1.5e-08, 3.1e-05, 2e-07, 2.1e-09),
-        "nonlinear stormer-verlet": (0.00016, 0, 1.5e-08, 0.00012, 5.8e-07, 6.5e-09),
-        "nonlinear stormer-verlet-adjoint": (0.00016, 1.8e-07, 1.6e-08, 0.00011, 3.3e-07, 5.8e-09),
-        "nonlinear gauss-legendre-4": (0.00012, 1.5e-07, 0, 0.00019, 7.8e-07, 1.9e-08),
-        "driven simpson-4": (0.00037, 1.2e-07, 1.2e-08, 2.4e-05, 1.2e-07, 4.3e-09),
-        "driven third-order": (0.00036, 1.4e-07, 1.6e-08, 1.2e-05, 2.8e-07, 4.6e-10),
-        "driven stormer-verlet": (0.00022, 1.8e-07, 1.8e-08, 0.00022, 4.2e-07, 4.4e-09),
-        "driven stormer-verlet-adjoint": (0.00026, 9.1e-08, 1.8e-08, 9.8e-05, 3.2e-07, 1.2e-08),
-        "driven gauss-legendre-4": (0.00024, 7.7e-08, 0, 0.00041, 9.8e-07, 2.2e-08),
-    },
+    {f"{kind} {name}": getattr(scheme.costs, kind) for kind in KINDS for name, scheme in INTEGRATORS.items()},
 )
 
 
@@ -174,14 +151,16 @@ def _times() -> dict[str, Vector]:
         scene = _scene(kind, cells, order, n)
         waves = build_waves(scene, MPI.COMM_SELF)
         for name in INTEGRATORS:
-            spent = [_time_a_step(scene, waves, name, x) for x in PRODUCTS[name]]
+            spent = [_time_a_step(scene, waves, name, x) for x in INTEGRATORS[name].costs.products]
             times.setdefault(f"{kind} {name}", []).extend(spent)
     return {key: np.array(spent) for key, spent in times.items()}
 
 
 def timed(name: str) -> Vector:
     """Return what the timed steps of a scheme are multiplied by in their cost, a row each, shape (N, 6)."""
-    return np.array([_features(order, cells, n, x) for cells, (order, n) in TANKS for x in PRODUCTS[name]])
+    return np.array(
+        [_features(order, cells, n, x) for cells, (order, n) in TANKS for x in INTEGRATORS[name].costs.products]
+    )
 
 
 def _fit(rows: Vector, spent: Vector) -> tuple[float, ...]:

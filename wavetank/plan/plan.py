@@ -8,7 +8,7 @@ searched, as they do best. What a case sets beside an accuracy is kept and not s
 
 The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
 dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the still
-water's inverse, converge to larger or smaller steps: ``SOLVABLE``.
+water's inverse, converge to larger or smaller steps: ``solvable`` of the integrator.
 """
 
 from collections.abc import Iterator
@@ -48,13 +48,6 @@ AIM = 1 / 3  # of the accuracy: the cheapest of all settings lean to those whose
 HELD = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
 BETWEEN = np.pi / 2  # rows, no whole number of them
 ROWS = (0.5, 0.25)  # of its record in a step: what alternates from row to row must not do so from step to step
-SOLVABLE = {
-    "simpson-4": 1.5,
-    "third-order": 1.5,
-    "stormer-verlet": 1.0,
-    "stormer-verlet-adjoint": 1.0,
-    "gauss-legendre-4": 3.0,
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,13 +246,13 @@ class _Search:
         return f"must be above {best:.2g}, the best that {what}" if best < 1.0 else f"nothing that {what} is accurate"
 
     def _longest_step(self, mesh: Mesh) -> float:
-        stable = INTEGRATORS[self._scheme].stability_limit
+        stable = float(INTEGRATORS[self._scheme].stability_limit)
         limit, required = MARGIN * stable, self._required
         limit = min(limit, MARGIN * ANSWERED) if self._scene.absorbing else limit
         if required.physics == "linear":
             return limit / mesh.largest_frequency
         shifted = mesh.largest_frequency + required.velocity * _k_grid(mesh)
-        solvable = min(SOLVABLE[self._scheme], FARTHEST * stable / self._quickened)
+        solvable = min(float(INTEGRATORS[self._scheme].solvable), FARTHEST * stable / self._quickened)
         return min(limit / shifted, solvable / mesh.largest_frequency)
 
     def _current(self, mesh: Mesh) -> float:
