@@ -237,6 +237,18 @@ def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
     assert watch.story == f"{sentence}; largest u/c 0.90"
 
 
+@pytest.mark.parametrize(("x", "examined"), [(0.9, 0), (1.1, 1), (10.9, 1), (11.1, 0)])
+def test_crests_within_a_depth_of_a_wall_are_not_examined(x, examined):
+    """A lone crest of water 1 m deep that travels at 2 m/s in a tank of 12 m."""
+    footprint = Slice(12.0, 120, comm=MPI.COMM_WORLD)
+    waves = NonlinearWaves(Plane(footprint.mesh, 3), depth=1.0, wall=StillWall(), vertical_order=2)
+    watch = BreakingWatch(waves, SurfaceFlow(waves), length=None)
+    for t in (0.0, 0.01):
+        eta = 0.3 * np.exp(-(((waves.plane.x - x + 2.0 * (0.01 - t)) / 0.3) ** 2))
+        watch.look(Point(*waves.state(eta, 2.0 * np.cumsum(0 * eta))), t)
+    assert len(watch.crests) == examined
+
+
 @pytest.mark.parametrize(("moving", "seen"), [(0.0, 0), (1.0, 4)])
 def test_crests_that_stand_are_not_coherent_and_those_that_travel_are(moving, seen):
     """Four steep cosines that grow in place, and four that travel."""

@@ -9,6 +9,7 @@ from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
+from wavetank.motions import Sinusoid
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.record import Memory
 from wavetank.plan.forewarnings import beside, forewarnings
@@ -128,6 +129,15 @@ def test_derivatives_are_those_of_the_energy(steep):
     assert errors[:, 1].max() < 1e-11
     for n in (0, 2):
         assert fitted_slope(steps, errors[:, n]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_the_velocity_of_the_walls_is_that_of_the_nearer_paddle(make_tank):
+    """Oracle: the two motions; nodes of the left half are nearer to the left paddle."""
+    near, far, t = Sinusoid(0.1, 4.0), Sinusoid(0.2, 3.0), 0.4
+    tank = make_tank(length=4.0, cells=7, n=2, motion=near, far=far, reach=2.0)
+    tank.set_time(t)
+    expected = np.where(tank.plane.x < 2.0, near.velocity(t), far.velocity(t))
+    assert tank.wall.velocities == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("ends", [(1, 0), (0, 1), (1, 1)], ids=["near", "far", "both"])

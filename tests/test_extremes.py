@@ -18,6 +18,7 @@ from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import RunError
 from wavetank.fe.plane import Plane
+from wavetank.fe.vertical import gauss_lobatto_legendre
 from wavetank.integrators import Simpson4, ThirdOrder
 from wavetank.integrators.states import Point, Traces
 from wavetank.motions import Sinusoid
@@ -26,6 +27,7 @@ from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
 from wavetank.observers.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
+from wavetank.plan.dispersion import elements
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run, build_watch
 from wavetank.runs.clock import Clock
@@ -109,6 +111,24 @@ def test_the_penalty_conserves_mass_and_leaves_a_smooth_wave_alone():
         sizes.append(length / cells)
         changes.append(np.abs(after_p - p).max())
     assert changes[-1] > 0.0 and fitted_slope(sizes, changes) > 3.5
+
+
+@pytest.mark.parametrize("order", [2, 5])
+def test_the_penalty_falls_with_the_fourth_power_of_the_order(make_tank, order):
+    """Oracle: the trace of M^-1 kappa S of two cells by numpy, kappa = strength dt omega_g l³ / p⁴."""
+    tank, size, dt = make_tank(length=2.0, cells=2, order=order, n=2), 1.0, 0.01
+    penalty = EdgePenalty(tank, SurfaceFlow(tank), cell_size=size, dt=dt, threshold=0.0)
+    k = np.pi * order / size
+    kappa = 0.25 * dt * np.sqrt(9.81 * k * np.tanh(k)) * size**3 / order**4
+    nodes = gauss_lobatto_legendre(order)
+    basis = [np.polynomial.Polynomial.fromroots(np.delete(nodes, i)) for i in range(order + 1)]
+    slopes = [(one / one(node)).deriv() for one, node in zip(basis, nodes, strict=True)]
+    mass, jump = np.zeros((2 * order + 1,) * 2), np.zeros(2 * order + 1)
+    for cell, end, sign in ((0, 1.0, 1.0), (1, 0.0, -1.0)):
+        own = slice(cell * order, cell * order + order + 1)
+        mass[own, own] += size * elements(order).mass
+        jump[own] += sign / size * np.array([slope(end) for slope in slopes])
+    assert np.trace(penalty.generator()) == pytest.approx(kappa * jump @ np.linalg.solve(mass, jump), rel=1e-8)
 
 
 @pytest.mark.parametrize(("steepness", "cells"), [(0.5, 16), (0.3, 32)])

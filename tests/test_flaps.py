@@ -11,6 +11,7 @@ from wavetank.errors import InputError
 from wavetank.fe.forms import ScalarForm
 from wavetank.fe.plane import Plane
 from wavetank.motions import Sinusoid, Turned
+from wavetank.motions.mapping import quickened
 from wavetank.observers.energy import COLUMNS, EnergyBudget
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
@@ -216,6 +217,16 @@ def test_the_step_knows_how_far_a_flap_leans(degrees):
     longer = scene(case.wall.model_dump(), length=6.0, cells=12, n=5, duration=4.0, dt=0.85 * limit)
     doubts = forewarnings(longer, build_clock(longer, waves.largest_frequency, run.integrator), waves)
     assert any("where the paddle goes farthest" in line for line in doubts) == (degrees > 30)
+
+
+@pytest.mark.parametrize("t", [1.0, 3.0])
+def test_a_slight_lean_quickens_waves_whichever_way_and_however_long_the_reach(t):
+    """Into the water the bound of the case, out of it that of the lean; the flap moves by 0.018 of its reach."""
+    case = leaning(10.5, length=14.0, cells=14, n=2, duration=4.0, dt=0.02)
+    _, waves = build_run(case, MPI.COMM_SELF)
+    waves.set_time(t)
+    bound = case.quickened if t == 1.0 else quickened(float(np.tan(np.radians(10.5))), 0.0)
+    assert Quickened(waves).by() == pytest.approx(bound, rel=1e-3) and bound > 1.01
 
 
 def test_the_step_knows_how_far_a_piston_narrows_its_cells():

@@ -21,6 +21,8 @@ from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
 from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
 from wavetank.motions.mapping import STEEPEST, largest_stroke, quickened, share
+from wavetank.observers.contract import Moment, Moments
+from wavetank.observers.crest import HighestCrest
 from wavetank.observers.gauges import Gauges
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps
@@ -202,6 +204,32 @@ def test_viscosity_is_where_the_crest_is_in_the_laboratory(make_tank):
     taken = np.abs(smoothed(breaking, psi) - psi)
     assert np.sum(x * taken) / np.sum(taken) == pytest.approx(one.x, abs=0.03)
     assert taken[np.abs(x - one.x) > 1.2].max() < 1e-3 * taken.max()
+
+
+def test_viscosity_is_that_of_the_crest_over_the_current(make_tank):
+    """A crest at 2 m/s on a current of 0.5 m/s is damped as one at 1.5 m/s in still water."""
+    tank, taken = make_tank(length=4.0, cells=16, n=2), []
+    breaking = BreakingDissipation(tank, BreakingWatch(tank, SurfaceFlow(tank), length=None), dt=1e-3)
+    psi = np.cos(2 * np.pi * tank.plane.x / 0.4)
+    for current, speed in ((0.5, 2.0), (0.0, 1.5), (0.0, 2.0)):
+        crest = {"x": 2.0, "height": 0.2, "velocity": 1.8, "front": 0.5, "coherence": 1.0, "outrun": 0.1}
+        breaking.place([SteepCrest(current=current, speed=speed, **crest)])
+        taken.append(psi - smoothed(breaking, psi))
+    assert taken[0] == pytest.approx(taken[1], abs=1e-14)
+    assert np.abs(taken[2]).max() > 1.2 * np.abs(taken[0]).max()
+
+
+def test_the_highest_crest_is_located_in_the_laboratory(make_tank):
+    """Its node is 0.5 m from the paddle at rest in the reference tank; the paddle has moved by 0.4 m."""
+    tank = make_tank(length=4.0, cells=8, n=2, motion=Sinusoid(0.4, 4.0), reach=4.0)
+    tank.set_time(1.0)
+    place = tank.plane.places[[np.argmin(np.abs(tank.plane.x - 0.5))]]
+    eta = np.where(tank.plane.x == place[0, 0], 0.1, 0.0)
+    crest, sights = HighestCrest(tank), {id(tank): tank.sight(1)}
+    Moment(0, 1.0, Point(*tank.state(eta, 0 * eta, 1.0)), sights=sights, row=0).look(tank)
+    crest.work_off(Moments(np.zeros(1, dtype=int), np.ones(1), sights, np.zeros(1, dtype=int)))
+    x = tank.wall.to_physical(place)[0, 0]
+    assert crest.highest().x == pytest.approx(x) and x > place[0, 0] + 0.3
 
 
 def test_a_penalty_is_that_of_where_the_paddle_has_gone(make_tank):

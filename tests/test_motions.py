@@ -144,7 +144,9 @@ def test_before_the_record_the_paddle_stands_where_the_record_starts():
     t, X = record()
     motion = Recorded.of_positions(t, X)
     assert motion.position(0.2) == X[0]
-    assert motion.velocity(0.2) == motion.acceleration(0.2) == 0.0
+    just_before = np.nextafter(1.0, 0.0)
+    assert motion.velocity(0.2) == motion.acceleration(0.2) == motion.velocity(just_before) == 0.0
+    assert np.array_equal(motion.velocity(np.array([just_before, 1.0])) == 0.0, [True, False])
     assert Recorded.of_velocities(t, X).position(0.2) == 0.0
     assert motion.start == 1.0
 

@@ -15,6 +15,7 @@ from wavetank.observers.contract import Keeping, Moment
 from wavetank.observers.energy import EnergyBudget, columns
 from wavetank.observers.record import Memory
 from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
+from wavetank.observers.supply import Integral
 from wavetank.observers.surface import SurfaceSnapshots
 from wavetank.runs.clock import Clock
 from wavetank.runs.run import Run
@@ -224,6 +225,13 @@ def test_waves_that_go_through_a_tank_are_energy_that_a_balance_is_judged_by(uns
         budget.observe(Moment(step, 0.5 * step, Point(np.zeros(1), np.zeros(1))))
     assert budget.energy_error == pytest.approx(100 * abs(unseen) / 901, rel=1e-9)
     assert len(budget.verdict()) == told
+
+
+def test_work_over_unequal_steps_is_that_of_trapezia_and_of_equal_steps_of_order_four():
+    """Oracles: the integral of a linear rate over any steps, of a quadratic one over equal steps."""
+    unequal, equal = np.array([0.0, 0.1, 0.2, 0.3, 0.35, 0.45, 0.5, 0.55]), 0.1 * np.arange(6)
+    assert Integral().work_off(unequal, 2.0 + 3.0 * unequal) == pytest.approx(2.0 * unequal + 1.5 * unequal**2)
+    assert Integral().work_off(equal, equal**2)[2:] == pytest.approx(equal[2:] ** 3 / 3)
 
 
 class Unnamed(SimpleNamespace):

@@ -6,8 +6,8 @@ from mpi4py import MPI
 
 from wavetank.errors import ConvergenceError, RunError
 from wavetank.fe.combination import Combination
-from wavetank.hamiltonian.contract import Stage
-from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages
+from wavetank.hamiltonian.contract import Near, Stage
+from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages, Together
 from wavetank.hamiltonian.start_values import Extrapolation
 
 
@@ -109,3 +109,38 @@ def test_what_an_iteration_leaves_is_measured_once_in_a_while_and_saves_evaluati
         costs.append(solver.counters.evaluations - before)
         assert np.allclose(z, right / 1.0003, rtol=1e-5)
     assert costs[0] == 2 and set(costs[1:]) == {1, 2} and costs.count(2) <= 4
+
+
+def test_an_iterate_that_is_not_confirmed_is_thirty_times_as_accurate_as_asked():
+    """Against the solution by fixed-point iteration. What an iteration leaves, 0.02, is known of an earlier stage."""
+    tolerance, known = 1e-3, np.array([1.0, 2.0])
+    solver, errors = AndersonStageSolver(MPI.COMM_SELF, np.ones(2), tolerance=tolerance), []
+    for step in range(12):
+        right = known * (1.0 + 0.02 * step)
+        z = solver.solve(stage(t=0.1 * step), lambda z, right=right: z - right + 0.02 * np.sin(3 * z), right)
+        exact = z
+        for _ in range(50):
+            exact = right - 0.02 * np.sin(3 * exact)
+        errors.append(float(np.sqrt(np.mean((z - exact) ** 2) / np.mean(exact**2))))
+    assert max(errors) < tolerance / 30
+
+
+class Watching(Together):
+    """Records how far the points may be wrong that start values are combined of."""
+
+    wrong = 0.0
+
+    def begin_stage(self, stage, near, among, *, wrong):
+        self.wrong = wrong
+        return super().begin_stage(stage, near, among, wrong=wrong)
+
+
+def test_start_values_are_combined_of_points_that_are_wrong_by_ten_times_the_tolerance():
+    """Root of squares of n unknowns: 10 n^(1/2) tolerance size, with the size of the last solution."""
+    watching, size = Watching(), 4
+    solver = AndersonStageSolver(MPI.COMM_SELF, np.ones(size), tolerance=1e-3, together=watching)
+    moment = stage()
+    for _ in range(2):
+        near = Near(np.ones(size), np.ones(size), np.zeros(size))
+        z = solver.solve(moment, lambda z: z - np.ones(size), np.ones(size), near=near)
+    assert watching.wrong == pytest.approx(10 * np.sqrt(size) * 1e-3 * np.sqrt(np.mean(z**2)))
