@@ -359,6 +359,20 @@ def test_checkpoint_that_declares_more_than_it_has_is_refused(files, compression
         tracemalloc.stop()
 
 
+@pytest.mark.parametrize(("key", "value"), [("recorded", -1), ("recorded", 2**40), ("sum", [0.0])])
+def test_checkpoint_by_which_compiled_code_leaves_its_arrays_is_refused(key, value, run, capfd):
+    """Of a count and of a list of numbers: the process was aborted, as its memory was overwritten."""
+    path = run / "checkpoint.zip"
+    (run / "checkpoint-before.zip").unlink(missing_ok=True)
+    with ZipFile(path) as archive:
+        content = {name: archive.read(name) for name in archive.namelist()}
+    held = json.loads(content["held.json"], object_hook=lambda one: one | ({key: value} if key in one else {}))
+    with ZipFile(path, "w") as archive:
+        for name, part in (content | {"held.json": json.dumps(held)}).items():
+            archive.writestr(name, part)
+    assert "the checkpoint was written by another version of this program" in refusal(capfd, *RESUME, run)
+
+
 def test_control_characters_of_a_manifest_are_escaped(run, capfd):
     manifest = json.loads((run / "manifest.json").read_text())
     code = "\x1b]0;title\x07\x1b[2J\u202e"

@@ -391,7 +391,7 @@ class GoingOn:
             raise InputError(f"the run was stepped by integrator {its!r}, and would be by {mine!r}: must be the same.")
         try:
             told = self._carry(run, waves, scene) if self.anew else self._take(run, waves, scene)
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, LookupError, OverflowError, TypeError, ValueError) as error:
             raise self._foreign() from error
         for name, series in fields.items():
             if name in self.about["fields"]:

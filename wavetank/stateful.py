@@ -70,6 +70,13 @@ def named(parts: Iterable[object]) -> dict[str, Stateful]:
     return found
 
 
+def count(value: object) -> int:
+    """Return a count that was held, by which compiled code finds places; raise ``ValueError`` for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**31:
+        raise ValueError(f"{value!r} is no count")
+    return value
+
+
 def held_by(parts: Mapping[str, Stateful]) -> Held:
     """Return what the parts hold, by their names; collective."""
     return {name: part.held() for name, part in parts.items()}

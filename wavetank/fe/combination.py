@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.fe.kernels import Kernel, source
-from wavetank.stateful import Held
+from wavetank.stateful import Held, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest
 POINTS = """
@@ -124,5 +124,5 @@ class Combination:
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self.recorded, self._weight, self._gram[:] = held["recorded"], held["weight"], held["products"]
+        self.recorded, self._weight, self._gram[:] = count(held["recorded"]), held["weight"], held["products"]
         self._points[:], self._images[:] = (held[part].reshape(self._points.shape) for part in ("points", "images"))

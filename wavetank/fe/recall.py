@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector, summed
 from wavetank.fe.kernels import Kernel, source
-from wavetank.stateful import Held
+from wavetank.stateful import Held, count
 
 SHORTEST = 1e-13  # squared, of directions against the longest: shorter ones carry answers' errors rather than trends
 DECLARATIONS = """
@@ -114,7 +114,7 @@ class Recall:
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self.recorded, self._gram[:] = held["recorded"], held["products"]
+        self.recorded, self._gram[:] = count(held["recorded"]), held["products"]
         self._input[:] = held["input"].ravel()
         self._ways[:] = held["ways"].reshape(self._ways.shape)
         self._answer[:] = held["answer"].T

@@ -109,7 +109,7 @@ class Integral:
 
     def take(self, held: Held) -> None:
         """Take back what has been held."""
-        self._sum = np.array(held["sum"])
+        self._sum = np.array(held["sum"], dtype=np.float64).reshape(self._sum.shape)
 
 
 class Power:

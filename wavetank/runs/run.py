@@ -184,6 +184,9 @@ class Run:
         If not ``whole`` that has been held without solves.
         """
         self.step, self._begun = held["step"], held["begun"]
+        for name, mine in _values(self.state).items():
+            if isinstance(mine, np.ndarray) and np.shape(held["state"][name]) != mine.shape:
+                raise ValueError(f"the state's {name} has another shape")
         self.state = type(self.state)(**held["state"])
         (give_back if whole else carry_over)(self._parts, held["parts"])
 
