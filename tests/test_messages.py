@@ -16,6 +16,7 @@ from wavetank.plan.forewarnings import forewarnings
 from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
+from wavetank.water.breakdown import cause
 
 SLICE = "[tank]\nlength = 4.0\ndepth = 1.0\n[run]\nduration = {duration}\n[numerics]\ncells = 8\nvertical_order = 3\n"
 RING = SLICE.replace("length = 4.0", 'type = "ring"\nlength = 63.0')
@@ -113,6 +114,15 @@ def test_a_motion_with_a_jump_of_its_velocity_or_with_noise_is_named(wall, recor
     run, waves = build_run(scene, MPI.COMM_SELF)
     doubts = [one for one in forewarnings(scene, run.clock, waves) if "jumps" in one or "noise" in one]
     assert len(doubts) == bool(said) and all(said in one for one in doubts)
+
+
+def test_a_solve_that_fails_in_flat_water_names_the_noise_of_the_record_and_no_tolerance(case):
+    """The state is still water and the step short: nothing else is a cause."""
+    run, waves = build_run(read_case(case(SLICE + "dt = 0.001\n" + RECORD, RECORDS["noisy"])), MPI.COMM_SELF)
+    state, known = run.state, {"dt": 0.001, "limit": 1.693, "tolerance": 1e-5}
+    for noise, said, cure in (("the record has noise", "the record has noise", ""), ("", "tolerance", "numerics.tol")):
+        why = cause(waves, state.q, state.p, 0.0, **known, noise=noise)
+        assert said in why.words and why.cure.startswith(cure) and bool(why.cure) == (not noise)
 
 
 def test_probes_without_water_at_any_time_are_named(case, tmp_path):

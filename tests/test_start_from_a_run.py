@@ -101,6 +101,14 @@ def test_what_does_not_fit_is_refused(sloshing, tmp_path, changes, said):
     assert not (tmp_path / "out").exists()
 
 
+def test_cells_of_that_run_that_are_too_few_for_this_tank_are_refused(tmp_path):
+    """A mesh of a ring with two cells ended the program, before its tank was compared with that run's."""
+    run(SLOSHING | {"run": {"duration": 0.05}, "numerics": SLOSHING["numerics"] | {"cells": 2}}, tmp_path / "first")
+    ring = {"tank": {"type": "ring", "length": 2.0, "depth": 1.0}}
+    with pytest.raises(InputError, match=r"numerics\.cells = 2: must be at least 3 in a ring"):
+        run(begun(SLOSHING, tmp_path / "first") | ring, tmp_path / "second")
+
+
 def test_the_wall_must_stand_where_it_stood(tmp_path):
     """A paddle that was stopped on its way has its water with it."""
     record(SLICE, tmp_path / "first", {"duration": 0.3})

@@ -22,6 +22,7 @@ from wavetank.runs.kept_surface import KeptSurface, held_by_scheme
 from wavetank.runs.walls import motion_of
 from wavetank.runs.waters import AnyWaves
 from wavetank.stateful import Held, together
+from wavetank.values.noun import SceneError
 
 SEEN = 0.01  # of its rms: a mean elevation that is told
 APART = 1e-3  # of the depth: so far may the wall stand from where it stood
@@ -65,10 +66,13 @@ def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurfac
 
 
 def with_its_numerics(scene: Scene, initial: RunState) -> Scene:
-    """Return the scene with that run's numerics where it names none; raises ``InputError``."""
+    """Return the scene with that run's numerics where it names none; or ``InputError``, also if they do not fit."""
     before = _its_scene(initial, _chosen(initial)[1])
     numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
-    return scene.model_copy(update={"numerics": numerics})
+    found = scene.model_copy(update={"numerics": numerics})
+    if problems := [*numerics.problems(found)]:
+        raise SceneError(problems)
+    return found
 
 
 def told_of_start(scene: Scene, waves: AnyWaves, q: Vector) -> str:
