@@ -108,7 +108,7 @@ OTHERS = "numerics.cell_size would name others, numerics.accuracy has them plann
 ORIGINS = {  # what a case has beside a step of 3 s: where its cells come from
     "named": ({"cells": 12}, 2, "its cells are those of numerics.cells = 12"),
     "their size": ({"cell_size": 0.25}, 2, "its cells are those of numerics.cell_size = 0.25"),
-    "a short wave": ({}, 16, "its cells of 0.0833 m are as small as the shortest wave known of the case requires; num"),
+    "a short wave": ({}, 16, "its cells of 0.0417 m are as small as the shortest wave known of the case requires; num"),
     "a long one": ({"order": 4}, 2, f"its cells of 0.2 m are usual for the depth; {OTHERS}"),
 }
 

@@ -464,7 +464,7 @@ def test_solves_are_a_thousandth_of_the_accuracy_unless_a_case_says_otherwise():
 
 def asking(numerics, *, kd=1.5):
     """A scene of a standing wave that asks for an accuracy and sets some numerics beside it."""
-    scene, _ = standing(kd, 4, amplitude=0.05, periods=5)
+    scene, _ = standing(kd, 4, amplitude=min(0.05, 0.5 / kd), periods=5)
     return Scene.model_validate(
         scene.model_dump(mode="json") | {"water": None, "numerics": {"accuracy": 1e-2} | numerics}
     )
