@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from mpi4py import MPI
 from typer.core import TyperGroup
 
 import wavetank
@@ -23,6 +22,7 @@ from wavetank.case.new import KINDS, write_case
 from wavetank.console import console, drain
 from wavetank.errors import InputError, WavetankError, printable
 from wavetank.fe.agreed import all_here, on_first
+from wavetank.mpi import MPI
 from wavetank.plan.command import plan
 from wavetank.plan.motion_command import motion
 from wavetank.postprocess.analyse_command import analyse
@@ -115,6 +115,11 @@ def options(
     """A numerical wave tank: fully nonlinear potential-flow water waves."""
 
 
+SOLVER = {"mpi4py", "petsc4py", "dolfinx", "ufl", "basix", "ffcx", "cffi", "gmsh"}  # not installed by pip
+INSTALL = (
+    "this command needs FEniCSx (dolfinx >= 0.9, petsc4py, mpi4py) and gmsh: from conda (environment.yml), "
+    "from apt (python3-dolfinx, python3-gmsh), or by ./env in a checkout."
+)
 INTERRUPTED = 130  # how typer ends where Ctrl-C comes before a run's steps, or after them
 LAST_RANK = 60.0  # s in which all ranks must have come to the same end
 OVERWRITE = "replace what an earlier command has written there"
@@ -284,6 +289,12 @@ def main(arguments: list[str] | None = None) -> int:
         if debug:
             raise
         return _report(str(error), error.exit_code, ranks)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").partition(".")[0]
+        if debug or missing not in SOLVER:
+            _abort(error)
+            raise
+        return _report(f"{missing} is not installed; {INSTALL}", 2, ranks)
     except MemoryError as error:
         _abort(error)
         return _report("there is not enough memory for this; a smaller case is needed, or a larger machine.", 1, ranks)

@@ -11,9 +11,8 @@ from queue import Full, Queue
 from threading import Thread
 from typing import TYPE_CHECKING, TextIO, cast
 
-from mpi4py import MPI
-
 from wavetank.errors import printable
+from wavetank.mpi import MPI
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook

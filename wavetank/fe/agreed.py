@@ -7,9 +7,8 @@ from contextlib import contextmanager
 from math import inf
 from typing import TypeVar
 
-from mpi4py import MPI
-
 from wavetank.errors import WavetankError
+from wavetank.mpi import MPI
 
 T = TypeVar("T")
 

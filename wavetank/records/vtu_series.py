@@ -19,10 +19,10 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from mpi4py import MPI
 from numpy.typing import NDArray
 
 from wavetank.errors import InputError, RecordError, RunError
+from wavetank.mpi import MPI
 from wavetank.records.directory import INDEX_END, index_file
 from wavetank.records.growing import GrowingFile, lacks
 from wavetank.records.whole import FIELDS, open_regular, replace, sync
