@@ -399,7 +399,7 @@ def test_snapshot_of_another_folder_is_refused(file, run):
 def test_tables_and_pictures_replace_a_link(tmp_path):
     outside, table, drawn = (tmp_path / name for name in ("outside", "table.csv", "picture.png"))
     outside.write_text("a file of the user")
-    for link in (table, drawn):
+    for link in (table, drawn, tmp_path / ".table.csv", tmp_path / ".picture.png"):
         link.symlink_to(outside)
     write_rows(table, ["x"], [[1.0]])
     with picture(drawn, 2, 2) as figure:
