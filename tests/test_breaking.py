@@ -28,7 +28,7 @@ from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
 from wavetank.theory.stream_function import maximum_height, stream_function_wave
-from wavetank.verify.breaking import Case, bore, cases, luth_c, over_steep, refined, release, row
+from wavetank.verify.breaking import Case, bore, cases, luth_c, over_steep, refined, release, row, taken
 from wavetank.water.breaking import COHERENT, ONSET, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.water.crests import LEAST, Profile, SteepCrest, steep_crests
 from wavetank.water.edge_penalty import EdgePenalty
@@ -115,10 +115,9 @@ def exact(shift, *, current=0.0, noise=0.0):
 
 
 @pytest.mark.parametrize("current", [-4.0, -1.0, 0.0, 1.0, 4.0])
-@pytest.mark.parametrize("noise", [0.0, 1e-3])
-def test_velocity_over_speed_is_that_of_the_exact_wave_on_any_current(current, noise):
+@pytest.mark.parametrize(("noise", "time"), [(0.0, 0.01), (1e-3, 0.01), (0.0, 0.02)])
+def test_velocity_over_speed_is_that_of_the_exact_wave_on_any_current_for_any_step(current, noise, time):
     """Oracle: the wave's own B; where the current runs faster than the water in the crest, or the other way."""
-    time = 0.01
     before, wave = exact(0.3, current=current, noise=noise)
     after, _ = exact(0.3 + (wave.speed + current) * time, current=current, noise=noise)
     _, (behind, ahead) = wave.surface(np.array([-1e-5, 1e-5]))
@@ -185,10 +184,12 @@ def test_peaks_are_those_of_scipy():
     for trial in range(40):
         y = np.cumsum(random.normal(size=300)) if trial % 2 else np.sin(x) + 0.1 * random.normal(size=300)
         y = np.repeat(y, random.integers(1, 3, size=300))
+        heights = y * (1.0 + 1e-15 * random.normal(size=y.size))  # where cells meet, both compute the height
         place, none = np.arange(float(y.size)), np.zeros(y.size)
-        still = Profile(place, y, none, none)
+        still = Profile(place, heights, none, none)
         found = steep_crests(still, still, time=1.0, front=-1.0, cell=0.0)
-        assert [crest.x for crest in found] == list(find_peaks(y, prominence=LEAST * float(np.ptp(y)))[0])
+        peaks = find_peaks(y, prominence=LEAST * float(np.ptp(y)))[0]
+        assert [y[int(crest.x)] for crest in found] == list(y[peaks]) and len(found) == len(peaks)
 
 
 # ---------------------------------------------------------------- what is taken
@@ -206,19 +207,22 @@ def dissipation(length=12.0, cells=96, *, dt=1e-3):
     return waves, BreakingDissipation(waves, BreakingWatch(waves, SurfaceFlow(waves), length=length), dt=dt)
 
 
-@pytest.mark.parametrize("place", [0.0, 5.0])
-def test_the_energy_taken_is_that_of_diffusion_where_the_crest_is_also_across_a_rings_seam(place):
-    """Oracle: linear waves, a e^(-nu k² t), much shorter than the viscosity's reach: k² g a² int nu dx a second."""
+@pytest.mark.parametrize(("place", "B", "part"), [(0.0, 0.9, 1.0), (5.0, 0.9, 1.0), (5.0, 0.725, 0.5)])
+def test_the_energy_taken_is_that_of_diffusion_where_the_crest_is_also_across_a_rings_seam(place, B, part):
+    """Of full strength from B = 0.85 on, in proportion to B - 0.6 below.
+
+    Oracle: linear waves, a e^(-nu k² t), much shorter than the viscosity's reach: k² g a² int nu dx a second.
+    """
     waves, breaking = dissipation()
     k, a, x = 2 * np.pi / 0.75, 1e-4, waves.plane.x
     omega = np.sqrt(9.81 * k * np.tanh(k))
     q, p = waves.state(a * np.cos(k * x), a * 9.81 / omega * np.sin(k * x))
-    breaking.place([crest(place, 0.9)])
+    breaking.place([crest(place, B)])
     before = waves.energy(q, p, 0.0)
     ((after_q, after_p),) = breaking.passed(np.array([[q, p]]))
     breaking.account(before - waves.energy(after_q, after_p, 0.0), of=before)
     viscosity = 0.2 * 2.0 * 1.0 * 4.0 * 1.0  # alpha c H times R, the integral of cos² from -R to R, as published
-    assert breaking.energy_taken == pytest.approx(1e-3 * k**2 * 9.81 * a**2 * viscosity, rel=0.1)
+    assert breaking.energy_taken == pytest.approx(part * 1e-3 * k**2 * 9.81 * a**2 * viscosity, rel=0.1)
     assert waves.total_mass(after_q) == pytest.approx(waves.total_mass(q), rel=1e-14)
 
 
@@ -226,7 +230,7 @@ def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
     """A crest at 2 m/s that passes the seam of the ring; another one is not taken for it."""
     _, breaking = dissipation()
     watch = breaking.watch
-    story = [(0.8, 0), (0.86, 1), (0.9, 1), (0.7, 1), (0.61, 1), (0.59, 0), (0.7, 0), (0.84, 0), (0.86, 1)]
+    story = [(0.8, 0), (0.86, 1), (0.9, 1), (0.7, 1), (0.51, 1), (0.49, 0), (0.7, 0), (0.84, 0), (0.86, 1)]
     for step, (B, count) in enumerate(story):
         t = 0.2 * step
         found = watch.follow([crest((11.3 + 2.0 * t) % 12.0, B), crest((5.3 + 2.0 * t) % 12.0, 0.8)], t)
@@ -401,6 +405,18 @@ def test_no_sound_wave_stops_a_run_and_no_breaking_one_is_missed(times, tmp_path
     for case in cases(tmp_path):
         found = row(refined(case, times))
         print(found)
-        if case.breaks == np.isnan(found.alarm) or (found.stopped and not case.breaks):
+        missed = case.breaks and times >= 1.0 and np.isnan(found.alarm)
+        if missed or ("a wave breaks" in found.stopped and not case.breaks):
             wrong.append(found)
     assert not wrong
+
+
+@pytest.mark.slow
+def test_onset_and_dissipated_energy_do_not_depend_on_step_and_cells(tmp_path):
+    """Of all that break: 5 % and 10 % for half and a quarter of the step, and twice the cells."""
+    for case in (case for case in cases(tmp_path) if case.breaks):
+        first, *finer = (taken(refined(case, *fine)) for fine in ((1.0, 1.0), (1.0, 2.0), (1.0, 4.0), (2.0, 1.0)))
+        print(first, *finer)
+        for one in finer:
+            assert one.alarm == pytest.approx(first.alarm, rel=0.05)
+            assert one.viscosity + one.penalty == pytest.approx(first.viscosity + first.penalty, rel=0.1)

@@ -18,8 +18,9 @@ from wavetank.runs.build import build_run
 from wavetank.theory.solitary_wave import solitary_wave
 from wavetank.verify.report import Report
 from wavetank.verify.steepness import scene as ring
-from wavetank.water.breaking import STEEP, BreakingWatch, StopAtBreaking
+from wavetank.water.breaking import STEEP, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.water.crests import SteepCrest
+from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
@@ -68,7 +69,44 @@ class Row(NamedTuple):
     stopped: str
 
 
-class Measured(BreakingWatch):
+class Taken(NamedTuple):
+    """What ``run.on_breaking = "dissipate"`` took of a case.
+
+    Attributes
+    ----------
+    name
+        Of the case.
+    cells, dt
+        Number of cells and step [s].
+    alarm, alarms
+        When the first began [s], and how many there were.
+    viscosity, penalty
+        The energy that the eddy viscosity and the edge penalty took [m^4/s²].
+    """
+
+    name: str
+    cells: int
+    dt: float
+    alarm: float
+    alarms: int
+    viscosity: float
+    penalty: float
+
+
+def taken(case: Case) -> Taken:
+    """Run a case with the eddy viscosity of breaking waves."""
+    scene, _ = planned(case.scene, MPI.COMM_SELF)
+    dissipating = scene.run.model_copy(update={"on_breaking": "dissipate"})
+    run, waves = build_run(scene.model_copy(update={"run": dissipating}), MPI.COMM_SELF)
+    run.execute()
+    (sink,) = (one for one in run.sinks if isinstance(one, BreakingDissipation))
+    penalty = sum(one.energy_taken for one in run.sinks if isinstance(one, EdgePenalty))
+    alarms = sink.watch.alarms
+    first = alarms[0].t if alarms else float("nan")
+    return Taken(case.name, waves.plane.cells, run.clock.dt, first, len(alarms), sink.energy_taken, penalty)
+
+
+class BreakingMeasure(BreakingWatch):
     """Also keeps the largest B and the largest outrun part.
 
     Attributes
@@ -98,7 +136,7 @@ def row(case: Case) -> Row:
     run, waves = build_run(scene.model_copy(update={"run": stopping}), MPI.COMM_SELF)
     (stop,) = (one for one in run.filters if isinstance(one, StopAtBreaking))
     assert isinstance(waves, NonlinearWaves) and isinstance(waves.surface, SurfaceFlow)
-    watch = Measured(waves, waves.surface, length=tank.length if isinstance(tank, RingTank) else None)
+    watch = BreakingMeasure(waves, waves.surface, length=tank.length if isinstance(tank, RingTank) else None)
     stop.watch, stopped = watch, ""
     try:
         run.execute()
@@ -110,9 +148,16 @@ def row(case: Case) -> Row:
 
 
 def write(report: Report) -> None:
-    """Write breaking.csv, all cases with their numerics, half and twice as many cells."""
+    """Write breaking.csv, of all cases with their cells, half and twice as many, and dissipation.csv.
+
+    That is of those that break: with their cells and steps, half and a quarter of the steps, and twice the cells.
+    """
     rows = (row(refined(case, times)) for times in (1.0, 0.5, 2.0) for case in cases(report.folder))
     report.table("breaking", Row._fields, rows)
+    breaking = [case for case in cases(report.folder) if case.breaks]
+    fine = ((1.0, 1.0), (1.0, 2.0), (1.0, 4.0), (2.0, 1.0))
+    found = (taken(refined(case, times, steps=steps)) for case in breaking for times, steps in fine)
+    report.table("dissipation", Taken._fields, found)
 
 
 def refined(case: Case, times: float, *, steps: float = 1.0) -> Case:
@@ -158,10 +203,12 @@ def cases(folder: Path) -> Iterator[Case]:
     yield Case("coarse", False, coarse())
     for crest, breaks in ((0.12, False), (0.14, False), (0.16, True)):
         yield Case(f"group-{crest:g}", breaks, group(crest))
-    for jump in (0.5, 0.7):
-        yield Case(f"surge-{100 * jump:.0f}", True, surge(jump))
-    for height in (0.2, 0.4):
-        yield Case(f"beach-{height:g}", True, beach(height))
+    for jump, duration in ((0.5, 10.9), (0.7, 9.6)):
+        yield Case(f"surge-{100 * jump:.0f}", True, surge(jump, duration=duration))
+    for height, duration in ((0.2, 7.5), (0.4, 6.5)):
+        yield Case(f"beach-{height:g}", True, beach(height, duration=duration))
+    for amplitude in (0.077, 0.1):
+        yield Case(f"piston-{amplitude:g}", True, piston_regular(amplitude))
     for steepness in (0.5, 0.6):
         yield Case(f"over-steep-{steepness:g}", True, over_steep(steepness))
     yield Case("bar-steep", True, bar(height=0.16, period=2.02, duration=16.0))
@@ -192,8 +239,8 @@ def bore(jump: float, *, duration: float) -> Scene:
     return _scene(tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": duration})
 
 
-def surge(jump: float) -> Scene:
-    """Return a long hump of so many depths that travels to the right, a bore at its front."""
+def surge(jump: float, *, duration: float) -> Scene:
+    """Return a long hump of so many depths that travels to the right, a bore at its front, until it meets the wall."""
     speed = np.sqrt(9.81 * (jump + 2.0) / (2.0 * (jump + 1.0))) * jump
     where = {"a": "(x - 10) / 5", "b": "(x - 35) / 5"}
     initial = {
@@ -202,7 +249,9 @@ def surge(jump: float) -> Scene:
         "eta": f"{jump / 2:.16g} * (tanh(a) - tanh(b))",
         "psi": f"{speed / 2:.16g} * 5 * (log(cosh(a)) - log(cosh(b)))",
     }
-    return _scene(tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": 12.0}, numerics={"dt": 0.0125})
+    return _scene(
+        tank={"length": 80.0, "depth": 1.0}, initial=initial, run={"duration": duration}, numerics={"dt": 0.0125}
+    )
 
 
 def bar(*, height: float, period: float, duration: float) -> Scene:
@@ -340,13 +389,24 @@ def group(linear_crest: float) -> Scene:
     )
 
 
-def beach(height: float) -> Scene:
-    """Return a solitary wave on a beach of 1:15, up to a shelf."""
+def piston_regular(amplitude: float) -> Scene:
+    """Return regular waves of 1.3 s in 0.6 m of water by a piston of an amplitude [m]; from 0.075 m on they break."""
+    return _scene(
+        tank={"length": 10.0, "depth": 0.6},
+        wall={"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": amplitude, "period": 1.3}},
+        sponge={"type": "end", "length": 4.0},
+        run={"duration": 9.0},
+        numerics={"cell_size": 0.12, "vertical_order": 8, "dt": 0.02},
+    )
+
+
+def beach(height: float, *, duration: float) -> Scene:
+    """Return a solitary wave on a beach of 1:15, up to a shelf, until it meets the wall."""
     bed = {"type": "formula", "depth": "1 - clip((x - 14) / 15, 0, 0.88)"}
     return _scene(
         tank={"length": 32.0, "depth": 1.0, "bed": bed},
         initial={"type": "solitary-wave", "height": height, "x": 8.0},
-        run={"duration": 9.0},
+        run={"duration": duration},
         numerics={"cell_size": 0.1},
     )
 

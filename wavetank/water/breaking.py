@@ -4,7 +4,7 @@ B = (u - U) / (c - U) is the ratio of the fastest water in a crest's upper half 
 to the current around (water/crests.py). The two criteria:
 
 - Alarm: B > 0.85 (X. Barthelemy, M. L. Banner, W. L. Peirson, F. Fedele, M. Allis, F. Dias, J. Fluid Mech. 841, 2018).
-  It lasts until B < 0.6. An alarm is recorded. It never stops a run: some crests recover.
+  It lasts until B < 0.5. An alarm is recorded. It never stops a run: some crests recover.
 - Overturning: during its alarm the water outruns the crest in more than a fifth of the width of its upper half.
 
 Both count only if the front is steep and the crest travels with little change of form (``coherence``): the speed of a
@@ -14,10 +14,11 @@ crest that forms, vanishes, stands or meets another has no meaning. docs/extreme
 ends the run at an overturning crest, ``BreakingDissipation`` applies an eddy viscosity around each crest during its
 alarm, as Z. Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010):
 
-    (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
+    (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha e c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
 
-for eta and psi, with the crest's place x_c, speed c and height H and R a few H. It conserves mass to round-off, and the
-energy it takes is counted.
+for eta and psi, with the crest's place x_c, speed c and height H, R a few H, and e = (B - 0.6) / (0.85 - 0.6), at least
+0 and at most 1: nu varies continuously with the wave, so that the energy taken does not depend on the step in which an
+alarm ends. It conserves mass to round-off, and the energy it takes is counted.
 """
 
 from collections.abc import Sequence
@@ -35,7 +36,7 @@ from wavetank.water.smoothing import Smoothing
 from wavetank.water.surface_flow import SurfaceFlow
 from wavetank.water.waves import NonlinearWaves
 
-ONSET, RECOVERED = 0.85, 0.6  # B at which an alarm begins, and ends
+ONSET, RECOVERED, ENDED = 0.85, 0.6, 0.5  # B at which an alarm begins, the eddy viscosity is 0, the alarm ends
 STEEP, GENTLE = 0.3, 0.15  # slopes of the front below which no alarm begins, and each ends
 COHERENT = 0.5  # coherence below which a crest is not judged
 OVERTURNS = 0.2  # part of the width of the upper half in which water outruns the crest
@@ -56,7 +57,7 @@ class Alarm(NamedTuple):
     onset, largest
         B then, and the largest until the end of the alarm [-].
     end
-        When B was above 0.6 last [s].
+        When B was above 0.5 last [s].
     """
 
     t: float
@@ -70,8 +71,8 @@ class Alarm(NamedTuple):
 class BreakingWatch:
     """Examines the crests of the surface after each step, and keeps the alarms.
 
-    Within a depth of a wall crests form and vanish: they are not examined. Where all B are below 0.6 some steps go by
-    without a look: from 0.6 to 0.85 B takes an eighth of a period, or more.
+    Within a depth of a wall crests form and vanish: they are not examined. Without an alarm, and where all B are below
+    0.5, some steps go by without a look: from 0.6 to 0.85 B takes an eighth of a period, or more.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ class BreakingWatch:
             return []
         self.crests = self._steep(last, self.last, front)
         coherent = [crest for crest in self.crests if crest.coherence > COHERENT]
-        if all(crest.overtaking < RECOVERED for crest in coherent):
+        if all(crest.overtaking < ENDED for crest in coherent):
             self.last, self._rests, self._fast = None, RESTS, FASTER * flow.largest_velocity
         return self.follow(coherent, t)
 
@@ -133,7 +134,7 @@ class BreakingWatch:
             if index is None and breaks(crest):
                 index = len(alarms)
                 alarms.append(Alarm(t, crest.x, crest.height, B, B, t))
-            if index is not None and B > RECOVERED:
+            if index is not None and B > ENDED:
                 alarms[index] = alarms[index]._replace(largest=max(alarms[index].largest, B), end=t)
                 active.append((index, crest))
         self.alarms, self.active = tuple(alarms), tuple(active)
@@ -353,7 +354,8 @@ class BreakingDissipation(Smoothing):
         """Put the viscosity of breaking crests where they are; collective."""
         x, nu = self._waves.wall.to_physical(self._waves.plane.places)[:, 0], np.zeros(self._waves.plane.owned)
         for crest in breaking:
-            strength = ALPHA * abs(crest.speed - crest.current) * crest.height
+            excess = min(1.0, max(0.0, crest.overtaking - RECOVERED) / (ONSET - RECOVERED))
+            strength = ALPHA * excess * abs(crest.speed - crest.current) * crest.height
             nu += strength * np.cos(np.pi / 2 * np.minimum(self.watch.apart(x, crest), 1.0)) ** 2
         self._nu.set(self._dt * nu)
         self.update()

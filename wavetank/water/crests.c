@@ -6,11 +6,12 @@ static int highest(const double *height, int one, int other)
     return height[one] > height[other] ? one : other;
 }
 
-/* The trough beside a peak: behind it the surface rises again by a ripple, or is higher than the peak. */
-static int trough(int n, const double *height, int peak, int step, double ripple)
+/* The trough beside a peak: behind it the surface rises again by a ripple, or is higher than the peak. Heights that differ
+   by ``same`` are one, of a place where cells meet. */
+static int trough(int n, const double *height, int peak, int step, double ripple, double same)
 {
     int lowest = peak;
-    for (int i = peak + step; i >= 0 && i < n && height[i] <= height[peak]; i += step) {
+    for (int i = peak + step; i >= 0 && i < n && height[i] <= height[peak] + same; i += step) {
         if (height[i] > height[lowest] + ripple && height[lowest] < height[peak] - ripple)
             break;
         lowest = height[i] < height[lowest] ? i : lowest;
@@ -113,8 +114,9 @@ static Crest crest(const Surface *before, const Surface *s, double time, int lef
 /* The crest at a peak, if it stands out by a ripple; returns how many there are then. */
 static int at_peak(const Surface *before, const Surface *s, const Asked *asked, double ripple, int peak, int count, Crest *found)
 {
-    const int left = trough(s->places, s->height, peak, -1, ripple);
-    const int right = trough(s->places, s->height, peak, 1, ripple);
+    const double same = asked->same * ripple;
+    const int left = trough(s->places, s->height, peak, -1, ripple, same);
+    const int right = trough(s->places, s->height, peak, 1, ripple, same);
     const double foot = s->height[highest(s->height, left, right)], half = 0.5 * (s->height[peak] + foot);
     int first = peak, last = peak;
     if (s->height[peak] - foot < ripple)
