@@ -169,8 +169,8 @@ def record_run(
             warnings.add(doubt)
         series = _observe(run, scene, waves, writer, warnings)
         run.observers += [BreakingNews(one, log.say) for one in _breaking(run) if isinstance(one, BreakingDissipation)]
-        run.own = own_observers(observers, waves)
-        run.observers += run.own
+        run.user_observers = own_observers(observers, waves)
+        run.observers += run.user_observers
         if kept:
             log.say(kept.take(run, waves, scene=scene, fields=series))
             kept.miss(called(observers))

@@ -46,9 +46,9 @@ static void aim(const Points *p, int known, const double *restrict c)
 static void combine(const Points *p, int known, double wrong, double *restrict z, double *restrict missed)
 {
     const long size = p->size;
-    const int most = p->most, room = most > 0 ? most : 1;
+    const int most = p->most, length = most > 0 ? most : 1;
     const double *restrict newest = p->newest, *restrict away = p->away, *restrict scale = p->scale;
-    double A[room * room], weights[room];
+    double A[length * length], weights[length];
     for (int i = 0; i < known; ++i)
         for (int j = 0; j < known; ++j)
             A[i * most + j] = p->gram[i * most + j] + (i == j ? wrong : 0.0);

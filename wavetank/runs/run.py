@@ -51,7 +51,7 @@ class Run:
     ----------
     observed
         Whether all have observed the present step.
-    own
+    user_observers
         Those of the observers that a user has written: they may evaluate the system, which then takes back its state.
     """
 
@@ -66,7 +66,7 @@ class Run:
         filters: Sequence[Filter] = (),
     ):
         self.system, self.integrator, self.observers = system, integrator, list(observers)
-        self.clock, self.filters, self.own = clock, filters, list[Observer]()
+        self.clock, self.filters, self.user_observers = clock, filters, list[Observer]()
         self._stepper = Filtered(integrator, filters, acted=self._acted, seen=self._energy)
         self.step = clock.first
         self.state = integrator.start(*start)
@@ -243,14 +243,14 @@ class Run:
     def _undisturbed(self, observer: Observer, act: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return an action of an observer that does not change the system: start values depend on each evaluation."""
         system = self.system
-        if not (isinstance(system, Solving) and any(observer is one for one in self.own)):
+        if not (isinstance(system, Solving) and any(observer is one for one in self.user_observers)):
             return act
 
         def restoring(looked_at: Any) -> None:
-            held, counters = system.held(), replace(system.potential.counters)
+            before, counters = system.held(), replace(system.potential.counters)
             act(looked_at)
             if system.potential.counters != counters:
-                system.take(held)
+                system.take(before)
 
         return restoring
 
