@@ -39,6 +39,7 @@ from wavetank.water.short_waves import FARTHEST
 
 ORDERS = (2, 3, 4, 5)
 VERTICAL_ORDERS = tuple(range(2, 17))
+LEAST_ABSORBING = 4  # n before paddles that absorb by the elevation at their face, evanescent modes included
 SCHEME = "simpson-4"
 PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
 PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
@@ -195,7 +196,9 @@ class _Search:
         return sorted({max(fewest, ceil(one)) for one in counts})
 
     def _vertical_orders(self) -> tuple[int, ...]:
-        return VERTICAL_ORDERS if self._given.vertical_order is None else (self._given.vertical_order,)
+        if self._given.vertical_order is not None:
+            return (self._given.vertical_order,)
+        return tuple(n for n in VERTICAL_ORDERS if not self._scene.absorbing or n >= LEAST_ABSORBING)
 
     @property
     def what(self) -> str:
