@@ -391,7 +391,7 @@ def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_p
 
 @pytest.mark.parametrize(("outrun", "stops"), [(0.19, False), (0.21, True)])
 def test_a_run_stops_where_water_outruns_a_crest_in_a_fifth_of_its_upper_half(outrun, stops):
-    watch = SimpleNamespace(look=lambda state, t: [crest(1.0, 1.1, outrun)], undo=lambda: None)
+    watch = SimpleNamespace(look=lambda state, t: [crest(1.0, 1.1, outrun)], undo=lambda: None, place=str)
     state = Point(np.zeros(1), np.zeros(1))
     with pytest.raises(RunError, match="in 21 % of its upper half") if stops else nullcontext():
         assert not StopAtBreaking(watch).needed(state, 1.0)

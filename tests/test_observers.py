@@ -266,6 +266,8 @@ def test_a_balance_that_is_off_by_what_was_given_is_not_cured_by_a_shorter_step(
     given, off = sorted(budget.verdict(), key=lambda said: "balance" in said)
     assert budget.verdict() == ([off, given] if cured else [given, off])
     assert off.endswith(": a shorter step or a tighter tolerance is needed" if cured else "to what the beach has given")
+    budget.cause = "a wave breaks"
+    assert any(said.endswith(": a wave breaks") for said in budget.verdict()) == cured
 
 
 @pytest.mark.parametrize(("taken", "told"), [(0.02, True), (0.008, False)])

@@ -20,6 +20,7 @@ from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
 from wavetank.observers.breaking import BreakingNews
 from wavetank.observers.contract import Judge, Observer
+from wavetank.observers.energy import EnergyBudget
 from wavetank.observers.energy import columns as energy_columns
 from wavetank.observers.interruption import Interruption
 from wavetank.observers.progress import ProgressBar, Standing
@@ -195,6 +196,8 @@ def record_run(
                 writer.note({**surface.figures, "last_checkpoint": last_checkpoint(writer.path)})
 
         def note(error: RunError | None = None) -> None:
+            for budget in (one for one in run.observers if isinstance(one, EnergyBudget)):
+                budget.cause = next((one.watch.cause for one in _breaking(run) if one.watch.alarms), "")
             for judge in (one for one in run.observers if isinstance(one, Judge)):
                 for sentence in judge.verdict():
                     warnings.add(sentence)

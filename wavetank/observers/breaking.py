@@ -27,8 +27,7 @@ class BreakingNews:
         """Look whether one has begun to."""
         if self._breaking.watch.alarms and not self._said:
             self._said = True
-            t, x, *_ = self._breaking.watch.alarms[0]
-            self._say(f"t = {t:.6g} s, x = {x:.4g} m: a wave breaks; an eddy viscosity acts on it until it is gentle")
+            self._say(f"{self._breaking.watch.first}: a wave breaks; an eddy viscosity acts on it until it is gentle")
 
     def held(self) -> Held:
         """Return whether it has been said."""

@@ -108,6 +108,7 @@ class EnergyBudget(Keeping):
         self._taken = list[tuple[float, list[float]]]()  # what each sink had taken before times when they acted
         self._damped = Integral()  # what the sponge takes
         self._total = self._wall = self._mass = 0.0  # at the start
+        self.cause = ""  # of a balance that is off, and what helps, if another part of the run knows it
         self._energy = self._off = self._nothing = 0.0  # the largest there was of both, and what counts as none
         self._lost = 0.0  # of the mass, or won, at the most
         self._dissipated = self._earlier = 0.0  # in all, and by what took it before the numerics changed
@@ -209,7 +210,7 @@ class EnergyBudget(Keeping):
             if cure and (taken := self._most.get(name, 0.0)) > max(LOST * self._energy, self._nothing):
                 sentences.append(f"{called} has taken {taken / self._energy:.2g} of the energy: {cure}")
         if self._off > (least := max(TRUE * self._energy, self._nothing)):
-            what, place = "a shorter step or a tighter tolerance is needed", 0
+            what, place = self.cause or "a shorter step or a tighter tolerance is needed", 0
             if self._off - self._jumped <= least:
                 what = "with the numerics that the run went on with its surface had another energy"
             elif most > BLAMED * self._off:

@@ -44,6 +44,7 @@ from wavetank.runs.waters import AnyWaves, fill, moving_water
 from wavetank.stateful import Held, Stateful
 from wavetank.values.noun import Problem, SceneError, about
 from wavetank.water.breaking import BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.water.breaking_basin import BasinBreakingWatch
 from wavetank.water.edge_penalty import EdgePenalty
 from wavetank.water.linear_waves import LinearWaves
 from wavetank.water.rates import MovingWater
@@ -216,15 +217,14 @@ def summary(scene: Scene, run: Run, waves: AnyWaves) -> str:
 
 
 def build_filters(scene: Scene, waves: AnyWaves, dt: float) -> list[Filter]:
-    """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective.
-
-    Breaking is looked for in slices and rings only.
-    """
+    """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective."""
     if isinstance(waves, LinearWaves):
         return []  # neither breaks nor has a current
     flow, filters = waves.surface, list[Filter]()
-    if isinstance(flow, SurfaceFlow) and scene.run.on_breaking != "ignore":
-        watch = BreakingWatch(waves, flow, length=scene.tank.length if isinstance(scene.tank, RingTank) else None)
+    if scene.run.on_breaking != "ignore":
+        length = scene.tank.length if isinstance(scene.tank, RingTank) else None
+        along = isinstance(flow, SurfaceFlow)
+        watch = BreakingWatch(waves, flow, length=length) if along else BasinBreakingWatch(waves, flow)
         if scene.run.on_breaking == "dissipate":
             filters.append(BreakingDissipation(waves, watch, dt=dt))
         else:

@@ -33,7 +33,7 @@ from wavetank.stateful import Held
 from wavetank.water.crests import Profile, SteepCrest, steep_crests
 from wavetank.water.seen import State
 from wavetank.water.smoothing import Smoothing
-from wavetank.water.surface_flow import SurfaceFlow
+from wavetank.water.surface_flow import SurfaceVelocity
 from wavetank.water.waves import NonlinearWaves
 
 ONSET, RECOVERED, ENDED = 0.85, 0.6, 0.5  # B at which an alarm begins, the eddy viscosity is 0, the alarm ends
@@ -58,6 +58,8 @@ class Alarm(NamedTuple):
         B then, and the largest until the end of the alarm [-].
     end
         When B was above 0.5 last [s].
+    y
+        In a basin, where [m].
     """
 
     t: float
@@ -66,6 +68,7 @@ class Alarm(NamedTuple):
     onset: float
     largest: float
     end: float
+    y: float = 0.0
 
 
 class BreakingWatch:
@@ -95,9 +98,10 @@ class BreakingWatch:
         Which of them last, and their crests at the last look.
     """
 
-    def __init__(self, waves: NonlinearWaves, flow: SurfaceFlow, *, length: float | None):
-        self._waves, self._flow, self._length = waves, flow, length
-        self.last: tuple[float, Profile] | None = None
+    def __init__(self, waves: NonlinearWaves, flow: SurfaceVelocity, *, length: float | None):
+        self._waves, self._length = waves, length
+        self._flow: Any = flow
+        self.last: tuple[float, Any] | None = None
         self._rests, self._fast = 0, 0.0  # steps to come without a look, and the velocity that ends them [m/s]
         self.crests: list[SteepCrest] = []
         self.alarms: tuple[Alarm, ...] = ()
@@ -115,7 +119,7 @@ class BreakingWatch:
         if self._rests and flow.largest_velocity < self._fast:
             self._rests -= 1
             return []
-        self.last, self._rests = (t, flow.profile), 0
+        self.last, self._rests = (t, self._surface()), 0
         if last is None:
             return []
         self.crests = self._steep(last, self.last, front)
@@ -129,45 +133,74 @@ class BreakingWatch:
         alarms, active = list(self.alarms), list[tuple[int, SteepCrest]]()
         for crest in crests:
             B = crest.overtaking
-            near = (one for one, last in self.active if self.apart(np.array([crest.x]), last)[0] < 1.0)
+            lasting, place = (*self.active, *active), np.array([[crest.x, crest.y]])
+            near = (one for one, last in lasting if self.apart(place, last)[0] < 1.0)
             index = next(near, None)
             if index is None and breaks(crest):
                 index = len(alarms)
-                alarms.append(Alarm(t, crest.x, crest.height, B, B, t))
+                alarms.append(Alarm(t, crest.x, crest.height, B, B, t, crest.y))
             if index is not None and B > ENDED:
                 alarms[index] = alarms[index]._replace(largest=max(alarms[index].largest, B), end=t)
                 active.append((index, crest))
         self.alarms, self.active = tuple(alarms), tuple(active)
         return [crest for _, crest in active]
 
-    def apart(self, x: Vector, crest: SteepCrest) -> Vector:
-        """Return how far places are from a crest, in R, shape (N,)."""
-        return np.asarray(self._waves.plane.chart.apart(x, crest.x) / (REACH * crest.height))
+    def apart(self, places: Vector, crest: SteepCrest) -> Vector:
+        """Return how far places (x, y) [m], shape (N, 2), are from a crest, in R, shape (N,)."""
+        return np.asarray(self._waves.plane.chart.apart(places[:, 0], crest.x) / (REACH * crest.height))
+
+    def together(self, viscosities: Vector) -> Vector:
+        """Return the viscosity of all crests [m²/s], shape (owned,), of that of each, (crests, owned)."""
+        return np.asarray(viscosities.sum(axis=0))
+
+    def place(self, one: "SteepCrest | Alarm") -> str:
+        """Return where a crest or an alarm is, in words."""
+        return f"x = {one.x:.4g} m"
 
     @property
     def story(self) -> str:
         """The alarms so far as a sentence; empty if there are none."""
         if not self.alarms:
             return ""
-        (t, x, *_), worst = self.alarms[0], max(self.alarms, key=lambda one: one.largest)
-        first = f"the first at t = {t:.6g} s, x = {x:.4g} m"
-        if len(self.alarms) == 1:
-            first = f"at t = {t:.6g} s, x = {x:.4g} m"
+        worst, first = max(self.alarms, key=lambda one: one.largest), self.first
+        first = f"at {first}" if len(self.alarms) == 1 else f"the first at {first}"
         crests = "1 crest" if len(self.alarms) == 1 else f"{len(self.alarms)} crests"
         return f"{crests} passed u/c = {ONSET:g}, the threshold of breaking, {first}; largest u/c {worst.largest:.2f}"
+
+    @property
+    def first(self) -> str:
+        """When and where the first alarm began, in words."""
+        return f"t = {self.alarms[0].t:.6g} s, {self.place(self.alarms[0])}"
+
+    @property
+    def cause(self) -> str:
+        """Why energy is missing after an alarm, and what helps."""
+        return f'a wave breaks at {self.first}: run.on_breaking = "dissipate" takes energy out there'
 
     @property
     def columns(self) -> dict[str, Vector]:
         """The alarms as columns of a table, units in their names."""
         names = "t [s]", "x [m]", "height [m]", "u/c at onset [-]", "largest u/c [-]", "end [s]"
-        return dict(zip(names, np.array(self.alarms).T, strict=True))
+        return dict(zip(names, np.array(self.alarms).T[: len(names)], strict=True))
 
     @property
     def figures(self) -> dict[str, Any]:
         """The alarms, for a manifest."""
         return {"alarms": [alarm._asdict() for alarm in self.alarms]}
 
-    def _steep(self, last: tuple[float, Profile], now: tuple[float, Profile], front: float) -> list[SteepCrest]:
+    def _surface(self) -> Any:
+        """Return what crests of the next look are compared with; collective."""
+        return self._flow.profile
+
+    def _said(self, surface: Any) -> Any:
+        """Return that surface as JSON or arrays have it."""
+        return [values.tolist() for values in surface]
+
+    def _heard(self, surface: Any) -> Any:
+        """Return the surface of what has been said; collective."""
+        return Profile(*map(np.array, surface))
+
+    def _steep(self, last: tuple[float, Any], now: tuple[float, Any], front: float) -> list[SteepCrest]:
         """Return the crests between the walls that have a steeper front, of two looks."""
         (before_t, before), (t, profile) = last, now
         first, end = profile.x[0] + self._waves.depth, profile.x[-1] - self._waves.depth
@@ -188,7 +221,7 @@ class BreakingWatch:
     def held(self) -> Held:
         """Return the surface of the last look, if it is to be judged by, when it is looked again, and the alarms."""
         return {
-            "last": self.last and {"t": self.last[0], "profile": [values.tolist() for values in self.last[1]]},
+            "last": self.last and {"t": self.last[0], "profile": self._said(self.last[1])},
             "rests": self._rests,
             "fast": self._fast,
             "alarms": [list(alarm) for alarm in self.alarms],
@@ -198,7 +231,7 @@ class BreakingWatch:
     def take(self, held: Held) -> None:
         """Take back what has been held."""
         last = held["last"]
-        self.last = last and (last["t"], Profile(*map(np.array, last["profile"])))
+        self.last = last and (last["t"], self._heard(last["profile"]))
         self._rests, self._fast = held["rests"], held["fast"]
         self.alarms = tuple(Alarm(*alarm) for alarm in held["alarms"])
         self.active = tuple((index, SteepCrest(*crest)) for index, crest in held["active"])
@@ -266,7 +299,7 @@ class StopAtBreaking(BreakingAlarm):
             if crest.outrun > OVERTURNS:
                 self.undo()
                 raise RunError(
-                    f"t = {t:.6g} s, x = {crest.x:.4g} m: a wave breaks: the water outruns the crest, "
+                    f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest, "
                     f"{crest.height:.3g} m above its trough, in {100 * crest.outrun:.0f} % of its upper half "
                     f"(limit {100 * OVERTURNS:.0f} %): {crest.velocity:.3g} m/s, the crest {crest.speed:.3g} m/s"
                 )
@@ -352,10 +385,10 @@ class BreakingDissipation(Smoothing):
 
     def place(self, breaking: Sequence[SteepCrest]) -> None:
         """Put the viscosity of breaking crests where they are; collective."""
-        x, nu = self._waves.wall.to_physical(self._waves.plane.places)[:, 0], np.zeros(self._waves.plane.owned)
+        places, nu = self._waves.wall.to_physical(self._waves.plane.places), list[Vector]()
         for crest in breaking:
             excess = min(1.0, max(0.0, crest.overtaking - RECOVERED) / (ONSET - RECOVERED))
             strength = ALPHA * excess * abs(crest.speed - crest.current) * crest.height
-            nu += strength * np.cos(np.pi / 2 * np.minimum(self.watch.apart(x, crest), 1.0)) ** 2
-        self._nu.set(self._dt * nu)
+            nu.append(strength * np.cos(np.pi / 2 * np.minimum(self.watch.apart(places, crest), 1.0)) ** 2)
+        self._nu.set(self._dt * self.watch.together(np.array(nu)))
         self.update()

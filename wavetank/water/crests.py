@@ -99,6 +99,8 @@ class SteepCrest(NamedTuple):
         constant form, 0 of a standing wave. The speed of a crest of low coherence has no meaning.
     outrun
         The part of the upper half's width in which the water moves faster than the crest [-].
+    y
+        In a basin, where it is [m], and x likewise.
     """
 
     x: float
@@ -109,6 +111,7 @@ class SteepCrest(NamedTuple):
     front: float
     coherence: float
     outrun: float
+    y: float = 0.0
 
     @property
     def overtaking(self) -> float:
@@ -122,7 +125,7 @@ def steep_crests(before: Profile, after: Profile, *, time: float, front: float, 
     What is narrower than a ``cell`` [m] in its upper half is the mesh's, not the water's.
     """
     kernel = _kernel()
-    found, at = np.empty((len(after.x) // 2 + 1, len(SteepCrest._fields))), kernel.doubles
+    found, at = np.empty((len(after.x) // 2 + 1, len(SteepCrest._fields) - 1)), kernel.doubles
     surfaces = ([(len(one.x), *map(at, one))] for one in (before, after))
     count = kernel.call.steep_crests(*surfaces, [(time, front, cell, LEAST, SAME)], at(found))
     return [SteepCrest(*map(float, crest)) for crest in found[:count]]

@@ -4,12 +4,14 @@ Where the surface is level, the surface potential's derivative is the water's ho
 """
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from importlib.resources import files
 from typing import NamedTuple, Protocol
 
 import basix
 import numpy as np
 import ufl
+from dolfinx import fem
 from mpi4py import MPI
 from numpy.typing import NDArray
 
@@ -18,7 +20,7 @@ from wavetank.fe.cell_places import tabulate
 from wavetank.fe.cells import lanes
 from wavetank.fe.forms import compile_expression
 from wavetank.fe.kernels import Kernel, defined
-from wavetank.fe.plane import Plane
+from wavetank.fe.plane import Field, Plane
 from wavetank.fe.whole import Glance
 from wavetank.water.crests import Profile
 from wavetank.water.seen import State
@@ -145,6 +147,22 @@ class SurfaceVelocity:
     def elevation(self) -> Vector:
         """The elevation at the owned degrees of freedom [m], shape (owned,)."""
         return self._eta.owned
+
+    @property
+    def fields(self) -> tuple[Field, Field]:
+        """Elevation and surface potential."""
+        return self._eta, self._psi
+
+    def gradients(self, cells: NDArray[np.int32]) -> Vector:
+        """Return x, y [m] in the reference tank and the elevation's gradient in points of cells, (cells, points, 4)."""
+        mesh = self._waves.plane.mesh
+        return np.asarray(self._gradients.eval(mesh, cells)).reshape(len(cells), len(self._points), 4)
+
+    @cached_property
+    def _gradients(self) -> fem.Expression:
+        x, eta = ufl.SpatialCoordinate(self._waves.plane.mesh), self._eta.function
+        slope = self._waves.wall.mapping.gradient(eta, eta)
+        return compile_expression(ufl.as_vector([x[0], x[1], slope[0], slope[1]]), self._points, self._comm)
 
     @property
     def speeds(self) -> Vector:
