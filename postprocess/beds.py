@@ -42,4 +42,4 @@ def _recorded(run: RunDirectory) -> Depth:
         raise InputError(
             f"{run.path / BED}: the depths cannot be interpolated ({str(error).splitlines()[0]})."
         ) from None
-    return lambda *at: np.where(np.isnan(found := inside(*at)), outside(*at), found)
+    return lambda *at: np.where(np.isnan(depths := inside(*at)), outside(*at), depths)

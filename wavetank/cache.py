@@ -28,8 +28,8 @@ def places(part: str = "", *, private: bool = False) -> list[Path]:
 
     Of ``private`` ones, those of code, each is there, and nobody else can have put anything into it.
     """
-    found = [] if private and not _is_private(usual(), part) else [usual(part)]
-    return [*found, *([_temporary() / part] if _is_private(_temporary(), part if private else "") else [])]
+    usual_part = [] if private and not _is_private(usual(), part) else [usual(part)]
+    return [*usual_part, *([_temporary() / part] if _is_private(_temporary(), part if private else "") else [])]
 
 
 def writable(part: str = "", *, private: bool = False) -> Path:
@@ -91,11 +91,11 @@ def _is_private(cache: Path, part: str) -> bool:
 def is_ours(folder: Path, *, others_may_write: bool = False) -> bool:
     """Return whether a folder is there, no link, of this user's, and nobody else can write to it."""
     try:
-        found = folder.lstat()
+        state = folder.lstat()
     except OSError:
         return False
-    closed = others_may_write or not found.st_mode & OTHERS_MAY_WRITE
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and closed
+    closed = others_may_write or not state.st_mode & OTHERS_MAY_WRITE
+    return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and closed
 
 
 @cache

@@ -15,7 +15,7 @@ def check_working_directory() -> None:
     exactly it integrates. In the user's home such a file is the user's.
     """
     here, home = Path.cwd(), Path("~").expanduser()
-    found = [name for name in SETTINGS if os.path.lexists(name)]
-    if found and not (home.exists() and here.samefile(home)):
+    settings = [name for name in SETTINGS if os.path.lexists(name)]
+    if settings and not (home.exists() and here.samefile(home)):
         cure = "delete it, or work in another directory; your own may be in your home directory"
-        raise InputError(f"{here / found[0]}: a library would execute or write what it names; {cure}.")
+        raise InputError(f"{here / settings[0]}: a library would execute or write what it names; {cure}.")

@@ -30,12 +30,12 @@ def descriptor(path: str | Path, flags: int) -> int:
             raise OSError(error.errno, "a symbolic link" if error.errno == errno.ELOOP else "a pipe", path) from None
         raise
     try:
-        found, writes = os.fstat(number), flags & (os.O_WRONLY | os.O_RDWR)
-        if stat.S_ISDIR(found.st_mode):
+        state, writes = os.fstat(number), flags & (os.O_WRONLY | os.O_RDWR)
+        if stat.S_ISDIR(state.st_mode):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), path)
-        if not stat.S_ISREG(found.st_mode):
+        if not stat.S_ISREG(state.st_mode):
             raise OSError(errno.EINVAL, "not a regular file", path)
-        if writes and found.st_nlink > 1:
+        if writes and state.st_nlink > 1:
             raise OSError(errno.EMLINK, "a hard link: the file has another name, too", path)
         if flags & os.O_TRUNC:
             os.ftruncate(number, 0)

@@ -81,8 +81,8 @@ def bed_by_code(scene: Scene, waves: AnyWaves) -> dict[str, Vector]:
     columns = {"x [m]": x, "y [m]": y, "depth [m]": agreed(waves.plane.comm, lambda: depth(x, y))}
     if waves.plane.mesh.topology.dim == 1:
         del columns["y [m]"]
-    found, _ = gathered(waves.plane, [*columns.values()])
-    return dict(zip(columns, found, strict=False))
+    values, _ = gathered(waves.plane, [*columns.values()])
+    return dict(zip(columns, values, strict=False))
 
 
 def told_energy(scene: Scene) -> list[str]:
