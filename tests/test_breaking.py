@@ -240,7 +240,7 @@ def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
     sentence = "2 crests passed u/c = 0.85, the threshold of breaking, the first at t = 0.2 s, x = 11.7 m"
     assert watch.story == f"{sentence}; largest u/c 0.90"
     watch._before = watch._state()  # as a look begins
-    watch.follow([crest(5.0, 0.9)], 1.8)
+    watch.follow([crest(8.0, 0.9)], 1.8)
     assert len(watch.alarms) == 3
     watch.undo()
     assert len(watch.alarms) == 2 and [index for index, _ in watch.active] == [1]
