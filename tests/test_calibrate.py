@@ -510,14 +510,21 @@ def test_cheap_numerics_are_taken_where_they_are_worth_it():
 # ---------------------------------------------------------------- the nonlinear tank
 @pytest.mark.slow
 def test_a_focused_crest_is_where_it_is_wanted_in_the_nonlinear_tank(tmp_path):
-    """Oracle: the tank itself, the calibrated case run anew; by linear theory it is 13 % too high, 0.5 m off."""
+    """Oracle: the calibrated case run anew, its gauge at the target; by linear theory it is 13 % too high, 0.5 m off.
+
+    The height along the path of a crest varies by 0.05 % within 0.1 m: the highest sample may be a cell away.
+    """
     said = commanded("calibrate", str(FOCUSING), "--out", str(tmp_path))
     assert said.returncode == 0, said.stderr
     assert int(rows(tmp_path)[-1]["runs"]) < 10
     assert commanded("run", str(tmp_path / CASE), "--no-plots", "--out", str(tmp_path / "anew")).returncode == 0
-    crest = RunDirectory(tmp_path / "anew").manifest["highest_crest"]
+    again = RunDirectory(tmp_path / "anew")
+    record = again.gauges.sel(gauge="4")
+    assert record.x == 10.0 and float(record.max()) == pytest.approx(0.10, rel=0.015)
+    assert float(record.idxmax("time")) == pytest.approx(20.0, abs=0.06)
+    crest = again.manifest["highest_crest"]
     assert crest["height"] == pytest.approx(0.10, rel=0.015)
-    assert crest["x"] == pytest.approx(10.0, abs=0.1) and crest["t"] == pytest.approx(20.0, abs=0.06)
+    assert crest["x"] == pytest.approx(10.0, abs=0.2) and crest["t"] == pytest.approx(20.0, abs=0.13)
 
 
 @pytest.mark.slow
