@@ -539,17 +539,17 @@ def test_components_at_the_focus_are_those_that_are_meant(tmp_path):
 
 @pytest.mark.slow
 def test_the_paddle_of_a_record_is_found_again(tmp_path):
-    """Round trip: a known paddle's record is the target; the motion found is the known one.
+    """Round trip: a known paddle's record is the target; the velocity found is the known one.
 
-    By linear generation: of a second-order paddle the position has long waves that the record determines to 8 %.
+    The position is not: 40 % of it is slow motion of second order below 0.1 Hz, which makes nearly no elevation.
     """
     known, out = tmp_path / "known", tmp_path / "found"
-    longer = ("--set", "run.duration=30.0", "--set", "wall.motion.generation='linear'")
+    longer = ("--set", "run.duration=30.0")
     assert commanded("run", str(FOCUSING), "--no-plots", "--out", str(known), *longer).returncode == 0
     target = f"target={{type='record', file='{known / 'gauges.csv'}', gauge='4', x=10.0}}"
     said = commanded("calibrate", str(FOCUSING), "--out", str(out), "--set", target, *longer)
     assert said.returncode == 0, said.stderr
     assert int(rows(out)[-1]["runs"]) < 10
-    mine, its = (RunDirectory(one).paddle.position for one in (known, out / "runs" / rows(out)[-1]["attempt"]))
+    mine, its = (RunDirectory(one).paddle.velocity for one in (known, out / "runs" / rows(out)[-1]["attempt"]))
     missed = np.sqrt(np.mean((its.interp(time=mine.time) - mine) ** 2) / np.mean(mine**2))
     assert missed < 0.05
