@@ -420,9 +420,9 @@ def test_what_has_finished_is_not_run_again(linear_study):
 
 
 def test_a_broken_combination_is_a_row_and_a_marked_one_is_judged_too(tmp_path):
-    """A wave of k a = 1.26 breaks at once; the other, and twice its order, are judged by their refined reference."""
-    overrides = ["run.duration=0.8", "numerics.cells=8", "numerics.vertical_order=3"]
-    sweeps = ["initial.wave_amplitude=0.02,0.8", "dt=0.04"]
+    """A wave of k a = 0.61 breaks within its period; the other, and twice its order, are judged by a refined run."""
+    overrides = ["run.duration=1.6", "numerics.cells=8", "numerics.vertical_order=3"]
+    sweeps = ["initial.wave_amplitude=0.02,0.39", "dt=0.04"]
     rows, said = run_study(tmp_path, sweeps, overrides, marked=["initial.wave_amplitude=0.02", "dt=0.02", "n=6"])
     assert [row.outcome.status for row in rows] == ["finished", "broke down", "finished"]
     good, broken, plan = rows
