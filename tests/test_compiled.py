@@ -238,3 +238,40 @@ def test_kernels_of_start_values_take_arrays_of_length_zero(tmp_path):
     options = ["-w", "-fsanitize=undefined", "-fsanitize-undefined-trap-on-error", "zero.c", "-lm", "-o", "zero"]
     subprocess.run([*compiler, *options], cwd=tmp_path, check=True)
     assert subprocess.run([tmp_path / "zero"]).returncode == 0
+
+
+BASIN = """
+from wavetank.cli import main
+from pathlib import Path
+Path("case.toml").write_text('''
+[tank]
+type = "basin"
+depth = 0.5
+layout = { type = "rectangle", length = 2.0, width = 1.0 }
+[initial]
+type = "standing-wave"
+wave_amplitude = 0.01
+mode = 1
+[run]
+duration = 0.03
+[numerics]
+cell_size = 0.5
+vertical_order = ORDER
+dt = 0.03
+''')
+print("exit code", main(["run", "case.toml", "--no-plots", "--out", "run"]))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vertical_order", [1, 2, 3])
+def test_kernels_of_a_basin_of_low_vertical_order_compile_without_a_warning(vertical_order, world, tmp_path):
+    with begun(
+        [sys.executable, "-c", BASIN.replace("ORDER", str(vertical_order))],
+        env=world | {"PYTHONPATH": str(Path.cwd())},
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    ) as process:
+        out, err = process.communicate()
+    assert "exit code 0" in out and err == ""

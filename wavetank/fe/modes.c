@@ -128,7 +128,7 @@ INLINE void interpolate_rows(int many, long rows, const int *pointers, const int
                              const REAL *restrict x, REAL *restrict y)
 {
     for (long i = 0; i < rows; ++i) {
-        REAL sum[NUMBERS] = {0};
+        REAL sum[NUMBERS > FEW ? NUMBERS : FEW] = {0};
         for (int k = pointers[i]; k < pointers[i + 1]; ++k)
             EACH(j, many)
                 sum[j] += entries[k] * x[(long)columns[k] * many + j];
