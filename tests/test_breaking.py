@@ -28,7 +28,7 @@ from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
 from wavetank.theory.stream_function import maximum_height, stream_function_wave
-from wavetank.verify.breaking import Case, bore, cases, luth_c, over_steep, refined, release, row, taken
+from wavetank.verify.breaking import Case, bore, cases, dissipated, luth_c, over_steep, refined, release, row
 from wavetank.water.breaking import COHERENT, ONSET, BreakingDissipation, BreakingWatch, StopAtBreaking
 from wavetank.water.crests import LEAST, Profile, SteepCrest, steep_crests
 from wavetank.water.edge_penalty import EdgePenalty
@@ -420,7 +420,7 @@ def test_no_sound_wave_stops_a_run_and_no_breaking_one_is_missed(times, tmp_path
 def test_onset_and_dissipated_energy_do_not_depend_on_step_and_cells(tmp_path):
     """Of all that break: 5 % and 10 % for half and a quarter of the step, and twice the cells."""
     for case in (case for case in cases(tmp_path) if case.breaks):
-        first, *finer = (taken(refined(case, *fine)) for fine in ((1.0, 1.0), (1.0, 2.0), (1.0, 4.0), (2.0, 1.0)))
+        first, *finer = (dissipated(refined(case, *fine)) for fine in ((1.0, 1.0), (1.0, 2.0), (1.0, 4.0), (2.0, 1.0)))
         print(first, *finer)
         for one in finer:
             assert one.alarm == pytest.approx(first.alarm, rel=0.05)

@@ -65,7 +65,7 @@ def test_each_reflection_multiplies_the_energy_by_its_square():
     found = travel.travel(np.array([1.5]), np.array([1.0]), length=2.0, at=at, generated=generated, duration=10.0)
     energy = np.array([1.0, 0.8**2, 0.4**2, 0.4**2 * 0.8**2, 0.4**4])
     ages = np.array([1.5, 2.5, 5.5, 6.5, 9.5])
-    assert found.share == pytest.approx(energy.sum())
+    assert found.fraction == pytest.approx(energy.sum())
     assert found.reflected == pytest.approx(energy[1:].sum())
     assert found.age == pytest.approx(np.sqrt(energy @ ages**2 / energy.sum()))
 

@@ -63,7 +63,7 @@ def _usable(cache: Path, part: str, *, private: bool) -> Path:
     folder = cache / part
     for one in (cache, folder) if private else ():
         one.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
-        if is_ours(one, others_may_write=True) and not is_ours(one):
+        if is_ours(one, any_mode=True) and not is_ours(one):
             one.chmod(one.stat().st_mode & ~OTHERS_MAY_WRITE)
     if private and not _is_private(cache, part):
         raise PermissionError(errno.EPERM, "other users can write there")
@@ -88,13 +88,13 @@ def _is_private(cache: Path, part: str) -> bool:
     return above.st_uid in (0, os.getuid()) and closed and is_ours(cache) and is_ours(cache / part)
 
 
-def is_ours(folder: Path, *, others_may_write: bool = False) -> bool:
+def is_ours(folder: Path, *, any_mode: bool = False) -> bool:
     """Return whether a folder is there, no link, of this user's, and nobody else can write to it."""
     try:
         state = folder.lstat()
     except OSError:
         return False
-    closed = others_may_write or not state.st_mode & OTHERS_MAY_WRITE
+    closed = any_mode or not state.st_mode & OTHERS_MAY_WRITE
     return stat.S_ISDIR(state.st_mode) and state.st_uid == os.getuid() and closed
 
 

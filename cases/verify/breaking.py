@@ -69,7 +69,7 @@ class Row(NamedTuple):
     stopped: str
 
 
-class Taken(NamedTuple):
+class Dissipated(NamedTuple):
     """What ``run.on_breaking = "dissipate"`` took of a case.
 
     Attributes
@@ -93,7 +93,7 @@ class Taken(NamedTuple):
     penalty: float
 
 
-def taken(case: Case) -> Taken:
+def dissipated(case: Case) -> Dissipated:
     """Run a case with the eddy viscosity of breaking waves."""
     scene, _ = planned(case.scene, MPI.COMM_SELF)
     dissipating = scene.run.model_copy(update={"on_breaking": "dissipate"})
@@ -103,7 +103,7 @@ def taken(case: Case) -> Taken:
     penalty = sum(one.energy_taken for one in run.sinks if isinstance(one, EdgePenalty))
     alarms = sink.watch.alarms
     first = alarms[0].t if alarms else float("nan")
-    return Taken(case.name, waves.plane.cells, run.clock.dt, first, len(alarms), sink.energy_taken, penalty)
+    return Dissipated(case.name, waves.plane.cells, run.clock.dt, first, len(alarms), sink.energy_taken, penalty)
 
 
 class BreakingMeasure(BreakingWatch):
@@ -156,8 +156,8 @@ def write(report: Report) -> None:
     report.table("breaking", Row._fields, rows)
     breaking = [case for case in cases(report.folder) if case.breaks]
     fine = ((1.0, 1.0), (1.0, 2.0), (1.0, 4.0), (2.0, 1.0))
-    found = (taken(refined(case, times, steps=steps)) for case in breaking for times, steps in fine)
-    report.table("dissipation", Taken._fields, found)
+    found = (dissipated(refined(case, times, steps=steps)) for case in breaking for times, steps in fine)
+    report.table("dissipation", Dissipated._fields, found)
 
 
 def refined(case: Case, times: float, *, steps: float = 1.0) -> Case:

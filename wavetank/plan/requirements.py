@@ -445,16 +445,16 @@ def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
     squares = np.array([lines.squared_envelope(np.concatenate(some)) for some in around])
     free, squared = _free_harmonic(scene, float(energy @ k / energy.sum()), lines)
     each = np.append(k, free.k), np.append(energy, 0.0), np.vstack([squares, squared**2])
-    age, share, reflected = _travel(scene, *each)
-    returning = bool(reflected[:-1] @ energy > RETURNING * (share[:-1] @ energy))
+    age, fraction, reflected = _travel(scene, *each)
+    returning = bool(reflected[:-1] @ energy > RETURNING * (fraction[:-1] @ energy))
 
-    found = Components(k, omega, amplitude * np.sqrt(share[:-1]), age[:-1])
-    freed = free._replace(amplitude=free.amplitude * np.sqrt(energy.sum() * share[-1:]), age=age[-1:])
+    found = Components(k, omega, amplitude * np.sqrt(fraction[:-1]), age[:-1])
+    freed = free._replace(amplitude=free.amplitude * np.sqrt(energy.sum() * fraction[-1:]), age=age[-1:])
     crest, mean_square = _crest(scene, lines, returning)
     lasting = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
-    free = freed.selected(share[-1:] > 0.0)
+    free = freed.selected(fraction[-1:] > 0.0)
     one_way = max(crest / 2, _crest(scene, lines, False)[0])  # at a wall that reflects both directions add up
-    return SceneWaves(found.selected(share[:-1] > 0.0), crest, None, lasting, None, free, one_way)
+    return SceneWaves(found.selected(fraction[:-1] > 0.0), crest, None, lasting, None, free, one_way)
 
 
 def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, Vector]:
@@ -563,8 +563,8 @@ def _gathered(lines: _Lines, groups: list[NDArray[np.int_]]) -> tuple[Vector, Ve
 def _travel(scene: Scene, k: Vector, energy: Vector, squares: Vector) -> travel.Travel:
     """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
 
-    The share is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the rest
-    being on its way to them, all travel along the tank.
+    The fraction is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the
+    rest being on its way to them, all travel along the tank.
     """
     tank, duration = scene.tank, scene.run.duration
     speed = airy.group_velocity(k, tank.depth, tank.gravity)
@@ -577,8 +577,8 @@ def _travel(scene: Scene, k: Vector, energy: Vector, squares: Vector) -> travel.
     found = travel.travel(farthest, speed, length=tank.length, at=at, generated=generated, duration=duration)
     if everywhere:
         along = np.minimum(duration, tank.length / speed)
-        return found._replace(age=np.maximum(found.age, along), share=np.maximum(found.share, 1.0))
-    return found._replace(share=np.where(np.any(reached, axis=0), found.share, 0.0))
+        return found._replace(age=np.maximum(found.age, along), fraction=np.maximum(found.fraction, 1.0))
+    return found._replace(fraction=np.where(np.any(reached, axis=0), found.fraction, 0.0))
 
 
 STARTS: dict[type[Any], Callable[[Any, Scene], list[SceneWaves]]] = {  # that a plan knows, and their waves

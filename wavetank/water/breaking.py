@@ -134,7 +134,7 @@ class BreakingWatch:
         for crest in crests:
             B = crest.overtaking
             lasting, place = (*self.active, *active), np.array([[crest.x, crest.y]])
-            near = (one for one, last in lasting if self.apart(place, last)[0] < 1.0)
+            near = (one for one, last in lasting if self.distances(place, last)[0] < 1.0)
             index = next(near, None)
             if index is None and breaks(crest):
                 index = len(alarms)
@@ -145,11 +145,11 @@ class BreakingWatch:
         self.alarms, self.active = tuple(alarms), tuple(active)
         return [crest for _, crest in active]
 
-    def apart(self, places: Vector, crest: SteepCrest) -> Vector:
+    def distances(self, places: Vector, crest: SteepCrest) -> Vector:
         """Return how far places (x, y) [m], shape (N, 2), are from a crest, in R, shape (N,)."""
         return np.asarray(self._waves.plane.chart.apart(places[:, 0], crest.x) / (REACH * crest.height))
 
-    def together(self, viscosities: Vector) -> Vector:
+    def combined(self, viscosities: Vector) -> Vector:
         """Return the viscosity of all crests [m²/s], shape (owned,), of that of each, (crests, owned)."""
         return np.asarray(viscosities.sum(axis=0))
 
@@ -389,6 +389,6 @@ class BreakingDissipation(Smoothing):
         for crest in breaking:
             excess = min(1.0, max(0.0, crest.overtaking - RECOVERED) / (ONSET - RECOVERED))
             strength = ALPHA * excess * abs(crest.speed - crest.current) * crest.height
-            nu.append(strength * np.cos(np.pi / 2 * np.minimum(self.watch.apart(places, crest), 1.0)) ** 2)
-        self._nu.set(self._dt * self.watch.together(np.array(nu)))
+            nu.append(strength * np.cos(np.pi / 2 * np.minimum(self.watch.distances(places, crest), 1.0)) ** 2)
+        self._nu.set(self._dt * self.watch.combined(np.array(nu)))
         self.update()

@@ -26,7 +26,7 @@ POINTS = 2  # of a section in a node's distance
 MOST = 200  # sections
 DIGITS = 3  # of slopes that are compared: equal ones of a long crest differ by round-off
 
-Looked = tuple[float, Vector]  # time [s]; x, y [m], elevation [m] and surface potential [m²/s], (4, degrees of freedom)
+SurfaceSample = tuple[float, Vector]  # time [s]; x, y, elevation [m] and potential [m²/s], (4, degrees of freedom)
 
 
 class InsidePoints(Points):
@@ -80,7 +80,7 @@ class BasinBreakingWatch(BreakingWatch):
         x, y = self._waves.wall.to_physical(places, eta.rows[:, 0]).T
         return np.array([x, y, eta.rows[:, 0], psi.rows[:, 0]])
 
-    def _steep(self, last: Looked, now: Looked, front: float) -> list[SteepCrest]:
+    def _steep(self, last: SurfaceSample, now: SurfaceSample, front: float) -> list[SteepCrest]:
         """Return the crests that have a steeper front, of two looks, each once; collective."""
         (before_t, before), (t, surface) = last, now
         seeds, directions = self._seeds(front)
@@ -142,11 +142,11 @@ class BasinBreakingWatch(BreakingWatch):
         return crest._replace(x=x, y=y, **speeds)
 
     # ------------------------------------------------------------------------------------------ the alarms
-    def apart(self, places: Vector, crest: SteepCrest) -> Vector:
+    def distances(self, places: Vector, crest: SteepCrest) -> Vector:
         """See ``BreakingWatch``."""
         return np.asarray(np.hypot(*(places - [crest.x, crest.y]).T) / (REACH * crest.height))
 
-    def together(self, viscosities: Vector) -> Vector:
+    def combined(self, viscosities: Vector) -> Vector:
         """See ``BreakingWatch``; several sections cut a long crest, so the largest one acts."""
         return np.asarray(viscosities.max(axis=0))
 
