@@ -4,6 +4,7 @@ import ast
 import re
 import sys
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -43,13 +44,21 @@ def files() -> dict[Path, str]:
     }
 
 
+@cache
+def nodes(path: Path) -> list[ast.Import | ast.ImportFrom | ast.Call]:
+    """Return the imports and calls of a file."""
+    return [
+        one for one in ast.walk(ast.parse(path.read_text())) if isinstance(one, ast.Import | ast.ImportFrom | ast.Call)
+    ]
+
+
 def layer(path: Path) -> str:
     return FILES[path].split(".")[1] if "." in FILES[path] else "__init__"
 
 
 def imported_layers(path: Path) -> set[str]:
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -96,7 +105,7 @@ def test_time_is_stepped_by_the_run_alone():
     callers = {
         FILES.get(path, path.name)
         for path in [*FILES, *(CHECKOUT / "benchmarks").glob("*.py")]
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
         if node.func.attr == "step" and len(node.args) == 4
     }
@@ -121,7 +130,7 @@ def test_plans_are_drawn_without_dolfinx():
 def imports(path: Path, known: set[str]) -> set[str]:
     """Return the known modules that a file imports, wherever in it."""
     found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:

@@ -465,10 +465,13 @@ def tried(path: Path, entry: Entry, texts: list[str]) -> None:
 
 @pytest.mark.parametrize("name", EVERY)
 def test_every_key_with_every_kind_of_nonsense_is_a_scene_or_a_sentence_that_names_it(every, first, name):
-    """Each in the first case that has it: what is of no right kind is so whatever else is in a case."""
+    """Each in the first case that has it: what is of no right kind is so whatever else is in a case.
+
+    Where no number may be, any two stand for all.
+    """
     for entry in entries(read_case(every[name])):
         if first[entry] == name:
-            tried(every[name], entry, NONSENSE + EXTREME)
+            tried(every[name], entry, NONSENSE + (EXTREME if limits(entry) else EXTREME[:2]))
 
 
 @pytest.mark.slow  # some of these, and other numbers, are tried below
@@ -498,7 +501,7 @@ def changes(draw, every):
     return path, changed
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_whatever_numbers_a_case_has_it_is_a_scene_or_a_sentence(every, data):
     path, changed = data.draw(changes(every))

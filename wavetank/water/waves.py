@@ -15,6 +15,7 @@ from math import isnan, sqrt
 from typing import NamedTuple
 
 import numpy as np
+import ufl
 from dolfinx import fem
 from mpi4py import MPI
 
@@ -31,7 +32,7 @@ from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStage
 from wavetank.stateful import Held
 from wavetank.water.bed import Depth, bed_of
 from wavetank.water.carried_waves import CarriedWaves, Surface
-from wavetank.water.energy import KINETIC, POTENTIAL, Energies, WaterEnergy
+from wavetank.water.energy import KINETIC, POTENTIAL, Energies, Part, WaterEnergy
 from wavetank.water.potential import InteriorPotential, Minimiser, interior_of
 from wavetank.water.seen import Sight, State, see, see_from
 from wavetank.water.still_water import StillWaterWaves, largest_frequency, scales
@@ -195,10 +196,14 @@ class NonlinearWaves:
 
     # ------------------------------------------------------------------------------------------ forms
     def _compile(self, energy: WaterEnergy) -> None:
-        dx, phi = self.plane.dx, self.phi.function
         self._wall_terms = self.wall.terms(energy, self.phi, bed=self.bed, vertical=self.vertical)
-        self.hamiltonian = {
-            KINETIC: energy.kinetic(phi, self.vertical) * dx,
+
+    @cached_property
+    def hamiltonian(self) -> dict[Part, ufl.Form]:
+        """H as the sum of its parts, in UFL; a run does not need it."""
+        energy, dx = self.densities, self.plane.dx
+        return {
+            KINETIC: energy.kinetic(self.phi.function, self.vertical) * dx,
             POTENTIAL: energy.potential() * dx,
             **self._wall_terms.hamiltonian,
         }
