@@ -22,6 +22,14 @@ def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
+@pytest.fixture(autouse=True, scope="session")
+def few_pixels() -> None:
+    """Draw figures with a quarter of the pixels."""
+    from wavetank.postprocess.style import STYLE
+
+    STYLE["figure.dpi"] *= 0.5
+
+
 @pytest.fixture
 def trusted() -> Iterator[None]:
     """Trust the Python files that cases name."""

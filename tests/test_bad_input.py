@@ -373,7 +373,7 @@ EVERY = {  # cases that have each noun of a scene somewhere
     "file": BASIN + "type = 'file'\nfile = 'layout.msh'\n" + UNCUT,
 }  # fmt: skip
 NONSENSE = ["true", '"deep"', '""', "[]", "[1, 2, 3]", "{}", "{a = 1}", "nan", "inf", "-inf", "1979-05-27", "[[[]]]"]
-EXTREME = ["-1", "0", "5e-324", "-1e-300", "1e300", "-1e300", "1e40", "1" + 40 * "0", "-3", "1.5", "1e9", "1e-5"]
+EXTREME = ["-1", "0", "5e-324", "-1e-300", "1e300", "1" + 40 * "0", "1.5", "1e9", "1e-5"]
 
 
 class Entry(NamedTuple):

@@ -19,7 +19,7 @@ from wavetank.cli import ORDER, app, main
 from wavetank.records.directory import RunDirectory
 
 DRIVEN = ["cases/wavemaker.toml", "wall.motion.paddle_amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
-DRIVEN += ["tank.length=3.5", "run.duration=0.3", "numerics.dt=0.03", "numerics.vertical_order=4"]
+DRIVEN += ["tank.length=3.5", "run.duration=0.15", "numerics.dt=0.03", "numerics.vertical_order=4"]
 DRIVEN += ["numerics.tolerance=1e-11"]
 COARSE = ["--set", "numerics.cells=12", "--set", "numerics.vertical_order=4"]
 
@@ -162,7 +162,14 @@ def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, t
     """A standing wave of k a = 0.47 released from rest jets up at the walls and breaks."""
     out = tmp_path / "run"
     result = wavetank(
-        "run", "cases/standing-wave.toml", "--set", "initial.wave_amplitude=0.3", *COARSE, "--out", str(out)
+        "run",
+        "cases/standing-wave.toml",
+        "--set",
+        "initial.wave_amplitude=0.3",
+        *COARSE,
+        "--no-plots",
+        "--out",
+        str(out),
     )
     assert result.returncode == 1
     assert re.search(r"wavetank: t = [\d.]+ s.*(steep|break)", result.stderr)
@@ -173,7 +180,6 @@ def test_a_run_that_breaks_down_keeps_everything_before_and_says_why(wavetank, t
         f"{out}: broke down, t {gauges[0].t[-1]:.5g} of 16.8 s, speed "
     )
     assert gauges[0].t.size > 20 and np.all(np.isfinite(gauges[0].eta))
-    assert (out / "surface.png").exists()
 
 
 def test_an_interrupted_run_keeps_everything_before_and_says_so(tmp_path):

@@ -57,7 +57,9 @@ SHORTER = (  # the rule: (commands, what is put behind them so that they take se
     (r".* wavetank run ", "--no-plots --set run.duration=0.2"),
 )
 OWN = "./env wavetank "
-LATER = r"make (bench|test-slow)$|.* run cases/berkhoff-1982.toml "  # typed in slow tests alone, shortened and whole
+LATER = (
+    r"make (bench|test|test-slow)$|.* run cases/berkhoff-1982.toml "  # typed in slow tests alone, shortened and whole
+)
 ELSEWHERE = {  # commands too long even so, or that need a network: the file whose tests run what they run
     "make run": "tests/test_cli.py",
     "./env wavetank data fetch marin-202002": "tests/test_data.py",

@@ -420,7 +420,7 @@ def test_an_over_steep_group_stops_where_it_breaks_or_goes_on_with_less_energy(w
 
 def test_a_steep_wave_is_the_same_on_any_number_of_ranks(recorded_on_ranks):
     """With the penalty at work; tight tolerances leave differences of round-off."""
-    changes = ["run.duration=0.025", "numerics.dt=0.0125", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]
+    changes = ["run.duration=0.0125", "numerics.dt=0.0125", "numerics.tolerance=1e-11", "numerics.vertical_order=4"]
     runs = recorded_on_ranks("cases/steep-ring.toml", *changes)
     alone, together = (np.array([gauge.eta for gauge in run.gauge_series()]) for run in runs)
     assert np.abs(together - alone).max() < 1e-9

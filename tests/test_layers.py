@@ -109,7 +109,7 @@ def test_products_and_derivative_are_those_of_the_energy(name):
     assert max(differences(name)) < 1e-12
 
 
-@pytest.mark.parametrize("name", ["quadrilaterals", "triangles"])
+@pytest.mark.parametrize("name", ["quadrilaterals", pytest.param("triangles", marks=pytest.mark.slow)])
 def test_three_ranks_have_the_same(on_ranks, name):
     assert max(max(found) for found in on_ranks(differences, name)) < 1e-12
     assert max(max(found) for found in on_ranks(averaged, f"still {name}")) < 5e-6

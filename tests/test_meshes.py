@@ -465,22 +465,20 @@ def test_points_behind_curved_walls_are_refused(name):
 # ---------------------------------------------------------------- waves
 FEW = [
     "rectangle, quadrilaterals, 1",
-    "refined, triangles, 1",
-    "cylinder, quadrilaterals, 2",
     "half cylinder, triangles, 2",
 ]
 FEW += ["bend, triangles, 2", "harbour, quadrilaterals, 1"]
 ALL = [f"{name}, {cells}, {geometry}" for name in RECIPES for cells in CELLS for geometry in GEOMETRIES]
 
 
-def stepped(which, *, steps, comm=MPI.COMM_SELF):
+def stepped(which, *, steps, duration=0.16, comm=MPI.COMM_SELF):
     """Return what 0.16 s of steep waves on a coarse mesh come to: energy, its and the mass's error, places' heights."""
     name, cells, geometry = which.split(", ")
     layout = drawn(name, 0.5, comm, cells=cells, geometry=int(geometry))
     plane, tolerances, scheme = Plane(layout.mesh, 2), Tolerances(stage=1e-11, interior=1e-12), Simpson4()
     waves = NonlinearWaves(plane, depth=0.6, wall=StillWall(), vertical_order=2, tolerances=tolerances)
     x, y = plane.places.T
-    state, dt = scheme.start(*waves.state(0.05 * np.cos(x + 0.5 * y), 0.1 * np.sin(x - y))), 0.16 / steps
+    state, dt = scheme.start(*waves.state(0.05 * np.cos(x + 0.5 * y), 0.1 * np.sin(x - y))), duration / steps
     energies, mass = [waves.energy(state.q, state.p, 0.0)], waves.total_mass(state.q)
     for step in range(steps):
         state = scheme.step(waves, state, step * dt, dt)
@@ -518,15 +516,15 @@ def test_waves_keep_mass_and_energy_on_every_plan(which):
 CURVED = ["cylinder, quadrilaterals, 2", "bend, triangles, 2"]
 
 
-def four_steps_on_all_ranks(which):
-    return stepped(which, steps=4, comm=MPI.COMM_WORLD)
+def one_step_on_all_ranks(which):
+    return stepped(which, steps=1, duration=0.04, comm=MPI.COMM_WORLD)
 
 
 @pytest.mark.parametrize("which", CURVED)
 def test_waves_and_gauges_at_walls_are_the_same_on_any_number_of_ranks(on_ranks, which):
     """To the tolerance of the solves."""
-    alone = four_steps_on_all_ranks(which)
-    for together in on_ranks(four_steps_on_all_ranks, which):
+    alone = one_step_on_all_ranks(which)
+    for together in on_ranks(one_step_on_all_ranks, which):
         assert together["energy"] == pytest.approx(alone["energy"], rel=1e-10)
         assert together["heights"] == pytest.approx(alone["heights"], abs=1e-9)
         assert together["mass error"] < 1e-14

@@ -160,7 +160,9 @@ def test_a_start_that_a_wall_cuts_by_more_than_is_accurate_is_warned_of():
 RUN_UPS = {0.1: 0.20555, 0.5: 1.2384, 0.6: 1.6670}  # the first is the reference's
 
 
-@pytest.mark.parametrize(("height", "accuracy"), [(0.1, None), (0.5, 1e-3), (0.6, None)])
+@pytest.mark.parametrize(
+    ("height", "accuracy"), [pytest.param(0.1, None, marks=pytest.mark.slow), (0.5, 1e-3), (0.6, None)]
+)
 def test_planned_numerics_reach_the_accuracy_of_the_run_up(height, accuracy):
     """R/d within the default 1 %, or what is asked for. Oracle for 0.5 and 0.6: two refined meshes, equal to 2e-4."""
     numerics = {} if accuracy is None else {"accuracy": accuracy}

@@ -412,7 +412,7 @@ def figures_of_sponges():
         profile(plane.x - 1.0, width=2.0, strength=2.0),
         waves.state(0.1 * np.cos(np.pi * plane.x / 3), 0 * plane.x),
     )
-    state, _, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=5, dt=0.03)
+    state, _, rows = watched(waves, Simpson4(), start, gamma=gamma, steps=2, dt=0.075)
     space = Plane(mesh.create_rectangle(MPI.COMM_WORLD, [[0.0, 0.0], [4.0, 1.0]], [8, 4], mesh.CellType.triangle), 2)
     corner = mesh.locate_entities(space.mesh, 2, lambda x: (x[0] > 2.5 - 1e-9) & (x[1] > 0.5 - 1e-9))
     distance = distance_from_edge(space, corner)

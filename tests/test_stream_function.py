@@ -57,7 +57,7 @@ def test_the_energy_of_deep_water_waves_is_largest_at_k_a_of_0_4292():
     assert a < 0 and -b / (2 * a) * height / steepness[1] * kd / 2 == pytest.approx(0.4292, rel=1e-3)
 
 
-@pytest.mark.parametrize(("kd", "order"), [(0.5, 40), (1.0, 20), (3.0, 20), (8.0, 20)])
+@pytest.mark.parametrize(("kd", "order"), [(0.5, 40), (8.0, 20)])
 def test_waves_of_half_the_maximum_height_are_those_of_raschii(kd, order):
     """Rienecker and Fenton's series, solved by others; its Newton iteration ends at 1e-8 of the depth."""
     length, height, wave = wave_of(kd, 0.5)

@@ -354,12 +354,15 @@ def run_study(out: Path, sweeps=SWEEPS, overrides=LINEAR, **others) -> tuple[lis
 
 @pytest.fixture(scope="module")
 def linear_study(tmp_path_factory):
-    """The folder of the README's study, but of one step and a low wave, and what it finds where it has been run."""
+    """The folder of the README's study, but of one step and a low wave, and what it finds.
+
+    Its runs are computed before, in this process.
+    """
     out = tmp_path_factory.mktemp("study")
+    for one in combinations(CASE, parse_axes(SWEEPS, LINEAR), LINEAR):
+        recorded(CASE, one.overrides, out / one.name)
     words = shlex.split(README.replace("runs/study", str(out)).replace(",".join(STEPS), STEPS[0]))
-    done = commanded(
-        *words, "--reference", "exact", "--at-once", "1", *(word for change in LINEAR for word in ("--set", change))
-    )
+    done = commanded(*words, "--reference", "exact", "--at-once", "1", *_set(LINEAR))
     assert done.returncode == 0 and "2/2 dt=" in done.stdout, done
     rows, _ = run_study(out, reference="exact")
     return out, rows
