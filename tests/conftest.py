@@ -1,5 +1,6 @@
 """Tanks and runs that several tests need."""
 
+import gc
 import io
 import signal
 from collections.abc import Callable, Iterator
@@ -20,6 +21,11 @@ def pytest_configure(config: pytest.Config) -> None:
     hypothesis.settings.register_profile("patient", deadline=None, suppress_health_check=slow)
     hypothesis.settings.load_profile("patient")
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+
+
+def pytest_collection_finish() -> None:
+    """Leave what is imported and collected out of all garbage collections."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True, scope="session")

@@ -234,7 +234,7 @@ def test_a_solitary_wave_is_planned_as_accurate_as_asked():
     assert 1 / 2 < plan.error / share < 2
 
 
-@pytest.mark.parametrize("generation", ["exact", "goring"])
+@pytest.mark.parametrize("generation", ["exact", pytest.param("goring", marks=pytest.mark.slow)])
 def test_a_piston_s_solitary_wave_is_planned_as_accurate_as_asked(generation):
     """At two gauges and at the wall that it meets. Oracle: a run with half the cells and more vertical order."""
     motion = {"type": "solitary-wave", "height": 0.3, "generation": generation}

@@ -108,7 +108,7 @@ class PassiveFilter:
             total = total + self.gain * (c * y + e) / (y**2 + 2.0 * z * y + 1.0)
         return total
 
-    def slopes(self, s: Complex) -> Complex:
+    def slopes(self, s: Any) -> Complex:
         """Return the derivatives of F [1/s] by ln w_i, ln z_i, c_i and e_i where sum e_i = 0, shape (4 n, N)."""
         w, z, c, e = self.sections.T[:, :, None]
         y = s / w
@@ -170,7 +170,7 @@ class PassiveFilter:
             of_sizes = (R.conj() * of_R * of_F).real / sizes
             powers = exponent / 2 * (sizes / most) ** (exponent / 2 - 1) / most / np.sqrt(WAVES)
             active = weight * wide_F * (one(1j * omega_wide).real < 0.0)
-            return np.concatenate([powers * of_sizes, active], axis=1).T
+            return np.asarray(np.concatenate([powers * of_sizes, active], axis=1).T)
 
         width = np.log(FASTEST * ends[1] / middle)
         bounds = np.array([[-width, np.log(DAMPED[0]), -np.inf, -np.inf], [width, np.log(DAMPED[1]), np.inf, np.inf]])
