@@ -333,6 +333,21 @@ def test_a_group_counts_wherever_it_lies_in_the_record():
         assert found["hm0_reflected"] / found["hm0_incident"] == pytest.approx(found["coefficient"], rel=1e-12)
 
 
+def test_waves_that_do_not_count_are_incident_and_reflected_as_those_that_do():
+    """A group of which two gauges resolve a part only; 0.4 of it returns after it has passed."""
+    f, t = np.linspace(0.3, 1.3, 101), np.arange(0, 100, 0.05)
+    a = 5e-3 * np.exp(-(((f - 0.7) / 0.12) ** 2))
+    k, hm0 = k_of(f)[:, None], 4 * np.sqrt((a**2).sum() / (2 * (f[1] - f[0]) * 100.0))
+
+    def group(x, _):
+        comes, returns = (2 * np.pi * f[:, None] * (t - at) for at in (30.0, 65.0))
+        return a @ (np.cos(k * (x - 4) - comes) + 0.4 * np.cos(k * (x - 4) + returns))
+
+    found = reflected_spectra(recorded(group, (3.0, 3.0 + np.pi / float(k_of(0.7))), t), depth=DEPTH).attrs
+    assert found["told_apart"] < 0.65 and found["coefficient"] == pytest.approx(0.4, rel=0.01)
+    assert found["hm0_incident"] == pytest.approx(hm0, rel=0.01)
+
+
 def group_with_bound_harmonics(x, t, *, reflection, depth=0.5, peak=0.45, crest=0.05, wall=10.0):
     """Return the elevation of a group at x = 5 m, t = 30 s, its second harmonics, and what a wall reflects of both.
 

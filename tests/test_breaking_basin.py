@@ -18,7 +18,9 @@ from wavetank.recording import record_run
 from wavetank.records.directory import RunDirectory
 from wavetank.runs.build import build_run
 from wavetank.theory.stream_function import maximum_height, stream_function_wave
+from wavetank.water.breaking import BreakingDissipation
 from wavetank.water.breaking_basin import BasinBreakingWatch
+from wavetank.water.crests import SteepCrest
 
 LENGTH = 1.5  # of the exact wave [m]
 TIME = 0.01  # between two looks [s]
@@ -67,6 +69,22 @@ def test_a_watch_that_takes_back_what_it_held_goes_on_alike():
     assert other.look(second, TIME) == found and other.crests == watch.crests
     other.take(held | {"size": 1})
     assert other.last is None
+
+
+def test_sections_of_one_crest_dissipate_as_one_section():
+    """A long crest is cut by several sections near each other; of each point the largest viscosity acts."""
+    waves = basin(4.0, 2.0, [10, 5])
+    crest = SteepCrest(
+        x=2.0, height=0.15, velocity=1.4, current=0.0, speed=1.5, front=0.5, coherence=1.0, outrun=0.0, y=1.0
+    )
+    breaking = BreakingDissipation(waves, BasinBreakingWatch(waves, waves.surface), dt=0.01)
+    x = waves.plane.places[:, 0]
+    pair = np.array([waves.state(0.01 * np.cos(np.pi * x), 0.03 * np.sin(np.pi * x))])
+    breaking.place([crest])
+    once = breaking.passed(pair)
+    breaking.place([crest, crest._replace(height=0.1)])
+    assert np.abs(once - pair).max() > 1e-3 * np.abs(pair).max()
+    assert breaking.passed(pair) == pytest.approx(once, rel=1e-12)
 
 
 def packet(tank, *, amplitude, on_breaking="stop", duration=0.6):

@@ -31,6 +31,7 @@ from wavetank.postprocess.run_figures import draw_run
 from wavetank.postprocess.style import picture
 from wavetank.records.directory import RunDirectory, open_run
 from wavetank.records.vtu_series import pieces
+from wavetank.records.whole import open_regular
 from wavetank.values import python_file
 
 SQUARE = """$MeshFormat
@@ -181,6 +182,28 @@ def test_scene_read_with_trust_is_trusted_later(coded):
     python_file._trusted.clear()
 
 
+def test_runs_of_a_study_are_executed_with_its_trust(coded, tmp_path, monkeypatch):
+    """The commands that a study gives to its processes, which trust nothing by themselves."""
+    commands = list[list[str]]()
+
+    class Recorded:
+        serves = True
+
+        def called(self, words):
+            commands.append(words)
+            return 2, "wavetank: refused."
+
+        def dismiss(self):
+            pass
+
+    monkeypatch.setattr("wavetank.study.runs.Worker", Recorded)
+    monkeypatch.chdir(tmp_path)
+    assert main(["study", str(coded / "case.toml"), "--sweep", "dt=0.05,0.02", "--trust"]) == 1
+    assert len(commands) >= 2 and all("--trust" in words for words in commands)
+    (coded / "executed").unlink()
+    python_file._trusted.clear()
+
+
 # ---------------------------------------------------------------- caches of compiled code
 def foreign(path: Path) -> None:
     if os.getuid():
@@ -325,6 +348,9 @@ def test_pipe_that_appears_later_is_not_opened(run):
     (run / "gauges.csv").symlink_to(run / "energy.csv")
     with pytest.raises(InputError, match=r"no readable gauges.csv \(a symbolic link\)"):
         table.gauge_series()
+    (run / "other.csv").hardlink_to(run / "energy.csv")
+    with pytest.raises(OSError, match="a hard link: the file has another name, too"):
+        open_regular(run / "energy.csv", "r+b")
 
 
 def bomb(archive: ZipFile) -> dict[str, bytes | bytearray]:
@@ -357,6 +383,20 @@ def test_checkpoint_that_declares_more_than_it_has_is_refused(files, compression
         assert tracemalloc.get_traced_memory()[1] < 5e7  # bytes
     finally:
         tracemalloc.stop()
+
+
+def test_checkpoint_whose_files_overlap_is_refused(run, capfd):
+    """One file contains another with its header: such archives declare the square of their size."""
+    (run / "checkpoint-before.zip").unlink(missing_ok=True)
+    content = BytesIO()
+    with ZipFile(content, "w") as inner:
+        inner.writestr("99.npy", bytes(10**6))
+        (inside,), part = inner.filelist, content.getvalue()
+    with ZipFile(run / "checkpoint.zip", "a") as archive:
+        archive.writestr("98.npy", part)
+        inside.header_offset = archive.getinfo("98.npy").header_offset + len(archive.getinfo("98.npy").FileHeader())
+        archive.filelist.append(inside)
+    assert "its files are compressed or overlap" in refusal(capfd, *RESUME, run)
 
 
 @pytest.mark.parametrize(("key", "value"), [("recorded", -1), ("recorded", 2**40), ("sum", [0.0])])

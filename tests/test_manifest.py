@@ -108,7 +108,7 @@ def test_any_wrong_value_is_refused_or_read(run, write):
         (("warnings",), 1, "warnings: input should be a valid array"),
         (("written",), [], "written: input should be a valid datetime"),
         (("scene", "tank"), 1, "scene.tank: input should be an object"),
-        (("scene", "wall", "motion", "period"), "x", "scene.wall.motion.period: input should be a valid number"),
+        (("scene", "wall", "motion", "period"), "1.4", "scene.wall.motion.period: input should be a valid number"),
         (("scene", "run", "duration"), float("nan"), "scene.run.duration: input should be a finite number"),
     ],
 )

@@ -275,9 +275,11 @@ def test_an_unreadable_manifest_is_bad_input(tmp_path, content):
         RunDirectory(tmp_path)
 
 
-@pytest.mark.parametrize("time", ["0.1", "0.5", ""])
+@pytest.mark.parametrize(("time", "block"), [("0.1", 2**16), ("0.5", 2**16), ("", 2**16), ("0.1", 1)])
 @pytest.mark.parametrize("command", [["analyse", "RUN"], ["compare", "RUN", "--with", "RUN"]])
-def test_times_of_a_table_that_do_not_ascend_are_bad_input(tmp_path, time, command, capsys):
+def test_times_of_a_table_that_do_not_ascend_are_bad_input(tmp_path, time, block, command, capsys, monkeypatch):
+    """In one block of rows, and with a block for each row."""
+    monkeypatch.setattr("wavetank.records.directory.BLOCK", block)
     with written(run := tmp_path / "run") as writer:
         writer.finish("finished", {})
     with (run / "gauges.csv").open("a") as table:

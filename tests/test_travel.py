@@ -5,10 +5,12 @@ import pytest
 
 from wavetank.case import Scene
 from wavetank.plan import travel
+from wavetank.plan.absorption_error import absorption_error
 from wavetank.plan.error_model import ErrorModel, Settings
 from wavetank.plan.plan import make_plan
 from wavetank.plan.requirements import requirements, stokes
 from wavetank.theory import airy
+from wavetank.theory.wavemaker import Flap
 
 GRAVITY = 9.81
 PACKET = {"type": "formula", "position": "0.01*sin(6*(t-3))*exp(-(t-3)**2)"}  # k d = 2, generated at t = 3 s
@@ -49,6 +51,21 @@ def test_waves_before_a_sponge_pass_once():
     assert waves.age == pytest.approx(1.5 / speed, rel=1e-6)
 
 
+def test_free_harmonics_are_generated_as_the_squared_envelope():
+    """The stroke halves at t = 20 s of 40 s: 16/17 of their energy, and 4/5 of that of the waves, is generated before.
+
+    A gauge at 20 s of travel records that part of them.
+    """
+    motion = {"type": "formula", "position": "0.01*sin(6*t)*(0.75-0.25*tanh(t-20))"}
+    far = 20 * float(airy.group_velocity(airy.wave_number(12.0, 0.55, GRAVITY), 0.55, GRAVITY))
+    sponge, energy = {"sponge": {"type": "end", "length": 5.0}}, list[float]()
+    for x in (0.1, far):
+        scene = {"tank": {"length": 40.0, "depth": 0.55}, "gauges": [x], "water": {"type": "nonlinear"}}
+        waves = requirements(tank(40.0, end=sponge, motion=motion, **scene), 1e-2).waves
+        energy.append(waves.amplitude[-1] ** 2)
+    assert energy[1] / energy[0] == pytest.approx(16 / 17, rel=0.03)
+
+
 def test_a_paddle_that_absorbs_ends_the_travel():
     """The age is that of the first passage but for what the filter reflects, a few per cent."""
     far = {"type": "piston", "motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
@@ -68,6 +85,14 @@ def test_each_reflection_multiplies_the_energy_by_its_square():
     assert found.fraction == pytest.approx(energy.sum())
     assert found.reflected == pytest.approx(energy[1:].sum())
     assert found.age == pytest.approx(np.sqrt(energy @ ages**2 / energy.sum()))
+
+
+def test_the_recorded_energy_is_relative_to_that_of_the_run():
+    """A constant rate for 8 s, of which the run has 4 s: a gauge at 1 s of travel records 3/4."""
+    generated = travel.Generation.of(np.ones((1, 8)), duration=8.0, until=4.0)
+    at = travel.Ends(np.zeros(1), np.zeros(1))
+    found = travel.travel(np.ones(1), np.ones(1), length=2.0, at=at, generated=generated, duration=4.0)
+    assert found.fraction == pytest.approx(0.75)
 
 
 def test_the_response_is_the_sum_of_all_mirror_images():
@@ -122,6 +147,26 @@ def test_absorption_once_a_step_is_part_of_the_error(wall, kd, measured):
     scene = parts | {"gauges": [2 * np.pi / k], "run": {"duration": 20 * period}, "water": {"type": "linear"}}
     model = ErrorModel(requirements(Scene.model_validate(scene), 1e-2))
     assert 0.5 < model.total(model.time("simpson-4", period / 28)) / measured < 2.0
+
+
+def test_absorption_is_in_the_error_as_long_as_its_waves_are_at_the_farthest_gauge():
+    """Of two paddles that absorb the one counts whose error is larger, a flap's."""
+    motion = {"motion": {"type": "at-rest"}, "absorb": {"type": "active"}}
+    driven = {"type": "piston", "motion": {"type": "sinusoid", "paddle_amplitude": 0.01, "period": 2.0}}
+    flap, piston = ({"type": wall, **motion} for wall in ("flap", "piston"))
+    k, found = np.array([1.5]), []
+    for gauges, walls in (
+        ([5.0], {"wall": driven, "far_wall": flap}),
+        ([1.0, 5.0], {"wall": driven, "far_wall": flap}),
+        ([5.0], {"wall": driven | {"absorb": {"type": "active"}}, "far_wall": flap}),
+        ([5.0], {"wall": driven, "far_wall": piston}),
+    ):
+        scene = {"tank": {"length": 10.0, "depth": 1.0}, "gauges": gauges, "run": {"duration": 20.0}}
+        found.append(float(absorption_error(Scene.model_validate(scene | walls), k)[0]))
+    least = float(Flap(0.0).transfer(1.5, 1.0)) ** -1.5
+    back = 15.0 / float(airy.group_velocity(1.5, 1.0, GRAVITY)) / 20.0
+    assert found[:3] == pytest.approx([2.5 * least * np.sqrt(1 - back)] * 3)
+    assert found[3] < found[0]
 
 
 def test_a_paddle_that_absorbs_has_a_vertical_order_for_its_evanescent_modes():
