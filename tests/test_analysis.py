@@ -123,7 +123,7 @@ def test_the_spectrum_of_a_short_record_has_its_variance_exactly():
     np.testing.assert_allclose(variance, eta.values.var(axis=-1), rtol=1e-12)
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(a=st.floats(1e-4, 0.1), f=st.floats(0.4, 2.0))
 def test_a_sinusoid_has_its_height_and_period(a, f):
     state = sea_state(spectrum(recorded(lambda x, t: 0.3 + a * np.cos(2 * np.pi * f * t))))
@@ -203,7 +203,7 @@ def test_forristalls_distributions_are_those_of_the_papers():
 AMPLITUDES = st.floats(1e-3, 0.1)
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(a=st.lists(AMPLITUDES, min_size=4, max_size=4), f=st.floats(0.3, 1.5), phase=st.floats(-3.1, 3.1))
 def test_harmonics_of_any_amplitudes_and_phases_are_found_from_any_piece_of_them(a, f, phase):
     def eta(x, t):
@@ -232,7 +232,7 @@ def test_the_fundamental_is_found_by_the_waves_themselves(f):
     assert fundamental(record) == pytest.approx(f, rel=1e-6)
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(bound=AMPLITUDES, free=AMPLITUDES, back=AMPLITUDES, phases=st.tuples(*3 * [st.floats(0, 6.2)]))
 def test_bound_and_free_second_harmonics_are_told_apart(bound, free, back, phases):
     f, x = 0.6, np.array([3.0, 3.4, 4.1, 5.0, 6.2])
@@ -439,7 +439,7 @@ def test_what_is_told_apart_says_how_badly_gauges_stand():
 
 
 # ---------------------------------------------------------------- similarity and speed
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(phase=st.floats(0, np.pi), gain=st.floats(0.1, 10.0))
 def test_similarity_is_that_of_the_spectra(phase, gain):
     """Oracles: the paper's definition by the Fourier transform; |e^(iφ) - g| / (1 + g) of two sinusoids."""

@@ -70,10 +70,3 @@ def test_a_case_is_the_same_on_two_ranks(case, alone, on_ranks, tmp_path):
     if scene.all_gauges:
         eta, there = (np.array([gauge.eta for gauge in run.gauge_series()]) for run in (one, two))
         assert np.abs(there - eta).max() < 1e-9 + 1e-6 * np.abs(eta).max()
-
-
-def test_there_may_be_more_ranks_than_cells(recorded_on_ranks):
-    """Two cells on three ranks, one of which has none."""
-    changes = ("numerics.cells=2", "numerics.vertical_order=4", "run.duration=0.1", "numerics.dt=0.05")
-    alone, together = (run.snapshots().eta for run in recorded_on_ranks("cases/standing-wave.toml", *changes))
-    assert together == pytest.approx(alone, abs=1e-9)

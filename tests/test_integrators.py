@@ -152,7 +152,7 @@ def test_the_discontinuous_schemes_are_the_classical_ones():
 
 
 # ---------------------------------------------------------------- properties
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(part=st.floats(0.02, 0.98), scheme=st.sampled_from(SCHEMES))
 def test_modes_neither_grow_nor_decay_and_energy_stays_bounded_for_any_stable_step(part, scheme):
     """Steps up to 0.98 of the limit, or of 6 where there is none."""
@@ -166,7 +166,7 @@ def test_modes_neither_grow_nor_decay_and_energy_stays_bounded_for_any_stable_st
     assert max(energies[1000:]) < 1.5 * max(energies[:1000])
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(alpha=st.floats(0.5, 1.0), theta=st.floats(0.05, 1.95), adjoint=st.booleans())
 def test_the_weighted_verlet_schemes_have_the_classical_modes_and_one_that_decays(alpha, theta, adjoint):
     scheme = discontinuous_adjoint(1 - alpha) if adjoint else discontinuous(alpha)
@@ -174,7 +174,7 @@ def test_the_weighted_verlet_schemes_have_the_classical_modes_and_one_that_decay
     assert moduli[1:] == pytest.approx([1.0, 1.0], abs=1e-7) and moduli[0] == pytest.approx(1 / alpha - 1, abs=1e-7)
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(
     scheme=st.sampled_from([one for one in SCHEMES if one.integrator.name not in IRREVERSIBLE]),
     q=st.floats(-0.8, 0.8),
@@ -191,7 +191,7 @@ def test_five_steps_forth_and_back_end_at_the_beginning(scheme, q, p, dt):
     assert np.abs(z - start).max() < 1e-11
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(
     gamma=st.floats(0.0, 2.0),
     part=st.floats(0.05, 0.9),

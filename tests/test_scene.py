@@ -529,7 +529,7 @@ VALUES = st.one_of(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(st.lists(KEYS, min_size=1, max_size=4).map(".".join), VALUES)
 def test_whatever_is_overridden_gives_a_scene_or_an_input_error(tmp_path_factory, key, value):
     path = tmp_path_factory.getbasetemp() / "case.toml"

@@ -37,7 +37,7 @@ def test_waves_satisfy_bernoulli_at_any_place_with_one_crest(kd, steepness):
     assert half[0] - half[-1] == pytest.approx(height, rel=1e-12)
 
 
-@pytest.mark.parametrize(("kd", "steepness"), [(0.3, 0.95), (0.5, 0.97), (1.0, 0.98), (3.0, 0.98), (8.0, 0.98)])
+@pytest.mark.parametrize(("kd", "steepness"), [(0.3, 0.95), (1.0, 0.98), (8.0, 0.98)])
 def test_waves_next_to_the_highest_satisfy_bernoulli(kd, steepness):
     assert wave_of(kd, steepness)[2].residual < 1e-9
 

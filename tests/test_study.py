@@ -93,7 +93,7 @@ VALUES = {
 }
 
 
-@settings(max_examples=25)
+@settings(max_examples=12)
 @given(
     st.fixed_dictionaries(
         {}, optional={name: st.lists(v, min_size=1, max_size=3, unique=True) for name, v in VALUES.items()}
