@@ -8,7 +8,6 @@ import re
 from contextlib import nullcontext
 from io import StringIO
 from itertools import count as counted
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -246,6 +245,23 @@ def test_breaking_begins_goes_on_until_the_crest_has_recovered_and_ends():
     assert len(watch.alarms) == 2 and [index for index, _ in watch.active] == [1]
 
 
+@pytest.mark.parametrize(("B", "stops"), [(0.99, None), (1.01, 1.2)])
+def test_crest_outrun_for_an_eighth_of_its_period_stops_the_run_and_is_recorded(B, stops):
+    """A crest at 2 m/s has a period of 1.28 s; it is missed once, and followed from t = 1 s on."""
+    _, breaking = dissipation()
+    watch = breaking.watch
+    watch.look = lambda state, t: watch.follow([] if t == 1.1 else [crest(1.0 + 2.0 * t, B)], t)
+    stop, ended = StopAtBreaking(watch), None
+    for t in np.round(np.arange(1.0, 1.5, 0.05), 2):
+        watch._before = watch._state()
+        with nullcontext() if t != stops else pytest.raises(RunError, match=r"outruns the crest for 0\.16 periods"):
+            stop.needed(None, float(t))
+        ended = t
+        if t == stops:
+            break
+    assert len(watch.columns["t [s]"]) == 1 and ended == (stops or 1.45)
+
+
 @pytest.mark.parametrize(("x", "examined"), [(0.9, 0), (1.1, 1), (10.9, 1), (11.1, 0)])
 def test_crests_within_a_depth_of_a_wall_are_not_examined(x, examined):
     """A lone crest of water 1 m deep that travels at 2 m/s in a tank of 12 m."""
@@ -396,7 +412,9 @@ def test_a_run_says_what_breaks_what_is_taken_and_that_it_broke_down_of_it(tmp_p
 
 @pytest.mark.parametrize(("outrun", "stops"), [(0.19, False), (0.21, True)])
 def test_a_run_stops_where_water_outruns_a_crest_in_a_fifth_of_its_upper_half(outrun, stops):
-    watch = SimpleNamespace(look=lambda state, t: [crest(1.0, 1.1, outrun)], undo=lambda: None, place=str)
+    _, breaking = dissipation()
+    watch = breaking.watch
+    watch.look = lambda state, t: watch.follow([crest(1.0, 1.1, outrun)], t)
     state = Point(np.zeros(1), np.zeros(1))
     with pytest.raises(RunError, match="in 21 % of its upper half") if stops else nullcontext():
         assert not StopAtBreaking(watch).needed(state, 1.0)

@@ -197,11 +197,11 @@ def record_run(
 
         def note(error: RunError | None = None) -> None:
             for budget in (one for one in run.observers if isinstance(one, EnergyBudget)):
-                budget.cause = next((one.watch.cause for one in _breaking(run) if one.watch.alarms), "")
+                budget.cause = next((one.watch.cause for one in _breaking(run) if one.watch.recorded), "")
             for judge in (one for one in run.observers if isinstance(one, Judge)):
                 for sentence in judge.verdict():
                     warnings.add(sentence)
-            for one in (one for one in _breaking(run) if one.watch.alarms):
+            for one in (one for one in _breaking(run) if one.watch.recorded):
                 taken = ""
                 if isinstance(one, BreakingDissipation):
                     taken = f"; the eddy viscosity took {100 * one.part_taken:.2g} % of the energy"
@@ -480,7 +480,7 @@ def _explained(error: BreakdownError, run: Run, waves: NonlinearWaves, scene: Sc
         warned=next(warned, None),
         noise=next(noise(scene), ""),
     )
-    for one in (one for one in _breaking(run) if one.watch.alarms):
+    for one in (one for one in _breaking(run) if one.watch.recorded):
         enough = ", and the eddy viscosity was not enough" if isinstance(one, BreakingDissipation) else ""
         why = f"{why}; {one.watch.story}{enough}"
     explained = type(error)(f"{error}: {why}.")

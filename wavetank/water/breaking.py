@@ -5,7 +5,9 @@ to the current around (water/crests.py). The two criteria:
 
 - Alarm: B > 0.85 (X. Barthelemy, M. L. Banner, W. L. Peirson, F. Fedele, M. Allis, F. Dias, J. Fluid Mech. 841, 2018).
   It lasts until B < 0.5. An alarm is recorded. It never stops a run: some crests recover.
-- Overturning: during its alarm the water outruns the crest in more than a fifth of the width of its upper half.
+- Overturning: during its alarm the water outruns the crest (B > 1) for more than an eighth of a period, or in more than
+  a fifth of the width of its upper half. The period is that of a deep-water wave as fast, 2 pi (c - U) / g. On coarse
+  cells the part of the width stays small, as the edge penalty takes the energy of the tip.
 
 Both count only if the front is steep and the crest travels with little change of form (``coherence``): the speed of a
 crest that forms, vanishes, stands or meets another has no meaning. docs/extremes.md has the measurements.
@@ -40,6 +42,7 @@ ONSET, RECOVERED, ENDED = 0.85, 0.6, 0.5  # B at which an alarm begins, the eddy
 STEEP, GENTLE = 0.3, 0.15  # slopes of the front below which no alarm begins, and each ends
 COHERENT = 0.5  # coherence below which a crest is not judged
 OVERTURNS = 0.2  # part of the width of the upper half in which water outruns the crest
+SUSTAINED = 0.125  # periods of a crest during which B > 1
 ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
 
 FASTER, RESTS = 1.15, 2  # so much the water may get where all B are below 0.6, and so many steps pass, without a look
@@ -60,6 +63,8 @@ class Alarm(NamedTuple):
         When B was above 0.5 last [s].
     y
         In a basin, where [m].
+    outrun
+        For how many periods of the crest B was above 1 [-].
     """
 
     t: float
@@ -69,6 +74,7 @@ class Alarm(NamedTuple):
     largest: float
     end: float
     y: float = 0.0
+    outrun: float = 0.0
 
 
 class BreakingWatch:
@@ -95,7 +101,9 @@ class BreakingWatch:
     alarms
         All so far, by time.
     active
-        Which of them last, and their crests at the last look.
+        Which of them last, and their crests when examined last: one that is missed is waited for an eighth of a period.
+    recorded
+        All so far, with those of the step that ended the run.
     """
 
     def __init__(self, waves: NonlinearWaves, flow: SurfaceVelocity, *, length: float | None):
@@ -106,6 +114,7 @@ class BreakingWatch:
         self.crests: list[SteepCrest] = []
         self.alarms: tuple[Alarm, ...] = ()
         self.active: tuple[tuple[int, SteepCrest], ...] = ()
+        self.recorded: tuple[Alarm, ...] = ()
         self._before = self._state()
 
     def look(self, state: State, t: float) -> list[SteepCrest]:
@@ -130,7 +139,7 @@ class BreakingWatch:
 
     def follow(self, crests: Sequence[SteepCrest], t: float) -> list[SteepCrest]:
         """Return which of the coherent crests at t are in alarm: those it begins for, and those not recovered yet."""
-        alarms, active = list(self.alarms), list[tuple[int, SteepCrest]]()
+        alarms, active, matched = list(self.alarms), list[tuple[int, SteepCrest]](), set[int]()
         for crest in crests:
             B = crest.overtaking
             lasting, place = (*self.active, *active), np.array([[crest.x, crest.y]])
@@ -139,11 +148,22 @@ class BreakingWatch:
             if index is None and breaks(crest):
                 index = len(alarms)
                 alarms.append(Alarm(t, crest.x, crest.height, B, B, t, crest.y))
+            if index is not None:
+                matched.add(index)
             if index is not None and B > ENDED:
-                alarms[index] = alarms[index]._replace(largest=max(alarms[index].largest, B), end=t)
+                one = alarms[index]
+                outrun = one.outrun + (t - one.end) / self._period(crest) * (B > 1.0)
+                alarms[index] = one._replace(largest=max(one.largest, B), end=t, outrun=outrun)
                 active.append((index, crest))
-        self.alarms, self.active = tuple(alarms), tuple(active)
+        missed = [(index, crest) for index, crest in self.active if index not in matched]
+        missed = [one for one in missed if t - alarms[one[0]].end < SUSTAINED * self._period(one[1])]
+        self.alarms = self.recorded = tuple(alarms)
+        self.active = (*active, *missed)
         return [crest for _, crest in active]
+
+    def _period(self, crest: SteepCrest) -> float:
+        """Return the period of a wave in deep water as fast as a crest [s]."""
+        return 2 * np.pi * abs(crest.speed - crest.current) / self._waves.gravity
 
     def distances(self, places: Vector, crest: SteepCrest) -> Vector:
         """Return how far places (x, y) [m], shape (N, 2), are from a crest, in R, shape (N,)."""
@@ -160,17 +180,17 @@ class BreakingWatch:
     @property
     def story(self) -> str:
         """The alarms so far as a sentence; empty if there are none."""
-        if not self.alarms:
+        if not self.recorded:
             return ""
-        worst, first = max(self.alarms, key=lambda one: one.largest), self.first
-        first = f"at {first}" if len(self.alarms) == 1 else f"the first at {first}"
-        crests = "1 crest" if len(self.alarms) == 1 else f"{len(self.alarms)} crests"
+        worst, first = max(self.recorded, key=lambda one: one.largest), self.first
+        first = f"at {first}" if len(self.recorded) == 1 else f"the first at {first}"
+        crests = "1 crest" if len(self.recorded) == 1 else f"{len(self.recorded)} crests"
         return f"{crests} passed u/c = {ONSET:g}, the threshold of breaking, {first}; largest u/c {worst.largest:.2f}"
 
     @property
     def first(self) -> str:
         """When and where the first alarm began, in words."""
-        return f"t = {self.alarms[0].t:.6g} s, {self.place(self.alarms[0])}"
+        return f"t = {self.recorded[0].t:.6g} s, {self.place(self.recorded[0])}"
 
     @property
     def cause(self) -> str:
@@ -181,12 +201,12 @@ class BreakingWatch:
     def columns(self) -> dict[str, Vector]:
         """The alarms as columns of a table, units in their names."""
         names = "t [s]", "x [m]", "height [m]", "u/c at onset [-]", "largest u/c [-]", "end [s]"
-        return dict(zip(names, np.array(self.alarms).T[: len(names)], strict=True))
+        return dict(zip(names, np.array(self.recorded).T[: len(names)], strict=True))
 
     @property
     def figures(self) -> dict[str, Any]:
         """The alarms, for a manifest."""
-        return {"alarms": [alarm._asdict() for alarm in self.alarms]}
+        return {"alarms": [alarm._asdict() for alarm in self.recorded]}
 
     def _surface(self) -> Any:
         """Return what crests of the next look are compared with; collective."""
@@ -217,6 +237,7 @@ class BreakingWatch:
     def undo(self) -> None:
         """Forget the last look, and the alarms that began then."""
         self.last, self._rests, self._fast, self.alarms, self.active = self._before
+        self.recorded = self.alarms
 
     def held(self) -> Held:
         """Return the surface of the last look, if it is to be judged by, when it is looked again, and the alarms."""
@@ -233,7 +254,7 @@ class BreakingWatch:
         last = held["last"]
         self.last = last and (last["t"], self._heard(last["profile"]))
         self._rests, self._fast = held["rests"], held["fast"]
-        self.alarms = tuple(Alarm(*alarm) for alarm in held["alarms"])
+        self.alarms = self.recorded = tuple(Alarm(*alarm) for alarm in held["alarms"])
         self.active = tuple((index, SteepCrest(*crest)) for index, crest in held["active"])
 
 
@@ -295,12 +316,16 @@ class StopAtBreaking(BreakingAlarm):
 
     def needed(self, state: State, t: float) -> bool:
         """Return False, or raise ``RunError`` if a wave overturns; collective."""
-        for crest in self.watch.look(state, t):
-            if crest.outrun > OVERTURNS:
+        self.watch.look(state, t)
+        for index, crest in self.watch.active:
+            periods = self.watch.alarms[index].outrun
+            if crest.outrun > OVERTURNS or periods > SUSTAINED:
+                recorded = self.watch.recorded
                 self.undo()
+                self.watch.recorded = recorded
                 raise RunError(
-                    f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest, "
-                    f"{crest.height:.3g} m above its trough, in {100 * crest.outrun:.0f} % of its upper half "
+                    f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest for "
+                    f"{periods:.2g} periods (limit {SUSTAINED:g}), in {100 * crest.outrun:.0f} % of its upper half "
                     f"(limit {100 * OVERTURNS:.0f} %): {crest.velocity:.3g} m/s, the crest {crest.speed:.3g} m/s"
                 )
         return False

@@ -158,7 +158,7 @@ class BasinBreakingWatch(BreakingWatch):
     def columns(self) -> dict[str, Vector]:
         """See ``BreakingWatch``."""
         t, x, *others = super().columns.items()
-        return dict([t, x, ("y [m]", np.array([alarm.y for alarm in self.alarms])), *others])
+        return dict([t, x, ("y [m]", np.array([alarm.y for alarm in self.recorded])), *others])
 
     def _said(self, surface: Any) -> Any:
         return surface[:, : self._waves.plane.owned]
