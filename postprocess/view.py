@@ -133,10 +133,15 @@ def _title(run: RunDirectory) -> str:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Make sure that a file can be written before work is put into it; raise ``InputError`` if it cannot, or then."""
+    """Make sure that a file can be written before work is put into it; raise ``InputError`` if it cannot, or then.
+
+    It replaces a hard link: the file keeps its content under its other name.
+    """
     new = not path.exists()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        if path.is_file() and path.stat().st_nlink > 1:
+            path.unlink()
         path.open("ab").close()
         yield
     except OSError as error:

@@ -29,6 +29,7 @@ from wavetank.postprocess.beds import still_water
 from wavetank.postprocess.compare import write_rows
 from wavetank.postprocess.run_figures import draw_run
 from wavetank.postprocess.style import picture
+from wavetank.postprocess.view import writing
 from wavetank.records.directory import RunDirectory, open_run
 from wavetank.records.vtu_series import pieces
 from wavetank.records.whole import open_regular
@@ -446,6 +447,16 @@ def test_tables_and_pictures_replace_a_link(tmp_path):
         figure.subplots()
     assert table.read_text() == "x\n1\n" and drawn.read_bytes().startswith(b"\x89PNG")
     assert outside.read_text() == "a file of the user" and not table.is_symlink() and not drawn.is_symlink()
+
+
+def test_picture_of_a_view_replaces_a_hard_link(tmp_path):
+    outside, still = tmp_path / "outside", tmp_path / "run" / "view.png"
+    outside.write_text("mine")
+    still.parent.mkdir()
+    still.hardlink_to(outside)
+    with writing(still):
+        still.write_text("picture")
+    assert outside.read_text() == "mine" and still.read_text() == "picture"
 
 
 # ---------------------------------------------------------------- the current directory
