@@ -277,6 +277,17 @@ def test_env_refuses_a_cache_of_another_user(tmp_path):
     assert done.stderr == f"env: {folder}: other users own it or can write there; {needed}\n"
 
 
+def test_env_refuses_a_cache_that_other_users_can_replace(tmp_path):
+    above = tmp_path / "above"
+    above.mkdir()
+    above.chmod(0o777)
+    world = {"PATH": os.environ["PATH"], "HOME": "/", "XDG_CACHE_HOME": str(above), "WAVETANK_ENV": "none"}
+    done = subprocess.run([CHECKOUT / "env", "true"], env=world, capture_output=True, text=True)
+    assert done.returncode == 2 and not list(above.iterdir())
+    needed = "WAVETANK_CACHE must name a folder of your own."
+    assert done.stderr == f"env: {above}: other users can replace folders there; {needed}\n"
+
+
 # ---------------------------------------------------------------- run directories
 @pytest.fixture
 def run(coded: Path, tmp_path: Path) -> Path:
