@@ -2,12 +2,16 @@
 
 import pytest
 from conftest import commanded, recorded
+from mpi4py import MPI
 
 from wavetank.case.at_hand import SCHEMA
 from wavetank.case.new import KINDS, write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
+from wavetank.plan.forewarnings import forewarnings
+from wavetank.plan.planned import planned
 from wavetank.records.directory import RunDirectory
+from wavetank.runs.build import build_run
 
 TWICE = ("run.duration=0.02", "numerics={dt=0.01, cell_size=1.0, vertical_order=2}")
 
@@ -24,6 +28,13 @@ def test_a_new_case_names_the_schema_and_its_title_and_runs(kind, tmp_path):
     assert case.title == f'my "{kind}"' and len({*places}) == len(places)  # one on another is drawn over it
     recorded(path, TWICE, tmp_path / "run")
     assert RunDirectory(tmp_path / "run").manifest["status"] == "finished"
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_new_case_has_no_warning_before_its_run(kind, tmp_path):
+    scene, warnings = planned(read_case(write_case(f"{tmp_path}/waves.toml", kind)), MPI.COMM_SELF)
+    run, waves = build_run(scene, MPI.COMM_SELF)
+    assert [*warnings, *forewarnings(scene, run.clock, waves)] == []
 
 
 def test_a_case_that_is_there_is_left(tmp_path):
