@@ -418,6 +418,7 @@ def test_a_run_stops_where_water_outruns_a_crest_in_a_fifth_of_its_upper_half(ou
     state = Point(np.zeros(1), np.zeros(1))
     with pytest.raises(RunError, match="in 21 % of its upper half") if stops else nullcontext():
         assert not StopAtBreaking(watch).needed(state, 1.0)
+    assert len(watch.recorded) == 1 and len(watch.alarms) == (0 if stops else 1)
 
 
 @pytest.mark.slow

@@ -37,10 +37,8 @@ class Probes:
         called: Called | None = None,
     ):
         self._water, self._sounding, self._record, self.schedule = water, sounding, record, schedule
-        self._places, self._points = (
-            sounding.places,
-            [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in sounding.points],
-        )
+        self._places = sounding.places
+        self._points = [f"x = {x:g}, y = {y:g}, z = {z:g} m" for x, y, z in sounding.points]
         self._passing = Passing(water.wall, self._places, called or Called.unnamed(water.wall, "probe", self._places))
         self._axes = axes_of(water)
         self._wet: dict[str, bool] = {}  # by a probe's place: whether there has been water

@@ -148,9 +148,10 @@ class BreakingWatch:
             if index is None and breaks(crest):
                 index = len(alarms)
                 alarms.append(Alarm(t, crest.x, crest.height, B, B, t, crest.y))
-            if index is not None:
-                matched.add(index)
-            if index is not None and B > ENDED:
+            if index is None:
+                continue
+            matched.add(index)
+            if B > ENDED:
                 one = alarms[index]
                 outrun = one.outrun + (t - one.end) / self._period(crest) * (B > 1.0)
                 alarms[index] = one._replace(largest=max(one.largest, B), end=t, outrun=outrun)
