@@ -15,14 +15,14 @@ from rich.table import Table
 
 from benchmarks import beside, costs, looks, scaling
 from benchmarks.direct import DirectMinimum
-from wavetank.fe.plane import Plane
+from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS
-from wavetank.motions import Ramped, Sinusoid
-from wavetank.runs.clock import Clock
-from wavetank.runs.run import Run
-from wavetank.water.footprint import Slice
-from wavetank.water.walls import Piston
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.motion import Ramped, Sinusoid
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.run import Run
+from wavetank.tank.footprint import Slice
+from wavetank.tank.walls import Piston
+from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 CONSOLE = Console()
 DT, CELL, VERTICAL_ORDER = 0.04, 0.2, 8  # those of cases/marin-202002.toml

@@ -9,8 +9,8 @@ from dolfinx.fem.petsc import assemble_matrix, create_matrix
 from petsc4py import PETSc
 
 from wavetank.arrays import Vector
-from wavetank.fe.forms import compile_form
-from wavetank.water.waves import NonlinearWaves
+from wavetank.fem.forms import compile_form
+from wavetank.tank.waves import NonlinearWaves
 
 
 class DirectMinimum:

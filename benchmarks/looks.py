@@ -20,17 +20,17 @@ from benchmarks.beside import HERE
 from wavetank.arrays import Vector
 from wavetank.case.reading import read_case
 from wavetank.integrators.flow import flow_of
-from wavetank.observers.energy import EnergyBudget
-from wavetank.observers.energy import columns as energy_columns
-from wavetank.observers.gauges import Gauges
-from wavetank.observers.stability import StabilityWatch
-from wavetank.records.growing import TableWriter
-from wavetank.records.paddle_table import RATES
-from wavetank.records.surface import SurfaceWriter
-from wavetank.runs.build import Records, build_observers, build_run, build_watch
-from wavetank.runs.run import Run
-from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.waves import NonlinearWaves
+from wavetank.output.growing import TableWriter
+from wavetank.output.paddle_table import RATES
+from wavetank.output.surface import SurfaceWriter
+from wavetank.simulation.build import Records, build_observers, build_run, build_watch
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.energy import columns as energy_columns
+from wavetank.simulation.gauges import Gauges
+from wavetank.simulation.run import Run
+from wavetank.simulation.stability import StabilityWatch
+from wavetank.tank.surface_flow import SurfaceFlow
+from wavetank.tank.waves import NonlinearWaves
 
 CASES = {"focusing": 130.0, "marin-202002": 118.0, "flap": 120.0, "bar": 40.0}  # and how long they go on [s]
 LOOKS = EnergyBudget, Gauges, StabilityWatch  # beside the filters

@@ -18,12 +18,12 @@ from rich.console import Console
 from rich.table import Table
 
 from wavetank.arrays import Vector
-from wavetank.fe.decoupled import LayerMatrices
-from wavetank.fe.plane import Plane
-from wavetank.runs.memory import peak_memory
-from wavetank.water.potential import Krylov
-from wavetank.water.walls import StillWall
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.fem.decoupled import LayerMatrices
+from wavetank.fem.plane import Plane
+from wavetank.simulation.memory import peak_memory
+from wavetank.tank.potential import Krylov
+from wavetank.tank.walls import StillWall
+from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 CONSOLE = Console(width=120)
 ORDER, CELL = 3, 0.4  # m; 8 degrees of freedom a depth

@@ -31,7 +31,7 @@ def pytest_collection_finish() -> None:
 @pytest.fixture(autouse=True, scope="session")
 def few_pixels() -> None:
     """Draw figures with a quarter of the pixels."""
-    from wavetank.postprocess.style import STYLE
+    from wavetank.plots.style import STYLE
 
     STYLE["figure.dpi"] *= 0.5
 
@@ -48,11 +48,11 @@ def trusted() -> Iterator[None]:
 @pytest.fixture
 def make_tank() -> Callable[..., object]:
     """Return a function that makes nonlinear waves in a slice, or in another footprint."""
-    from wavetank.fe.plane import Plane
-    from wavetank.theory.wavemaker import Flap
-    from wavetank.water.footprint import Slice
-    from wavetank.water.walls import BothEnds, Piston, Polynomial, Shaped, StillWall
-    from wavetank.water.waves import NonlinearWaves, Tolerances
+    from wavetank.fem.plane import Plane
+    from wavetank.tank.footprint import Slice
+    from wavetank.tank.walls import BothEnds, Piston, Polynomial, Shaped, StillWall
+    from wavetank.tank.waves import NonlinearWaves, Tolerances
+    from wavetank.waves.wavemaker import Flap
 
     def make(
         *,
@@ -131,7 +131,7 @@ def on_ranks() -> Iterator[Callable[..., list]]:
 @pytest.fixture
 def recorded_on_ranks(on_ranks, tmp_path) -> Callable[..., tuple]:
     """Return a function that records a case with some changes on one rank and on three: both run directories."""
-    from wavetank.records.directory import RunDirectory
+    from wavetank.output.directory import RunDirectory
 
     def run(case: str | Path, *changes: str) -> tuple[RunDirectory, RunDirectory]:
         alone, together = tmp_path / "1", tmp_path / "3"

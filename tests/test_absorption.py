@@ -15,6 +15,7 @@ from mpi4py import MPI
 from test_checkpoint import record, record_until, same
 from test_stateful import SLICE
 
+from wavetank.analysis.reflection import reflected
 from wavetank.case import Scene
 from wavetank.case.absorption import ActiveAbsorption, SpringDamper
 from wavetank.case.reading import read_case
@@ -22,30 +23,29 @@ from wavetank.case.tanks import SliceTank
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators.states import Point
-from wavetank.motions import Sinusoid, steered
-from wavetank.motions.answer import Answer, Equation
-from wavetank.motions.at_face import elevation_at_face
-from wavetank.motions.mapping import largest_stroke, share
-from wavetank.motions.steered import Steered
-from wavetank.observers.contract import Moment
-from wavetank.observers.energy import COLUMNS, EnergyBudget
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
-from wavetank.observers.supply import AnsweredWork
-from wavetank.plan.affordable import needs_of
-from wavetank.plan.freed_harmonics import freed_harmonics, harmonics_sent_back
-from wavetank.plan.highest_waves import highest_wave
-from wavetank.plan.planned import planned
-from wavetank.plan.requirements import requirements
-from wavetank.postprocess.analysis.reflection import reflected
-from wavetank.records.directory import PADDLE, RunDirectory
-from wavetank.runs.answering import ANSWERS
-from wavetank.runs.build import ANSWERED, build_run
-from wavetank.theory.absorption import PassiveFilter, face, radiation, sudden_mass
-from wavetank.theory.airy import angular_frequency, group_velocity, wave_number
-from wavetank.theory.wavemaker import PISTON, Flap
-from wavetank.water.answering import AnsweringPaddle, Excess
-from wavetank.water.walls import Piston
+from wavetank.motion import Sinusoid, steered
+from wavetank.motion.answer import Answer, Equation
+from wavetank.motion.at_face import elevation_at_face
+from wavetank.motion.mapping import largest_stroke, share
+from wavetank.motion.steered import Steered
+from wavetank.output.directory import PADDLE, RunDirectory
+from wavetank.planning.affordable import needs_of
+from wavetank.planning.freed_harmonics import freed_harmonics, harmonics_sent_back
+from wavetank.planning.highest_waves import highest_wave
+from wavetank.planning.planned import planned
+from wavetank.planning.requirements import requirements
+from wavetank.simulation.answering import ANSWERS
+from wavetank.simulation.build import ANSWERED, build_run
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.record import Memory
+from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.supply import AnsweredWork
+from wavetank.tank.answering import AnsweringPaddle, Excess
+from wavetank.tank.walls import Piston
+from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
+from wavetank.waves.airy import angular_frequency, group_velocity, wave_number
+from wavetank.waves.wavemaker import PISTON, Flap
 
 GRAVITY = 9.81
 SLOSHING = {"type": "formula", "eta": "0.05*cos(pi*x/3)"}
@@ -474,8 +474,8 @@ def test_what_a_paddle_absorbs_is_told_over_a_bed(tmp_path, monkeypatch, capsys)
     looks = SimpleNamespace(told=lambda part: "")
     steps = dict.fromkeys(("step", "solves", "duration", "memory", "watching"), 1.0)
     seen = SimpleNamespace(summary="", looks=looks, clock=None, waves=None, **steps)
-    monkeypatch.setattr("wavetank.plan.trial.trial", lambda *of: seen)
-    monkeypatch.setattr("wavetank.plan.forewarnings.forewarnings", lambda *of: [])
+    monkeypatch.setattr("wavetank.planning.trial.trial", lambda *of: seen)
+    monkeypatch.setattr("wavetank.planning.forewarnings.forewarnings", lambda *of: [])
     assert main(["plan", str(tmp_path / "case.toml")]) == 0
     told = "paddle of wall: it absorbs what comes to it, all but 4.7 % of small waves from 1.16 to 4.17 s at short"
     assert told in " ".join(capsys.readouterr().out.split())

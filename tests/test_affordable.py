@@ -7,14 +7,14 @@ from mpi4py import MPI
 
 from wavetank.case import Scene
 from wavetank.cli import main
-from wavetank.observers.schedule import EverySteps, EveryTimeBetween
-from wavetank.plan import affordable
-from wavetank.plan.affordable import needs_of
-from wavetank.plan.cost_model import BUILT_IN
-from wavetank.plan.looks import Looks
-from wavetank.runs import memory
-from wavetank.runs.build import build_run
-from wavetank.runs.clock import Clock
+from wavetank.planning import affordable
+from wavetank.planning.affordable import needs_of
+from wavetank.planning.cost_model import BUILT_IN
+from wavetank.planning.looks import Looks
+from wavetank.simulation import memory
+from wavetank.simulation.build import build_run
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.schedule import EverySteps, EveryTimeBetween
 
 RECTANGLE = {"type": "rectangle", "length": 6.0, "width": 4.0}
 LAYOUTS = {

@@ -13,16 +13,16 @@ from pictures import faults
 from xarray import concat
 
 from wavetank import data
+from wavetank.analysis.record import Record, read_record
+from wavetank.analysis.records import between, elevation
 from wavetank.case.new import write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.postprocess.analyse_command import KINDS
-from wavetank.postprocess.analysis import kinds
-from wavetank.postprocess.analysis.record import Record, read_record
-from wavetank.postprocess.analysis.records import between, elevation
-from wavetank.records.series import GaugeSeries
-from wavetank.records.writer import RunWriter
-from wavetank.theory.airy import group_velocity, wave_number
+from wavetank.output.series import GaugeSeries
+from wavetank.output.writer import RunWriter
+from wavetank.plots import kinds
+from wavetank.plots.analyse_command import KINDS
+from wavetank.waves.airy import group_velocity, wave_number
 
 PERIOD, DEPTH = 2.0, 1.0
 K, FREE = (float(one) for one in wave_number(2 * np.pi / PERIOD * np.array([1, 2]), DEPTH, 9.81))

@@ -9,29 +9,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from wavetank.errors import InputError
-from wavetank.postprocess.analysis.along import told_apart
-from wavetank.postprocess.analysis.bound_free import beat_length, bound_and_free
-from wavetank.postprocess.analysis.exceedance import (
+from wavetank.analysis.along import told_apart
+from wavetank.analysis.bound_free import beat_length, bound_and_free
+from wavetank.analysis.exceedance import (
     exceedance,
     forristall_crests,
     forristall_heights,
     rayleigh_crests,
     rayleigh_heights,
 )
-from wavetank.postprocess.analysis.groups import envelope, groupiness
-from wavetank.postprocess.analysis.harmonics import fundamental, harmonics
-from wavetank.postprocess.analysis.kinds import KINDS, reflection_coefficient
-from wavetank.postprocess.analysis.record import read_record
-from wavetank.postprocess.analysis.records import along, between, chosen, elevation, places, time_step
-from wavetank.postprocess.analysis.reflection import reflected, reflected_spectra, regular_reflection
-from wavetank.postprocess.analysis.similarity import surface_similarity
-from wavetank.postprocess.analysis.spectra import WHOLE, mean_period, sea_state, spectrum
-from wavetank.postprocess.analysis.speed import delay, phase_speed, travel
-from wavetank.postprocess.analysis.wave_heights import height_statistics, zero_crossing_waves
-from wavetank.records.series import GaugeSeries
-from wavetank.records.surface import Surface
-from wavetank.theory.airy import group_velocity, wave_number
+from wavetank.analysis.groups import envelope, groupiness
+from wavetank.analysis.harmonics import fundamental, harmonics
+from wavetank.analysis.record import read_record
+from wavetank.analysis.records import along, between, chosen, elevation, places, time_step
+from wavetank.analysis.reflection import reflected, reflected_spectra, regular_reflection
+from wavetank.analysis.similarity import surface_similarity
+from wavetank.analysis.spectra import WHOLE, mean_period, sea_state, spectrum
+from wavetank.analysis.speed import delay, phase_speed, travel
+from wavetank.analysis.wave_heights import height_statistics, zero_crossing_waves
+from wavetank.errors import InputError
+from wavetank.output.series import GaugeSeries
+from wavetank.output.surface import Surface
+from wavetank.plots.kinds import KINDS, reflection_coefficient
+from wavetank.waves.airy import group_velocity, wave_number
 
 T = np.arange(0.0, 200.0, 0.05)
 DEPTH, G = 0.8, 9.81

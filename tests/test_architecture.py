@@ -13,11 +13,7 @@ from ranks import launch
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 PACKAGE = CHECKOUT / "wavetank"
-ROOMS = {
-    "meshes": "meshes",
-    "postprocess": "postprocess",
-    "verify": "cases/verify",
-}  # of the package that stand elsewhere; links in it show where
+EXAMPLES = CHECKOUT / "examples" / "paper"
 
 PAGE = CHECKOUT / "docs" / "architecture.md"
 
@@ -32,15 +28,10 @@ def table() -> dict[str, set[str]]:
 
 
 def files() -> dict[Path, str]:
-    """Return the files of the package with their modules' names, those of its rooms at top level, too."""
-    found = {path: path.relative_to(CHECKOUT) for path in PACKAGE.rglob("*.py")}
-    for room, place in ROOMS.items():
-        found |= {
-            path: Path("wavetank", room, path.relative_to(CHECKOUT / place))
-            for path in (CHECKOUT / place).rglob("*.py")
-        }
+    """Return the files of the package with their modules' names."""
     return {
-        path: ".".join(name.with_suffix("").parts).removesuffix(".__init__") for path, name in sorted(found.items())
+        path: ".".join(path.relative_to(CHECKOUT).with_suffix("").parts).removesuffix(".__init__")
+        for path in sorted(PACKAGE.rglob("*.py"))
     }
 
 
@@ -86,25 +77,25 @@ def test_imports_go_one_way(path):
 
 
 STEPPERS = {
-    "wavetank.runs.run": "the time loop",
+    "wavetank.simulation.run": "the time loop",
     "wavetank.integrators.answering": "around a scheme",
     "wavetank.integrators.composition": "a scheme of steps of another",
     "wavetank.integrators.damped": "around a scheme",
     "wavetank.integrators.filtered": "around a scheme",
-    "wavetank.verify.forcing": "around a scheme",
-    "wavetank.plan.dispersion": "one step of unit states: its matrix",
-    "wavetank.verify.schemes": "one step as a map of vectors",
-    "wavetank.verify.symbolic": "one step in symbols: its matrix",
-    "wavetank.verify.symplecticity": "one step: its derivative, and there and back",
-    "wavetank.verify.traced": "one step, written down as C, for 10^5 periods",
+    "examples.paper.forcing": "around a scheme",
+    "wavetank.planning.dispersion": "one step of unit states: its matrix",
+    "examples.paper.schemes": "one step as a map of vectors",
+    "examples.paper.symbolic": "one step in symbols: its matrix",
+    "examples.paper.symplecticity": "one step: its derivative, and there and back",
+    "examples.paper.traced": "one step, written down as C, for 10^5 periods",
 }
 
 
 def test_time_is_stepped_by_the_run_alone():
     """Whoever calls a scheme's ``step(system, state, t, dt)`` is the loop, is a scheme itself, or takes one step."""
     callers = {
-        FILES.get(path, path.name)
-        for path in [*FILES, *(CHECKOUT / "benchmarks").glob("*.py")]
+        FILES.get(path, ".".join(path.relative_to(CHECKOUT).with_suffix("").parts))
+        for path in [*FILES, *EXAMPLES.glob("*.py"), *(CHECKOUT / "benchmarks").glob("*.py")]
         for node in nodes(path)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
         if node.func.attr == "step" and len(node.args) == 4
@@ -112,18 +103,19 @@ def test_time_is_stepped_by_the_run_alone():
     assert callers == set(STEPPERS)
 
 
-def test_rooms_at_top_level_have_one_name_and_are_of_the_package():
-    """Their links are found by setuptools, so pip adds no package but wavetank; by no other name are they imported."""
+def test_the_wheel_has_one_package():
     options = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]["find"]
     packages = setuptools.find_packages(str(CHECKOUT), **options)
     assert {name.partition(".")[0] for name in packages} == {"wavetank"}
-    assert {f"wavetank.{room}" for room in ROOMS} <= set(packages)
-    for path in [*FILES, *(CHECKOUT / "tests").glob("*.py"), *(CHECKOUT / "benchmarks").glob("*.py")]:
-        assert not re.search(rf"^\s*(from|import) ({'|'.join(ROOMS)})\b", path.read_text(), flags=re.MULTILINE), path
+
+
+def test_the_package_does_not_import_the_examples():
+    for path in PACKAGE.rglob("*.py"):
+        assert not re.search(r"^\s*(from|import) examples\b", path.read_text(), flags=re.MULTILINE), path
 
 
 def test_plans_are_drawn_without_dolfinx():
-    for path in (CHECKOUT / "meshes").glob("*.py"):
+    for path in (PACKAGE / "mesh").glob("*.py"):
         assert not re.search(r"\b(import|from) (dolfinx|ufl|basix|mpi4py|petsc4py)\b", path.read_text()), path
 
 

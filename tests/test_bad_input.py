@@ -16,18 +16,18 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, TypeAdapter
 
 from wavetank import data
-from wavetank.beds.bed_file import read_bed
+from wavetank.analysis.record import Record
+from wavetank.analysis.records import elevation
 from wavetank.case import Scene
 from wavetank.case.reading import SHOWN, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError, OutsideError, WavetankError
-from wavetank.motions.record_file import read_record
-from wavetank.plan.plan import UnreachableError
-from wavetank.plan.requirements import looked_at
-from wavetank.postprocess.analysis import kinds
-from wavetank.postprocess.analysis.record import Record
-from wavetank.postprocess.analysis.records import elevation
-from wavetank.records.series import GaugeSeries
+from wavetank.mesh.bed_file import read_bed
+from wavetank.motion.record_file import read_record
+from wavetank.output.series import GaugeSeries
+from wavetank.planning.plan import UnreachableError
+from wavetank.planning.requirements import looked_at
+from wavetank.plots import kinds
 from wavetank.values.noun import Problem, SceneError
 from wavetank.values.python_file import load
 

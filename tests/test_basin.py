@@ -1,7 +1,7 @@
 """Basins: a slice where nothing depends on y, the same when turned, standing waves in three dimensions, many ranks.
 
 Oracles: the slice (tested by itself), invariance under rotation, linear theory, and Stokes' expansion of standing waves
-to third order (``wavetank/theory/standing_wave.py``, tested by its residuals).
+to third order (``wavetank/waves/standing_wave.py``, tested by its residuals).
 """
 
 import numpy as np
@@ -13,24 +13,24 @@ from pydantic import ValidationError
 
 from wavetank.case import Scene
 from wavetank.errors import InputError
-from wavetank.fe.plane import Plane
-from wavetank.fe.points import Points
-from wavetank.hamiltonian.contract import Stage
+from wavetank.fem.plane import Plane
+from wavetank.fem.points import Points
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.flow import flow
-from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
-from wavetank.observers.energy import EnergyBudget, columns
-from wavetank.observers.record import Memory
-from wavetank.runs.clock import Clock
-from wavetank.runs.run import Run
-from wavetank.runs.waters import build_waves
-from wavetank.theory.airy import angular_frequency
-from wavetank.theory.standing_wave import ThirdOrderStandingWave
-from wavetank.water.footprint import Slice
-from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.still_water import StillWaterWaves, scales
-from wavetank.water.walls import LinearPaddle, Piston, Side, StillWall
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.integrators.hamiltonian import Stage
+from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.energy import EnergyBudget, columns
+from wavetank.simulation.record import Memory
+from wavetank.simulation.run import Run
+from wavetank.simulation.waters import build_waves
+from wavetank.tank.footprint import Slice
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.still_water import StillWaterWaves, scales
+from wavetank.tank.walls import LinearPaddle, Piston, Side, StillWall
+from wavetank.tank.waves import NonlinearWaves, Tolerances
+from wavetank.waves.airy import angular_frequency
+from wavetank.waves.standing_wave import ThirdOrderStandingWave
 
 GRAVITY = 9.81
 TIGHT = Tolerances(stage=1e-11, interior=1e-12)

@@ -9,14 +9,14 @@ from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
-from wavetank.fe.conjugate_gradients import condition_number, conjugate_gradients, corrected
-from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.contract import Stage
+from wavetank.fem.conjugate_gradients import condition_number, conjugate_gradients, corrected
+from wavetank.fem.plane import Plane
 from wavetank.integrators.flow import flow
-from wavetank.water.carried_waves import CarriedWaves
-from wavetank.water.still_water import StillWaterWaves, scales
-from wavetank.water.walls import StillWall
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.integrators.hamiltonian import Stage
+from wavetank.tank.carried_waves import CarriedWaves
+from wavetank.tank.still_water import StillWaterWaves, scales
+from wavetank.tank.walls import StillWall
+from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 QUADRILATERALS, TRIANGLES = mesh.CellType.quadrilateral, mesh.CellType.triangle
 LENGTH, WIDTH, DEPTH = 4.0, 3.0, 1.0

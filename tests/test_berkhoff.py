@@ -17,15 +17,15 @@ import typer
 from typer.testing import CliRunner
 
 from wavetank import data
+from wavetank.analysis.wave_heights import mean_wave_height, wave_heights
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.data import DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
-from wavetank.postprocess.analysis.wave_heights import mean_wave_height, wave_heights
-from wavetank.postprocess.compare import matched
-from wavetank.postprocess.compare_command import compare
-from wavetank.postprocess.sections import COLUMNS, compare_heights, computed_heights
-from wavetank.records.series import GaugeSeries
-from wavetank.records.writer import RunWriter
+from wavetank.output.series import GaugeSeries
+from wavetank.output.writer import RunWriter
+from wavetank.plots.compare import matched
+from wavetank.plots.compare_command import compare
+from wavetank.plots.sections import COLUMNS, compare_heights, computed_heights
 
 NAME = "berkhoff_1982_shoal"
 KNOWN = data.dataset(NAME).heights

@@ -11,13 +11,13 @@ from mpi4py import MPI
 from PIL import Image
 from rich.console import Console
 
+from examples.paper.breaking import over_steep
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError, PaddleError, RunError
-from wavetank.postprocess.run_figures import draw_run
+from wavetank.output.directory import RunDirectory
+from wavetank.plots.run_figures import draw_run
 from wavetank.recording import record_run
-from wavetank.records.directory import RunDirectory
-from wavetank.verify.breaking import over_steep
 
 QUIET = {"comm": MPI.COMM_SELF, "console": Console(quiet=True)}
 

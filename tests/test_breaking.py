@@ -17,25 +17,25 @@ from rich.console import Console
 from scipy.signal import find_peaks
 
 import wavetank
+from examples.paper.breaking import Case, bore, cases, dissipated, luth_c, over_steep, refined, release, row
 from wavetank.arrays import largest
 from wavetank.case import Scene
 from wavetank.errors import ConvergenceError, RunError
-from wavetank.fe.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
-from wavetank.fe.plane import Plane
+from wavetank.fem.mass import FactoredMatrix, HorizontalMatrix, RaisedMass
+from wavetank.fem.plane import Plane
 from wavetank.integrators.states import Point
+from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run
-from wavetank.theory.stream_function import maximum_height, stream_function_wave
-from wavetank.verify.breaking import Case, bore, cases, dissipated, luth_c, over_steep, refined, release, row
-from wavetank.water.breaking import COHERENT, ONSET, BreakingDissipation, BreakingWatch, StopAtBreaking
-from wavetank.water.crests import LEAST, Profile, SteepCrest, steep_crests
-from wavetank.water.edge_penalty import EdgePenalty
-from wavetank.water.footprint import Ring, Slice
-from wavetank.water.smoothing import Smoothing
-from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import StillWall
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.simulation.build import build_run
+from wavetank.tank.breaking import COHERENT, ONSET, BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.tank.crests import LEAST, Profile, SteepCrest, steep_crests
+from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.footprint import Ring, Slice
+from wavetank.tank.smoothing import Smoothing
+from wavetank.tank.surface_flow import SurfaceFlow
+from wavetank.tank.walls import StillWall
+from wavetank.tank.waves import NonlinearWaves, Tolerances
+from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
 
 def bar(x, y):

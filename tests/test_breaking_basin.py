@@ -14,13 +14,13 @@ from test_basin import basin
 from wavetank.case import Scene
 from wavetank.errors import RunError
 from wavetank.integrators.states import Point
+from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run
-from wavetank.theory.stream_function import maximum_height, stream_function_wave
-from wavetank.water.breaking import BreakingDissipation
-from wavetank.water.breaking_basin import BasinBreakingWatch
-from wavetank.water.crests import SteepCrest
+from wavetank.simulation.build import build_run
+from wavetank.tank.breaking import BreakingDissipation
+from wavetank.tank.breaking_basin import BasinBreakingWatch
+from wavetank.tank.crests import SteepCrest
+from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
 LENGTH = 1.5  # of the exact wave [m]
 TIME = 0.01  # between two looks [s]

@@ -12,26 +12,26 @@ import pytest
 from conftest import CHECKOUT, commanded
 from matplotlib.figure import Figure
 
-from wavetank.calibrate import calibration as module
-from wavetank.calibrate import drawing
-from wavetank.calibrate.aim import NOTHING, Elevation, Found, Tried
-from wavetank.calibrate.aims import aim_of
-from wavetank.calibrate.calibration import CASE, PICTURE, TABLE, WAVES
-from wavetank.calibrate.crest import CrestAim, crests
-from wavetank.calibrate.numerics import cheaper, exhausted
-from wavetank.calibrate.record import RecordAim, mixed
-from wavetank.calibrate.table import told
-from wavetank.calibrate.waves import Lines, Scale, moved, scale, started, table
 from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.reading import read_case
 from wavetank.case.targets import CrestTarget
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.records.directory import PADDLE, RunDirectory
-from wavetank.records.surface import Surface
-from wavetank.records.writer import RunWriter
-from wavetank.study.runs import Outcome, Runner, is_finished
+from wavetank.output.directory import PADDLE, RunDirectory
+from wavetank.output.surface import Surface
+from wavetank.output.writer import RunWriter
+from wavetank.studies.calibrate import calibration as module
+from wavetank.studies.calibrate import drawing
+from wavetank.studies.calibrate.aim import NOTHING, Elevation, Found, Tried
+from wavetank.studies.calibrate.aims import aim_of
+from wavetank.studies.calibrate.calibration import CASE, PICTURE, TABLE, WAVES
+from wavetank.studies.calibrate.crest import CrestAim, crests
+from wavetank.studies.calibrate.numerics import cheaper, exhausted
+from wavetank.studies.calibrate.record import RecordAim, mixed
+from wavetank.studies.calibrate.table import told
+from wavetank.studies.calibrate.waves import Lines, Scale, moved, scale, started, table
+from wavetank.studies.runs import Outcome, Runner, is_finished
 from wavetank.values.toml import toml
 
 FOCUSING = CHECKOUT / "cases" / "focusing.toml"

@@ -16,7 +16,7 @@ from ranks import CHECKOUT
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.case.tanks import BasinTank
-from wavetank.records.directory import RunDirectory
+from wavetank.output.directory import RunDirectory
 
 CASES = sorted((CHECKOUT / "cases").glob("*.toml"))
 TOGETHER = {"bar", "bend", "ntnu-flap"}  # on two ranks by default: a bed, a basin, a flap told by a record

@@ -19,22 +19,22 @@ from mpi4py import MPI
 from ranks import begun
 from test_stateful import BASIN, RING, SLICE
 
+from examples.paper.breaking import over_steep
 from wavetank.case import Scene
 from wavetank.console import console
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, ThirdOrder
 from wavetank.integrators.states import Point
-from wavetank.observers.checkpoints import Checkpoints
-from wavetank.observers.contract import Moment
-from wavetank.observers.crest import HighestCrest
-from wavetank.observers.interruption import Interruption
-from wavetank.observers.schedule import EverySteps
+from wavetank.output import checkpoint
+from wavetank.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
-from wavetank.records import checkpoint
-from wavetank.records.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.resuming import differences
-from wavetank.verify.breaking import over_steep
+from wavetank.simulation.checkpoints import Checkpoints
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.crest import HighestCrest
+from wavetank.simulation.interruption import Interruption
+from wavetank.simulation.schedule import EverySteps
 
 OUTPUT = {"surface_every": 0.1, "velocity_every": 0.15}
 

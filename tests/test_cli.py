@@ -16,7 +16,7 @@ from ranks import CHECKOUT, begun, launch
 
 from wavetank.__main__ import main as start
 from wavetank.cli import ORDER, app, main
-from wavetank.records.directory import RunDirectory
+from wavetank.output.directory import RunDirectory
 
 DRIVEN = ["cases/wavemaker.toml", "wall.motion.paddle_amplitude=0.05", "wall.motion.ramp=0.5", "gauges=[0.5, 3.0]"]
 DRIVEN += ["tank.length=3.5", "run.duration=0.15", "numerics.dt=0.03", "numerics.vertical_order=4"]
@@ -219,8 +219,8 @@ def test_a_case_built_in_python_runs_without_a_directory():
     from mpi4py import MPI
 
     from wavetank.case import Scene
-    from wavetank.observers.record import Memory
-    from wavetank.runs.build import Records, build_observers, build_run
+    from wavetank.simulation.build import Records, build_observers, build_run
+    from wavetank.simulation.record import Memory
 
     scene = Scene.model_validate(
         {

@@ -14,10 +14,10 @@ from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS
-from wavetank.plan.forewarnings import forewarnings
+from wavetank.planning.forewarnings import forewarnings
 from wavetank.recording import record_run
-from wavetank.runs.build import build_clock, build_run, told_of_end
-from wavetank.runs.clock import Clock
+from wavetank.simulation.build import build_clock, build_run, told_of_end
+from wavetank.simulation.clock import Clock
 from wavetank.values.noun import SceneError
 
 times = st.floats(1e-3, 1e3)

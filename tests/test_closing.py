@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wavetank.observers.crest import Crest
-from wavetank.runs.closing import Outcome, closing
+from wavetank.simulation.closing import Outcome, closing
+from wavetank.simulation.crest import Crest
 
 SHORT = ("run.duration=0.4", "numerics.cells=8", "numerics.vertical_order=4", "numerics.dt=0.02")
 SPENT = {

@@ -15,7 +15,10 @@ from rich.console import Console
 from wavetank import data
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.postprocess.compare import (
+from wavetank.output.directory import RunDirectory
+from wavetank.output.series import GaugeSeries
+from wavetank.output.writer import RunWriter
+from wavetank.plots.compare import (
     COLUMNS,
     compare,
     comparison_table,
@@ -24,13 +27,10 @@ from wavetank.postprocess.compare import (
     told_of_clock,
     write_comparison,
 )
-from wavetank.postprocess.compare_command import told_of_tanks
-from wavetank.postprocess.compare_harmonics import compare_harmonics, harmonics_table
-from wavetank.postprocess.figures import gauges_figure
-from wavetank.postprocess.run_figures import draw_run
-from wavetank.records.directory import RunDirectory
-from wavetank.records.series import GaugeSeries
-from wavetank.records.writer import RunWriter
+from wavetank.plots.compare_command import told_of_tanks
+from wavetank.plots.compare_harmonics import compare_harmonics, harmonics_table
+from wavetank.plots.figures import gauges_figure
+from wavetank.plots.run_figures import draw_run
 
 
 def group(t, t0):

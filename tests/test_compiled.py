@@ -18,21 +18,21 @@ from mpi4py import MPI
 from ranks import begun, on
 
 from wavetank.errors import WavetankError
-from wavetank.fe import compiled, kernels
-from wavetank.fe.combination import POINTS
-from wavetank.fe.kernels import source
+from wavetank.fem import compiled, kernels
+from wavetank.fem.combination import POINTS
+from wavetank.fem.kernels import source
 
 FORM = """
 import ufl
 from dolfinx import fem, mesh
 from mpi4py import MPI
-from wavetank.fe.forms import ScalarForm
+from wavetank.fem.forms import ScalarForm
 line = mesh.create_unit_interval(MPI.COMM_WORLD, 4)
 print(ScalarForm(fem.Constant(line, 1.0) * ufl.dx, MPI.COMM_WORLD).assemble())
 """
 KERNEL = """
 from mpi4py import MPI
-from wavetank.fe.kernels import Kernel
+from wavetank.fem.kernels import Kernel
 kernel = Kernel("one", "double one(void);", key="double one(void) { return 1.0; }", comm=MPI.COMM_WORLD)
 print(kernel.call.one())
 """
@@ -98,7 +98,7 @@ def test_two_at_once_and_a_later_one_compile_once(code, world, tmp_path):
 def test_who_waits_for_another_s_compiler_says_so(world, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", world["XDG_CACHE_HOME"])
     wanted = 'compiled(MPI.COMM_SELF, "code", build=None)'
-    code = f"from mpi4py import MPI; from wavetank.fe.compiled import compiled; print({wanted})"
+    code = f"from mpi4py import MPI; from wavetank.fem.compiled import compiled; print({wanted})"
     with ExitStack() as others:
         other = []
 

@@ -1,7 +1,7 @@
 """Diffraction by a vertical circular cylinder in a basin against McCamy and Fuchs' theory of small waves.
 
 The recipe, and how far a closed basin and two periods of waiting let it get (some 0.4 % of the incident amplitude):
-``wavetank/theory/mccamy_fuchs.py``; the basin is that of ``wavetank/verify/cylinder.py``.
+``wavetank/waves/mccamy_fuchs.py``; the basin is that of ``wavetank/verify/cylinder.py``.
 """
 
 from pathlib import Path
@@ -11,9 +11,9 @@ import pytest
 from conftest import fitted_slope
 from pydantic import ValidationError
 
+from examples.paper.cylinder import ANGLES, HalfBasin
 from wavetank.case.reading import read_case
-from wavetank.meshes import Cylinder
-from wavetank.verify.cylinder import ANGLES, HalfBasin
+from wavetank.mesh import Cylinder
 
 CASE = Path(__file__).resolve().parents[1] / "cases" / "cylinder.toml"
 

@@ -7,8 +7,8 @@ is ``ReflectedFocus.target``, itself tested in tests/test_segmented_motion.py.
 import numpy as np
 import pytest
 
+from examples.paper.directional_focus import CASE, HALF, SEEN, SMALL, Focus, row
 from wavetank.case.reading import read_case
-from wavetank.verify.directional_focus import CASE, HALF, SEEN, SMALL, Focus, row
 
 SHORT = [  # a shorter way, for waves that are a little longer
     "tank.layout.length=4.5",

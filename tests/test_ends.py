@@ -9,15 +9,15 @@ from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.motions import Sinusoid
-from wavetank.observers.energy import COLUMNS, EnergyBudget
-from wavetank.observers.record import Memory
-from wavetank.plan.forewarnings import beside, forewarnings
-from wavetank.plan.requirements import requirements
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import Records, build_observers, build_run
+from wavetank.motion import Sinusoid
+from wavetank.output.directory import RunDirectory
+from wavetank.planning.forewarnings import beside, forewarnings
+from wavetank.planning.requirements import requirements
+from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.record import Memory
+from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity
 from wavetank.values.noun import SceneError
-from wavetank.water.surface_flow import SurfaceFlow, SurfaceVelocity
 
 GRAVITY = 9.81
 BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")

@@ -1,6 +1,6 @@
 """Steep waves, large steps, breaking: where the limits are, on both sides, and what the run says of them.
 
-Oracles: exact waves (wavetank/theory), the spectrum of the linearised water, conservation, the published criterion
+Oracles: exact waves (wavetank/waves), the spectrum of the linearised water, conservation, the published criterion
 of breaking.
 """
 
@@ -14,35 +14,35 @@ from conftest import CHECKOUT, fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
+from examples.paper import steepness
+from examples.paper.growth import Setting, row
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import RunError
-from wavetank.fe.plane import Plane
-from wavetank.fe.vertical import gauss_lobatto_legendre
+from wavetank.fem.plane import Plane
+from wavetank.fem.vertical import gauss_lobatto_legendre
 from wavetank.integrators import Simpson4, ThirdOrder
 from wavetank.integrators.states import Point, Traces
-from wavetank.motions import Sinusoid
-from wavetank.observers.contract import Moment
-from wavetank.observers.gauges import Gauges
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
-from wavetank.observers.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
-from wavetank.plan.dispersion import elements
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run, build_watch
-from wavetank.runs.clock import Clock
-from wavetank.runs.run import Run
-from wavetank.theory.stream_function import maximum_height, stream_function_wave
-from wavetank.verify import steepness
-from wavetank.verify.growth import Setting, row
-from wavetank.water.breaking import ONSET, OVERTURNS
-from wavetank.water.edge_penalty import EdgePenalty
-from wavetank.water.footprint import Ring
-from wavetank.water.linearised import LinearisedFlow
-from wavetank.water.short_waves import ShortWaves
-from wavetank.water.surface_flow import SurfaceFlow, SurfaceVelocity, surface_of
-from wavetank.water.walls import StillWall
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.motion import Sinusoid
+from wavetank.output.directory import RunDirectory
+from wavetank.planning.dispersion import elements
+from wavetank.simulation.build import build_run, build_watch
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.gauges import Gauges
+from wavetank.simulation.record import Memory
+from wavetank.simulation.run import Run
+from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
+from wavetank.tank.breaking import ONSET, OVERTURNS
+from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.footprint import Ring
+from wavetank.tank.linearised import LinearisedFlow
+from wavetank.tank.short_waves import ShortWaves
+from wavetank.tank.surface_flow import SurfaceFlow, SurfaceVelocity, surface_of
+from wavetank.tank.walls import StillWall
+from wavetank.tank.waves import NonlinearWaves, Tolerances
+from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
 
 def steep(kd, steepness, *, cells, n, comm=MPI.COMM_WORLD):

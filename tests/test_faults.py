@@ -23,15 +23,15 @@ from test_stateful import BASIN, SLICE
 
 from wavetank.case import Scene
 from wavetank.errors import BreakdownError, InputError
-from wavetank.observers.contract import Moment, Moments, Patient
-from wavetank.observers.schedule import EverySteps
+from wavetank.output.checkpoint import read_checkpoint
+from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
+from wavetank.output.lock import LOCK
+from wavetank.output.manifest import MANIFEST
+from wavetank.output.place import Place
+from wavetank.output.whole import unfinished
 from wavetank.recording import record_run
-from wavetank.records.checkpoint import read_checkpoint
-from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
-from wavetank.records.lock import LOCK
-from wavetank.records.manifest import MANIFEST
-from wavetank.records.place import Place
-from wavetank.records.whole import unfinished
+from wavetank.simulation.contract import Moment, Moments, Patient
+from wavetank.simulation.schedule import EverySteps
 from wavetank.status import line, standing
 from wavetank.values.toml import toml
 
@@ -137,7 +137,7 @@ import sys
 import wavetank as wt
 from wavetank import recording
 from wavetank.errors import RunError
-from wavetank.observers.schedule import EverySteps
+from wavetank.simulation.schedule import EverySteps
 
 class Divides:
     def __init__(self, waves):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from conftest import recorded
 
-from wavetank.records.directory import RunDirectory
+from wavetank.output.directory import RunDirectory
 
 CPU = 30  # s of each rank, of which a run takes one
 NUMERICS = """

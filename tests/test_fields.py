@@ -12,25 +12,25 @@ from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.errors import InputError, RunError
-from wavetank.fe.plane import Plane
-from wavetank.fe.vertical import VerticalBasis
+from wavetank.fem.plane import Plane
+from wavetank.fem.vertical import VerticalBasis
 from wavetank.integrators.states import Point
-from wavetank.motions import Sinusoid
-from wavetank.observers.contract import Moment
-from wavetank.observers.fields import SurfaceFields, VelocityFields
-from wavetank.observers.schedule import EverySteps
+from wavetank.motion import Sinusoid
+from wavetank.output import vtu_series
+from wavetank.output.directory import RunDirectory
+from wavetank.output.place import Place
+from wavetank.output.vtu_series import VtkCells, VtuSeries
+from wavetank.output.writer import RunWriter
 from wavetank.recording import record_run
-from wavetank.records import vtu_series
-from wavetank.records.directory import RunDirectory
-from wavetank.records.place import Place
-from wavetank.records.vtu_series import VtkCells, VtuSeries
-from wavetank.records.writer import RunWriter
-from wavetank.water.bed import VaryingBed
-from wavetank.water.energy import WaterEnergy
-from wavetank.water.footprint import Ring, Slice
-from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.velocity import Velocity
-from wavetank.water.walls import Piston, StillWall
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.fields import SurfaceFields, VelocityFields
+from wavetank.simulation.schedule import EverySteps
+from wavetank.tank.bed import VaryingBed
+from wavetank.tank.energy import WaterEnergy
+from wavetank.tank.footprint import Ring, Slice
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.velocity import Velocity
+from wavetank.tank.walls import Piston, StillWall
 
 K, L = 1.3, 0.7
 M = np.hypot(K, L)

@@ -5,35 +5,35 @@ import pytest
 from conftest import fitted_slope, missed_by_going_back, needs_data
 from mpi4py import MPI
 
+from examples.paper.measured_flap import waves
 from wavetank.case import ProfileWall, Scene
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.fe.forms import ScalarForm
-from wavetank.fe.plane import Plane
-from wavetank.motions import Sinusoid, Turned
-from wavetank.motions.mapping import quickened
-from wavetank.observers.energy import COLUMNS, EnergyBudget
-from wavetank.observers.gauges import Gauges
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
-from wavetank.plan.cost_model import BUILT_IN
-from wavetank.plan.defaults import DEFAULT
-from wavetank.plan.error_model import Settings
-from wavetank.plan.forewarnings import forewarnings
-from wavetank.plan.kinds import kind_of
-from wavetank.plan.plan import make_plan
-from wavetank.runs.build import build_clock, build_run
-from wavetank.theory import airy
-from wavetank.theory.wavemaker import PISTON, Flap, Profile, modes, norm
-from wavetank.verify.measured_flap import waves
-from wavetank.water.energy import POTENTIAL
-from wavetank.water.footprint import Slice
-from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.short_waves import Quickened
-from wavetank.water.still_water import largest_frequency
-from wavetank.water.surface_points import SurfacePoints
-from wavetank.water.walls import LinearPaddle, Polynomial
-from wavetank.water.walls.shape import fitted
+from wavetank.fem.forms import ScalarForm
+from wavetank.fem.plane import Plane
+from wavetank.motion import Sinusoid, Turned
+from wavetank.motion.mapping import quickened
+from wavetank.planning.cost_model import BUILT_IN
+from wavetank.planning.defaults import DEFAULT
+from wavetank.planning.error_model import Settings
+from wavetank.planning.forewarnings import forewarnings
+from wavetank.planning.kinds import kind_of
+from wavetank.planning.plan import make_plan
+from wavetank.simulation.build import build_clock, build_run
+from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.gauges import Gauges
+from wavetank.simulation.record import Memory
+from wavetank.simulation.schedule import EverySteps
+from wavetank.tank.energy import POTENTIAL
+from wavetank.tank.footprint import Slice
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.short_waves import Quickened
+from wavetank.tank.still_water import largest_frequency
+from wavetank.tank.surface_points import SurfacePoints
+from wavetank.tank.walls import LinearPaddle, Polynomial
+from wavetank.tank.walls.shape import fitted
+from wavetank.waves import airy
+from wavetank.waves.wavemaker import PISTON, Flap, Profile, modes, norm
 
 GRAVITY = 9.81
 BALANCE, MASS = COLUMNS.index("balance [m^4/s^2]"), COLUMNS.index("mass [m^2]")

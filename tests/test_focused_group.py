@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wavetank.theory.airy import angular_frequency
-from wavetank.theory.expanded_waves import ExpandedWaves
-from wavetank.verify import focused_group
+from examples.paper import focused_group
+from wavetank.waves.airy import angular_frequency
+from wavetank.waves.expanded_waves import ExpandedWaves
 
 GRAVITY, DEPTH, LENGTH, A, POINTS = 9.81, 1.0, 4.0, 0.01, 16
 

@@ -17,22 +17,22 @@ from rich.console import Console
 from wavetank.case import LinearWater, Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.observers import stability
-from wavetank.observers.energy import EnergyBudget
-from wavetank.observers.record import Memory
-from wavetank.plan.defaults import resolved
-from wavetank.plan.dispersion import Cells, Mesh
-from wavetank.plan.forewarnings import coarse, forewarnings, in_sponge
-from wavetank.plan.highest_waves import too_high
-from wavetank.plan.planned import planned, told_of_rule
-from wavetank.plan.requirements import requirements
-from wavetank.plan.waves_held import waves_missed
+from wavetank.output.directory import RunDirectory
+from wavetank.output.log import RunLog
+from wavetank.planning.defaults import resolved
+from wavetank.planning.dispersion import Cells, Mesh
+from wavetank.planning.forewarnings import coarse, forewarnings, in_sponge
+from wavetank.planning.highest_waves import too_high
+from wavetank.planning.planned import planned, told_of_rule
+from wavetank.planning.requirements import requirements
+from wavetank.planning.waves_held import waves_missed
 from wavetank.recording import Warnings, record_run
-from wavetank.records.directory import RunDirectory
-from wavetank.records.log import RunLog
-from wavetank.runs.build import Records, build_observers, build_run, build_watch
-from wavetank.theory import stream_function
-from wavetank.theory.airy import wave_number
+from wavetank.simulation import stability
+from wavetank.simulation.build import Records, build_observers, build_run, build_watch
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.record import Memory
+from wavetank.waves import stream_function
+from wavetank.waves.airy import wave_number
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 SLICE = {"length": 20.0, "depth": 1.0}
@@ -583,7 +583,7 @@ def test_a_measured_paddle_s_own_noise_is_no_growth(tmp_path, monkeypatch, integ
     said = {}
     look = getattr(stability, place)
     for known in (look.driven, 0.0):
-        monkeypatch.setattr(f"wavetank.runs.build.{place}", replace(look, driven=known))
+        monkeypatch.setattr(f"wavetank.simulation.build.{place}", replace(look, driven=known))
         run, waves = build_run(driven, MPI.COMM_WORLD)
         said[known] = []
         run.observers += build_watch(driven, run, waves, said[known].append)

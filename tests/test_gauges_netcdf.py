@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from wavetank.errors import RunError
-from wavetank.records.directory import BLOCK, RunDirectory
-from wavetank.records.growing import TableWriter
-from wavetank.records.place import Place
-from wavetank.records.series import place
-from wavetank.records.writer import RunWriter
+from wavetank.output.directory import BLOCK, RunDirectory
+from wavetank.output.growing import TableWriter
+from wavetank.output.place import Place
+from wavetank.output.series import place
+from wavetank.output.writer import RunWriter
 
 xarray = pytest.importorskip("xarray")
 
@@ -152,7 +152,7 @@ def test_a_run_without_gauges_has_none_and_an_old_one_is_taken_away(tmp_path):
 
 
 def test_a_finished_run_stays_one_where_there_is_no_room_for_it(tmp_path, monkeypatch):
-    from wavetank.records import writer
+    from wavetank.output import writer
 
     @contextmanager
     def full(path):

@@ -20,19 +20,19 @@ from mpi4py import MPI
 from ranks import CHECKOUT
 
 import wavetank as wt
+from wavetank.analysis.still_water import still_water
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.fe.compiled import compiled
-from wavetank.fe.layout_mesh import read_layout
-from wavetank.postprocess.beds import still_water
-from wavetank.postprocess.compare import write_rows
-from wavetank.postprocess.run_figures import draw_run
-from wavetank.postprocess.style import picture
-from wavetank.postprocess.view import writing
-from wavetank.records.directory import RunDirectory, open_run
-from wavetank.records.vtu_series import pieces
-from wavetank.records.whole import open_regular
+from wavetank.fem.compiled import compiled
+from wavetank.fem.layout_mesh import read_layout
+from wavetank.output.directory import RunDirectory, open_run
+from wavetank.output.vtu_series import pieces
+from wavetank.output.whole import open_regular
+from wavetank.plots.compare import write_rows
+from wavetank.plots.run_figures import draw_run
+from wavetank.plots.style import picture
+from wavetank.plots.view import writing
 from wavetank.values import python_file
 
 SQUARE = """$MeshFormat
@@ -197,7 +197,7 @@ def test_runs_of_a_study_are_executed_with_its_trust(coded, tmp_path, monkeypatc
         def dismiss(self):
             pass
 
-    monkeypatch.setattr("wavetank.study.runs.Worker", Recorded)
+    monkeypatch.setattr("wavetank.studies.runs.Worker", Recorded)
     monkeypatch.chdir(tmp_path)
     assert main(["study", str(coded / "case.toml"), "--sweep", "dt=0.05,0.02", "--trust"]) == 1
     assert len(commands) >= 2 and all("--trust" in words for words in commands)

@@ -9,11 +9,11 @@ from wavetank.case import Scene
 from wavetank.case.initial_file import FileSurface
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
+from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run
-from wavetank.runs.starts import told_of_start
-from wavetank.theory.airy import angular_frequency
+from wavetank.simulation.build import build_run
+from wavetank.simulation.starts import told_of_start
+from wavetank.waves.airy import angular_frequency
 
 JONSWAP = {"type": "jonswap", "peak_period": 1.6}
 

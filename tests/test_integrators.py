@@ -13,11 +13,7 @@ from conftest import fitted_slope
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wavetank.hamiltonian.oscillators import Forced, Harmonic, NonSeparable
-from wavetank.integrators import Filtered, GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
-from wavetank.integrators.discontinuous_verlet import JumpInP, JumpInQ
-from wavetank.integrators.states import Point, Traces
-from wavetank.verify import (
+from examples.paper import (
     damped_jumps,
     damping,
     dispersion,
@@ -32,8 +28,8 @@ from wavetank.verify import (
     table_1,
     traced,
 )
-from wavetank.verify.damped_jumps import Orbits
-from wavetank.verify.schemes import (
+from examples.paper.damped_jumps import Orbits
+from examples.paper.schemes import (
     all_schemes,
     amplification,
     continuous,
@@ -43,6 +39,10 @@ from wavetank.verify.schemes import (
     third_order,
     trajectory,
 )
+from wavetank.integrators import Filtered, GaussLegendre4, Simpson4, StormerVerlet, ThirdOrder
+from wavetank.integrators.discontinuous_verlet import JumpInP, JumpInQ
+from wavetank.integrators.oscillators import Forced, Harmonic, NonSeparable
+from wavetank.integrators.states import Point, Traces
 
 SCHEMES = all_schemes()
 each_scheme = pytest.mark.parametrize("scheme", SCHEMES, ids=lambda scheme: scheme.integrator.name)

@@ -8,14 +8,14 @@ from mpi4py import MPI
 from test_basin import Segments, basin
 
 from wavetank.errors import ConvergenceError, WavetankError
-from wavetank.fe.decoupled import LayerMatrices
-from wavetank.fe.forms import ScalarForm, VectorForm
-from wavetank.fe.halo import Halo
-from wavetank.fe.plane import Plane
-from wavetank.fe.pointwise import symbols
-from wavetank.water.footprint import Ring
-from wavetank.water.walls import StillWall
-from wavetank.water.waves import NonlinearWaves
+from wavetank.fem.decoupled import LayerMatrices
+from wavetank.fem.forms import ScalarForm, VectorForm
+from wavetank.fem.halo import Halo
+from wavetank.fem.plane import Plane
+from wavetank.fem.pointwise import symbols
+from wavetank.tank.footprint import Ring
+from wavetank.tank.walls import StillWall
+from wavetank.tank.waves import NonlinearWaves
 
 
 def hilly(x, y):

@@ -6,21 +6,21 @@ from conftest import fitted_slope
 from mpi4py import MPI
 
 from wavetank.case import Scene
-from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.oscillators import OscillatorStages
+from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, ThirdOrder
-from wavetank.motions import AtRest, Ramped, Sinusoid
-from wavetank.observers.contract import Moment
-from wavetank.observers.energy import COLUMNS, EnergyBudget
-from wavetank.observers.gauges import Gauges
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
-from wavetank.runs.build import Records, build_observers, build_run
-from wavetank.theory.airy import angular_frequency, group_velocity
-from wavetank.theory.wavemaker import PISTON
-from wavetank.water.footprint import Ring, Slice
-from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.walls import LinearPaddle, StillWall
+from wavetank.integrators.oscillators import OscillatorStages
+from wavetank.motion import AtRest, Ramped, Sinusoid
+from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.gauges import Gauges
+from wavetank.simulation.record import Memory
+from wavetank.simulation.schedule import EverySteps
+from wavetank.tank.footprint import Ring, Slice
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.walls import LinearPaddle, StillWall
+from wavetank.waves.airy import angular_frequency, group_velocity
+from wavetank.waves.wavemaker import PISTON
 
 GRAVITY = 9.81
 BALANCE = COLUMNS.index("balance [m^4/s^2]")

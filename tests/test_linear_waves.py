@@ -8,7 +8,7 @@ import pytest
 from conftest import fitted_slope
 
 from wavetank.integrators import INTEGRATORS
-from wavetank.theory.airy import angular_frequency
+from wavetank.waves.airy import angular_frequency
 
 GRAVITY = 9.81
 SIMILAR = sorted(set(INTEGRATORS) - {"simpson-4"})  # tested on oscillators, too

@@ -8,28 +8,28 @@ from mpi4py import MPI
 from rich.console import Console
 from test_probes import DENSITY, FINE, GRAVITY, MOTION, driven
 
+from examples.paper.cylinder import HalfBasin
+from examples.paper.watched import watched
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.fe.forms import ScalarForm
-from wavetank.fe.plane import Plane
+from wavetank.fem.forms import ScalarForm
+from wavetank.fem.plane import Plane
 from wavetank.integrators import Simpson4, StormerVerlet
-from wavetank.motions import AtRest
-from wavetank.motions.tangent import Tangent
+from wavetank.motion import AtRest
+from wavetank.motion.tangent import Tangent
+from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
-from wavetank.records.directory import RunDirectory
-from wavetank.study.responses import Response, responses
-from wavetank.theory.mccamy_fuchs import CylinderDiffraction
-from wavetank.theory.standing_wave import ThirdOrderStandingWave
-from wavetank.verify.cylinder import HalfBasin
-from wavetank.verify.watched import watched
-from wavetank.water.footprint import Slice
-from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.rates import LinearRates, NonlinearRates
-from wavetank.water.velocity import Velocity
-from wavetank.water.wall_pressure import PaddlePush, WallPressure
-from wavetank.water.walls import Piston, Polynomial, Shaped, StillWall
-from wavetank.water.waves import NonlinearWaves
+from wavetank.studies.responses import Response, responses
+from wavetank.tank.footprint import Slice
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.rates import LinearRates, NonlinearRates
+from wavetank.tank.velocity import Velocity
+from wavetank.tank.wall_pressure import PaddlePush, WallPressure
+from wavetank.tank.walls import Piston, Polynomial, Shaped, StillWall
+from wavetank.tank.waves import NonlinearWaves
+from wavetank.waves.mccamy_fuchs import CylinderDiffraction
+from wavetank.waves.standing_wave import ThirdOrderStandingWave
 
 ENDS = "paddle", "far wall"
 BED = np.array([0.0, 0.0, -1.0])

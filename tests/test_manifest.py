@@ -6,14 +6,14 @@ import random
 import numpy as np
 import pytest
 
+from wavetank.analysis.record import read_record
 from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.postprocess.analysis.record import read_record
-from wavetank.postprocess.compare_command import told_of_tanks
-from wavetank.records.directory import RunDirectory
-from wavetank.records.manifest import MANIFEST
-from wavetank.records.writer import RunWriter
+from wavetank.output.directory import RunDirectory
+from wavetank.output.manifest import MANIFEST
+from wavetank.output.writer import RunWriter
+from wavetank.plots.compare_command import told_of_tanks
 from wavetank.resuming import kept_scene
 from wavetank.status import line, standing
 

@@ -14,29 +14,29 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mpi4py import MPI
 
-from wavetank.fe.forms import ScalarForm
-from wavetank.fe.mass import HorizontalMatrix
-from wavetank.fe.plane import Plane
+from wavetank.fem.forms import ScalarForm
+from wavetank.fem.mass import HorizontalMatrix
+from wavetank.fem.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
-from wavetank.motions import Ramped, SegmentedMotion, Sinusoid
-from wavetank.motions.mapping import STEEPEST, largest_stroke, quickened, share
-from wavetank.observers.contract import Moment, Moments
-from wavetank.observers.crest import HighestCrest
-from wavetank.observers.gauges import Gauges
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
-from wavetank.runs.clock import Clock
-from wavetank.runs.run import Run
-from wavetank.water.breaking import BreakingDissipation, BreakingWatch
-from wavetank.water.crests import SteepCrest
-from wavetank.water.edge_penalty import EdgePenalty
-from wavetank.water.energy import WaterEnergy
-from wavetank.water.footprint import Slice
-from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import Piston, Side
-from wavetank.water.walls.carried import Carrier
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
+from wavetank.motion.mapping import STEEPEST, largest_stroke, quickened, share
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.contract import Moment, Moments
+from wavetank.simulation.crest import HighestCrest
+from wavetank.simulation.gauges import Gauges
+from wavetank.simulation.record import Memory
+from wavetank.simulation.run import Run
+from wavetank.simulation.schedule import EverySteps
+from wavetank.tank.breaking import BreakingDissipation, BreakingWatch
+from wavetank.tank.crests import SteepCrest
+from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.energy import WaterEnergy
+from wavetank.tank.footprint import Slice
+from wavetank.tank.surface_flow import SurfaceFlow
+from wavetank.tank.walls import Piston, Side
+from wavetank.tank.walls.carried import Carrier
+from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 TIGHT = Tolerances(stage=1e-12, interior=1e-13)
 

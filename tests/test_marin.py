@@ -9,7 +9,7 @@ import csv
 import pytest
 from conftest import needs_marin
 
-from wavetank.records.directory import RunDirectory
+from wavetank.output.directory import RunDirectory
 
 LARGEST_NRMS = [0.48, 0.18, 0.28, 0.24, 0.20, 0.19]
 CONVERGED_CREST = 0.0517  # m at x = 50 m

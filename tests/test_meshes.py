@@ -13,13 +13,13 @@ from mpi4py import MPI
 
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.fe.layout_mesh import draw_layout, read_layout
-from wavetank.fe.plane import Plane, usual_size
-from wavetank.fe.points import Points
+from wavetank.fem.layout_mesh import draw_layout, read_layout
+from wavetank.fem.plane import Plane, usual_size
+from wavetank.fem.points import Points
 from wavetank.integrators import Simpson4
-from wavetank.meshes import Bend, Cylinder, Harbour, Rectangle
-from wavetank.water.walls import StillWall
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.mesh import Bend, Cylinder, Harbour, Rectangle
+from wavetank.tank.walls import StillWall
+from wavetank.tank.waves import NonlinearWaves, Tolerances
 
 CHANNEL = {"width": 1.0, "first": 1.5, "second": 1.0, "angle": 60.0, "radius": 1.0, "sponge_length": 0.5}
 BASIN = {"length": 3.0, "width": 2.0, "sponge_length": 0.6}

@@ -12,11 +12,11 @@ from wavetank import console
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.plan.forewarnings import forewarnings
+from wavetank.output.directory import RunDirectory
+from wavetank.planning.forewarnings import forewarnings
 from wavetank.recording import record_run
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run
-from wavetank.water.breakdown import cause
+from wavetank.simulation.build import build_run
+from wavetank.tank.breakdown import cause
 
 SLICE = "[tank]\nlength = 4.0\ndepth = 1.0\n[run]\nduration = {duration}\n[numerics]\ncells = 8\nvertical_order = 3\n"
 RING = SLICE.replace("length = 4.0", 'type = "ring"\nlength = 63.0')

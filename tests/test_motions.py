@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavetank.errors import InputError
-from wavetank.motions import AtRest, Gaussian, Jonswap, Lines, Motion, Ramped, Recorded, Sinusoid, WaveGroup
-from wavetank.motions.record_file import read_record
-from wavetank.theory import airy, wavemaker
+from wavetank.motion import AtRest, Gaussian, Jonswap, Lines, Motion, Ramped, Recorded, Sinusoid, WaveGroup
+from wavetank.motion.record_file import read_record
+from wavetank.waves import airy, wavemaker
 
 GRAVITY = 9.81
 

@@ -8,10 +8,10 @@ from wavetank.case.at_hand import SCHEMA
 from wavetank.case.new import KINDS, write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.plan.forewarnings import forewarnings
-from wavetank.plan.planned import planned
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run
+from wavetank.output.directory import RunDirectory
+from wavetank.planning.forewarnings import forewarnings
+from wavetank.planning.planned import planned
+from wavetank.simulation.build import build_run
 
 TWICE = ("run.duration=0.02", "numerics={dt=0.01, cell_size=1.0, vertical_order=2}")
 

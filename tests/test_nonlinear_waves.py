@@ -9,22 +9,22 @@ from mpi4py import MPI
 
 from wavetank.case import Scene
 from wavetank.errors import RunError
-from wavetank.fe.forms import ScalarForm
-from wavetank.hamiltonian.contract import Stage
-from wavetank.hamiltonian.stage_solver import AndersonStageSolver
+from wavetank.fem.forms import ScalarForm
 from wavetank.integrators import INTEGRATORS, Simpson4
+from wavetank.integrators.hamiltonian import Stage
 from wavetank.integrators.simpson import MeanAndJumps
+from wavetank.integrators.stage_solver import AndersonStageSolver
 from wavetank.integrators.states import Point
 from wavetank.integrators.third_order import Traces
-from wavetank.motions import Ramped, Sinusoid
-from wavetank.observers.contract import Moment
-from wavetank.observers.energy import COLUMNS, EnergyBudget
-from wavetank.observers.record import Memory
-from wavetank.runs.build import build_run
-from wavetank.water.carried_waves import CarriedWaves
-from wavetank.water.seen import DAMPED, HIGHEST, POWER, see_from
-from wavetank.water.still_water import StillWaterWaves, scales
-from wavetank.water.walls.contract import stood
+from wavetank.motion import Ramped, Sinusoid
+from wavetank.simulation.build import build_run
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.record import Memory
+from wavetank.tank.carried_waves import CarriedWaves
+from wavetank.tank.seen import DAMPED, HIGHEST, POWER, see_from
+from wavetank.tank.still_water import StillWaterWaves, scales
+from wavetank.tank.walls.contract import stood
 
 SCHEMES = sorted(INTEGRATORS)
 QUICK = ("simpson-4",)  # the others are alike, and their long runs slow
@@ -325,7 +325,7 @@ def test_mass_does_not_depend_on_how_well_the_stages_are_solved(make_tank, name)
 
 
 def test_a_paddle_at_rest_is_a_fixed_wall(make_tank):
-    from wavetank.motions import AtRest
+    from wavetank.motion import AtRest
 
     results = []
     for motion in (None, AtRest()):

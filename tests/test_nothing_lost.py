@@ -21,12 +21,12 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.console import Unhurried
 from wavetank.errors import InputError, RecordError
+from wavetank.output.checkpoint import read_checkpoint
+from wavetank.output.directory import LOG, RunDirectory
+from wavetank.output.lock import LOCK, RunLock, is_held
+from wavetank.output.place import Place
+from wavetank.output.writer import RunWriter
 from wavetank.recording import record_run
-from wavetank.records.checkpoint import read_checkpoint
-from wavetank.records.directory import LOG, RunDirectory
-from wavetank.records.lock import LOCK, RunLock, is_held
-from wavetank.records.place import Place
-from wavetank.records.writer import RunWriter
 
 CASE = str(CHECKOUT / "cases" / "standing-wave.toml")
 SHORT = ["--set", "run.duration=0.1", "--set", "numerics.dt=0.02"]
@@ -112,7 +112,7 @@ def test_a_directory_has_one_run_at_a_time_and_a_killed_one_gives_it_free(tmp_pa
     code = f"""
 import os
 from pathlib import Path
-from wavetank.records.writer import RunWriter
+from wavetank.output.writer import RunWriter
 writer = RunWriter(Path({str(tmp_path / "run")!r}), {{}}).begin()
 print(flush=True)
 os.read(0, 1)
@@ -138,7 +138,7 @@ os.read(0, 1)
 
 @pytest.mark.parametrize("flock", [True, False], ids=["flock", "no flock"])
 def test_a_lock_is_known_by_who_holds_it_where_there_is_no_flock(tmp_path, monkeypatch, flock):
-    from wavetank.records import lock as run_lock
+    from wavetank.output import lock as run_lock
 
     def none(file, kind):
         raise OSError(95, "Operation not supported")
@@ -309,7 +309,7 @@ def test_a_picture_that_cannot_be_drawn_is_said_and_no_more(tmp_path, monkeypatc
     def full(run):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("wavetank.postprocess.run_figures.draw_run", full)
+    monkeypatch.setattr("wavetank.plots.run_figures.draw_run", full)
     assert main(["run", CASE, *SHORT, "--out", str(tmp_path / "run")]) == 0
     assert "could not all be drawn: No space left on device" in capsys.readouterr().out
     assert RunDirectory(tmp_path / "run").status == "finished"
@@ -384,7 +384,7 @@ def test_a_reader_that_stands_still_is_not_waited_for():
 
 
 def test_what_is_said_before_the_directory_is_there_is_in_its_log(tmp_path):
-    from wavetank.records.log import RunLog
+    from wavetank.output.log import RunLog
 
     said = io.StringIO()
     log = RunLog(Console(file=said))

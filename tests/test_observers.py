@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from wavetank.errors import RunError
-from wavetank.hamiltonian.oscillators import Harmonic, NonSeparable
 from wavetank.integrators import StormerVerlet
 from wavetank.integrators.filtered import Filtered
+from wavetank.integrators.oscillators import Harmonic, NonSeparable
 from wavetank.integrators.states import Point
-from wavetank.motions import Sinusoid
-from wavetank.observers.contract import Keeping, Moment
-from wavetank.observers.energy import EnergyBudget, columns
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps, EveryTime, EveryTimeBetween
-from wavetank.observers.supply import Integral
-from wavetank.observers.surface import SurfaceSnapshots
-from wavetank.runs.clock import Clock
-from wavetank.runs.run import Run
-from wavetank.water.edge_penalty import EdgePenalty
-from wavetank.water.seen import Sight
+from wavetank.motion import Sinusoid
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.contract import Keeping, Moment
+from wavetank.simulation.energy import EnergyBudget, columns
+from wavetank.simulation.record import Memory
+from wavetank.simulation.run import Run
+from wavetank.simulation.schedule import EverySteps, EveryTime, EveryTimeBetween
+from wavetank.simulation.supply import Integral
+from wavetank.simulation.surface import SurfaceSnapshots
+from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.seen import Sight
 
 
 @pytest.mark.parametrize(("every", "dt"), [(0.1, 0.05), (0.3, 0.1), (0.7, 0.1)])

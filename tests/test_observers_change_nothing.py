@@ -7,8 +7,8 @@ from test_stateful import BASIN, FLAP, RING, SLICE
 
 import wavetank as wt
 from wavetank.case import Scene
-from wavetank.observers.schedule import EverySteps
-from wavetank.records.directory import FIELDS, RunDirectory
+from wavetank.output.directory import FIELDS, RunDirectory
+from wavetank.simulation.schedule import EverySteps
 
 ALONG = {
     "probes": [{"x": 1.6, "z": -0.2}],

@@ -12,9 +12,9 @@ from ranks import CHECKOUT
 
 from wavetank import data
 from wavetank.errors import InputError
-from wavetank.postprocess.compare import synchronised
-from wavetank.records.series import GaugeSeries
-from wavetank.records.writer import RunWriter
+from wavetank.output.series import GaugeSeries
+from wavetank.output.writer import RunWriter
+from wavetank.plots.compare import synchronised
 
 T = np.arange(0.0, 30.0, 0.05)
 PLACES = {"1": 2.0, "5": 7.5}
@@ -45,7 +45,7 @@ def rows(*columns):
 def compared(run, reference, tmp_path):
     """Return the rows of the comparison by the gauges' names; no picture is drawn."""
     out = tmp_path / "out"
-    with patch("wavetank.postprocess.figures.gauges_figure") as drawn:
+    with patch("wavetank.plots.figures.gauges_figure") as drawn:
         said = commanded("compare", str(run), "--with", str(reference), "--out", str(out))
     assert said.returncode == 0, said.stderr
     assert drawn.call_count == 1

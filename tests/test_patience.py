@@ -18,24 +18,24 @@ from test_stateful import BASIN, FLAP, SLICE, Observed, differing
 from wavetank.arrays import Vector
 from wavetank.case import Scene
 from wavetank.errors import BreakdownError, PaddleError, RunError, StoppedError
-from wavetank.fe.differences import largest_differences
+from wavetank.fem.differences import largest_differences
 from wavetank.integrators.states import Point
-from wavetank.motions import Ramped, Sinusoid
-from wavetank.observers import checkpoints
-from wavetank.observers.contract import Moment, Moments, Patient
-from wavetank.observers.gauges import Gauges
-from wavetank.observers.paddle import PaddleMotion
-from wavetank.observers.passing import Called
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
-from wavetank.observers.stability import IN_ELEVATION, StabilityWatch
-from wavetank.observers.supply import AnsweredWork
+from wavetank.motion import Ramped, Sinusoid
+from wavetank.output.directory import ENERGY, GAUGES, PADDLE, RunDirectory
 from wavetank.recording import record_run
-from wavetank.records.directory import ENERGY, GAUGES, PADDLE, RunDirectory
-from wavetank.runs import run as running
-from wavetank.runs.build import Records, build_observers, build_run
-from wavetank.water.surface_flow import surface_of
-from wavetank.water.waves import NonlinearWaves
+from wavetank.simulation import checkpoints
+from wavetank.simulation import run as running
+from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.contract import Moment, Moments, Patient
+from wavetank.simulation.gauges import Gauges
+from wavetank.simulation.paddle import PaddleMotion
+from wavetank.simulation.passing import Called
+from wavetank.simulation.record import Memory
+from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.stability import IN_ELEVATION, StabilityWatch
+from wavetank.simulation.supply import AnsweredWork
+from wavetank.tank.surface_flow import surface_of
+from wavetank.tank.waves import NonlinearWaves
 
 BESIDE = {"gauges": [0.4, 1.0, 1.5, 2.5]}  # places that the paddle carries, of which two are where cells meet
 

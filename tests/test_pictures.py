@@ -13,17 +13,17 @@ from matplotlib.figure import Figure
 from pictures import faults
 from rich.console import Console
 
-from wavetank.postprocess.style import picture
-from wavetank.study.drawing import draw_study, pareto_front
-from wavetank.study.look import WARNED
-from wavetank.study.measures import GAUGES, PHASE, SURFACE
-from wavetank.study.response_drawing import draw_responses
-from wavetank.study.responses import CREST, CREST_PLACE, TROUGH
-from wavetank.study.runs import Outcome
-from wavetank.study.sweep import Refused, combinations, parse_axes, unit
-from wavetank.study.table import Row
-from wavetank.verify import cylinder, growth, sponge, steepness
-from wavetank.verify.report import Report
+from examples.paper import cylinder, growth, sponge, steepness
+from examples.paper.report import Report
+from wavetank.plots.style import picture
+from wavetank.studies.drawing import draw_study, pareto_front
+from wavetank.studies.look import WARNED
+from wavetank.studies.measures import GAUGES, PHASE, SURFACE
+from wavetank.studies.response_drawing import draw_responses
+from wavetank.studies.responses import CREST, CREST_PLACE, TROUGH
+from wavetank.studies.runs import Outcome
+from wavetank.studies.sweep import Refused, combinations, parse_axes, unit
+from wavetank.studies.table import Row
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 

@@ -14,31 +14,31 @@ from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.fe.forms import ScalarForm
-from wavetank.fe.plane import Plane
+from wavetank.fem.forms import ScalarForm
+from wavetank.fem.plane import Plane
 from wavetank.integrators import INTEGRATORS, StormerVerlet
 from wavetank.integrators.states import Point
-from wavetank.observers.contract import Moment
-from wavetank.observers.record import Memory
-from wavetank.plan import cost_model, planned
-from wavetank.plan.cost_model import CostModel
-from wavetank.plan.defaults import LOOSEST, solved_to
-from wavetank.plan.dispersion import Cells, Mesh, step_errors
-from wavetank.plan.error_model import ErrorModel, Settings
-from wavetank.plan.plan import AIM, Given, UnreachableError, make_plan, own_plan
-from wavetank.plan.planned import default_plan
-from wavetank.plan.requirements import requirements, stokes
-from wavetank.plan.trial import Stopwatch, trial
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import Records, build_observers, build_run
-from wavetank.runs.clock import Clock
-from wavetank.runs.waters import build_waves, told_energy
-from wavetank.theory import airy
-from wavetank.theory.wavemaker import PISTON
+from wavetank.output.directory import RunDirectory
+from wavetank.planning import cost_model, planned
+from wavetank.planning.cost_model import CostModel
+from wavetank.planning.defaults import LOOSEST, solved_to
+from wavetank.planning.dispersion import Cells, Mesh, step_errors
+from wavetank.planning.error_model import ErrorModel, Settings
+from wavetank.planning.plan import AIM, Given, UnreachableError, make_plan, own_plan
+from wavetank.planning.planned import default_plan
+from wavetank.planning.requirements import requirements, stokes
+from wavetank.planning.trial import Stopwatch, trial
+from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.record import Memory
+from wavetank.simulation.waters import build_waves, told_energy
+from wavetank.tank.footprint import Slice
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.walls import StillWall
 from wavetank.values.noun import SceneError
-from wavetank.water.footprint import Slice
-from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.walls import StillWall
+from wavetank.waves import airy
+from wavetank.waves.wavemaker import PISTON
 
 GRAVITY = 9.81
 COSTS = cost_model.BUILT_IN

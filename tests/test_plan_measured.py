@@ -21,14 +21,14 @@ from wavetank import data
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, WavetankError
-from wavetank.observers.crest import HighestCrest
-from wavetank.observers.record import Memory
-from wavetank.plan.cost_model import CostModel, calibrate
-from wavetank.plan.defaults import resolved
-from wavetank.plan.error_model import Settings
-from wavetank.plan.plan import Plan, make_plan
-from wavetank.runs.build import Records, build_observers, build_run
-from wavetank.theory.airy import angular_frequency
+from wavetank.planning.cost_model import CostModel, calibrate
+from wavetank.planning.defaults import resolved
+from wavetank.planning.error_model import Settings
+from wavetank.planning.plan import Plan, make_plan
+from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.crest import HighestCrest
+from wavetank.simulation.record import Memory
+from wavetank.waves.airy import angular_frequency
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 GROUP = (

@@ -16,15 +16,15 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from scipy.optimize import brentq
 
 from wavetank.errors import InputError
-from wavetank.postprocess import figures, run_figures
-from wavetank.postprocess.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
-from wavetank.postprocess.gauge_marks import mark_places
-from wavetank.postprocess.run_figures import draw_run
-from wavetank.postprocess.style import STYLE
-from wavetank.records.directory import RunDirectory
-from wavetank.records.series import GaugeSeries
-from wavetank.records.surface import Surface
-from wavetank.records.writer import RunWriter
+from wavetank.output.directory import RunDirectory
+from wavetank.output.series import GaugeSeries
+from wavetank.output.surface import Surface
+from wavetank.output.writer import RunWriter
+from wavetank.plots import figures, run_figures
+from wavetank.plots.figures import energy_figure, gauges_figure, gauges_overview, surface_figure
+from wavetank.plots.gauge_marks import mark_places
+from wavetank.plots.run_figures import draw_run
+from wavetank.plots.style import STYLE
 
 ENERGY = (
     "t [s]",
@@ -328,7 +328,7 @@ def test_nothing_to_draw_is_bad_input(tmp_path):
 
 def test_pictures_need_neither_the_solver_nor_a_display():
     code = (
-        "import sys, wavetank.postprocess.run_figures; "
+        "import sys, wavetank.plots.run_figures; "
         "sys.exit(any(name in sys.modules for name in ('dolfinx', 'petsc4py', 'mpi4py', 'matplotlib.pyplot')))"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

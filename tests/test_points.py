@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 
 from wavetank.errors import OutsideError
-from wavetank.fe.line_points import LinePoints
-from wavetank.fe.plane import Plane
-from wavetank.fe.points import Points
-from wavetank.motions import Ramped, Sinusoid
-from wavetank.water.footprint import Slice
-from wavetank.water.walls import Piston
+from wavetank.fem.line_points import LinePoints
+from wavetank.fem.plane import Plane
+from wavetank.fem.points import Points
+from wavetank.motion import Ramped, Sinusoid
+from wavetank.tank.footprint import Slice
+from wavetank.tank.walls import Piston
 
 FOOTPRINT = Slice(7.0, 10, comm=MPI.COMM_WORLD)
 PLANE = Plane(FOOTPRINT.mesh, 3)

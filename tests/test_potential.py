@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from wavetank.motions import Sinusoid
+from wavetank.motion import Sinusoid
 
 
 def dense_operator(tank):

@@ -10,22 +10,22 @@ from rich.console import Console
 
 from wavetank.case import Scene
 from wavetank.errors import InputError
-from wavetank.fe.plane import Plane
+from wavetank.fem.plane import Plane
 from wavetank.integrators.states import Point
-from wavetank.motions import AtRest, Sinusoid
-from wavetank.motions.tangent import Tangent
-from wavetank.observers.contract import Moment
-from wavetank.observers.probes import Probes
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
+from wavetank.motion import AtRest, Sinusoid
+from wavetank.motion.tangent import Tangent
+from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run, resume_run
-from wavetank.records.directory import RunDirectory
-from wavetank.theory.stream_function import stream_function_wave
-from wavetank.water.footprint import Ring, Slice
-from wavetank.water.rates import NonlinearRates
-from wavetank.water.sounding import Sounding
-from wavetank.water.walls import Piston, StillWall
-from wavetank.water.waves import Tolerances
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.probes import Probes
+from wavetank.simulation.record import Memory
+from wavetank.simulation.schedule import EverySteps
+from wavetank.tank.footprint import Ring, Slice
+from wavetank.tank.rates import NonlinearRates
+from wavetank.tank.sounding import Sounding
+from wavetank.tank.walls import Piston, StillWall
+from wavetank.tank.waves import Tolerances
+from wavetank.waves.stream_function import stream_function_wave
 
 GRAVITY, DENSITY = 9.81, 1025.0
 FINE = Tolerances(stage=1e-12, interior=1e-13)

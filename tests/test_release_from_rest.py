@@ -9,8 +9,8 @@ from conftest import fitted_slope
 from mpi4py import MPI
 
 from wavetank.case import Scene
-from wavetank.observers.record import Memory
-from wavetank.runs.build import Records, build_observers, build_run
+from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.record import Memory
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "release_from_rest_reference"
 

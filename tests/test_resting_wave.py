@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from conftest import fitted_slope
 
+from examples.paper import standing
 from wavetank.errors import InputError
-from wavetank.theory.resting_wave import resting_wave
-from wavetank.theory.standing_wave import ThirdOrderStandingWave
-from wavetank.verify import standing
+from wavetank.waves.resting_wave import resting_wave
+from wavetank.waves.standing_wave import ThirdOrderStandingWave
 
 LENGTH, DEPTH = 2.0, 0.6
 

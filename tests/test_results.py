@@ -11,11 +11,11 @@ from conftest import recorded
 
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RecordError, RunError
-from wavetank.records.directory import RunDirectory
-from wavetank.records.growing import TableWriter
-from wavetank.records.paddle_table import columns
-from wavetank.records.surface import SurfaceWriter, snapshots
-from wavetank.records.writer import RunWriter
+from wavetank.output.directory import RunDirectory
+from wavetank.output.growing import TableWriter
+from wavetank.output.paddle_table import columns
+from wavetank.output.surface import SurfaceWriter, snapshots
+from wavetank.output.writer import RunWriter
 
 CHANGES = (
     "tank.length=4",

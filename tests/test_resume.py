@@ -21,15 +21,15 @@ from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators import INTEGRATORS, StormerVerlet
-from wavetank.observers import checkpoints, energy
-from wavetank.observers.schedule import EverySteps
-from wavetank.plan import forewarnings
-from wavetank.records import whole
-from wavetank.records.checkpoint import read_kept
-from wavetank.records.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
-from wavetank.runs import run as running
-from wavetank.runs.kept_surface import KeptSurface
-from wavetank.runs.waters import build_waves
+from wavetank.output import whole
+from wavetank.output.checkpoint import read_kept
+from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, ENERGY, GAUGES, RunDirectory
+from wavetank.planning import forewarnings
+from wavetank.simulation import checkpoints, energy
+from wavetank.simulation import run as running
+from wavetank.simulation.kept_surface import KeptSurface
+from wavetank.simulation.schedule import EverySteps
+from wavetank.simulation.waters import build_waves
 
 pytestmark = pytest.mark.usefixtures("trusted")
 

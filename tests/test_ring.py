@@ -10,13 +10,13 @@ from mpi4py import MPI
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.fe.charts import Polygon
+from wavetank.fem.charts import Polygon
 from wavetank.integrators import Simpson4
-from wavetank.observers.energy import COLUMNS
-from wavetank.observers.record import Memory
-from wavetank.runs.build import Records, build_observers, build_run
-from wavetank.theory.airy import angular_frequency
-from wavetank.water.footprint import Ring
+from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.energy import COLUMNS
+from wavetank.simulation.record import Memory
+from wavetank.tank.footprint import Ring
+from wavetank.waves.airy import angular_frequency
 
 GRAVITY = 9.81
 LENGTH = 2 * np.pi

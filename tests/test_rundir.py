@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
-from wavetank.records.directory import RunDirectory
-from wavetank.records.environment import environment
-from wavetank.records.growing import csv_lines
-from wavetank.records.place import Place
-from wavetank.records.writer import RunWriter
+from wavetank.output.directory import RunDirectory
+from wavetank.output.environment import environment
+from wavetank.output.growing import csv_lines
+from wavetank.output.place import Place
+from wavetank.output.writer import RunWriter
 
 
 def written(path, rows=5, points=4):
@@ -163,7 +163,7 @@ def test_a_run_that_is_really_killed_keeps_every_row(tmp_path):
     code = f"""
 import os, signal, numpy as np
 from pathlib import Path
-from wavetank.records.writer import RunWriter
+from wavetank.output.writer import RunWriter
 writer = RunWriter(Path({str(path)!r}), {{}}).begin()
 gauges, surface = writer.gauges([("1", 1.0)]), writer.surface()
 for n in range(100):
@@ -253,12 +253,12 @@ def test_a_disk_that_is_full_when_a_run_begins_leaves_an_earlier_one_or_says_so(
 
     writer = RunWriter(Place(complete_run, overwrite=True), {})
     with monkeypatch.context() as patched, pytest.raises(InputError, match="No space"):
-        patched.setattr("wavetank.records.whole.os.replace", full)
+        patched.setattr("wavetank.output.whole.os.replace", full)
         writer.begin()
     writer.release()
     assert {path: path.read_bytes() for path in complete_run.iterdir()} == before
     with monkeypatch.context() as patched:
-        patched.setattr("wavetank.records.growing.GrowingFile.write", full)
+        patched.setattr("wavetank.output.growing.GrowingFile.write", full)
         writer = RunWriter(Place(complete_run, overwrite=True), {})
         writer.table("energy.csv", COLUMNS)
         with pytest.raises(InputError, match="No space"):
@@ -279,7 +279,7 @@ def test_an_unreadable_manifest_is_bad_input(tmp_path, content):
 @pytest.mark.parametrize("command", [["analyse", "RUN"], ["compare", "RUN", "--with", "RUN"]])
 def test_times_of_a_table_that_do_not_ascend_are_bad_input(tmp_path, time, block, command, capsys, monkeypatch):
     """In one block of rows, and with a block for each row."""
-    monkeypatch.setattr("wavetank.records.directory.BLOCK", block)
+    monkeypatch.setattr("wavetank.output.directory.BLOCK", block)
     with written(run := tmp_path / "run") as writer:
         writer.finish("finished", {})
     with (run / "gauges.csv").open("a") as table:

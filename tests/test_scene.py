@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from wavetank import motions
+from wavetank import motion as motions
 from wavetank.case import (
     FixedWall,
     Gauge,
@@ -35,13 +35,13 @@ from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.integrators import INTEGRATORS, Simpson4, registered
-from wavetank.motions.record_file import read_record
-from wavetank.plan.cost_model import BUILT_IN, KINDS
-from wavetank.postprocess.run_figures import ORIGINS
-from wavetank.runs.footprints import FOOTPRINTS
-from wavetank.runs.sponges import SPONGES
-from wavetank.runs.walls import WALLS
-from wavetank.runs.waters import WATERS
+from wavetank.motion.record_file import read_record
+from wavetank.planning.cost_model import BUILT_IN, KINDS
+from wavetank.plots.run_figures import ORIGINS
+from wavetank.simulation.footprints import FOOTPRINTS
+from wavetank.simulation.sponges import SPONGES
+from wavetank.simulation.walls import WALLS
+from wavetank.simulation.waters import WATERS
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 

@@ -13,11 +13,13 @@ from mpi4py import MPI
 from scipy.interpolate import CubicSpline
 from scipy.special import gamma as gamma_function
 
+from examples.paper.second_order import GENERATIONS, row
+from examples.paper.watched import Surfaces
 from wavetank.case import Scene, SliceTank
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.motions import (
+from wavetank.motion import (
     Gaussian,
     Jonswap,
     Lines,
@@ -31,24 +33,22 @@ from wavetank.motions import (
     goring,
     irregular,
 )
-from wavetank.motions.irregular import uniform
-from wavetank.motions.pieces import hermite
-from wavetank.motions.record_file import read_record
-from wavetank.plan.plan import STEP_RATIO, make_plan
-from wavetank.plan.planned import planned
-from wavetank.plan.requirements import requirements
-from wavetank.postprocess.compare import rms
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run
-from wavetank.theory import airy
-from wavetank.theory.plane_waves import waves_along
-from wavetank.theory.second_order import MANY, Strokes, _Water, second_order
-from wavetank.theory.solitary_wave import solitary_wave
-from wavetank.theory.wavemaker import PISTON
+from wavetank.motion.irregular import uniform
+from wavetank.motion.pieces import hermite
+from wavetank.motion.record_file import read_record
+from wavetank.output.directory import RunDirectory
+from wavetank.planning.plan import STEP_RATIO, make_plan
+from wavetank.planning.planned import planned
+from wavetank.planning.requirements import requirements
+from wavetank.plots.compare import rms
+from wavetank.simulation.build import build_run
 from wavetank.values.formula import Formula
 from wavetank.values.noun import SceneError
-from wavetank.verify.second_order import GENERATIONS, row
-from wavetank.verify.watched import Surfaces
+from wavetank.waves import airy
+from wavetank.waves.plane_waves import waves_along
+from wavetank.waves.second_order import MANY, Strokes, _Water, second_order
+from wavetank.waves.solitary_wave import solitary_wave
+from wavetank.waves.wavemaker import PISTON
 
 GRAVITY, DEPTH = 9.81, 1.0
 TANK = {"length": 20.0, "depth": DEPTH}
@@ -110,7 +110,7 @@ def test_a_table_is_the_same_in_whatever_order_it_is_asked():
 
 def test_the_table_of_a_run_is_made_once(monkeypatch):
     made = []
-    monkeypatch.setattr("wavetank.motions.lines.hermite", lambda t, *values: made.append(t[0]) or hermite(t, *values))
+    monkeypatch.setattr("wavetank.motion.lines.hermite", lambda t, *values: made.append(t[0]) or hermite(t, *values))
     table, t = sea().tabulated(), np.linspace(0.0, 400.0, 1000)
     for _ in range(2):
         table.position(t)
@@ -652,7 +652,7 @@ def test_pairs_of_many_frequencies_are_those_of_few(monkeypatch):
     """Sums are interpolated, differences have fewer modes: within 1e-4 and 1e-2 of the largest."""
     omega, b = 2 * np.pi * np.linspace(0.3, 1.5, 20), np.exp(1j * np.arange(20))
     few = added(omega, b).b
-    monkeypatch.setattr("wavetank.theory.second_order.MANY", 5)
+    monkeypatch.setattr("wavetank.waves.second_order.MANY", 5)
     many, sums = added(omega, b).b, slice(0, 210)
     assert np.abs(many - few)[sums].max() < 1e-4 * np.abs(few[sums]).max()
     assert np.abs(many - few)[210:].max() < 1e-2 * np.abs(few[210:]).max()

@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from wavetank.case import BasinTank, DirectionalIrregularMotion, Scene
 from wavetank.case.directional import span
-from wavetank.motions import (
+from wavetank.motion import (
     DirectionalFocus,
     Fan,
     Jonswap,
@@ -19,8 +19,8 @@ from wavetank.motions import (
     ReflectedFocus,
     WaveGroup,
 )
-from wavetank.motions.segmented import joints, widest_segment
-from wavetank.theory import wavemaker
+from wavetank.motion.segmented import joints, widest_segment
+from wavetank.waves import wavemaker
 
 GRAVITY, DEPTH = 9.81, 0.5
 Y = np.linspace(-4.0, 4.0, 17)

@@ -8,7 +8,7 @@ import pytest
 from mpi4py import MPI
 
 from wavetank.case import Scene
-from wavetank.runs.build import build_run
+from wavetank.simulation.build import build_run
 
 LENGTH = 1.0  # m; of a tank with one half of a wave in it
 

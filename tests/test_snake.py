@@ -11,18 +11,18 @@ from wavetank.case import RegularMotion, Scene, SliceTank
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
-from wavetank.fe.plane import Plane
-from wavetank.motions import ObliqueWave, PiecewiseLinear
-from wavetank.motions.motion import SegmentedMotion
-from wavetank.observers.energy import COLUMNS, EnergyBudget
-from wavetank.observers.record import Memory
-from wavetank.records.directory import RunDirectory
-from wavetank.runs.build import build_run
-from wavetank.runs.footprints import build_footprint
-from wavetank.theory import airy
-from wavetank.theory.wavemaker import Flap, modes, norm
-from wavetank.water.walls import Polynomial, Shaped
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.fem.plane import Plane
+from wavetank.motion import ObliqueWave, PiecewiseLinear
+from wavetank.motion.motion import SegmentedMotion
+from wavetank.output.directory import RunDirectory
+from wavetank.simulation.build import build_run
+from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.footprints import build_footprint
+from wavetank.simulation.record import Memory
+from wavetank.tank.walls import Polynomial, Shaped
+from wavetank.tank.waves import NonlinearWaves, Tolerances
+from wavetank.waves import airy
+from wavetank.waves.wavemaker import Flap, modes, norm
 
 DEPTH, LENGTH, WIDTH = 1.0, 3.0, 2.0
 OBLIQUE = {"type": "oblique-wave", "wave_amplitude": 0.02, "period": 1.3, "angle": 30.0}

@@ -10,12 +10,12 @@ from scipy.interpolate import CubicSpline
 
 from wavetank.case import Scene
 from wavetank.errors import InputError
-from wavetank.observers.record import Memory
-from wavetank.plan.cut_starts import cut_starts
-from wavetank.plan.forewarnings import jets
-from wavetank.plan.planned import planned
-from wavetank.runs.build import Records, build_observers, build_run
-from wavetank.theory.solitary_wave import solitary_wave
+from wavetank.planning.cut_starts import cut_starts
+from wavetank.planning.forewarnings import jets
+from wavetank.planning.planned import planned
+from wavetank.simulation.build import Records, build_observers, build_run
+from wavetank.simulation.record import Memory
+from wavetank.waves.solitary_wave import solitary_wave
 
 REFERENCE = Path(__file__).resolve().parents[2] / "shared" / "data" / "solitary_wall_runup_reference"
 GAUSSIAN = {"type": "gaussian", "peak_frequency": 0.7, "bandwidth": 0.08}

@@ -12,12 +12,12 @@ from conftest import fitted_slope
 from dolfinx import mesh
 from mpi4py import MPI
 
+from examples.paper.sponge import Beach, Operators, in_time, paddle
 from wavetank.case import Scene
 from wavetank.case.sponges import EndSponge, GroupSponge, paddle_period
 from wavetank.case.tanks import SliceTank
 from wavetank.errors import InputError
-from wavetank.fe.plane import Plane
-from wavetank.hamiltonian.oscillators import Harmonic
+from wavetank.fem.plane import Plane
 from wavetank.integrators import (
     Damped,
     Damping,
@@ -29,23 +29,23 @@ from wavetank.integrators import (
     damped,
 )
 from wavetank.integrators.filtered import Filtered
+from wavetank.integrators.oscillators import Harmonic
 from wavetank.integrators.states import like, rows
-from wavetank.motions import AtRest, Ramped, Sinusoid
-from wavetank.observers.contract import Moment
-from wavetank.observers.energy import COLUMNS, EnergyBudget
-from wavetank.observers.record import Memory
-from wavetank.runs.sponges import build_sponge
-from wavetank.theory.airy import angular_frequency, group_velocity
-from wavetank.theory.damped_waves import reflection
-from wavetank.verify.sponge import Beach, Operators, in_time, paddle
-from wavetank.water.edge_penalty import EdgePenalty
-from wavetank.water.footprint import Slice
-from wavetank.water.linear_waves import LinearWaves
-from wavetank.water.seen import DAMPED
-from wavetank.water.sponge import checked, distance_from_edge, profile, width_of
-from wavetank.water.surface_flow import SurfaceFlow
-from wavetank.water.walls import LinearPaddle, Piston, Side, StillWall
-from wavetank.water.waves import NonlinearWaves, Tolerances
+from wavetank.motion import AtRest, Ramped, Sinusoid
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.energy import COLUMNS, EnergyBudget
+from wavetank.simulation.record import Memory
+from wavetank.simulation.sponges import build_sponge
+from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.footprint import Slice
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.seen import DAMPED
+from wavetank.tank.sponge import checked, distance_from_edge, profile, width_of
+from wavetank.tank.surface_flow import SurfaceFlow
+from wavetank.tank.walls import LinearPaddle, Piston, Side, StillWall
+from wavetank.tank.waves import NonlinearWaves, Tolerances
+from wavetank.waves.airy import angular_frequency, group_velocity
+from wavetank.waves.damped_waves import reflection
 
 SCHEMES = (StormerVerlet(), StormerVerletAdjoint(), ThirdOrder(), Simpson4(), GaussLegendre4())
 BALANCE, TAKEN, TOTAL = (COLUMNS.index(f"{name} [m^4/s^2]") for name in ("balance", "dissipated", "total"))

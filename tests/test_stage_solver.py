@@ -5,10 +5,10 @@ import pytest
 from mpi4py import MPI
 
 from wavetank.errors import ConvergenceError, RunError
-from wavetank.fe.combination import Combination
-from wavetank.hamiltonian.contract import Near, Stage
-from wavetank.hamiltonian.stage_solver import AndersonStageSolver, IteratedStages, Together
-from wavetank.hamiltonian.start_values import Extrapolation
+from wavetank.fem.combination import Combination
+from wavetank.integrators.hamiltonian import Near, Stage
+from wavetank.integrators.stage_solver import AndersonStageSolver, IteratedStages, Together
+from wavetank.integrators.start_values import Extrapolation
 
 
 def stage(t=0.0, dt=0.1):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavetank.errors import InputError
-from wavetank.theory.standing_wave import ThirdOrderStandingWave
+from wavetank.waves.standing_wave import ThirdOrderStandingWave
 
 GRAVITY, POINTS = 9.81, 12
 

@@ -12,9 +12,9 @@ from wavetank.case import Scene
 from wavetank.cli import main
 from wavetank.console import console
 from wavetank.errors import InputError
+from wavetank.output.checkpoint import kept
+from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
-from wavetank.records.checkpoint import kept
-from wavetank.records.directory import RunDirectory
 
 SLOSHING = {
     "tank": {"length": 2.0, "depth": 1.0},

@@ -12,20 +12,20 @@ import pytest
 from mpi4py import MPI
 from ranks import Crew
 
+from examples.paper.breaking import over_steep
 from wavetank.case import Scene
 from wavetank.errors import InputError
-from wavetank.hamiltonian.oscillators import NonSeparable
 from wavetank.integrators import INTEGRATORS, Damped, Damping, GaussLegendre4
 from wavetank.integrators.filtered import Filtered
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
-from wavetank.runs.build import Records, build_observers, build_run, build_watch
-from wavetank.runs.clock import Clock
-from wavetank.runs.run import Run
+from wavetank.integrators.oscillators import NonSeparable
+from wavetank.simulation.build import Records, build_observers, build_run, build_watch
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.record import Memory
+from wavetank.simulation.run import Run
+from wavetank.simulation.schedule import EverySteps
 from wavetank.stateful import apart, give_back, named, together
-from wavetank.verify.breaking import over_steep
-from wavetank.water.breaking import BreakingDissipation
-from wavetank.water.edge_penalty import EdgePenalty
+from wavetank.tank.breaking import BreakingDissipation
+from wavetank.tank.edge_penalty import EdgePenalty
 
 SLICE = {
     "tank": {"length": 6.0, "depth": 0.6},

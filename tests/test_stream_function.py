@@ -6,9 +6,9 @@ import raschii
 from conftest import fitted_slope
 
 from wavetank.errors import InputError
-from wavetank.theory.airy import angular_frequency
-from wavetank.theory.solitary_wave import solitary_wave
-from wavetank.theory.stream_function import maximum_height, stream_function_wave
+from wavetank.waves.airy import angular_frequency
+from wavetank.waves.solitary_wave import solitary_wave
+from wavetank.waves.stream_function import maximum_height, stream_function_wave
 
 
 def wave_of(kd, steepness):

@@ -26,19 +26,19 @@ from rich.console import Console
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError, RecordError, RunError, StoppedError
-from wavetank.postprocess.style import number_logarithms
-from wavetank.records.checkpoint import Checkpoint, last_checkpoint
-from wavetank.records.directory import CHECKPOINT, RunDirectory
-from wavetank.records.writer import RunWriter
-from wavetank.study.drawing import draw_study, pareto_front
-from wavetank.study.exact import exact_solution
-from wavetank.study.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
-from wavetank.study.refinement import finest, refined, same_but_numerics
-from wavetank.study.runs import Outcome, Runner, Worker, is_finished
-from wavetank.study.study import Study
-from wavetank.study.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
-from wavetank.study.table import Row, unfinished, write_table
-from wavetank.theory.airy import angular_frequency
+from wavetank.output.checkpoint import Checkpoint, last_checkpoint
+from wavetank.output.directory import CHECKPOINT, RunDirectory
+from wavetank.output.writer import RunWriter
+from wavetank.plots.style import number_logarithms
+from wavetank.studies.drawing import draw_study, pareto_front
+from wavetank.studies.exact import exact_solution
+from wavetank.studies.measures import CREST, GAUGES, PHASE, SURFACE, ExactReference, RunReference
+from wavetank.studies.refinement import finest, refined, same_but_numerics
+from wavetank.studies.runs import Outcome, Runner, Worker, is_finished
+from wavetank.studies.study import Study
+from wavetank.studies.sweep import SHORT_NAMES, Axis, combinations, marked_combination, parse_axes, parse_axis
+from wavetank.studies.table import Row, unfinished, write_table
+from wavetank.waves.airy import angular_frequency
 
 CASE = CHECKOUT / "cases" / "standing-wave.toml"
 RING = CHECKOUT / "cases" / "ring-50-percent.toml"
@@ -398,7 +398,7 @@ def test_the_table_says_settings_errors_costs_and_status(linear_study):
 
 
 def test_warnings_of_runs_and_waves_that_broke_are_told(linear_study, tmp_path, monkeypatch):
-    monkeypatch.setattr("wavetank.study.study.draw_study", lambda rows, axes, path, **more: path)
+    monkeypatch.setattr("wavetank.studies.study.draw_study", lambda rows, axes, path, **more: path)
     out, rows = linear_study
     shutil.copytree(out, tmp_path / "study")
     manifest = tmp_path / "study" / rows[1].combination.name / "manifest.json"
@@ -414,7 +414,7 @@ def test_warnings_of_runs_and_waves_that_broke_are_told(linear_study, tmp_path, 
 
 
 def test_what_has_finished_is_not_run_again(linear_study, monkeypatch):
-    monkeypatch.setattr("wavetank.study.study.draw_study", lambda rows, axes, path, **more: path)
+    monkeypatch.setattr("wavetank.studies.study.draw_study", lambda rows, axes, path, **more: path)
     out, rows = linear_study
     before = {path: path.stat().st_mtime_ns for path in out.glob("*/*")}
     again, said = run_study(out, reference="exact")
@@ -559,7 +559,7 @@ def test_where_a_process_dies_its_run_alone_is_lost(tmp_path, monkeypatch):
         def dismiss(self):
             pass
 
-    monkeypatch.setattr("wavetank.study.runs.Worker", Mortal)
+    monkeypatch.setattr("wavetank.studies.runs.Worker", Mortal)
     found = combinations(CASE, parse_axes(["dt=0.01,0.02,0.03,0.04,0.05"]), [])
     outcomes = [outcome for _, outcome in Runner(CASE, tmp_path, at_once=1).run(found)]
     assert [one.status for one in outcomes] == ["finished", "failed", "finished", "failed", "finished"]
@@ -570,7 +570,7 @@ def test_the_table_of_a_study_is_never_half_written(tmp_path, monkeypatch):
     """A kill, or a full disk, meets the old one or the new."""
     path = tmp_path / "study.csv"
     path.write_text("before")
-    monkeypatch.setattr("wavetank.records.whole.os.replace", lambda *names: (_ for _ in ()).throw(OSError(28, "full")))
+    monkeypatch.setattr("wavetank.output.whole.os.replace", lambda *names: (_ for _ in ()).throw(OSError(28, "full")))
     with pytest.raises(RecordError, match=r"study\.csv: cannot be written \(full\)"):
         write_table(path, [], [])
     assert path.read_text() == "before" and os.listdir(tmp_path) == ["study.csv"]

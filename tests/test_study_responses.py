@@ -15,18 +15,18 @@ from scipy import stats
 
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
-from wavetank.postprocess.analysis.quantities import AT_GAUGE, OF_RUN
-from wavetank.records.writer import RunWriter
-from wavetank.study.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
-from wavetank.study.ensemble_drawing import draw_ensembles
-from wavetank.study.look import WARNED
-from wavetank.study.response_drawing import draw_responses
-from wavetank.study.responses import Response, responses, usual_responses
-from wavetank.study.runs import Outcome
-from wavetank.study.study import Study
-from wavetank.study.sweep import Axis, Combination, combinations, parse_axes, parse_axis
-from wavetank.study.table import Row, write_table
-from wavetank.theory.airy import wave_number
+from wavetank.output.writer import RunWriter
+from wavetank.plots.quantities import AT_GAUGE, OF_RUN
+from wavetank.studies.ensemble import Ensemble, ensemble_table, ensembles, write_ensembles
+from wavetank.studies.ensemble_drawing import draw_ensembles
+from wavetank.studies.look import WARNED
+from wavetank.studies.response_drawing import draw_responses
+from wavetank.studies.responses import Response, responses, usual_responses
+from wavetank.studies.runs import Outcome
+from wavetank.studies.study import Study
+from wavetank.studies.sweep import Axis, Combination, combinations, parse_axes, parse_axis
+from wavetank.studies.table import Row, write_table
+from wavetank.waves.airy import wave_number
 
 CASE = CHECKOUT / "cases" / "wavemaker.toml"
 PERIOD, OMEGA = 2.0, np.pi
@@ -43,7 +43,7 @@ def eta(x, t):
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     """A run directory with these waves."""
-    from wavetank.records.directory import RunDirectory
+    from wavetank.output.directory import RunDirectory
 
     path, scene = tmp_path_factory.mktemp("runs") / "run", read_case(CASE)
     x, places = np.linspace(0, 40, 401), np.array([gauge.x for gauge in scene.all_gauges])

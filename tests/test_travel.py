@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from wavetank.case import Scene
-from wavetank.plan import travel
-from wavetank.plan.absorption_error import absorption_error
-from wavetank.plan.error_model import ErrorModel, Settings
-from wavetank.plan.plan import make_plan
-from wavetank.plan.requirements import requirements, stokes
-from wavetank.theory import airy
-from wavetank.theory.wavemaker import Flap
+from wavetank.planning import travel
+from wavetank.planning.absorption_error import absorption_error
+from wavetank.planning.error_model import ErrorModel, Settings
+from wavetank.planning.plan import make_plan
+from wavetank.planning.requirements import requirements, stokes
+from wavetank.waves import airy
+from wavetank.waves.wavemaker import Flap
 
 GRAVITY = 9.81
 PACKET = {"type": "formula", "position": "0.01*sin(6*(t-3))*exp(-(t-3)**2)"}  # k d = 2, generated at t = 3 s

@@ -7,11 +7,11 @@ import pytest
 from conftest import CHECKOUT
 from rich.console import Console
 
+from examples.paper import integrators
+from examples.paper.report import Report
+from examples.paper.schemes import simpson
+from examples.paper.work_precision import Tank
 from wavetank.cli import main
-from wavetank.verify import integrators
-from wavetank.verify.report import Report
-from wavetank.verify.schemes import simpson
-from wavetank.verify.work_precision import Tank
 
 SLOW = ("overview", "work_precision", "damped_jumps", "long_orbits")
 EXPECTED = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from wavetank.fe.vertical import VerticalBasis, gauss_lobatto_legendre
+from wavetank.fem.vertical import VerticalBasis, gauss_lobatto_legendre
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 8, 16])

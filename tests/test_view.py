@@ -16,9 +16,9 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from wavetank.errors import InputError
-from wavetank.postprocess import view, view_command, view_film, view_sight, view_tank
-from wavetank.records.directory import RunDirectory
-from wavetank.records.writer import RunWriter
+from wavetank.output.directory import RunDirectory
+from wavetank.output.writer import RunWriter
+from wavetank.plots import view, view_command, view_film, view_sight, view_tank
 
 LENGTH, DEPTH, HEIGHT = 8.0, 1.0, 0.1  # m
 STEPS, PERIOD = 40, 2.0  # snapshots of one period [s]
@@ -403,6 +403,6 @@ def test_runs_without_waves_to_view_are_refused(tmp_path):
 
 
 def test_a_missing_package_is_named(run, monkeypatch):
-    monkeypatch.setitem(__import__("sys").modules, "wavetank.postprocess.view", None)
-    monkeypatch.delattr("wavetank.postprocess.view")
+    monkeypatch.setitem(__import__("sys").modules, "wavetank.plots.view", None)
+    monkeypatch.delattr("wavetank.plots.view")
     assert "is needed: pip install 'wavetank[view]'" in str(command(run.path).exception)

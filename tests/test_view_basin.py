@@ -11,17 +11,17 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 from wavetank.errors import InputError
-from wavetank.postprocess import basin_figures, view, view_command
-from wavetank.postprocess.basin_surface import BasinSurface, Extremes, history
-from wavetank.postprocess.gauge_marks import leave_out_overlaps, mark_places
-from wavetank.postprocess.run_figures import draw_run
-from wavetank.postprocess.view_basin import BasinView
-from wavetank.postprocess.view_film import FORMATS
-from wavetank.postprocess.view_sight import COVER, ELEVATION, HEIGHT, VEIL
-from wavetank.records.directory import RunDirectory
-from wavetank.records.series import GaugeSeries
-from wavetank.records.vtu_series import VtkCells, VtuSeries
-from wavetank.records.writer import RunWriter
+from wavetank.output.directory import RunDirectory
+from wavetank.output.series import GaugeSeries
+from wavetank.output.vtu_series import VtkCells, VtuSeries
+from wavetank.output.writer import RunWriter
+from wavetank.plots import basin_figures, view, view_command
+from wavetank.plots.basin_surface import BasinSurface, Extremes, history
+from wavetank.plots.gauge_marks import leave_out_overlaps, mark_places
+from wavetank.plots.run_figures import draw_run
+from wavetank.plots.view_basin import BasinView
+from wavetank.plots.view_film import FORMATS
+from wavetank.plots.view_sight import COVER, ELEVATION, HEIGHT, VEIL
 
 LENGTH, WIDTH, DEPTH, HEIGHT_OF_WAVES = 8.0, 4.0, 0.5, 0.1  # m
 PERIOD, STEPS = 1.6, 20  # snapshots of one period [s]

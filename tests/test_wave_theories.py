@@ -12,19 +12,19 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from wavetank import theory
-from wavetank.motions import DirectionalFocus, ReflectedFocus
-from wavetank.motions.fan import Fan
-from wavetank.motions.spectra import Gaussian
-from wavetank.motions.wave_group import WaveGroup
-from wavetank.theory.conformal import SteadyWave
-from wavetank.theory.mccamy_fuchs import CylinderDiffraction
-from wavetank.theory.plane_waves import PlaneWaves
-from wavetank.theory.resting_wave import RestingWave, resting_wave
-from wavetank.theory.solitary_wave import solitary_wave
-from wavetank.theory.standing_wave import ThirdOrderStandingWave
-from wavetank.theory.stream_function import stream_function_wave
-from wavetank.theory.wave import Wave
+from wavetank import waves
+from wavetank.motion import DirectionalFocus, ReflectedFocus
+from wavetank.motion.fan import Fan
+from wavetank.motion.spectra import Gaussian
+from wavetank.motion.wave_group import WaveGroup
+from wavetank.waves.conformal import SteadyWave
+from wavetank.waves.mccamy_fuchs import CylinderDiffraction
+from wavetank.waves.plane_waves import PlaneWaves
+from wavetank.waves.resting_wave import RestingWave, resting_wave
+from wavetank.waves.solitary_wave import solitary_wave
+from wavetank.waves.standing_wave import ThirdOrderStandingWave
+from wavetank.waves.stream_function import stream_function_wave
+from wavetank.waves.wave import Wave
 
 G, D = 9.81, 0.8
 STEP = 1e-3  # m, s: differences of fourth order
@@ -97,8 +97,8 @@ def slope(f, step=STEP):
 
 
 def test_all_waves_are_here():
-    for module in pkgutil.iter_modules(theory.__path__):
-        importlib.import_module(f"wavetank.theory.{module.name}")
+    for module in pkgutil.iter_modules(waves.__path__):
+        importlib.import_module(f"wavetank.waves.{module.name}")
     assert set(Wave.__subclasses__()) == {
         SteadyWave,
         RestingWave,

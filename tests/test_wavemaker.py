@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from wavetank.integrators import Simpson4
-from wavetank.motions import Ramped, Sinusoid
-from wavetank.observers.contract import Moment
-from wavetank.observers.gauges import Gauges
-from wavetank.observers.record import Memory
-from wavetank.observers.schedule import EverySteps
-from wavetank.theory.airy import angular_frequency, group_velocity
-from wavetank.theory.wavemaker import PISTON
+from wavetank.motion import Ramped, Sinusoid
+from wavetank.simulation.contract import Moment
+from wavetank.simulation.gauges import Gauges
+from wavetank.simulation.record import Memory
+from wavetank.simulation.schedule import EverySteps
+from wavetank.waves.airy import angular_frequency, group_velocity
+from wavetank.waves.wavemaker import PISTON
 
 GRAVITY, AMPLITUDE = 9.81, 2e-4
 

@@ -17,14 +17,14 @@ from wavetank.working_directory import check_working_directory
 
 if TYPE_CHECKING:
     from wavetank.case.reading import read_case
+    from wavetank.output.directory import open_run
     from wavetank.public import resume, run
-    from wavetank.records.directory import open_run
 
 __version__ = "0.1.0"
 __all__ = ["open_run", "read_case", "resume", "run"]
 
 HOMES = {
-    "open_run": "wavetank.records.directory",
+    "open_run": "wavetank.output.directory",
     "read_case": "wavetank.case.reading",
     "resume": "wavetank.public",
     "run": "wavetank.public",

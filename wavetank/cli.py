@@ -17,21 +17,21 @@ import typer
 from typer.core import TyperGroup
 
 import wavetank
-from wavetank.calibrate.command import calibrate
 from wavetank.case.new import KINDS, write_case
 from wavetank.console import console, drain
 from wavetank.errors import InputError, WavetankError, printable
-from wavetank.fe.agreed import all_here, on_first
+from wavetank.fem.agreed import all_here, on_first
 from wavetank.mpi import MPI
-from wavetank.plan.command import plan
-from wavetank.plan.motion_command import motion
-from wavetank.postprocess.analyse_command import analyse
-from wavetank.postprocess.compare_command import compare
-from wavetank.postprocess.view_command import view
-from wavetank.records.directory import RunDirectory
-from wavetank.records.place import Place
+from wavetank.output.directory import RunDirectory
+from wavetank.output.place import Place
+from wavetank.planning.command import plan
+from wavetank.planning.motion_command import motion
+from wavetank.plots.analyse_command import analyse
+from wavetank.plots.compare_command import compare
+from wavetank.plots.view_command import view
 from wavetank.status import status
-from wavetank.study.command import study
+from wavetank.studies.calibrate.command import calibrate
+from wavetank.studies.command import study
 from wavetank.values.python_file import trusting
 
 # of use
@@ -204,7 +204,7 @@ def _list_cases() -> None:
 
 
 def _draw(directory: RunDirectory) -> list[Path]:
-    from wavetank.postprocess.run_figures import draw_run
+    from wavetank.plots.run_figures import draw_run
 
     return draw_run(directory)
 
@@ -242,7 +242,8 @@ def fetch(name: Annotated[str, typer.Argument(help="name of the data set", metav
     console().print(f"{name} is in {folder}", highlight=False)
 
 
-VERIFICATIONS = {  # name, a module of ``wavetank.verify`` that writes tables and pictures: its help
+CHECKOUT = Path(__file__).resolve().parents[1]
+VERIFICATIONS = {  # name, a module of ``examples.paper`` that writes tables and pictures: its help
     "integrators": "Recompute every table and figure on the integrators.",
     "extremes": "Measure growing modes, steepness, breaking; two hours.",
     "sponge": "Measure what a sponge reflects; two minutes.",
@@ -264,11 +265,17 @@ def _add_verification(name: str, meaning: str) -> None:
         ] = None,
         overwrite: Annotated[bool, typer.Option("--overwrite", help=OVERWRITE)] = False,
     ) -> None:
-        from wavetank.verify.report import write
-
-        module: Any = import_module(f"wavetank.verify.{name}")
+        if (CHECKOUT / "examples" / "paper").is_dir() and str(CHECKOUT) not in sys.path:
+            sys.path.append(str(CHECKOUT))
+        try:
+            module: Any = import_module(f"examples.paper.{name}")
+            report: Any = import_module("examples.paper.report")
+        except ModuleNotFoundError as error:
+            if error.name not in ("examples", "examples.paper"):
+                raise
+            raise InputError("verify needs a checkout of the project: examples/paper is not installed.") from None
         place = Place.of(out, Path("runs") / shown, overwrite=overwrite)
-        on_first(MPI.COMM_WORLD, lambda: write(module, place.folder(), console()))
+        on_first(MPI.COMM_WORLD, lambda: report.write(module, place.folder(), console()))
 
     verify_app.command(shown, help=meaning, epilog=example(f"verify {shown} --out runs/{shown}"))(verify)
 

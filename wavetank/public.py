@@ -11,11 +11,11 @@ from wavetank.case import Scene
 from wavetank.console import console
 from wavetank.errors import InputError
 from wavetank.integrators.contract import Integrator
-from wavetank.observers.contract import Observer
+from wavetank.output.directory import RunDirectory
+from wavetank.output.place import Place
 from wavetank.recording import record_run, resume_run
-from wavetank.records.directory import RunDirectory
-from wavetank.records.place import Place
-from wavetank.runs.waters import AnyWaves
+from wavetank.simulation.contract import Observer
+from wavetank.simulation.waters import AnyWaves
 from wavetank.values.python_file import trusting
 
 

@@ -15,36 +15,29 @@ from wavetank.case import Scene
 from wavetank.case.contents import contents
 from wavetank.case.windows import Window
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
-from wavetank.fe.agreed import agreed, all_here, ending_together, from_first, on_first
+from wavetank.fem.agreed import agreed, all_here, ending_together, from_first, on_first
 from wavetank.integrators import INTEGRATORS
 from wavetank.integrators.contract import Integrator
-from wavetank.observers.breaking import BreakingNews
-from wavetank.observers.contract import Judge, Observer
-from wavetank.observers.energy import EnergyBudget
-from wavetank.observers.energy import columns as energy_columns
-from wavetank.observers.interruption import Interruption
-from wavetank.observers.progress import ProgressBar, Standing
-from wavetank.observers.record import Discard, DiscardArrays, Kept, RecordCheck
-from wavetank.observers.stability import StabilityWatch
-from wavetank.plan.affordable import check_affordable
-from wavetank.plan.forewarnings import forewarnings, noise
-from wavetank.plan.planned import mesh_told, planned, told_of_rule
-from wavetank.plan.stable import check_stable
-from wavetank.records.checkpoint import kept as checkpoints
-from wavetank.records.checkpoint import last_checkpoint
-from wavetank.records.directory import ANALYSES, BREAKING, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
-from wavetank.records.environment import environment
-from wavetank.records.load_table import columns as load_columns
-from wavetank.records.log import RunLog
-from wavetank.records.paddle_table import PUSH
-from wavetank.records.paddle_table import columns as paddle_columns
-from wavetank.records.place import Place
-from wavetank.records.probe_table import columns as probe_columns
-from wavetank.records.vtu_series import VtuSeries
-from wavetank.records.writer import RunWriter
+from wavetank.output.checkpoint import kept as checkpoints
+from wavetank.output.checkpoint import last_checkpoint
+from wavetank.output.directory import ANALYSES, BREAKING, ENERGY, LOADS, LOG, PADDLES, PROBES, RunDirectory
+from wavetank.output.environment import environment
+from wavetank.output.load_table import columns as load_columns
+from wavetank.output.log import RunLog
+from wavetank.output.paddle_table import PUSH
+from wavetank.output.paddle_table import columns as paddle_columns
+from wavetank.output.place import Place
+from wavetank.output.probe_table import columns as probe_columns
+from wavetank.output.vtu_series import VtuSeries
+from wavetank.output.writer import RunWriter
+from wavetank.planning.affordable import check_affordable
+from wavetank.planning.forewarnings import forewarnings, noise
+from wavetank.planning.planned import mesh_told, planned, told_of_rule
+from wavetank.planning.stable import check_stable
 from wavetank.resuming import GoingOn, KeptRun, kept_scene
-from wavetank.runs.broken import BrokenSurface
-from wavetank.runs.build import (
+from wavetank.simulation.breaking import BreakingNews
+from wavetank.simulation.broken import BrokenSurface
+from wavetank.simulation.build import (
     Records,
     build_observers,
     build_run,
@@ -54,17 +47,24 @@ from wavetank.runs.build import (
     told_of_ranks,
     told_of_windows,
 )
-from wavetank.runs.closing import Outcome, closing
-from wavetank.runs.own import called, own_observers
-from wavetank.runs.parts import Parts
-from wavetank.runs.run import Run
-from wavetank.runs.sponges import told_of_sponge
-from wavetank.runs.starts import told_of_start
-from wavetank.runs.waters import AnyWaves, bed_by_code, told_of_bed
+from wavetank.simulation.closing import Outcome, closing
+from wavetank.simulation.contract import Judge, Observer
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.energy import columns as energy_columns
+from wavetank.simulation.interruption import Interruption
+from wavetank.simulation.own import called, own_observers
+from wavetank.simulation.parts import Parts
+from wavetank.simulation.progress import ProgressBar, Standing
+from wavetank.simulation.record import Discard, DiscardArrays, Kept, RecordCheck
+from wavetank.simulation.run import Run
+from wavetank.simulation.sponges import told_of_sponge
+from wavetank.simulation.stability import StabilityWatch
+from wavetank.simulation.starts import told_of_start
+from wavetank.simulation.waters import AnyWaves, bed_by_code, told_of_bed
+from wavetank.tank.breakdown import cause, folds
+from wavetank.tank.breaking import BreakingAlarm, BreakingDissipation
+from wavetank.tank.waves import NonlinearWaves
 from wavetank.values.noun import SceneError
-from wavetank.water.breakdown import cause, folds
-from wavetank.water.breaking import BreakingAlarm, BreakingDissipation
-from wavetank.water.waves import NonlinearWaves
 
 ALIKE, LATEST = 20.0, 60.0  # s after an error in which all have met it, and in which the first rank has drawn pictures
 Draw = Callable[[RunDirectory], Iterable[Path]]

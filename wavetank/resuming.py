@@ -15,23 +15,23 @@ from wavetank.case.contents import contents, named_files
 from wavetank.case.numerics import Numerics
 from wavetank.case.reading import changed_scene
 from wavetank.errors import InputError, RecordError, RunError
-from wavetank.fe.agreed import agreed, on_first
-from wavetank.fe.by_place import found, gathered
-from wavetank.observers.checkpoints import Checkpoints
-from wavetank.observers.energy import EnergyBudget
-from wavetank.plan.forewarnings import of_duration, predicted
-from wavetank.plan.planned import Planned, planned
-from wavetank.records.checkpoint import Checkpoint
-from wavetank.records.directory import RunDirectory
-from wavetank.records.manifest import MANIFEST
-from wavetank.records.vtu_series import VtuSeries
-from wavetank.records.writer import RunWriter
-from wavetank.runs.build import Beginning
-from wavetank.runs.clock import Clock
-from wavetank.runs.kept_surface import KeptSurface, held_by_scheme
-from wavetank.runs.parts import Parts
-from wavetank.runs.run import Run
-from wavetank.runs.waters import AnyWaves
+from wavetank.fem.agreed import agreed, on_first
+from wavetank.fem.by_place import found, gathered
+from wavetank.output.checkpoint import Checkpoint
+from wavetank.output.directory import RunDirectory
+from wavetank.output.manifest import MANIFEST
+from wavetank.output.vtu_series import VtuSeries
+from wavetank.output.writer import RunWriter
+from wavetank.planning.forewarnings import of_duration, predicted
+from wavetank.planning.planned import Planned, planned
+from wavetank.simulation.build import Beginning
+from wavetank.simulation.checkpoints import Checkpoints
+from wavetank.simulation.clock import Clock
+from wavetank.simulation.energy import EnergyBudget
+from wavetank.simulation.kept_surface import KeptSurface, held_by_scheme
+from wavetank.simulation.parts import Parts
+from wavetank.simulation.run import Run
+from wavetank.simulation.waters import AnyWaves
 from wavetank.stateful import Held, apart, together
 from wavetank.values.noun import Problem, SceneError
 

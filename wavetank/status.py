@@ -12,11 +12,11 @@ from rich.table import Table
 
 from wavetank.console import console, spelt
 from wavetank.errors import InputError
-from wavetank.records.checkpoint import last_checkpoint
-from wavetank.records.directory import RunDirectory
-from wavetank.records.environment import present
-from wavetank.records.lock import is_held
-from wavetank.records.manifest import MANIFEST
+from wavetank.output.checkpoint import last_checkpoint
+from wavetank.output.directory import RunDirectory
+from wavetank.output.environment import present
+from wavetank.output.lock import is_held
+from wavetank.output.manifest import MANIFEST
 
 SETTING_UP, UNREADABLE = "setting up", "unreadable"
 

@@ -18,7 +18,7 @@ from queue import SimpleQueue
 from threading import Thread
 
 from wavetank.cli import main
-from wavetank.runs.memory import forget_peak_memory
+from wavetank.simulation.memory import forget_peak_memory
 
 
 def answer(words: list[str]) -> tuple[int, str]:

@@ -8,12 +8,12 @@ from pydantic import Field
 
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
-from wavetank.motions import Array
-from wavetank.theory.absorption import PassiveFilter, face, radiation
-from wavetank.theory.airy import angular_frequency
-from wavetank.theory.wavemaker import Wavemaker
+from wavetank.motion import Array
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Damping, Duration, Mass, Stiffness
+from wavetank.waves.absorption import PassiveFilter, face, radiation
+from wavetank.waves.airy import angular_frequency
+from wavetank.waves.wavemaker import Wavemaker
 
 BAND = (0.5, 3.0)  # k d of the longest and the shortest waves, by default
 POSSIBLE = (0.02, 10.0)  # the same, at most

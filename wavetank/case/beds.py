@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal, TypeVar
 import numpy as np
 from pydantic import Field
 
-from wavetank import beds, data
+from wavetank import data
+from wavetank import mesh as beds
 from wavetank.case.formulae import FormulaNoun, FormulaText
 from wavetank.errors import InputError
 from wavetank.values.formula import Array

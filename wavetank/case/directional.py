@@ -9,19 +9,19 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from wavetank import motions
+from wavetank import motion as motions
 from wavetank.case.groups import KEY, MOST, FocusingWaves, SpectralWaves
 from wavetank.case.moving_wall import HingedWall, MovingWall
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank
 from wavetank.case.wave_files import ComponentFile, SurfaceFile
-from wavetank.meshes import MeshFile
-from wavetank.motions.segmented import joints, widest_segment
-from wavetank.theory import airy
-from wavetank.theory.plane_waves import PlaneWaves, waves_along
-from wavetank.theory.wavemaker import PISTON, Wavemaker
+from wavetank.mesh import MeshFile
+from wavetank.motion.segmented import joints, widest_segment
 from wavetank.values.noun import Noun, Problem, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
+from wavetank.waves import airy
+from wavetank.waves.plane_waves import PlaneWaves, waves_along
+from wavetank.waves.wavemaker import PISTON, Wavemaker
 
 Spreading = Annotated[float, Field(ge=0, le=1000)]
 Deviation = Annotated[float, Field(ge=0.1, le=90)]

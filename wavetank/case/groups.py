@@ -6,13 +6,13 @@ from typing import ClassVar
 import numpy as np
 from pydantic import Field
 
-from wavetank import motions
+from wavetank import motion as motions
 from wavetank.case.spectra import Spectrum, TableSpectrum
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
-from wavetank.theory.wavemaker import PISTON, Wavemaker
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Duration, Frequency, Height, Length, Ramp, metres
+from wavetank.waves.wavemaker import PISTON, Wavemaker
 
 KEY = ("wall", "motion")
 MOST = 10_000  # components

@@ -7,21 +7,21 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from wavetank import motions
+from wavetank import motion as motions
 from wavetank.case.initial_file import FileSurface
 from wavetank.case.initial_formula import FormulaSurface
 from wavetank.case.initial_run import RunState
 from wavetank.case.initial_sea import FocusedSurface, IrregularSurface
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
-from wavetank.meshes import Rectangle
-from wavetank.theory.conformal import SteadyWave
-from wavetank.theory.solitary_wave import HIGHEST_SOLITARY, solitary_wave
-from wavetank.theory.standing_wave import ThirdOrderStandingWave
-from wavetank.theory.stream_function import maximum_height, stream_function_wave
-from wavetank.theory.wave import Wave
+from wavetank.mesh import Rectangle
 from wavetank.values.noun import Noun, Problem, about, one_of
 from wavetank.values.quantities import Coordinate, Count, Height, Share, metres
+from wavetank.waves.conformal import SteadyWave
+from wavetank.waves.solitary_wave import HIGHEST_SOLITARY, solitary_wave
+from wavetank.waves.standing_wave import ThirdOrderStandingWave
+from wavetank.waves.stream_function import maximum_height, stream_function_wave
+from wavetank.waves.wave import Wave
 
 BREAKING = 0.109 * 2 * np.pi  # k a / tanh(k d) of the highest standing wave, H / L = 0.218 tanh(k d) (Danel, 1952)
 

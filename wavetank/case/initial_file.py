@@ -6,7 +6,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from wavetank import data, motions
+from wavetank import data
+from wavetank import motion as motions
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank
 from wavetank.errors import InputError
 from wavetank.values.columns import check_ascending, read_columns

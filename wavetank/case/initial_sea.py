@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from wavetank import motions
+from wavetank import motion as motions
 from wavetank.case.spectra import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
-from wavetank.theory.airy import angular_frequency, group_velocity
-from wavetank.theory.plane_waves import PlaneWaves
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Coordinate, Frequency, Height, metres
+from wavetank.waves.airy import angular_frequency, group_velocity
+from wavetank.waves.plane_waves import PlaneWaves
 
 Shape = Annotated[
     JonswapSpectrum | PiersonMoskowitzSpectrum | TmaSpectrum | GaussianSpectrum,

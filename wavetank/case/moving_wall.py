@@ -8,13 +8,13 @@ from pydantic import Field
 
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
-from wavetank.motions import Array
-from wavetank.motions.extent import Extent
-from wavetank.motions.mapping import STEEPEST, TOP, largest_stroke, quickened
-from wavetank.theory.absorption import sudden_mass
-from wavetank.theory.wavemaker import PISTON, Flap, Wavemaker
+from wavetank.motion import Array
+from wavetank.motion.extent import Extent
+from wavetank.motion.mapping import STEEPEST, TOP, largest_stroke, quickened
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Acceleration, Coordinate, Length, Speed, metres
+from wavetank.waves.absorption import sudden_mass
+from wavetank.waves.wavemaker import PISTON, Flap, Wavemaker
 
 SIZES = (  # of a motion: keys by which the paddle goes far
     *("paddle_amplitude", "wave_amplitude", "linear_crest", "significant_height", "height", "heights"),

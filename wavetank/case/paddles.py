@@ -6,7 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from wavetank import data, motions
+from wavetank import data
+from wavetank import motion as motions
 from wavetank.case.formulae import TimeFormulaText, TimeHelpers
 from wavetank.case.seas import (
     BichromaticMotion,
@@ -20,12 +21,12 @@ from wavetank.case.seas import (
 )
 from wavetank.case.tanks import AnyTank
 from wavetank.errors import InputError
-from wavetank.motions.record_file import ColumnError, read_record, says_metres
-from wavetank.theory.wavemaker import Wavemaker
+from wavetank.motion.record_file import ColumnError, read_record, says_metres
 from wavetank.values.formula import Formula
 from wavetank.values.noun import FilePath, Problem, SceneError, about, one_of
 from wavetank.values.python_file import load
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Ramp
+from wavetank.waves.wavemaker import Wavemaker
 
 
 class AtRestMotion(PaddleNoun):

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, Strict, model_validator
 from pydantic_core import PydanticCustomError
 
-from wavetank import motions
+from wavetank import motion as motions
 from wavetank.case.beds import Depth
 from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, StillWater
@@ -22,8 +22,8 @@ from wavetank.case.tanks import BasinTank, Tank
 from wavetank.case.targets import Target
 from wavetank.case.walls import FarWall, FixedWall, Wall
 from wavetank.case.windows import Window
-from wavetank.motions.extent import Extent, extent, times, values
-from wavetank.motions.told import Told
+from wavetank.motion.extent import Extent, extent, times, values
+from wavetank.motion.told import Told
 from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
 from wavetank.values.quantities import Label, metres
 

@@ -7,19 +7,19 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
-from wavetank import motions
+from wavetank import motion as motions
 from wavetank.case.groups import KEY, MOST, FocusingWaves, SpectralWaves
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
 from wavetank.case.wave_files import ComponentFile, SurfaceFile
-from wavetank.motions.wave_motion import WaveMotion
-from wavetank.theory import airy
-from wavetank.theory.plane_waves import PlaneWaves, waves_along
-from wavetank.theory.solitary_wave import HIGHEST_SOLITARY
-from wavetank.theory.stream_function import maximum_height
-from wavetank.theory.wavemaker import Wavemaker
+from wavetank.motion.wave_motion import WaveMotion
 from wavetank.values.noun import Noun, Problem, one_of
 from wavetank.values.quantities import Duration, Frequency, Height, Length, Ramp
+from wavetank.waves import airy
+from wavetank.waves.plane_waves import PlaneWaves, waves_along
+from wavetank.waves.solitary_wave import HIGHEST_SOLITARY
+from wavetank.waves.stream_function import maximum_height
+from wavetank.waves.wavemaker import Wavemaker
 
 STOKES_ENDS = 0.25  # of the wave: with a second harmonic as high its trough has a second crest; H L² / d³ = 26
 SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order

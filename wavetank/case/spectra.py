@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from wavetank import data, motions
+from wavetank import data
+from wavetank import motion as motions
 from wavetank.case.tanks import AnyTank
 from wavetank.values.noun import FilePath, Noun, about, one_of
 from wavetank.values.quantities import Duration, Frequency

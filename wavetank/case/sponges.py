@@ -16,12 +16,12 @@ from pydantic import Field
 from wavetank.case.formulae import FormulaNoun, FormulaText
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, RingTank, SliceTank
-from wavetank.motions import Array
-from wavetank.motions.extent import values
-from wavetank.theory.airy import group_velocity, wave_number
+from wavetank.motion import Array
+from wavetank.motion.extent import values
 from wavetank.values.formula import Formula
 from wavetank.values.noun import Noun, Problem
 from wavetank.values.quantities import Duration, Length, Rate
+from wavetank.waves.airy import group_velocity, wave_number
 
 ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
 UNSEEN = 0.1  # of the power beyond the share: what may look slower than it is

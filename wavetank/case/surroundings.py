@@ -3,8 +3,8 @@
 from typing import Protocol
 
 from wavetank.case.tanks import AnyTank
-from wavetank.motions import Array
-from wavetank.theory.wavemaker import Wavemaker
+from wavetank.motion import Array
+from wavetank.waves.wavemaker import Wavemaker
 
 
 class Lasting(Protocol):

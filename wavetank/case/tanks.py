@@ -6,7 +6,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field
 
 from wavetank.case.beds import Bed
-from wavetank.meshes import Layout
+from wavetank.mesh import Layout
 from wavetank.values.noun import Noun
 from wavetank.values.quantities import Density, Gravity, Length
 

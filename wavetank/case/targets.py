@@ -6,10 +6,11 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from wavetank import data, motions
+from wavetank import data
+from wavetank import motion as motions
 from wavetank.case.surroundings import Surroundings
 from wavetank.errors import InputError
-from wavetank.motions.record_file import read_record
+from wavetank.motion.record_file import read_record
 from wavetank.values.noun import FilePath, Noun, Problem, about
 from wavetank.values.quantities import Duration, Frequency, Height, Label, Length, Share, metres
 

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from pydantic import Field
 
-from wavetank import motions
+from wavetank import motion as motions
 from wavetank.case.absorption import Absorption, SpringDamper
 from wavetank.case.directional import SegmentedFlapWall, SegmentedPistonWall
 from wavetank.case.formulae import HeightFormulaText, HeightHelpers
@@ -16,11 +16,11 @@ from wavetank.case.paddles import PaddleMotion
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank, RingTank, SliceTank
 from wavetank.errors import InputError
-from wavetank.motions.mapping import TOP
-from wavetank.motions.turned import ANGLES, UPSET
-from wavetank.theory.wavemaker import PISTON, Profile, Wavemaker
+from wavetank.motion.mapping import TOP
+from wavetank.motion.turned import ANGLES, UPSET
 from wavetank.values.formula import Formula
 from wavetank.values.noun import Noun, Problem
+from wavetank.waves.wavemaker import PISTON, Profile, Wavemaker
 
 
 class FixedWall(Noun):

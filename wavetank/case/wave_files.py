@@ -7,15 +7,16 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
-from wavetank import data, motions
+from wavetank import data
+from wavetank import motion as motions
 from wavetank.case.groups import KEY
 from wavetank.case.surroundings import Surroundings
 from wavetank.case.tanks import AnyTank
-from wavetank.motions.record_file import read_record
-from wavetank.theory import airy
-from wavetank.theory.plane_waves import PlaneWaves, waves_along
+from wavetank.motion.record_file import read_record
 from wavetank.values.noun import FilePath, Noun, Problem, about
 from wavetank.values.quantities import Coordinate, Frequency, Length, Ramp, metres
+from wavetank.waves import airy
+from wavetank.waves.plane_waves import PlaneWaves, waves_along
 
 Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "direction", "other"]
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem
 from wavetank.integrators.contract import Integrator, S
 from wavetank.integrators.flow import flow
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.wrapper import Wrapper
 from wavetank.stateful import Carrying, Held, Stateful, carry_over, give_back, held_by
 

@@ -9,7 +9,7 @@ from itertools import accumulate
 from typing import ClassVar
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 from wavetank.integrators.states import Point
 from wavetank.integrators.stormer_verlet import StormerVerlet
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol, Self, TypeVar
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 
 Map = Callable[[Vector], Vector]
 """What acts on points of a state alike, of pairs [q, p], shape (m, 2, n), and makes such of them."""
@@ -52,7 +52,7 @@ class State(Protocol):
 
 
 class StepCosts(NamedTuple):
-    """What a step costs, measured on one machine by ``python -m benchmarks --only costs`` (``plan/cost_model.py``).
+    """What a step costs, measured on one machine by ``python -m benchmarks --only costs`` (``planning/cost_model.py``).
 
     Attributes
     ----------

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import BetweenTwo, HamiltonianSystem, Near, Stage, Stages, StageSolver
 from wavetank.integrators.contract import Integrator, S
+from wavetank.integrators.hamiltonian import BetweenTwo, HamiltonianSystem, Near, Stage, Stages, StageSolver
 from wavetank.integrators.wrapper import Wrapper
 from wavetank.stateful import Held
 

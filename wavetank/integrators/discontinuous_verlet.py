@@ -19,8 +19,8 @@ from typing import ClassVar, NamedTuple, Self
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.contract import Evaluated, Map
+from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
 
 
 class JumpInQ(NamedTuple):

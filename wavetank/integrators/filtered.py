@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Seeing
 from wavetank.integrators.contract import Evaluated, Integrator, S, State
+from wavetank.integrators.hamiltonian import HamiltonianSystem, Seeing
 from wavetank.integrators.wrapper import Wrapper
 from wavetank.stateful import Held, Undoing, carry_over, give_back, held_by, named
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem
+from wavetank.integrators.hamiltonian import HamiltonianSystem
 
 
 def flow(system: HamiltonianSystem, q: Vector, p: Vector, t: float) -> tuple[Vector, Vector]:

@@ -10,9 +10,9 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.contract import StepCosts
 from wavetank.integrators.flow import flow
+from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
 from wavetank.integrators.states import Point
 
 ROOT = 3**0.5 / 6

@@ -15,8 +15,8 @@ from typing import ClassVar
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.flow import flow
+from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
 from wavetank.integrators.states import Point
 
 C = (0.0, 0.5, 1.0)

@@ -27,11 +27,11 @@ from typing import Any, ClassVar, NamedTuple, Self
 import numpy as np
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import BetweenTwo, HamiltonianSystem, Near, Stage
-from wavetank.hamiltonian.formulae import Formulae
 from wavetank.integrators.contract import Evaluated, Map, StepCosts
 from wavetank.integrators.damped import Damping
 from wavetank.integrators.flow import flow_of
+from wavetank.integrators.formulae import Formulae
+from wavetank.integrators.hamiltonian import BetweenTwo, HamiltonianSystem, Near, Stage
 from wavetank.stateful import Held
 
 KAPPA = 0.1

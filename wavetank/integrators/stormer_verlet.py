@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from wavetank.arrays import Vector
-from wavetank.hamiltonian.contract import HamiltonianSystem, Stage
 from wavetank.integrators.contract import StepCosts
+from wavetank.integrators.hamiltonian import HamiltonianSystem, Stage
 from wavetank.integrators.states import Point
 
 

@@ -1,0 +1,85 @@
+"""A scheme's amplification matrix in closed form: the scheme itself, run on symbols.
+
+The harmonic oscillator with omega = 1 and dt = theta = omega dt has all there is to know (scale q to get any other
+omega). Stages are affine there and are solved exactly; numbers in a scheme, such as 2/3, are read as the fractions
+they stand for.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import sympy
+from sympy.polys.matrices import DomainMatrix
+
+from examples.paper.schemes import Scheme
+from wavetank.integrators.hamiltonian import Stage
+
+THETA = sympy.Symbol("theta", positive=True)
+LAMBDA = sympy.Symbol("lambda")
+ALPHA = sympy.Symbol("alpha", positive=True)
+
+
+def exact(expressions: Any) -> sympy.Matrix:
+    """Return expressions as a column, floating-point numbers as a + b sqrt(3) with the fractions they stand for."""
+
+    def number(value: sympy.Float) -> Any:
+        return sympy.nsimplify(value, [sympy.sqrt(3)], tolerance=1e-13)
+
+    column = sympy.Matrix(list(expressions))
+    return column.xreplace({value: number(value) for value in column.atoms(sympy.Float)}).applyfunc(sympy.expand)
+
+
+class SymbolicStage:
+    """Solves z = c + A z exactly, in symbols."""
+
+    def solve(self, stage: Stage, residual: Callable[[Any], Any], start: Any, *, near: Any = None) -> Any:
+        """Return z with residual(z) = 0, an array of expressions, shape (n,)."""
+        zero = np.array([sympy.Integer(0)] * len(start))
+        constant = exact(residual(zero))
+        units = [np.array(unit) for unit in sympy.eye(len(start)).tolist()]
+        columns = [exact(residual(unit)) - constant for unit in units]
+        system, right = (
+            DomainMatrix.from_Matrix(m, extension=True) for m in (sympy.Matrix.hstack(*columns), -constant)
+        )
+        system, right = system.unify(right, fmt="dense")
+        return np.array(list(system.to_field().lu_solve(right.to_field()).to_Matrix()))
+
+
+class SymbolicOscillator:
+    """H = (p² + q²) / 2 for arrays of expressions."""
+
+    coordinate = momentum = pair = SymbolicStage()
+
+    def coupled(self, pairs: int) -> SymbolicStage:
+        """Return the one solver there is."""
+        return self.pair
+
+    @property
+    def stages(self) -> "SymbolicOscillator":
+        """Itself: it has the solvers."""
+        return self
+
+    def H_q(self, q: Any, p: Any, t: Any) -> Any:
+        """Return q."""
+        return q
+
+    def H_p(self, q: Any, p: Any, t: Any) -> Any:
+        """Return p."""
+        return p
+
+
+def amplification(scheme: Scheme) -> sympy.Matrix:
+    """Return M(theta) with z' = M z, the scheme run on unit vectors, shape (width, width)."""
+    system: Any = SymbolicOscillator()
+    columns = []
+    for i in range(scheme.width):
+        unit = np.array([sympy.Integer(int(i == j)) for j in range(scheme.width)])
+        after = scheme.step(system, unit, 0.0, THETA)
+        columns.append(exact(after))
+    return sympy.Matrix.hstack(*columns).applyfunc(lambda entry: sympy.cancel(entry, extension=True))
+
+
+def characteristic(matrix: sympy.Matrix) -> sympy.Expr:
+    """Return the characteristic polynomial in lambda, factored."""
+    return sympy.factor(matrix.charpoly(LAMBDA).as_expr())

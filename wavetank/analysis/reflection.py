@@ -1,0 +1,182 @@
+"""Incident and reflected waves by 2, 3 or n gauges along x, over one depth, by linear theory.
+
+At each frequency the complex amplitudes at the gauges are those of a wave that comes and one that goes back, whose wave
+number is that of the dispersion relation; by least squares where there are more than two gauges. Two are Y. Goda and
+Y. Suzuki, Proc. 15th Int. Conf. Coastal Eng., 1976; three E. P. D. Mansard and E. R. Funke, Proc. 17th, 1980; n J. A.
+Zelt and J. E. Skjelbreia, Proc. 23rd, 1992. Of regular waves the wave number may be found, too.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import signal
+from scipy.optimize import minimize_scalar
+from xarray import DataArray, Dataset
+
+from wavetank.analysis.along import told_apart
+from wavetank.analysis.records import places, time_step
+from wavetank.analysis.spectra import ends_low, moment, peak_frequency, samples, spectrum
+from wavetank.errors import InputError
+from wavetank.waves.airy import group_velocity, wave_number
+
+WORST = 6.3  # condition at which Goda and Suzuki's two gauges end: 0.05 and 0.45 wave lengths apart
+ENERGETIC = 0.02  # of the largest incident density: of less, no reflection is told
+FREE = 1.5  # of the peak's frequency: harmonics above are bound to the waves
+STEADY = 0.7, 1.4  # Hm0 in Hann windows over that of a record: 0.74 to 1.26 of seas of 18 periods, less of cut groups
+FEWEST = 10  # peak periods of a piece of a sea: of less the coefficient differs by a factor of two
+
+
+class Reflection(NamedTuple):
+    """Complex amplitudes at x = 0 of the waves that come and go back, their wave number k [rad/m], what they leave.
+
+    ``condition`` is how much more an error at the gauges can be in the amplitudes, at most 6 where gauges stand well.
+    """
+
+    incident: complex
+    reflected: complex
+    k: float
+    rest: float
+    condition: float
+
+    @property
+    def coefficient(self) -> float:
+        """Reflected over incident amplitude."""
+        return abs(self.reflected) / max(abs(self.incident), np.finfo(float).tiny)
+
+
+def reflected(components: ArrayLike, x: ArrayLike, k: float, *, within: float = 0.0) -> Reflection:
+    """Return the waves of one frequency in complex amplitudes at gauges, shape (gauges,), at x [m] of that shape.
+
+    The wave number is k [rad/m], or the one that leaves least ``within`` this part of it: nonlinear least squares, for
+    which steep waves are longer, and which needs three gauges.
+    """
+
+    def at(k: float) -> Reflection:
+        (incident, back), rest, condition = told_apart(components, x, [k, -k])
+        return Reflection(complex(incident), complex(back), k, rest, condition)
+
+    if not within:
+        return at(k)
+    bounds = ((1 - within) * k, (1 + within) * k)
+    best = minimize_scalar(lambda k: at(k).rest, bounds=bounds, method="bounded", options={"xatol": 1e-9 * k})
+    return at(float(best.x))
+
+
+def regular_reflection(
+    component: DataArray, frequency: float, *, depth: float, gravity: float = 9.81, within: float = 0.0
+) -> Reflection:
+    """Return the incident and reflected wave of a harmonic, as ``harmonics`` returns it, of this frequency [Hz].
+
+    The depth is in m; ``within`` as in ``reflected``. Raises ``InputError`` for fewer than two gauges, or three where
+    the wave number is looked for.
+    """
+    x = places(component)
+    _check(x.size, 3 if within else 2)
+    return reflected(component.values, x, float(wave_number(2 * np.pi * frequency, depth, gravity)), within=within)
+
+
+def reflected_spectra(eta: DataArray, *, depth: float, gravity: float = 9.81, segment: float | None = None) -> Dataset:
+    """Return the spectra ``incident`` and ``reflected`` [m²/Hz] of a sea or a group over frequency [Hz].
+
+    By the gauges' cross spectra. A group whose waves are low at both ends of the record is one segment without a
+    window. Else they are Welch's, in the segments of ``spectrum``, in Hann windows that move with the incident waves at
+    the group velocity of the peak: waves that pass one gauge within a window and the next one outside it would count as
+    reflected. The sum of the densities is that of ``spectrum``, whatever the windows. Not numbers where the gauges
+    cannot resolve both waves (``condition`` above 6.3).
+
+    ``counted`` are energetic frequencies that the gauges resolve, up to 1.5 times the peak's: harmonics above are bound
+    to the waves, and linear theory takes a part of them for reflected. The attributes: ``coefficient``, of the counted
+    frequencies, ``told_apart``, their part of the variance, ``hm0_incident`` and ``hm0_reflected`` [m], of all
+    frequencies in the ratio of the coefficient, ``highest_frequency`` [Hz], the limit, and ``one_window``, whether the
+    record is one Hann window. Raises ``InputError`` for fewer than two gauges, where they resolve no frequency of the
+    waves, and for waves that pass for a part of the record and are cut at its ends.
+    """
+    x, dt = places(eta), time_step(eta)
+    _check(x.size, 2)
+    known = spectrum(eta, segment=segment).mean("gauge")
+    variance, peak = float(moment(known, 0)), float(peak_frequency(known))
+    low = ends_low(eta.transpose("gauge", "time").values, round(1 / (peak * dt)))
+    size = samples(eta, segment)
+    whole = size == eta.time.size
+    if low and whole:
+        found = _cross_spectra(eta, np.zeros(x.size, dtype=np.intp), size, "boxcar")
+    else:
+        delays = _delays(x, dt, peak, depth=depth, gravity=gravity, most=eta.time.size // 2)
+        found = _cross_spectra(eta, delays, size, "hann")
+        steady = STEADY[0] < np.sqrt(found.variance / variance) < STEADY[1]
+        if not steady or whole and size * dt * peak < FEWEST:
+            first, last = eta.time.values[[0, -1]]
+            advice = "--start and --end must leave low waves at both ends, or a longer part of a sea"
+            raise InputError(f"the record from {first:.4g} to {last:.4g} s cuts the waves; {advice}.")
+    f, cross = found.frequency, found.cross * (variance / found.variance)
+    density = np.trace(cross.real, axis1=1, axis2=2) / x.size
+    k = wave_number(2 * np.pi * f, depth, gravity)
+    # of e^(i(kx - ωt)), scipy's transform over e^(-iωt) is the conjugate of A
+    waves = np.exp(-1j * k[:, None, None] * np.multiply.outer(x, [1, -1]))
+    condition = np.linalg.cond(waves)
+    usable = condition < WORST
+    inverse = np.linalg.pinv(waves)
+    told = np.einsum("fag,fgh,fah->fa", inverse.conj(), cross, inverse).real
+    incident, back = np.where(usable, np.maximum(told.T, 0.0), np.nan)
+    there = usable & (density > ENERGETIC * density.max()) & (f < FREE * peak)
+    if not there.any():
+        raise InputError("reflection: the gauges stand where incident and reflected waves cannot be told apart.")
+    coefficient = float(np.sqrt(back[there].sum() / max(incident[there].sum(), np.finfo(float).tiny)))
+    others = density[~there].sum() / (1 + coefficient**2)
+    hm0 = 4 * float(np.sqrt((incident[there].sum() + others) * f[0]))
+    return Dataset(
+        {
+            "incident": ("frequency", incident, {"units": "m2 Hz-1"}),
+            "reflected": ("frequency", back, {"units": "m2 Hz-1"}),
+            "condition": ("frequency", condition, {"units": "1"}),
+            "counted": ("frequency", there),
+        },
+        {"frequency": ("frequency", f, {"units": "Hz"})},
+        {
+            "hm0_incident": hm0,
+            "hm0_reflected": coefficient * hm0,
+            "coefficient": coefficient,
+            "told_apart": float(density[there].sum() / density.sum()),
+            "highest_frequency": FREE * peak,
+            "one_window": whole and not low,
+        },
+    )
+
+
+class _CrossSpectra(NamedTuple):
+    """Frequencies > 0 [Hz], shape (N,), and cross spectra of gauges [m²/Hz], shape (N, gauges, gauges)."""
+
+    frequency: NDArray[np.float64]
+    cross: NDArray[np.complex128]
+
+    @property
+    def variance(self) -> float:
+        """Mean variance of the gauges [m²]."""
+        total = np.trace(self.cross.real, axis1=1, axis2=2).sum() / self.cross.shape[1]
+        return float(total * self.frequency[0])
+
+
+def _cross_spectra(eta: DataArray, delays: NDArray[np.intp], size: int, window: str) -> _CrossSpectra:
+    """Return the cross spectra of records that begin so many steps later at each gauge, in segments of a size."""
+    dt, length = time_step(eta), eta.time.size - int(delays.max())
+    rows = zip(delays, eta.transpose("gauge", "time").values, strict=True)
+    values = np.array([row[delay : delay + length] for delay, row in rows])
+    size = min(size, length)
+    f, cross = signal.csd(values[:, None], values[None], 1 / dt, window, nperseg=size, detrend="constant")
+    turns = np.exp(2j * np.pi * dt * f[1:, None] * delays)
+    return _CrossSpectra(f[1:], turns[:, :, None] * np.moveaxis(cross, -1, 0)[1:] * turns[:, None].conj())
+
+
+def _delays(
+    x: NDArray[np.float64], dt: float, peak: float, *, depth: float, gravity: float, most: int
+) -> NDArray[np.intp]:
+    """Return how many steps after the first gauge along x waves of the peak frequency [Hz] come to each, at most."""
+    speed = float(group_velocity(float(wave_number(2 * np.pi * peak, depth, gravity)), depth, gravity))
+    return np.asarray(np.minimum(np.rint((x - x.min()) / (speed * dt)).astype(int), most), dtype=np.intp)
+
+
+def _check(gauges: int, fewest: int) -> None:
+    if gauges < fewest:
+        needed = f"at least {fewest} are needed to tell reflected waves from incident ones"
+        raise InputError(f"{gauges} gauges received; {needed}.")

@@ -1,0 +1,145 @@
+/* Interior potentials along a slice or ring, of wavetank/fem/along.py; layers.c and decoupled.c stand before.
+
+MODES           vertical modes; a chain is a matrix for each of them
+
+All is of single precision: a correction to a potential, whose residual is of double precision. */
+#define ROW (GROUPS * ABREAST)  /* a row's modes, and what fills the last group */
+#define ENOUGH 1e-10            /* of a residual's energy: then it is found anew */
+#define ROUND_OFF 1e-13         /* of it: so much of single precision is left */
+#define FEW 256                 /* products whose sum is of single precision */
+#define CLOSING 8.0             /* what a correction by the preconditioner alone leaves, over what an iteration does */
+
+/* y += A x of interior x, [row][mode]; by_surface, [row], is the surface potential's share. */
+static void product_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *y,
+                           REAL *by_surface)
+{
+    const Multiplied what = {layers, state};
+    EACH(b, c->batches) {
+        v X[NODES * MODES], Y[NODES * NUMBERS];
+        gather(c, b, MODES, x, ROW, X);
+        clear(NODES * NUMBERS, Y);
+        through(c, b, DIM, MODES, X, NUMBERS, Y, within_at, &what);
+        scatter_among(c, b, MODES, Y, NUMBERS, y, ROW);
+        scatter_among(c, b, 1, Y + MODES, NUMBERS, by_surface, 1);
+    }
+}
+
+INLINE void surface_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    multiply(what, c, b, q, MODES, MODES, u, r);
+}
+
+/* The same, of the surface potential's share alone. */
+static void surface_within(const Cells *c, const Layers *layers, const REAL *state, const REAL *x, REAL *by_surface)
+{
+    const Multiplied what = {layers, state};
+    EACH(b, c->batches) {
+        v X[NODES * MODES], Y[NODES];
+        gather(c, b, MODES, x, ROW, X);
+        clear(NODES, Y);
+        through(c, b, DIM, MODES, X, 1, Y, surface_at, &what);
+        scatter(c, b, 1, Y, by_surface, 1);
+    }
+}
+
+static double inner(long size, const REAL *restrict a, const REAL *restrict b)
+{
+    double sum = 0.0;
+    for (long begin = 0; begin < size; begin += FEW) {
+        const long end = begin + FEW < size ? begin + FEW : size;
+        REAL part = 0.0;
+        for (long i = begin; i < end; ++i)
+            part += a[i] * b[i];
+        sum += part;
+    }
+    return sum;
+}
+
+typedef struct {
+    double kinetic;     /* phi A phi */
+    double residual;    /* its energy over that wanted */
+} Found;
+
+/* Conjugate gradients: correct the interior part of phi, [degree of freedom][number], for its last column, the surface
+   potential, and what the wall adds, [degree of freedom] of that stride [number]. ``image`` is A phi, and becomes that of
+   the new phi in its last column. The residual's energy is to fall below tolerance² that of phi, or to ENOUGH of what it
+   was, when a new residual is needed. Where what the preconditioner makes of the last residual will do, that is added, and
+   needs no product but its surface's. Returns the iterations, -1 where ``most`` are not enough, -2 where A or the modes
+   are not positive; ``steps`` has the length of each and how much of its direction the next keeps. */
+static int correct(const Cells *cells, const Layers *layers, const REAL *state, const Chain *c, const double *wall,
+                   int stride, double *restrict phi, double *restrict image, double tolerance, int most, double *steps,
+                   Found *found, REAL *work)
+{
+    const long size = (long)c->dofs * ROW;
+    REAL *restrict r = work, *restrict p = r + size, *restrict x = p + size, *restrict flow = x + size;
+    REAL *restrict by_surface = flow + c->dofs, *restrict Ap = by_surface + c->dofs, *restrict z = Ap + size;
+    double kinetic = 0.0, length = 0.0;
+    for (long i = 0; i < (long)c->dofs * NUMBERS; ++i)
+        kinetic += phi[i] * image[i];
+    memset(work, 0, sizeof(REAL) * (3 * size + c->dofs));    /* r, p, x, flow */
+    for (long i = 0; i < c->dofs; ++i)
+        EACH(j, MODES)
+            r[(long)c->row[i] * ROW + j] = -(image[i * NUMBERS + j] + wall[i * stride + j]);
+    for (long i = 0; i < size; ++i)
+        length += (double)r[i] * r[i];
+    *found = (Found){kinetic, 0.0};
+    if (length == 0.0)
+        return 0;
+    const double scale = 1.0 / sqrt(length), back = sqrt(length);
+    for (long i = 0; i < size; ++i)
+        r[i] = (REAL)(scale * r[i]);    /* of single precision alone 1 / 1e-39 is infinite */
+    double target = 0.0, before = 0.0, first = 0.0, rz, left;
+    int iterations = 0, closes = 0;
+    for (;; ++iterations) {
+        solve_chain(c, (const abreast *)r, (abreast *)z);
+        rz = left = inner(size, r, z);
+        const double beta = iterations ? rz / before : 0.0;
+        if (rz < 0.0)
+            return -2;
+        if (iterations) {
+            steps[2 * iterations - 1] = beta;
+            closes = rz > target && CLOSING * beta * rz <= target;
+            left = closes ? CLOSING * beta * rz : rz;
+        } else
+            first = rz, target = tolerance * tolerance * (kinetic * scale * scale + rz);
+        if (closes || !(rz > target && rz > ENOUGH * first))
+            break;
+        if (iterations == most)
+            return -1;
+        for (long i = 0; i < size; ++i)
+            p[i] = z[i] + (REAL)beta * p[i];
+        memset(Ap, 0, sizeof(REAL) * size);
+        memset(by_surface, 0, sizeof(REAL) * c->dofs);
+        product_within(cells, layers, state, p, Ap, by_surface);
+        const double bend = inner(size, p, Ap), alpha = rz / bend;
+        if (!(bend > 0.0))
+            return -2;
+        for (long i = 0; i < size; ++i)
+            x[i] += (REAL)alpha * p[i], r[i] -= (REAL)alpha * Ap[i];
+        for (long i = 0; i < c->dofs; ++i)
+            flow[i] += (REAL)alpha * by_surface[i];
+        steps[2 * iterations] = alpha, before = rz;
+    }
+    memset(by_surface, 0, sizeof(REAL) * c->dofs);
+    if (closes)
+        surface_within(cells, layers, state, z, by_surface);
+    const double closing = closes ? back : 0.0;
+    double by_mode[MODES] = {0.0};
+    kinetic = closing * closing * rz;   /* z A z, as z is nearly the inverse of A times r */
+    for (long i = 0; i < c->dofs; ++i) {
+        const long row = c->row[i];
+        const double before_closing = image[i * NUMBERS + MODES] + back * flow[row];
+        EACH(j, MODES) {
+            const double x_now = phi[i * NUMBERS + j] + back * x[row * ROW + j], more = closing * z[row * ROW + j];
+            by_mode[j] += (x_now + 2.0 * more) * (back * r[row * ROW + j] + wall[i * stride + j]);
+            phi[i * NUMBERS + j] = x_now + more;
+        }
+        kinetic += phi[i * NUMBERS + MODES] * before_closing;
+        image[i * NUMBERS + MODES] = before_closing + closing * by_surface[row];
+    }
+    EACH(j, MODES)
+        kinetic -= by_mode[j];
+    const double floor = iterations ? ROUND_OFF * first : 0.0;
+    *found = (Found){kinetic, (left > floor ? left : floor) / target};
+    return iterations;
+}

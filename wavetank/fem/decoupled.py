@@ -1,0 +1,113 @@
+"""The horizontal matrices of a layer of middling height: what the vertical modes' decoupled problems are made of.
+
+S_u and S_w are the second derivatives by u and by w of the layer's energy, averaged over the depth. What couples u and
+w, the slope of surface and bed, is left out. With still water over a flat bed nothing is.
+"""
+
+from math import sqrt
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from petsc4py import PETSc
+
+from wavetank.arrays import Vector
+from wavetank.fem.forms import compile_form, owned_rows
+from wavetank.fem.layers import Array, LayerEnergy
+from wavetank.fem.plane import Plane
+from wavetank.fem.sparse_rows import SparseRows
+
+Averages = tuple[Vector, ...]  # all that decoupled problems are made of
+
+LEVELS = 0.5 - 0.5 / sqrt(3), 0.5 + 0.5 / sqrt(3)  # of Gauss: exact for cubics
+
+
+class LayerMatrices:
+    """S_u and S_w, of one sparsity.
+
+    Parameters
+    ----------
+    energy
+        e(u, w, zeta), in UFL.
+
+    Attributes
+    ----------
+    columns, row_pointers
+        Of the rows that this rank owns, columns in local numbering.
+    numbering
+        That of the columns.
+    """
+
+    def __init__(self, energy: LayerEnergy, plane: Plane):
+        u, w = fem.Function(plane.V), fem.Function(plane.V)
+        mean = 0.5 * sum(energy(u, w, zeta) for zeta in LEVELS) * plane.dx
+        packed = fem.functionspace(plane.mesh, ("Lagrange", plane.order, (2,)))
+        test, trial = ufl.TestFunction(packed), ufl.TrialFunction(packed)
+        form = sum(ufl.derivative(ufl.derivative(mean, by, test[0]), by, trial[slot]) for slot, by in enumerate((u, w)))
+        self._form, self.plane = compile_form(form), plane
+        self._matrix = fem.create_matrix(self._form)
+        self._entries, self.columns, self.row_pointers = owned_rows(self._matrix)
+        self.numbering = self._matrix.index_map(1)
+
+    def assemble(self) -> Averages:
+        """Return the entries of both, (entries,) each, for the fields as they are; collective."""
+        self._matrix.data[:] = 0.0
+        fem.assemble_matrix(self._matrix, self._form)
+        self._matrix.scatter_reverse()
+        S_u, S_w = self._entries[:, :2].T.copy()
+        return S_u, S_w
+
+    def modes(self, eigenvalues: Vector) -> "InterlacedModes":
+        """Return the decoupled problems of some modes, in one matrix; collective."""
+        return InterlacedModes(self, eigenvalues)
+
+
+class Responding:
+    """Modes that are solved for any right-hand sides."""
+
+    def respond(self, shares: Vector, right: Vector, *, cycles: int = 1) -> Vector:
+        """See ``Modes``."""
+        return np.asarray(self.solve(np.asarray(np.outer(right, shares), dtype=np.float64), cycles=cycles) @ shares)
+
+    def solve(self, right: Array, *, cycles: int = 1) -> Array:
+        """Return a for r, both of shape (owned, m), nearer after more cycles of multigrid; collective."""
+        raise NotImplementedError
+
+
+class InterlacedModes(Responding):
+    """All problems in one sparse matrix, rows ordered (degree of freedom, mode): LU on slices, in basins BoomerAMG."""
+
+    def __init__(self, layer: LayerMatrices, eigenvalues: Vector):
+        self._eigenvalues, plane = eigenvalues, layer.plane
+        columns = layer.numbering.local_to_global(layer.columns)
+        self._rows = SparseRows(columns, layer.row_pointers, size=plane.size, comm=plane.comm, copies=eigenvalues.size)
+        self._ksp = PETSc.KSP().create(plane.comm)
+        self._ksp.setOperators(self._rows.matrix)
+        self._ksp.setType("richardson")
+        self._ksp.setNormType(PETSc.KSP.NormType.NONE)
+        _choose_factorisation(self._ksp.getPC(), plane)
+        self._in, self._out = self._rows.matrix.createVecs()
+
+    def take(self, averages: Averages) -> None:
+        """Take over S_u and S_w; collective."""
+        S_u, S_w = averages
+        self._rows.set(S_u[:, None] + S_w[:, None] * self._eigenvalues)
+        self._ksp.setUp()
+
+    def solve(self, right: Array, *, cycles: int = 1) -> Array:
+        """Return a for r, both of shape (owned, m), on a slice in one cycle; collective."""
+        self._ksp.setTolerances(max_it=cycles)
+        self._in.array = right.ravel()
+        self._ksp.solve(self._in, self._out)
+        return np.array(self._out.array_r).reshape(right.shape)
+
+
+def _choose_factorisation(pc: PETSc.PC, plane: Plane) -> None:
+    if plane.mesh.topology.dim == 2:
+        pc.setType("hypre")
+        return
+    pc.setType("lu")
+    if plane.comm.size > 1:
+        pc.setFactorSolverType("mumps")
+    else:
+        pc.setFactorOrdering("natural")

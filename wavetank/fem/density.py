@@ -1,0 +1,89 @@
+"""Densities at points, in UFL, for compiled kernels: what they depend on, and C code of what is made of them."""
+
+from collections.abc import Callable, Mapping
+from itertools import chain
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from ffcx.naming import compute_signature
+from ufl.algorithms import extract_coefficients
+from ufl.algorithms.analysis import extract_constants
+
+from wavetank.arrays import Vector
+from wavetank.fem.plane import Plane
+
+Statements = dict[str, Any]  # what is set, to expressions of SymPy's
+Makes = Callable[[Any], Statements]  # of the density, as one
+
+
+class Density:
+    """A scalar density with all that it depends on.
+
+    Parameters
+    ----------
+    e
+        In UFL.
+    inputs
+        Functions and constants that are no fields of the mesh, by their names in C.
+    first
+        The field that is to be the first.
+
+    Attributes
+    ----------
+    fields
+        The number of fields, ``f0``, ``f1`` ... in C with slopes ``f0_0``, ...
+    values
+        Of these, all that this rank sees, each shape (size,).
+    """
+
+    def __init__(self, e: Any, plane: Plane, *, inputs: Mapping[Any, str] | None = None, first: Any = None):
+        inputs = inputs or {}
+        self._e, self._plane = e, plane
+        others = [one for one in extract_coefficients(e) if one not in inputs and one is not first]
+        self._fields: list[fem.Function] = [*([first] if first is not None else []), *others]
+        self._constants = [one for one in extract_constants(e) if one not in inputs]
+        index_map = plane.V.dofmap.index_map
+        self.values: list[Vector] = [one.x.array for one in self._fields]
+        self._rows = np.empty((index_map.size_local + index_map.num_ghosts, len(self._fields)))
+        self._numbers = [one.value for one in self._constants]  # where they are kept
+        self.fields = len(self._fields)
+        self._names = dict(inputs)
+        self._names |= {one: f"f{n}" for n, one in enumerate(self._fields)}
+        self._names |= {one: f"c{n}" for n, one in enumerate(self._constants)}
+
+    def signature(self, points: Vector) -> str:
+        """Return what tells it from another, with fields in another order, too."""
+        order = [self._fields.index(one) for one in extract_coefficients(self._e) if one in self._fields]
+        return f"{compute_signature([(self._e, points)], '')} {order}"
+
+    def rows(self) -> Vector:
+        """Return the fields as they are at all degrees of freedom that this rank sees, shape (size, fields).
+
+        The array is reused by the next call.
+        """
+        for n, values in enumerate(self.values):
+            self._rows[:, n] = values
+        return self._rows
+
+    def constants(self) -> Vector:
+        """Return the constants as they are; at least one number."""
+        return np.array([float(number) for number in self._numbers] or [0.0])
+
+    def put_in(self, code: str, made: Mapping[str, Makes]) -> str:
+        """Return C code where each name, a line of its own, is what is ``made`` of the density at that point.
+
+        The code has vectors ``v f[field][value, slopes ...]`` there, in one array, and REAL ``constants``; it knows
+        ``nothing``, whether some vectors are zero.
+        """
+        from wavetank.fem.pointwise import branches, symbols  # SymPy takes half a second to load
+
+        density, width = symbols(self._e, self._names), 1 + self._plane.mesh.geometry.dim
+        of_fields = [[f"f{n}", *(f"f{n}_{i}" for i in range(width - 1))] for n in range(self.fields)]
+        constants = [f"c{n}" for n in range(len(self._constants))]
+        inputs = [f"const v {one} = f[{n}];" for n, one in enumerate(chain.from_iterable(of_fields))]
+        inputs += [f"const REAL {one} = constants[{n}];" for n, one in enumerate(constants)]
+        for name, makes in made.items():
+            lines = [*inputs, branches(density, makes, fields=of_fields, constants=constants)]
+            code = code.replace(f" {name}\n", " {\n" + "\n".join(lines) + "\n}\n")
+        return code

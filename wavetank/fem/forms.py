@@ -1,0 +1,136 @@
+"""Compiled forms: each is compiled once, with the flags measured to be fastest, and assembled into its own storage.
+
+GCC's -O2 takes a minute where -O3 takes seconds on forms with many vertical components; reassociation halves the time
+of the kernels and changes results by round-off only.
+"""
+
+import os
+from collections.abc import Callable
+from math import factorial
+from pathlib import Path
+from typing import Any
+
+import ffcx
+import numpy as np
+import ufl
+from dolfinx import default_scalar_type, fem, jit, la, mesh
+from ffcx.naming import compute_signature
+from mpi4py import MPI
+from numpy.typing import NDArray
+from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+from ufl.algorithms.apply_derivatives import apply_derivatives
+
+from wavetank.arrays import Vector, summed
+from wavetank.fem.compiled import COMPILER_FLAGS, compiled, loaded
+
+JIT_OPTIONS = {"cffi_extra_compile_args": COMPILER_FLAGS, "cffi_debug": False, "cffi_libraries": None}
+
+
+def compile_form(form: ufl.Form) -> Any:
+    """Return the compiled form; collective."""
+    comm = form.ufl_domain().ufl_cargo().comm
+    options = _kept(form, comm)
+    return loaded(comm, lambda: fem.form(form, jit_options=options), options["cache_dir"])
+
+
+def part_of(form: ufl.Form, horizontal: mesh.Mesh, cells: NDArray[np.int32], *, besides: bool = False) -> ufl.Form:
+    """Return a form over some of one rank's cells and the facets at them, or over all that is ``besides``.
+
+    It is compiled once, whatever the cells.
+    """
+    dim = horizontal.topology.dim
+    horizontal.topology.create_connectivity(dim, dim - 1)
+    horizontal.topology.create_connectivity(dim - 1, dim)
+    facets = mesh.compute_incident_entities(horizontal.topology, cells, dim, dim - 1)
+
+    def tags(of: int, chosen: NDArray[np.int32]) -> mesh.MeshTags:
+        everywhere = np.arange(horizontal.topology.index_map(of).size_local, dtype=np.int32)
+        these = everywhere[np.isin(everywhere, chosen, invert=besides)]
+        return mesh.meshtags(horizontal, of, these, np.ones_like(these))
+
+    data = {"cell": tags(dim, cells), "interior_facet": tags(dim - 1, facets)}
+    return ufl.Form(
+        [one.reconstruct(subdomain_id=1, subdomain_data=data[one.integral_type()]) for one in form.integrals()]
+    )
+
+
+def compile_expression(expression: Any, points: Vector, comm: MPI.Comm) -> fem.Expression:
+    """Return the compiled expression at points of the reference cell, shape (N, dimensions); collective."""
+    options = _kept((expression, points), comm)
+    return loaded(comm, lambda: fem.Expression(expression, points, jit_options=options), options["cache_dir"])
+
+
+def _look_for_settings_within_reach() -> None:
+    """Where the user's home cannot be entered, FFCx and dolfinx, which fail there, look for settings here alone."""
+    try:
+        (Path(os.environ.get("XDG_CONFIG_HOME", "~/.config")).expanduser() / "ffcx").stat()
+    except FileNotFoundError:
+        pass
+    except OSError:
+        os.environ["XDG_CONFIG_HOME"] = os.getcwd()
+
+
+def _kept(ufl_object: Any, comm: MPI.Comm) -> dict[str, Any]:
+    """Return options with which dolfinx finds a form or expression, compiled now if it is not kept; collective."""
+    _look_for_settings_within_reach()
+    scalar = {"scalar_type": default_scalar_type}
+
+    def build(folder: Path) -> None:
+        jit.ffcx_jit(
+            MPI.COMM_SELF, ufl_object, form_compiler_options=scalar, jit_options={**JIT_OPTIONS, "cache_dir": folder}
+        )
+
+    signature = compute_signature([ufl_object], f"{JIT_OPTIONS} {sorted(ffcx.get_options(scalar).items())}")
+    return {**JIT_OPTIONS, "cache_dir": compiled(comm, signature, build=build)}
+
+
+def taylor_coefficients(f: Callable[[Any], Any], highest: int, plan_mesh: mesh.Mesh) -> list[Any]:
+    """Return the coefficients of 1, x, ..., x^highest in a density f(x), x a number, in UFL; what vanishes is left out.
+
+    Each is a derivative of the one before it, so that all take little more than the last one alone.
+    """
+    x = ufl.variable(ufl.Constant(plan_mesh.ufl_domain()))
+    derivatives = [apply_algebra_lowering(f(x))]
+    for _ in range(highest):
+        derivatives.append(apply_derivatives(apply_algebra_lowering(ufl.diff(derivatives[-1], x))))
+    return [ufl.replace(one, {x: ufl.as_ufl(0)}) / factorial(power) for power, one in enumerate(derivatives)]
+
+
+class ScalarForm:
+    """A functional, e.g. an energy."""
+
+    def __init__(self, form: ufl.Form, comm: MPI.Comm):
+        self._form, self._comm = compile_form(form), comm
+
+    def assemble(self) -> float:
+        """Return its value, summed over all ranks; collective."""
+        return summed(self._comm, float(fem.assemble_scalar(self._form)))
+
+
+class VectorForm:
+    """A linear form, e.g. a derivative of the energy."""
+
+    def __init__(self, form: ufl.Form):
+        self._form = compile_form(form)
+        space = self._form.function_spaces[0].dofmap
+        self._vector = la.vector(space.index_map, space.index_map_bs)
+        self._values: Vector = self._vector.array
+        self._owned: Vector = self._values[: space.index_map.size_local * space.index_map_bs]
+        self._alone = space.index_map.size_local == space.index_map.size_global
+
+    def assemble(self) -> Vector:
+        """Return the values this rank owns, shape (owned,); collective. The array is reused by the next call."""
+        self._values[:] = 0.0
+        fem.assemble_vector(self._values, self._form)
+        if not self._alone:
+            self._vector.scatter_reverse(la.InsertMode.add)
+        return self._owned
+
+
+def owned_rows(matrix: Any) -> tuple[Vector, Any, Any]:
+    """Return values, column indices (local, with ghosts) and row pointers of the rows this rank owns."""
+    rows = matrix.index_map(0).size_local
+    indptr = matrix.indptr[: rows + 1]
+    entries = int(indptr[-1])
+    block = int(np.prod(matrix.block_size))
+    return matrix.data[: entries * block].reshape(entries, block), matrix.indices[:entries], indptr

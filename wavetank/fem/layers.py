@@ -1,0 +1,219 @@
+"""The interior operator without matrices, from the energy of a horizontal layer.
+
+A layer at height zeta, with potential u and vertical derivative w, has an energy e(grad u, w; zeta), quadratic in
+(grad u, w) and depends on fields (the water column, the bed, the wall's mapping) and on zeta in any way. With
+phi = sum_j phi_j(X) P_j(zeta) the second derivative A of int e dzeta dX is applied as it is written: interpolate phi to
+the quadrature points, contract with the vertical functions at the levels zeta_q, multiply by the energy's second
+derivatives there, and go back (``layers.c``). Nothing is assembled: each product finds these derivatives anew, of the
+fields at the points, unless there are to be many with the same fields, and room for them (``stored``).
+"""
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector
+from wavetank.fem.cells import DECLARATION, Cells
+from wavetank.fem.density import Density, Statements
+from wavetank.fem.kernels import FLAGS, Kernel, defined, source
+from wavetank.fem.plane import Field, Plane
+from wavetank.fem.vertical import VerticalBasis
+
+LayerEnergy = Callable[[Any, Any, Any], Any]  # (u, w, zeta) -> energy density
+Indices = NDArray[np.intp]
+Array = NDArray[Any]  # of the operator's precision
+
+LAYERS = """
+typedef struct {
+    const REAL *zeta, *weights, *P, *dP, *constants;
+} Layers;
+"""
+DECLARATIONS = """
+REAL take(const Cells *, const Layers *, const REAL *fields, REAL *state);
+void product(const Cells *, const Layers *, const REAL *state, const REAL *x, REAL *y);
+void interior_product(const Cells *, const Layers *, const REAL *state, const REAL *x, REAL *y);
+void derivative(const Cells *, const Layers *, const REAL *fields, const REAL *x, REAL *y);
+"""
+
+
+class LayerDensity(Density):
+    """The energy of a layer at a point.
+
+    Parameters
+    ----------
+    energy
+        e(u, w, zeta), in UFL.
+    column
+        The first of its fields.
+    """
+
+    def __init__(self, energy: LayerEnergy, plane: Plane, column: Field):
+        u, w, zeta = fem.Function(plane.V), fem.Function(plane.V), fem.Constant(plane.mesh, 0.0)
+        super().__init__(energy(u, w, zeta), plane, inputs={u: "u", w: "w", zeta: "zeta"}, first=column.function)
+        dim = plane.mesh.topology.dim
+        self._axes = range(plane.mesh.geometry.dim)
+        self.sizes = {
+            "FIELDS": self.fields,
+            "HESSIANS": dim * (dim + 1) // 2 + dim + 1,
+            "MEANS": dim * (dim + 1) // 2 + 1,
+        }
+
+    def second(self, e: Any) -> Statements:
+        """Return the second derivatives by grad u and w."""
+        from wavetank.fem.pointwise import named
+
+        u, w = [named("u", i) for i in self._axes], named("w")
+        second = {f"uu[{i}][{j}]": e.diff(u[i], u[j]) for i in self._axes for j in self._axes}
+        return second | {f"uw[{i}]": e.diff(u[i], w) for i in self._axes} | {"ww": e.diff(w, w)}
+
+    def first(self, e: Any) -> Statements:
+        """Return the derivatives by the column and its slope, of grad u in an array."""
+        from wavetank.fem.pointwise import named
+
+        first = {"by": e.diff(named("f0"))} | {f"by_slope[{i}]": e.diff(named("f0", i)) for i in self._axes}
+        slope = {named("u", i): named(f"u[{i}]") for i in self._axes}
+        return {name: derivative.xreplace(slope) for name, derivative in first.items()}
+
+
+class LayerOperator:
+    """A, its products, and the derivative of its energy by the water column.
+
+    Parameters
+    ----------
+    energy
+        e(u, w, zeta), in UFL.
+    column
+        The field by which derivatives are taken.
+    more
+        C code, and its declarations, that is compiled with the operator's.
+    real
+        What it calculates with: "double" or "float".
+    order
+        The degrees of freedom in the order in which they stand in arrays; their own, if not given.
+    stored
+        Whether the energy's second derivatives are kept from one state of the fields to the next.
+
+    Attributes
+    ----------
+    density
+        The energy at a point.
+    numbers
+        Of a degree of freedom: n + 1.
+    kernel, cells, layers, state
+        The compiled functions, and what they are called with; the state is the fields, or what is kept of them.
+    rows
+        The fields as they were taken over, [degree of freedom][field], as arrays stand here.
+    least
+        The column's least value at the points of this rank's cells: between nodes it may be lower than there.
+    """
+
+    def __init__(
+        self,
+        energy: LayerEnergy,
+        plane: Plane,
+        vertical: VerticalBasis,
+        *,
+        column: Field,
+        more: tuple[str, str] = ("", ""),
+        real: str = "double",
+        order: Indices | None = None,
+        stored: bool = False,
+    ):
+        self.density = LayerDensity(energy, plane, column)
+        self._owned, self.numbers = plane.owned, vertical.n + 1
+        self.order = None if order is None else np.ascontiguousarray(order, dtype=np.int32)
+        cells = Cells(plane, plane.degree, real=real)
+        if order is not None:
+            cells.parts["dofs"] = np.argsort(order)[cells.parts["dofs"]]
+        sizes = {
+            "REAL": real,
+            **cells.sizes,
+            **self.density.sizes,
+            "NUMBERS": vertical.n + 1,
+            "LEVELS": len(vertical.zeta),
+            "MOST": vertical.n + 1 + self.density.fields,
+            "STORED": int(stored),
+        }
+        code = defined(sizes) + source("cells.c") + source("layer.c") + source("layers.c") + more[0]
+        made = {"HESSIAN": self.density.second, "DERIVATIVE": self.density.first}
+        self.kernel = Kernel(
+            "layers",
+            DECLARATION + LAYERS + DECLARATIONS + more[1],
+            key=f"{self.density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
+            source=lambda: self.density.put_in(code, made),
+            comm=plane.comm,
+            real=real,
+            flags=FLAGS if real == "double" else [*FLAGS, "-fsingle-precision-constant"],
+        )
+        self.cells = self.kernel.struct("Cells", cells.parts)
+        parts = {"zeta": vertical.zeta, "weights": vertical.weights, "P": vertical.values, "dP": vertical.slopes}
+        self._constants = self.density.constants().astype(self.kernel.real)
+        self.layers = self.kernel.struct("Layers", {**parts, "constants": self._constants})
+        kept = (cells.parts["batches"], len(cells.points), len(vertical.zeta) * sizes["HESSIANS"], cells.lanes)
+        rows = self.density.rows()
+        self.rows, self.least = np.empty(rows.shape, dtype=self.kernel.real), np.inf
+        self.state = np.empty(kept, dtype=self.kernel.real) if stored else self.rows
+        self._at_rows, self._at_state = self.kernel.pointer(self.rows), self.kernel.pointer(self.state)
+        self._of = self.cells, self.layers
+        self._halos = {count: cells.halo(count, self.kernel.real) for count in (1, self.numbers)}
+
+    def update(self) -> None:
+        """Take over the fields as they are, ghosts included."""
+        self._constants[:] = self.density.constants()
+        self._take(self.density.rows())
+
+    def follow(self, other: "LayerOperator") -> None:
+        """Take over the fields as another operator of the same energy has, which stand in their own order there."""
+        self._constants[:] = other._constants
+        self._take(other.rows)
+
+    def _take(self, rows: Array) -> None:
+        self.rows[:] = rows if self.order is None else rows[self.order]
+        self.least = self.kernel.call.take(*self._of, self._at_rows, self._at_state)
+
+    def apply(self, rows: Array) -> Array:
+        """Return A x, shape (owned, n+1), for the owned rows of x or more; collective."""
+        return self._applied(self.kernel.call.product, rows, self._nothing())
+
+    @property
+    def compiled(self) -> dict[str, Any]:
+        """What products are called with, for ``whole.c``."""
+        address = self.kernel.address
+        called = {name: address(name) for name in ("take", "product", "derivative")}
+        return {**called, "cells": address(self.cells), "layers": address(self.layers), "rows": self.rows}
+
+    def apply_to(self, rows: Array, image: Array) -> None:
+        """Set A x, shape (dofs, n+1), for x of that shape, all of it on this rank; both live as long as this does."""
+        image[:] = 0.0
+        self.kernel.call.product(*self._of, self._at_state, self.kernel.known(rows), self.kernel.known(image))
+
+    def apply_to_interior(self, rows: Array) -> Array:
+        """Return A x, shape (owned, n+1), for an x of that shape whose last column is zero; collective.
+
+        The array is reused by the next call.
+        """
+        self._image[:] = 0.0
+        return self._applied(self.kernel.call.interior_product, rows, self._image)
+
+    @cached_property
+    def _image(self) -> Array:
+        return self._nothing()
+
+    def _nothing(self) -> Array:
+        return np.zeros((self._halos[self.numbers].size, self.numbers), dtype=self.kernel.real)
+
+    def _applied(self, product: Any, rows: Array, y: Array) -> Array:
+        halo, at = self._halos[self.numbers], self.kernel.pointer
+        product(*self._of, self._at_state, at(halo.fetch(rows[: self._owned])), at(y))
+        return halo.collect(y)
+
+    def derivative(self, rows: Vector) -> Vector:
+        """Return the derivative of 1/2 x A x by the water column, shape (owned,), for x of (owned, n+1); collective."""
+        halo, at = self._halos[1], self.kernel.pointer
+        x, y = self._halos[self.numbers].fetch(rows[: self._owned]), np.zeros((halo.size, 1))
+        self.kernel.call.derivative(*self._of, self._at_rows, at(x), at(y))
+        return halo.collect(y)[:, 0]

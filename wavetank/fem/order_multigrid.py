@@ -1,0 +1,283 @@
+"""One cycle of multigrid in the order p for the decoupled modes of a basin (``modes.py``).
+
+Chebyshev-Jacobi smoothing at order p, without matrices (``modes.c``), around one cycle of an algebraic multigrid on
+elements of order 1. As what conjugate gradients are preconditioned with need not be exact, numbers are of single
+precision, and quadrature is exact only where coefficients are constant in each cell.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from dolfinx.fem.petsc import interpolation_matrix
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector, summed
+from wavetank.fem.cells import DECLARATION, Cells
+from wavetank.fem.conjugate_gradients import dot
+from wavetank.fem.decoupled import LEVELS, Averages, LayerMatrices, Responding
+from wavetank.fem.halo import Halo
+from wavetank.fem.kernels import FLAGS, Kernel, defined, source
+from wavetank.fem.layers import LAYERS, Array, LayerDensity, LayerEnergy
+from wavetank.fem.plane import Plane
+
+Singles = NDArray[np.float32]
+
+FEW = 4  # modes at a time
+NOTHING, NONE = 1e-30, 1e-3  # of single precision; of the largest eigenvalue: as small is as bad
+LEAVES = 0.12  # of an error: what a cycle of multigrid does, and smoothing alone has to where it is all that is done
+DECLARATIONS = """
+void average(const Cells *, const Layers *, const float *fields, float *out);
+void multiply(const Cells *, const float *averages, const float *lambda, int many, int stride, const float *x,
+              float *y);
+void diagonals(const Cells *, const float *averages, float *y);
+void smooth(long rows, const float *diagonals, const float *lambda, const float *keep, const float *take, int many,
+            const float *Ad, float *r, float *d, float *x);
+void interpolate(long rows, const int *pointers, const int *columns, const float *entries, int many, int stride,
+                 const float *x, float *y);
+void restrict_to(long rows, const int *pointers, const int *columns, const float *entries, int many, int stride,
+                 const float *x, float *y);
+"""
+
+
+class LayerMeans:
+    """The averages of a basin's layer at quadrature points, and its matrices on elements of order 1.
+
+    Parameters
+    ----------
+    energy, density
+        e(u, w, zeta), in UFL, and what is known of it at a point.
+    vertical_order
+        n: there are to be n modes, or one more.
+    """
+
+    def __init__(self, energy: LayerEnergy, density: LayerDensity, plane: Plane, *, vertical_order: int):
+        self.plane, self._density = plane, density
+        self.linear = LayerMatrices(energy, Plane(plane.mesh, 1))
+        cells = Cells(plane, 2 * plane.order + 1, real="float")
+        sizes = {
+            "REAL": "float",
+            **cells.sizes,
+            **density.sizes,
+            "NUMBERS": vertical_order + 1,
+            "LEVELS": len(LEVELS),
+            "MOST": max(FEW, density.fields),
+            "FEW": FEW,
+            "NOTHING": f"{NOTHING}f",
+        }
+        code = defined(sizes) + source("cells.c") + source("layer.c") + source("modes.c")
+        self.kernel = Kernel(
+            "modes",
+            DECLARATION + LAYERS + DECLARATIONS,
+            key=f"{density.signature(cells.points)} {code} {source('pointwise.py')} {source('density.py')}",
+            source=lambda: density.put_in(code, {"HESSIAN": density.second}),
+            comm=plane.comm,
+            real="float",
+            flags=[*FLAGS, "-fsingle-precision-constant"],
+        )
+        self.cells, self.halo = self.kernel.struct("Cells", cells.parts), cells.halo
+        self._constants = density.constants().astype(np.float32)
+        levels = {"zeta": np.array(LEVELS), "weights": np.full(len(LEVELS), 1 / len(LEVELS))}
+        self._layers = self.kernel.struct("Layers", {**levels, "constants": self._constants})
+        numbering = plane.V.dofmap.index_map
+        self._work = np.zeros((2, (numbering.size_local + numbering.num_ghosts) * (vertical_order + 1)), np.float32)
+        self._shape = cells.parts["batches"], len(cells.points), density.sizes["MEANS"], cells.lanes
+
+    def assemble(self) -> "Means":
+        """See ``Layer``."""
+        return self.averages(), self.linear.assemble()
+
+    def averages(self) -> Singles:
+        """Return the second derivatives by u and by w alone at the points, averaged over the depth."""
+        self._constants[:] = self._density.constants()
+        out, at = np.empty(self._shape, dtype=np.float32), self.kernel.pointer
+        self.kernel.call.average(self.cells, self._layers, at(self._density.rows().astype(np.float32)), at(out))
+        return out
+
+    def modes(self, eigenvalues: Vector) -> "OrderMultigrid":
+        """See ``Layer``."""
+        return OrderMultigrid(self, eigenvalues)
+
+    def work(self, rows: int, modes: int) -> Iterator[Singles]:
+        """Yield two arrays of that shape for whoever is at work, the same for all."""
+        return (one[: rows * modes].reshape(rows, modes) for one in self._work)
+
+
+Means = tuple[Singles, Averages]  # at the points, and on elements of order 1
+
+
+class OrderMultigrid(Responding):
+    """The decoupled problems of some modes; see ``Modes``.
+
+    High modes are nearly mass matrices, whose eigenvalues the smoother takes down, all of them: these need no elements
+    of order 1, half of the products, and are done where the others turn to the coarse end.
+
+    Attributes
+    ----------
+    steps
+        Of smoothing, before and after.
+    spread
+        Largest over smallest of the eigenvalues that smoothing takes down; elements of order 1 have the others.
+    low
+        Modes that have others.
+    diagonals
+        Of S_u and S_w, shape (owned, 2).
+    """
+
+    lanczos = 10  # steps, which see the largest eigenvalue to a few per cent
+    margin = 1.1  # over what they see, and below
+
+    def __init__(self, layer: LayerMeans, eigenvalues: Vector):
+        self._plane, self._kernel, self._cells, self._layer = layer.plane, layer.kernel, layer.cells, layer
+        self._eigenvalues, p = eigenvalues.astype(np.float32), layer.plane.order
+        self.steps, self.spread, self.low = max(2, (p + 1) // 2), max(8.0, p**2 / 2), eigenvalues.size
+        self._halo, self._one = (layer.halo(many, np.float32) for many in (eigenvalues.size, 2))
+        self._image, direction = layer.work(self._halo.size, eigenvalues.size)
+        self._direction = direction[: layer.plane.owned]
+        self._of_low = dict[int, LinearModes]()
+
+    def take(self, averages: Means) -> None:
+        """See ``Modes``."""
+        self._averages, linear = averages
+        at, y = self._kernel.pointer, np.zeros((self._one.size, 2), dtype=np.float32)
+        self._kernel.call.diagonals(self._cells, at(self._averages), at(y))
+        self.diagonals = self._one.collect(y)
+        smallest, largest = self._ends_of_spectra()
+        tops = self.margin * largest
+        bottoms = np.maximum(smallest / self.margin, NONE * tops)
+        left = 1 / np.cosh((self.steps + 1) * np.arccosh((tops + bottoms) / (tops - bottoms)))
+        self.low = low = 1 + max(map(int, np.flatnonzero(left > LEAVES)), default=0)
+        if low not in self._of_low:
+            self._of_low[low] = LinearModes(self._layer, self._eigenvalues[:low].astype(np.float64))
+        self._coarse = self._of_low[low]
+        self._coarse.take(linear)
+        tops[:low] = tops.max()
+        bottoms[:low] = tops.max() / self.spread
+        before = _chebyshev(bottoms, tops, self.steps + 1)
+        after = before[:-1].copy()
+        before[-1, :, :low] = after[:, :, low:] = 0.0  # there the residual alone changes, or nothing
+        self._lengths = np.concatenate([before, after])
+
+    def _ends_of_spectra(self) -> tuple[Vector, Vector]:
+        """Return each mode's smallest and largest eigenvalue, with Jacobi's preconditioner, by Lanczos; collective."""
+        of_u, of_w = self.diagonals.T
+        scale, modes = (of_u[:, None] + of_w[:, None] * self._eigenvalues) ** -0.5, self._eigenvalues.size
+
+        def inner(a: Vector, b: Vector) -> Vector:
+            return summed(self._plane.comm, np.asarray((a * b).sum(axis=0), dtype=np.float64))
+
+        v = np.repeat(np.sin(1e5 * self._plane.coordinates() @ [1.0, np.sqrt(2.0), 0.0])[:, None], modes, axis=1)
+        v, before = (v / np.sqrt(inner(v, v))).astype(np.float32), np.zeros(v.shape, dtype=np.float32)
+        beta: Vector = np.zeros(modes)
+        projected = np.zeros((modes, self.lanczos, self.lanczos))
+        for k in range(self.lanczos):
+            w = scale * self.product(scale * v) - beta.astype(np.float32) * before
+            projected[:, k, k] = alpha = inner(w, v)
+            w -= alpha.astype(np.float32) * v
+            before, beta = v, np.sqrt(inner(w, w))
+            if k + 1 == self.lanczos or beta.min() < 1e-4:  # the latter: a mesh of few cells is exhausted
+                break
+            projected[:, k, k + 1] = projected[:, k + 1, k] = beta
+            v = w / beta.astype(np.float32)
+        seen = np.asarray(np.linalg.eigvalsh(projected[:, : k + 1, : k + 1]), dtype=np.float64)
+        return seen[:, 0], seen[:, -1]
+
+    def product(self, x: Singles, *, many: int | None = None) -> Singles:
+        """Return (S_u + Lambda_j S_w) x_j, shape (owned, m), of single precision; collective.
+
+        That is of the first modes, ``many``, or of all. The array is reused by the next call.
+        """
+        size, at, y = self._eigenvalues.size, self._kernel.pointer, self._image
+        x, y[:], many = self._halo.fetch(x), 0.0, size if many is None else many
+        self._kernel.call.multiply(self._cells, at(self._averages), at(self._eigenvalues), many, size, at(x), at(y))
+        return self._halo.collect(y)
+
+    def _smooth(self, lengths: Singles, image: Singles, r: Singles, x: Singles) -> Singles:
+        """Improve x by a step of the Chebyshev semi-iteration; return by what.
+
+        Saad, Iterative Methods for Sparse Linear Systems (2003), algorithm 12.1. ``image``, the product with the last
+        change of x, is taken from r before.
+        """
+        at, (rows, many) = self._kernel.pointer, r.shape
+        matrices = rows, at(self.diagonals), at(self._eigenvalues), at(lengths[0]), at(lengths[1]), many
+        self._kernel.call.smooth(*matrices, at(image), at(r), at(self._direction), at(x))
+        return self._direction
+
+    def _cycle(self, r: Singles) -> Singles:
+        """Return what a cycle makes of a residual, which it changes; collective."""
+        x, image, low = np.zeros_like(r), self._image[: len(r)], self.low
+        self._direction[:] = image[:] = 0.0
+        for lengths in self._lengths[: self.steps]:
+            image = self.product(self._smooth(lengths, image, r, x))
+        self._smooth(self._lengths[self.steps], image, r, x)
+        change = self._coarse.correction(r)
+        x += change
+        for lengths in self._lengths[self.steps + 1 :]:
+            change = self._smooth(lengths, self.product(change, many=low), r, x)
+        return x
+
+    def solve(self, right: Array, *, cycles: int = 1) -> Array:
+        """See ``Modes``: of several cycles conjugate gradients make the best."""
+        r: Singles = right.astype(np.float32)
+        if cycles == 1:
+            return self._cycle(r)
+        x, p = np.zeros_like(r), np.zeros_like(r)
+        before = np.inf
+        for _ in range(cycles):
+            z = self._cycle(r.copy())
+            energy = self._inner(r, z)
+            if not energy > 0.0:
+                break
+            p *= energy / before
+            p += z
+            image = self.product(p)
+            length = np.float32(energy / self._inner(p, image))
+            x += length * p
+            r -= length * image
+            before = energy
+        return x
+
+    def _inner(self, a: Singles, b: Singles) -> float:
+        return summed(self._plane.comm, dot(a, b))
+
+
+class LinearModes:
+    """The problems on elements of order 1, of some modes, and one cycle of algebraic multigrid for them.
+
+    Nothing of PETSc's is made twice: what Python lets go of there is kept, on several ranks, until all of them collect.
+    """
+
+    def __init__(self, layer: LayerMeans, eigenvalues: Vector):
+        linear, fine, self._kernel = layer.linear, layer.plane, layer.kernel
+        numbering = linear.plane.V.dofmap.index_map
+        interpolation = interpolation_matrix(linear.plane.V, fine.V)
+        interpolation.assemble()
+        pointers, columns, weights = interpolation.getValuesCSR()
+        here = numbering.global_to_local(columns.astype(np.int64))
+        self._halo, self._many = Halo(numbering, eigenvalues.size, np.float32, reached=here), eigenvalues.size
+        self._rows, self._interpolation = fine.owned, (pointers, here, weights.astype(np.float32))
+        self._modes = linear.modes(eigenvalues)
+
+    def take(self, averages: Averages) -> None:
+        """Take over S_u and S_w on elements of order 1; collective."""
+        self._modes.take(averages)
+
+    def correction(self, residual: Singles) -> Singles:
+        """Return what they make of a residual, of other modes nothing, both of shape (owned, m); collective."""
+        at, call, sizes = self._kernel.pointer, self._kernel.call, (self._many, residual.shape[1])
+        interpolation = self._rows, *map(at, self._interpolation), *sizes
+        right, fine = np.zeros((self._halo.size, self._many), dtype=np.float32), np.zeros_like(residual)
+        call.restrict_to(*interpolation, at(residual), at(right))
+        coarse = self._halo.fetch(self._modes.solve(self._halo.collect(right)).astype(np.float32))
+        call.interpolate(*interpolation, at(coarse), at(fine))
+        return fine
+
+
+def _chebyshev(bottoms: Vector, tops: Vector, steps: int) -> Singles:
+    """Return how much of its direction each step keeps, and takes of a residual, (steps, 2, modes), for spectra."""
+    centre, radius = (tops + bottoms) / 2, (tops - bottoms) / 2
+    lengths, ratio = [(0 * centre, 1 / centre)], radius / centre
+    for _ in range(steps - 1):
+        after = 1 / (2 * centre / radius - ratio)
+        lengths.append((after * ratio, 2 * after / radius))
+        ratio = after
+    return np.array(lengths, dtype=np.float32)

@@ -1,0 +1,113 @@
+/* The water's velocity at the surface, and what is carried along, of wavetank/fem/surface_points.py; cells.c stands before.
+
+Velocities are [batch][point][axis of space][lane], by how far points are in the reference tank, and times M_J's J.
+FIELDS is 3, or 7 where a wall moves: elevation, potential and M_J^-1 dQ/dt, and what surface_points.py says of a wall. */
+#include <math.h>
+
+typedef struct {
+    double most;
+    const double *axis;
+    stored *velocity;
+    double *fastest;
+} Moving;
+
+/* A slope along the axis across the paddle. */
+INLINE v across(const Moving *moving, const v *slope)
+{
+    v sum = zero;
+    EACH(i, GDIM)
+        sum += slope[i] * moving->axis[i];
+    return sum;
+}
+
+INLINE void move_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    const Moving *moving = what;
+    v f[FIELDS * (1 + GDIM)], velocity[GDIM];   /* with their slopes */
+    in_space(c, b, q, FIELDS, u, FIELDS, f);
+    v *slope = f + 1, *along = slope + GDIM + 1, rise = f[2 * (1 + GDIM)], square = zero + 1.0, J = square;
+#if FIELDS > 3
+    const v *shift = along + 2 * (GDIM + 1), speed = shift[GDIM], *flux = shift + 2 * (GDIM + 1), lean = flux[GDIM];
+    const v wide = 1.0 + across(moving, shift), up = across(moving, slope) / wide, on = across(moving, along) / wide;
+    J = wide - lean * wide * up;
+    rise = (rise * J - across(moving, flux)) / wide;
+    EACH(i, GDIM)
+        slope[i] -= shift[i] * up, along[i] -= shift[i] * on;
+#endif
+    v upwards = rise;
+    EACH(i, GDIM)
+        upwards += slope[i] * along[i], square += slope[i] * slope[i];
+    upwards /= square;
+    EACH(i, GDIM)
+        velocity[i] = along[i] - upwards * slope[i];
+#if FIELDS > 3
+    upwards += lean * across(moving, velocity);
+    v aside = (speed + lean * rise) * wide / J;     /* of the mesh; then of the water, as what is squeezed sees it */
+    EACH(i, GDIM)
+        velocity[i] -= aside * moving->axis[i];
+    aside = zero;
+    EACH(i, GDIM)
+        aside += shift[i] * velocity[i];
+    EACH(i, GDIM)
+        velocity[i] -= aside / wide * moving->axis[i];
+#endif
+    EACH(i, GDIM) {
+        EACH(l, LANES) {
+            velocity[i][l] = fmin(fmax(velocity[i][l], -moving->most), moving->most);
+            *moving->fastest = fmax(*moving->fastest, fabs(velocity[i][l]));
+        }
+        moving->velocity[(b * POINTS + q) * GDIM + i] = velocity[i] * J;
+    }
+    r[0] = measure_at(c, b, q) * upwards * J;
+    clear(DIM, r + 1);
+}
+
+/* Of a surface, [dof][field]: the water's horizontal velocity at the points, at most ``most`` along an axis of the mesh, and
+   y += int w v dX of the vertical one. Returns the largest of the former. */
+static double move(const Cells *c, double most, const double *axis, const double *surface, double *velocity, double *y)
+{
+    double fastest = 0.0;
+    const Moving what = {most, axis, (stored *)velocity, &fastest};
+    EACH(b, c->batches) {
+        v X[NODES * FIELDS], Y[NODES];
+        gather(c, b, FIELDS, surface, FIELDS, X);
+        clear(NODES, Y);
+        through(c, b, DIM, FIELDS, X, 1, Y, move_at, &what);
+        scatter(c, b, 1, Y, y, 1);
+    }
+    return fastest;
+}
+
+typedef struct {
+    const stored *velocity;
+    int slopes;             /* of what the function says */
+} Carried;
+
+INLINE void carry_at(const void *what, const Cells *c, long b, int q, const v *u, v *r)
+{
+    const Carried *carried = what;
+    const stored *inverse = inverse_at(c, b, q), *velocity = carried->velocity + (b * POINTS + q) * GDIM;
+    const v measure = measure_at(c, b, q);
+    r[0] = zero;
+    EACH(a, DIM) {
+        v along = zero;
+        EACH(i, GDIM)
+            along += inverse[i * DIM + a] * velocity[i];
+        along *= measure;
+        r[0] += carried->slopes ? along * u[1 + a] : zero;
+        r[1 + a] = carried->slopes ? zero : along * u[0];
+    }
+}
+
+/* y += int V . grad x v dX for the slopes of x, else int x V . grad v dX. */
+static void carry(const Cells *c, const double *velocity, int slopes, const double *x, double *y)
+{
+    const Carried what = {(const stored *)velocity, slopes};
+    EACH(b, c->batches) {
+        v X[NODES], Y[NODES];
+        gather(c, b, 1, x, 1, X);
+        clear(NODES, Y);
+        through(c, b, DIM, 1, X, 1, Y, carry_at, &what);
+        scatter(c, b, 1, Y, y, 1);
+    }
+}

@@ -1,0 +1,69 @@
+"""Stages of linear systems, z = c + A z: solved at once, without a start value to be good."""
+
+from collections.abc import Callable
+from dataclasses import asdict
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.integrators.hamiltonian import Near, Stage
+from wavetank.integrators.stage_solver import Preconditioner, StageCounters, identity
+from wavetank.stateful import Held
+
+
+class DirectStage:
+    """Solves a stage whose derivative is constant by one evaluation.
+
+    Parameters
+    ----------
+    inverse
+        The inverse of the stage's derivative: the identity where the stage is explicit.
+
+    Attributes
+    ----------
+    counters
+        What it has cost.
+    """
+
+    def __init__(self, inverse: Preconditioner = identity):
+        self._inverse, self.counters = inverse, StageCounters()
+
+    def solve(
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
+    ) -> Vector:
+        """Return z with residual(z) = 0, shape (n,); collective if the inverse is."""
+        self.counters += StageCounters(solves=1, evaluations=1)
+        return start - self._inverse(stage, residual(start))
+
+    def held(self) -> Held:
+        """Return what it has cost."""
+        return asdict(self.counters)
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self.counters = StageCounters(**held)
+
+
+class AffineStage:
+    """Solves a stage of small systems that know nothing of each other, by its residual on unit vectors.
+
+    Parameters
+    ----------
+    systems
+        How many, side by side in each of the vectors that are stacked in a stage.
+    """
+
+    def __init__(self, systems: int = 1):
+        self._systems = systems
+
+    def solve(
+        self, stage: Stage, residual: Callable[[Vector], Vector], start: Vector, *, near: Near | None = None
+    ) -> Vector:
+        """Return z with residual(z) = 0, shape (n,)."""
+        blocks = start.size // self._systems
+        units = np.repeat(np.eye(blocks), self._systems, axis=1)
+        constant = residual(np.zeros_like(start))
+        slopes = np.array([residual(unit) - constant for unit in units]).reshape(blocks, blocks, self._systems)
+        right = -constant.reshape(blocks, self._systems).T
+        solution: Vector = np.linalg.solve(slopes.transpose(2, 1, 0), right[..., None])[..., 0]
+        return solution.T.ravel()

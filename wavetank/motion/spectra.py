@@ -1,0 +1,145 @@
+"""Frequency spectra: the shape S(f) of a sea, up to a factor."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.values.columns import check_ascending, read_columns
+from wavetank.waves import airy
+
+Array = NDArray[np.float64]
+
+
+class Spectrum(Protocol):
+    """The shape of a spectrum; its size does not matter."""
+
+    @property
+    def peak_frequency(self) -> float:
+        """The frequency of the largest S [Hz]."""
+
+    def density(self, f: Array) -> Array:
+        """Return S at frequencies f [Hz], positive, up to a factor."""
+
+
+@dataclass(frozen=True)
+class Jonswap:
+    """S = f^-5 exp(-5/4 (f/fp)^-4) gamma^exp(-(f/fp - 1)^2 / (2 sigma^2)), sigma = 0.07 below the peak, 0.09 above.
+
+    Source: K. Hasselmann et al., Deutsche Hydrographische Zeitschrift, Reihe A8, Nr. 12, 1973. With gamma = 1 it is the
+    spectrum of W. J. Pierson and L. Moskowitz, J. Geophysical Research 69, 1964.
+
+    Attributes
+    ----------
+    peak_frequency
+        fp [Hz].
+    gamma
+        Peak enhancement.
+    """
+
+    peak_frequency: float
+    gamma: float = 3.3
+
+    def density(self, f: Array) -> Array:
+        """Return S at frequencies f [Hz], up to a factor."""
+        ratio = f / self.peak_frequency
+        sigma = np.where(ratio <= 1.0, 0.07, 0.09)
+        enhancement = self.gamma ** np.exp(-((ratio - 1.0) ** 2) / (2.0 * sigma**2))
+        return np.asarray(ratio**-5 * np.exp(-1.25 * ratio**-4) * enhancement)
+
+
+@dataclass(frozen=True)
+class Tma:
+    """A JONSWAP spectrum in water of finite depth: times tanh^2(k d) / (1 + 2 k d / sinh 2 k d).
+
+    Source: E. Bouws, H. Guenther, W. Rosenthal and C. L. Vincent, "Similarity of the wind wave spectrum in finite depth
+    water", J. Geophysical Research 90, 1985; the factor is that of S. A. Kitaigorodskii et al., J. Physical
+    Oceanography 5, 1975.
+
+    Attributes
+    ----------
+    deep
+        The JONSWAP spectrum.
+    depth, gravity
+        Still-water depth [m] and gravity [m/s^2].
+    """
+
+    deep: Jonswap
+    depth: float
+    gravity: float
+
+    @property
+    def peak_frequency(self) -> float:
+        """The peak frequency of the JONSWAP spectrum [Hz], which is a little below this one's."""
+        return self.deep.peak_frequency
+
+    def density(self, f: Array) -> Array:
+        """Return S at frequencies f [Hz], up to a factor."""
+        kd = airy.relative_depth(airy.wave_number(2.0 * np.pi * f, self.depth, self.gravity), self.depth)
+        factor = np.tanh(kd) ** 2 / (1.0 + 2.0 * kd / np.sinh(2.0 * kd))
+        return np.asarray(self.deep.density(f) * factor)
+
+
+@dataclass(frozen=True)
+class Gaussian:
+    """S = exp(-(f - fp)^2 / (2 b^2)).
+
+    Attributes
+    ----------
+    peak_frequency
+        fp [Hz].
+    bandwidth
+        b [Hz], the standard deviation.
+    """
+
+    peak_frequency: float
+    bandwidth: float
+
+    def density(self, f: Array) -> Array:
+        """Return S at frequencies f [Hz], up to a factor."""
+        return np.asarray(np.exp(-((f - self.peak_frequency) ** 2) / (2.0 * self.bandwidth**2)))
+
+
+@dataclass(frozen=True, eq=False)
+class Tabled:
+    """S by a table, straight between its frequencies and nothing beyond them.
+
+    Attributes
+    ----------
+    f
+        Frequencies [Hz], shape (N,), ascending.
+    S
+        Densities, shape (N,), up to a factor.
+    """
+
+    f: Array
+    S: Array
+
+    @property
+    def peak_frequency(self) -> float:
+        """The frequency of the largest S [Hz]."""
+        return float(self.f[self.S.argmax()])
+
+    def density(self, f: Array) -> Array:
+        """Return S at frequencies f [Hz], up to a factor."""
+        return np.asarray(np.interp(f, self.f, self.S, left=0.0, right=0.0))
+
+
+def read_spectrum(path: Path) -> Tabled:
+    """Return the spectrum in a file of two columns, f [Hz] and S, two rows or more.
+
+    Raises ``InputError`` naming the file and the line if it cannot be read, if frequencies are not positive or do not
+    ascend, or if densities are negative or all zero.
+    """
+    allowed = "allowed are two finite numbers, a positive frequency [Hz] and a density, not negative"
+    _, values, lines = read_columns(path, columns=2, allowed=allowed)
+    for row, line in zip(values, lines, strict=True):
+        if not (row[0] > 0.0 and row[1] >= 0.0):
+            raise InputError(f"{path}, line {line}: {row[0]:g} {row[1]:g} received; {allowed}.")
+    check_ascending(path, lines, values[:, 0], what=("frequency", "frequencies"))
+    if len(lines) < 2 or not values[:, 1].any():
+        raise InputError(f"{path}: {len(lines)} rows received; at least 2 are needed, and a density that is not 0.")
+    return Tabled(values[:, 0], values[:, 1])

@@ -1,1 +1,0 @@
-"""What is recorded of a run: an observer is a schedule and an action."""

@@ -1,0 +1,242 @@
+"""Checkpoints: what a run has held at the end of a step, on disk, so that it can go on from there.
+
+    checkpoint.zip          the last one
+    checkpoint-before.zip   the one before
+
+Each is a zip archive of files that are not compressed, every one with its checksum (CRC-32):
+
+    about.json    the run's id and the program's revision, as in its manifest; its scene and parts, where it stands, how
+                  far its records had grown; ``whole``: whether all is held that the run remembers
+    held.json     the surface, and what the run holds (``wavetank/stateful.py``), {"array": n} in the place of its n-th
+                  array
+    places.npy    coordinates in the mesh of all degrees of freedom [m], shape (N, 3), in the order of ...
+    0.npy ...     ... the last axis of each array: so values belong to places, whatever ranks had them
+
+It is written beside the last one, forced to the disk, and takes its place in one step: a kill leaves one that is whole.
+One that is left where a run fails has the surface and the sums of what was computed, and not what solves remember.
+"""
+
+import errno
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from io import BytesIO
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import ZIP_STORED, BadZipFile, ZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.output.directory import CHECKPOINT, CHECKPOINT_BEFORE, RunDirectory
+from wavetank.output.whole import open_regular, sync, unfinished
+
+KEPT = CHECKPOINT, CHECKPOINT_BEFORE  # the newest first
+UNREADABLE = (
+    OSError,
+    BadZipFile,
+    KeyError,
+    ValueError,
+    TypeError,
+    EOFError,
+    NotImplementedError,
+    RecursionError,
+)  # what zip may meet
+FULL = errno.ENOSPC, errno.EDQUOT
+
+
+class Checkpoint(NamedTuple):
+    """What is in one.
+
+    Attributes
+    ----------
+    about
+        As JSON has it.
+    held
+        JSON, with numbers in the places of arrays.
+    arrays
+        Of shape (..., N).
+    places
+        Shape (N, 3) [m].
+    """
+
+    about: dict[str, Any]
+    held: str
+    arrays: Sequence[NDArray[np.float64]]
+    places: NDArray[np.float64]
+
+
+def write_checkpoint(run: Path, checkpoint: Checkpoint, *, own: bool = False, at_any_price: bool = False) -> int:
+    """Write a checkpoint to a run directory and return its size in bytes; raises ``OSError``.
+
+    The last one becomes the one before, if it can be read, as is known of this process's ``own``, and has not been left
+    where a run failed: it may be too late, and the one before is kept to go back to.
+
+    Parameters
+    ----------
+    run, checkpoint, own
+        See above.
+    at_any_price
+        Whether the one before is given up where the disk is full; the last never is.
+    """
+    path = run / CHECKPOINT
+    serves = _serves(path, own=own)
+    try:
+        size = _written(path, checkpoint)
+    except OSError as error:
+        if not (at_any_price and serves and error.errno in FULL):
+            raise
+        (run / CHECKPOINT_BEFORE).unlink(missing_ok=True)
+        size = _written(path, checkpoint)
+    if serves:
+        os.replace(path, run / CHECKPOINT_BEFORE)
+    os.replace(unfinished(path), path)
+    sync(run)
+    return size
+
+
+def _written(path: Path, checkpoint: Checkpoint) -> int:
+    """Write a checkpoint beside the last one, on the disk; return its size in bytes."""
+    temporary = unfinished(path)
+    try:
+        temporary.unlink(missing_ok=True)
+        with temporary.open("xb") as file:
+            with ZipFile(file, "w") as archive:
+                archive.writestr("about.json", json.dumps(checkpoint.about))
+                archive.writestr("held.json", checkpoint.held)
+                for name, values in (("places", checkpoint.places), *enumerate(checkpoint.arrays)):
+                    content = BytesIO()
+                    np.save(content, values)
+                    archive.writestr(
+                        f"{name}.npy", content.getvalue()
+                    )  # a view of it would outlive a full disk's error
+            file.flush()
+            os.fsync(file.fileno())
+            return os.fstat(file.fileno()).st_size
+    except OSError:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
+def _serves(path: Path, *, own: bool) -> bool:
+    """Return whether a checkpoint may take the place of the one before."""
+    try:
+        with _archive(path) as archive:
+            about: dict[str, Any] = json.loads(archive.read("about.json"))
+            return about.get("whole", True) and (own or archive.testzip() is None)
+    except UNREADABLE:
+        return False
+
+
+def _nothing(about: dict[str, Any]) -> str:
+    return ""
+
+
+def read_checkpoint(
+    run: Path, why_not: Callable[[dict[str, Any]], str] = _nothing, *, at: float | None = None
+) -> tuple[Checkpoint, list[str]]:
+    """Return the newest checkpoint of a run directory that can be used, and a sentence for each that cannot.
+
+    Raises ``InputError`` if there is none.
+
+    Parameters
+    ----------
+    run
+        The directory.
+    why_not
+        Says of what is told about one why it cannot be used; nothing where it can.
+    at
+        The time of the one that is wanted [s]; default: of any.
+    """
+    useless, others = list[str](), list[str]()
+    for name in KEPT:
+        found = read_kept(run / name)
+        if isinstance(found, Checkpoint) and at is not None and not is_at(found.about, at):
+            others.append(f"{found.about['t']:.6g} s")
+        elif isinstance(found, Checkpoint) and not (why := why_not(found.about)):
+            return found, useless
+        elif found is not None:
+            useless.append(f"{run / name} cannot be used ({why if isinstance(found, Checkpoint) else found})")
+    none = "holds no checkpoint to go on from" if at is None else f"holds no checkpoint of t = {at:g} s"
+    those = f"; there is one of {' and of '.join(others)}" if others else ""
+    raise InputError(f"{run}: {none}{those}{''.join(f'; {one}' for one in useless)}.")
+
+
+def is_at(about: dict[str, Any], t: float) -> bool:
+    """Return whether what is told about a checkpoint is of a time [s], to half a step."""
+    return bool(abs(about["t"] - t) <= 0.5 * about["clock"]["dt"])
+
+
+def read_kept(path: Path) -> Checkpoint | str | None:
+    """Return what is in a file, all checksums right; why it cannot be had, of what cannot; None if none is there."""
+    try:
+        return _read(path)
+    except FileNotFoundError:
+        return None
+    except UNREADABLE as error:
+        return str(error)
+
+
+def last_checkpoint(run: Path) -> float | None:
+    """Return the time of the newest checkpoint that can be opened [s], if there is one."""
+    return next((float(about["t"]) for _, about in kept(run)), None)
+
+
+def kept(run: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Yield the files of the checkpoints that can be opened, the newest first, and what is told of each."""
+    for name in KEPT:
+        with suppress(*UNREADABLE), _archive(run / name) as archive:
+            yield run / name, _about(archive, run)
+
+
+@contextmanager
+def _archive(path: Path) -> Iterator[ZipFile]:
+    """Yield the archive of a checkpoint; raises ``OSError``, ``BadZipFile``, ``ValueError`` if it cannot be one.
+
+    Its files are not compressed and do not overlap: together they are no larger than the archive.
+    """
+    with open_regular(path) as file, ZipFile(file) as archive:
+        parts = archive.infolist()
+        stored = all(one.compress_type == ZIP_STORED for one in parts)
+        if not stored or sum(one.file_size for one in parts) > os.fstat(file.fileno()).st_size:
+            raise ValueError("its files are compressed or overlap")
+        yield archive
+
+
+def _array(content: bytes) -> NDArray[np.float64]:
+    """Return the array of a file in numpy's format; raises ``ValueError`` unless it has the values that it declares."""
+    file = BytesIO(content)
+    form: Any = np.lib.format
+    if form.read_magic(file) != (1, 0):
+        raise ValueError("its arrays are of another format")
+    shape, fortran, kind = form.read_array_header_1_0(file)
+    if kind.hasobject:
+        raise ValueError("an array has Python objects")
+    values: NDArray[np.float64] = np.frombuffer(file.read(), kind).reshape(shape, order="F" if fortran else "C")
+    return values.copy("K")
+
+
+def _about(archive: ZipFile, run: Path) -> dict[str, Any]:
+    """Return what a checkpoint says of itself; raises ``ValueError`` for one of another run."""
+    about: dict[str, Any] = json.loads(archive.read("about.json"))
+    mine = None
+    with suppress(InputError):
+        mine = RunDirectory(run).manifest.get("id")
+    if about.get("id") != mine:
+        raise ValueError("it is of another run")
+    return about
+
+
+def _read(path: Path) -> Checkpoint:
+    """Return a checkpoint of this run, every checksum right."""
+    with _archive(path) as archive:
+        about, held = _about(archive, path.parent), archive.read("held.json").decode()
+
+        def array(name: object) -> NDArray[np.float64]:
+            return _array(archive.read(f"{name}.npy"))
+
+        numbers = range(sum(name.removesuffix(".npy").isdigit() for name in archive.namelist()))
+        return Checkpoint(about, held, [array(number) for number in numbers], array("places"))

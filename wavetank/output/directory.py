@@ -1,0 +1,478 @@
+"""The run directory: what a run leaves, written as it goes on, so that a killed run keeps what it had.
+
+    manifest.json   the evaluated scene, versions, host, command, git revision, timings, counters, status
+    gauges.csv      t [s], then one column a gauge, elevation [m]; the header names each by its place, "5@x=50" or
+                    "5@x=50;y=2" beside the line y = 0
+    gauges.nc       the same as CF-NetCDF, when the run has ended
+    energy.csv      the energy budget, units in the header
+    paddle.csv      position [m], velocity [m/s], acceleration [m/s^2] of a wall that moves, when the gauges are read;
+                    of one in segments at places along it, "position@y=2 [m]"; of a far wall in far-paddle.csv
+    probes.csv      velocity [m/s], accelerations [m/s^2] and pressure [Pa] of each probe, empty while it is dry:
+                    "velocity_x A@x=2;z=-0.1 [m/s]"
+    probes.nc       the same as CF-NetCDF, when the run has ended
+    loads.csv       force and moment on walls, "force_x paddle [N/m]", of a slice per width
+    window-NAME.nc  what columns of water do, for other programs (``window.py``), or window-NAME.csv
+    surface.nc      of a slice or ring, snapshots of x [m], elevation [m], surface potential [m²/s], as CF-NetCDF
+    surface.xdmf    opens them in ParaView
+    surface.pvd, velocity.pvd, fields/     what ParaView opens, written by all ranks (``vtu_series.py``)
+    checkpoint.zip  what a run needs to go on, from time to time, and in ``checkpoint-before.zip`` the one before
+    bed.csv         of a bed by a Python function, its depth [m] at the degrees of freedom
+    broken.csv      of a run that broke down, the surface from which it could not go on; drawn in broken.png
+    breaking.csv    crests that passed the threshold of breaking, when the run has ended; none without such crests
+    run.log         what the run has said: its summary, progress, warnings, and why it ended
+    .lock           while it goes on (``lock.py``)
+
+The first rank writes (``writer.py``), but for the fields. Snapshots are handed to the operating system at once, rows of
+tables together, within a second: a killed run keeps all but these, which it computes anew when it goes on, as does one
+that ends by a mistake on some of its ranks; of one that ends in any other way none is missing. A reader leaves out
+what was cut. No number that is not finite is ever written.
+"""
+
+import csv
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from io import BytesIO
+from itertools import chain
+from pathlib import Path
+from socket import gethostname
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.output.growing_netcdf import whole
+from wavetank.output.load_table import wall
+from wavetank.output.lock import is_held
+from wavetank.output.manifest import read_manifest
+from wavetank.output.netcdf import ACROSS, ALONG, ELEVATION, TIME, UPWARDS, Variable, conventions, write_records
+from wavetank.output.probe_table import point, quantities
+from wavetank.output.series import GaugeSeries, place
+from wavetank.output.surface import Surface, snapshots
+from wavetank.output.whole import FIELDS, check_entries, open_regular
+from wavetank.output.window import file_of, tabled
+
+if TYPE_CHECKING:
+    import xarray
+
+SURFACE, SURFACE_INDEX = "surface.nc", "surface.xdmf"
+TABLES = GAUGES, ENERGY, PADDLE, FAR_PADDLE, PROBES, LOADS = (
+    *("gauges.csv", "energy.csv", "paddle.csv", "far-paddle.csv", "probes.csv", "loads.csv"),
+)
+PADDLES = {"wall": PADDLE, "far_wall": FAR_PADDLE}  # by the key of the wall
+COPIES = {GAUGES: "gauges.nc", PROBES: "probes.nc"}  # as CF-NetCDF, when the run has ended
+CHECKPOINT, CHECKPOINT_BEFORE = "checkpoint.zip", "checkpoint-before.zip"
+BED = "bed.csv"
+BROKEN, BROKEN_PICTURE = BROKENS = "broken.csv", "broken.png"
+BREAKING = "breaking.csv"
+CHECKPOINTS = CHECKPOINT, CHECKPOINT_BEFORE, f".{CHECKPOINT}"  # the last while it is written
+SERIES, LOG = ("surface", "velocity"), "run.log"
+REST_POSITION = "rest position"  # (x, y) [m] in the reference tank, of the points of a surface
+PICTURES = "surface.png", "gauges.png", "energy.png", "probes.png", "loads.png", "view.png", "view.mp4", "view.gif"
+ANALYSES = "compare.png", "compare.csv", "compare-harmonics.*", "analysis-*.png", "analysis-*.csv"
+INDEX_END = b"</Collection></VTKFile>\n"  # of a file that tells the snapshots of a series
+BLOCK = 2**16  # bytes of a table that are read together
+LINES = 2**12  # bytes, more than a row of energies has
+ROOM = 2**14  # bytes kept for the manifest's last word on a full disk, beside what it has already
+
+
+def index_file(run: Path, name: str) -> Path:
+    """Return the file that tells times and files of a series of fields, one of ``SERIES``, in a run directory."""
+    return run / f"{name}.pvd"
+
+
+def made_of_records(run: Path) -> Iterator[Path]:
+    """Yield what has been written and drawn of the records in a run directory once a run had ended."""
+    for pattern in (*BROKENS, BREAKING, *COPIES.values(), *PICTURES, *ANALYSES):
+        yield from run.glob(pattern)
+
+
+def recorded(run: Path) -> Iterator[Path]:
+    """Yield the records in a run directory, and what has been made of them."""
+    yield from made_of_records(run)
+    files = (*TABLES, BED, SURFACE, SURFACE_INDEX, LOG, *CHECKPOINTS)
+    indices = (*(f"{name}.pvd" for name in SERIES), "window-*.nc", "window-*.csv")
+    pieces = (f"{FIELDS}/{name}_*.{kind}" for name in SERIES for kind in ("vtu", "pvtu"))
+    for pattern in (*files, *indices, *pieces):
+        yield from run.glob(pattern)
+
+
+class _Gauges(NamedTuple):
+    """The gauges' names, places x and y [m], times [s] of shape (N,), and elevations [m] of shape (gauges, N)."""
+
+    names: tuple[str, ...]
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    t: NDArray[np.float64]
+    eta: NDArray[np.float64]
+
+
+class RunDirectory:
+    """Reads a run directory, also one of a run that still goes on or was killed.
+
+    Raises ``InputError`` if there is none at ``path``, or if a file asked for is missing or damaged.
+    """
+
+    def __init__(self, path: Path | str):
+        self.path = Path(path)
+        self.manifest = read_manifest(self.path)
+        check_entries(self.path)
+
+    def __repr__(self) -> str:
+        return f"RunDirectory({str(self.path)!r})"
+
+    @property
+    def status(self) -> str:
+        """How the run stands.
+
+        ``"running"``, ``"finished"``, ``"stopped"`` by a signal, ``"broke down"``, ``"failed"`` for what is not of the
+        water; ``"killed"``: no process writes it any more; or ``"unknown"``, of another host's, which cannot be asked.
+        """
+        status = str(self.manifest.get("status", ""))
+        if status != "running":
+            return status
+        if is_held(self.path):
+            return "running"
+        status = str(read_manifest(self.path).get("status"))  # a run's last word comes before it lets go
+        if status != "running":
+            return status
+        return "killed" if self.manifest.get("host", gethostname()) == gethostname() else "unknown"
+
+    @property
+    def reached(self) -> float | None:
+        """The time [s] of the last whole row of its energies, which may be later than its manifest; None without."""
+        with suppress(OSError, ValueError), open_regular(self.path / ENERGY) as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - LINES))
+            *_, last, _ = file.read().split(b"\n")  # what is behind the last end of a line was cut
+            return float(last.partition(b",")[0])
+        return None
+
+    @property
+    def title(self) -> str:
+        """The case's title."""
+        return str(self.manifest.get("scene", {}).get("title", ""))
+
+    # ------------------------------------------------------------ as xarray, which takes a second to load
+    @property
+    def gauges(self) -> "xarray.DataArray":
+        """The elevation [m] over gauge and time [s]; gauges by their names, with their places x and y [m]."""
+        from xarray import DataArray, Dataset
+
+        elevation: DataArray = Dataset(self._stations(*self._table(GAUGES))).set_coords(["x", "y"]).elevation
+        return elevation
+
+    @property
+    def energy(self) -> "xarray.Dataset":
+        """The energy budget over time [s], each column by its name, with its units."""
+        return self._over_time(ENERGY)
+
+    @property
+    def paddle(self) -> "xarray.Dataset":
+        """Position [m], velocity [m/s] and acceleration [m/s^2] over time [s], and along a paddle in segments y [m].
+
+        Raises ``InputError`` for a wall that cannot move.
+        """
+        return self._motion("wall")
+
+    @property
+    def far_paddle(self) -> "xarray.Dataset":
+        """The same of the far wall, positive into the water, against x."""
+        return self._motion("far_wall")
+
+    def _motion(self, wall: str) -> "xarray.Dataset":
+        """Return the record of a wall by its key."""
+        if self.manifest.get("scene", {}).get(wall, {}).get("type") == "fixed":
+            name = wall.replace("_", " ")
+            raise InputError(f"{self.path}: the {name} does not move in this run, so there is no record of a paddle.")
+        return self._over_time(PADDLES[wall])
+
+    @property
+    def probes(self) -> "xarray.Dataset":
+        """What probes have recorded over probe and time [s], each quantity by its name with its units; nan: dry.
+
+        Probes by their names, with their places x, y and z [m]. Raises ``InputError`` where there are none.
+        """
+        from xarray import Dataset
+
+        return Dataset(self._probes(*self._table(PROBES))).set_coords(["x", "y", "z"])
+
+    @property
+    def loads(self) -> "xarray.Dataset":
+        """Forces and moments over wall and time [s], each by its name with its units, of a slice per width.
+
+        Walls by their loads' names. Raises ``InputError`` where there are none.
+        """
+        from xarray import DataArray, Dataset
+
+        header, rows = self._table(LOADS)
+        found = [wall(column) for column in header[1:]]
+        walls = list(dict.fromkeys(name for _, name, _ in found))
+        at: dict[str, list[NDArray[np.float64]]] = {}
+        for (quantity, _, _), column in zip(found, rows.T[1:], strict=True):
+            at.setdefault(quantity, []).append(column)
+        units = {name: {"units": unit, "long_name": name.replace("_", " along ")} for name, _, unit in found}
+        places = {"wall": walls, "time": DataArray(rows[:, 0], dims="time", attrs=TIME)}
+        return Dataset({name: (("wall", "time"), np.array(each), units[name]) for name, each in at.items()}, places)
+
+    @property
+    def surface(self) -> "xarray.Dataset":
+        """``elevation`` [m] and ``surface_potential`` [m²/s] of a slice or ring over time [s] and place.
+
+        Where nothing moves the mesh the places are x [m]; else points, whose x [m] is given for each time. Raises
+        ``InputError`` for a basin, whose surface is in ``surface.pvd``.
+        """
+        from xarray import load_dataset
+
+        content = self._surface()
+        if not content:
+            raise InputError(f"{self.path}: has no snapshot of the surface.")
+        data = load_dataset(BytesIO(content), engine="scipy")
+        if (data.x == data.x[0]).all():
+            return data.assign_coords(x=data.x[0].drop_vars("time")).swap_dims(point="x")
+        return data
+
+    def window(self, name: str) -> "xarray.Dataset":
+        """Return what the columns of a window do, over time [s], column and level.
+
+        Of a table what that has of it. Raises ``InputError`` where there is no such window, or no row of it.
+        """
+        from xarray import Dataset, load_dataset
+
+        file, table = (file_of(name, form) for form in ("netcdf", "csv"))
+        if (self.path / table).exists():
+            variables = tabled(*self._table(table))
+            if not variables["time"].values.size:
+                raise InputError(f"{self.path / table}: has no row.")
+            return Dataset(variables).set_coords(["x", "y", "z", "zeta"])
+        if not (self.path / file).exists():
+            there = ", ".join(sorted(path.stem.removeprefix("window-") for path in self.path.glob("window-*.*")))
+            raise InputError(f"{self.path}: has no window {name!r}; there are {there or 'none'}.")
+        if not (content := self._whole(file)):
+            raise InputError(f"{self.path / file}: has no row.")
+        return load_dataset(BytesIO(content), engine="scipy").set_coords(["x", "y", "z", "zeta"])
+
+    # ------------------------------------------------------------ as arrays
+    def gauge_series(self) -> list[GaugeSeries]:
+        """Return each gauge's record, from when it was there."""
+        found = self._gauges()
+        each = zip(found.names, found.x, found.eta, found.y, strict=True)
+        there = [(name, x, eta, y, ~np.isnan(eta)) for name, x, eta, y in each]
+        return [GaugeSeries(name, x, found.t[when], eta[when], "computed", y) for name, x, eta, y, when in there]
+
+    def budget(self) -> dict[str, NDArray[np.float64]]:
+        """Return the energy budget: each column, shape (rows,), by its name with units."""
+        header, rows = self._table(ENERGY)
+        return dict(zip(header, rows.T, strict=True))
+
+    def broken(self) -> dict[str, NDArray[np.float64]]:
+        """Return the surface from which a run could not go on: each column, shape (rows,), by its name.
+
+        x, y (of a basin) [m], elevation [m], slope [-], velocity [m/s]. Raises ``InputError`` where none is kept.
+        """
+        header, rows = self._table(BROKEN)
+        return {name.partition(" ")[0]: column for name, column in zip(header, rows.T, strict=True)}
+
+    def bed(self) -> dict[str, NDArray[np.float64]]:
+        """Return the depth of a bed by a Python function: x, y (of a basin) and depth [m], each of shape (rows,).
+
+        Raises ``InputError`` where the run has no such record.
+        """
+        header, rows = self._table(BED)
+        return {name.partition(" ")[0]: column for name, column in zip(header, rows.T, strict=True)}
+
+    def snapshots(self) -> Surface:
+        """Return all complete snapshots; none, of shape (0, 0), of a run killed before the first."""
+        content = self._surface()
+        try:
+            return snapshots(content)
+        except (KeyError, ValueError) as error:
+            raise InputError(f"{self.path / SURFACE}: is no record of a surface ({error}).") from None
+
+    def write_netcdf(self, table: str, file: BinaryIO) -> None:
+        """Write one of ``COPIES`` as CF-NetCDF of time series at stations (CF 1.8, section H.2), times as records.
+
+        The memory needed does not depend on the number of rows. Raises ``InputError`` where there is none.
+        """
+        header, blocks = self._blocks(table)
+        if (first := next(blocks, None)) is None:
+            raise InputError(f"{table} has no row")
+        described = (self._described(table, header, rows) for rows in chain([first], blocks))
+        write_records(file, described, conventions(self.manifest) | {"featureType": "timeSeries"})
+
+    def _described(self, table: str, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
+        """Return rows of one of ``COPIES`` as variables with the attributes of CF, time first."""
+        variables = self._stations(header, rows) if table == GAUGES else self._probes(header, rows)
+        places = " ".join(name for name in ("x", "y", "z") if name in variables)
+        missing = {"_FillValue": np.float64(np.nan)}  # before a gauge was there, while a probe is dry
+        for name, (dimensions, values, said) in variables.items():
+            if len(dimensions) == 2:
+                said = {**said, "coordinates": places, **missing}
+                variables[name] = Variable(dimensions[::-1], values.T, said)
+        return variables
+
+    def fields(self, name: str) -> list[tuple[float, Path]]:
+        """Return time [s] and file, for pyvista or ParaView, of each snapshot of a series, one of ``SERIES``."""
+        index = index_file(self.path, name)
+        if name == "surface" and (self.path / SURFACE).exists():
+            raise InputError(f"{self.path}: its surface is a slice's or ring's, in {SURFACE}: `.surface` reads it.")
+        content = self._read(index.name)
+        complete = content.rfind(b"/>") + len(b"/>")  # a killed run may have cut what follows
+        try:
+            snapshots = ElementTree.fromstring(content[:complete] + INDEX_END).iter("DataSet") if content else ()
+            found = [(float(one.attrib["timestep"]), one.attrib["file"]) for one in snapshots]
+            if not all(re.fullmatch(rf"{FIELDS}/{name}_\d+\.pvtu", file) for _, file in found):
+                raise ValueError
+            return [(t, self.path / file) for t, file in found]
+        except (ElementTree.ParseError, KeyError, ValueError):
+            raise InputError(f"{index}: is no collection of snapshots that this program wrote.") from None
+
+    def _surface(self) -> bytes:
+        """Return the surface's file with all its complete snapshots; raises ``InputError`` for that of a basin."""
+        if index_file(self.path, "surface").exists():
+            raise InputError(f"{self.path}: its surface is a basin's, in surface.pvd, which pyvista and ParaView open.")
+        return self._whole(SURFACE)
+
+    def _whole(self, file: str) -> bytes:
+        """Return a NetCDF file that grows with all its complete records."""
+        try:
+            return whole(self._read(file))
+        except ValueError as error:
+            raise InputError(f"{self.path / file}: {error}.") from None
+
+    def _gauges(self) -> "_Gauges":
+        """Return what the gauges' table holds."""
+        return self._elevations(*self._table(GAUGES))
+
+    def _elevations(self, header: Sequence[str], rows: NDArray[np.float64]) -> "_Gauges":
+        """Return rows of the gauges' table."""
+        try:
+            places = [place(column) for column in header[1:]]
+        except ValueError:
+            allowed = "NAME@x=METRES, NAME@x=METRES;y=METRES"
+            raise InputError(f"{self.path / GAUGES}: column names {header[1:]}; allowed are {allowed}.") from None
+        names, x, y = zip(*places, strict=True) if places else ((), (), ())
+        return _Gauges(names, x, y, rows[:, 0], rows.T[1:])
+
+    def _stations(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
+        """Return the gauges' names, places and records as variables."""
+        found = self._elevations(header, rows)
+        x, y = np.array([found.x, found.y], dtype=float)
+        return {
+            "time": Variable(("time",), found.t, TIME),
+            "gauge": Variable(("gauge",), np.array(found.names, dtype=str), {"cf_role": "timeseries_id"}),
+            "x": Variable(("gauge",), x, ALONG),
+            "y": Variable(("gauge",), y, ACROSS),
+            "elevation": Variable(("gauge", "time"), found.eta, ELEVATION),
+        }
+
+    def _probes(self, header: Sequence[str], rows: NDArray[np.float64]) -> dict[str, Variable]:
+        """Return the probes' names, places and records as variables."""
+        try:
+            found = [point(column) for column in header[1:]]
+        except (KeyError, ValueError):
+            raise InputError(f"{self.path / PROBES}: its columns {header[1:]} tell no probes.") from None
+        points = list(dict.fromkeys(at for _, at in found))
+        names, x, y, z = zip(*points, strict=True)
+        told, shape = quantities(2), (len(points), len(rows))
+        values = {name: np.full(shape, np.nan) for name, _ in found}
+        for (name, at), column in zip(found, rows.T[1:], strict=True):
+            values[name][points.index(at)] = column
+        return {
+            "time": Variable(("time",), rows[:, 0], TIME),
+            "probe": Variable(("probe",), np.array(names, dtype=str), {"cf_role": "timeseries_id"}),
+            **{
+                axis: Variable(("probe",), np.array(at, dtype=float), said)
+                for axis, at, said in (("x", x, ALONG), ("y", y, ACROSS), ("z", z, UPWARDS))
+            },
+            **{
+                name: Variable(("probe", "time"), each, {"units": told[name][0], "long_name": told[name][1]})
+                for name, each in values.items()
+            },
+        }
+
+    def _over_time(self, file: str) -> "xarray.Dataset":
+        """Return a table over time: columns by their names, those at several places y [m] over these, too."""
+        from xarray import DataArray, Dataset
+
+        header, rows = self._table(file)
+        time = DataArray(rows[:, 0], dims="time", attrs=TIME)
+        columns: dict[tuple[str, str], dict[float | None, NDArray[np.float64]]] = {}
+        for head, values in zip(header[1:], rows.T[1:], strict=True):
+            name, _, units = head.removesuffix("]").partition(" [")
+            name, _, y = name.partition("@y=")
+            columns.setdefault((name, units), {})[float(y) if y else None] = values
+        found = {}
+        for (name, units), along in columns.items():
+            told = {"units": units, "long_name": name.replace("_", " ")}
+            if None in along:
+                found[name] = DataArray(along[None], {"time": time}, ["time"], attrs=told)
+            else:
+                y_axis = DataArray(list(along), dims="y", attrs=ACROSS)
+                values = np.column_stack(list(along.values()))
+                found[name] = DataArray(values, {"time": time, "y": y_axis}, ["time", "y"], attrs=told)
+        return Dataset(found, {"time": time})
+
+    def _table(self, file: str) -> tuple[list[str], NDArray[np.float64]]:
+        """Return column names and complete rows, shape (rows, columns)."""
+        header, blocks = self._blocks(file)
+        return header, np.concatenate([np.empty((0, len(header))), *blocks])
+
+    def _blocks(self, file: str) -> tuple[list[str], Iterator[NDArray[np.float64]]]:
+        """Return column names and an iterator of the complete rows in blocks, each of shape (rows, columns)."""
+        lines = self._lines(file)
+        header = next(csv.reader(next(lines, [])), ["t"])
+        blocks = (self._numbers(file, header, block) for block in lines)
+        return header, self._ascending(file, blocks) if file in TABLES else blocks
+
+    def _ascending(self, file: str, blocks: Iterator[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
+        """Yield blocks of rows; raise ``InputError`` where the time, the first column, does not ascend."""
+        line, last = 2, -np.inf
+        for rows in blocks:
+            times = np.array([last, *rows[:, 0]])
+            if not (ascends := np.diff(times) > 0.0).all():
+                n = int(ascends.argmin())
+                where = f"{self.path / file}, line {line + n}"
+                raise InputError(f"{where}: time {times[n + 1]:g} s follows {times[n]:g} s; times must ascend.")
+            yield rows
+            line, last = line + len(rows), times[-1]
+
+    def _lines(self, file: str) -> Iterator[list[str]]:
+        """Yield the complete lines of a table: the header, then the others in blocks."""
+        try:
+            with open_regular(self.path / file) as table:
+                size = 1  # byte: a block ends with the line in which it has this size
+                while lines := table.readlines(size):
+                    if not lines[-1].endswith(b"\n"):  # cut by a kill
+                        lines.pop()
+                    if lines:
+                        yield [line.decode(errors="replace") for line in lines]
+                    size = BLOCK
+        except OSError as error:
+            raise self._unreadable(file, error) from None
+
+    def _numbers(self, file: str, header: Sequence[str], lines: Sequence[str]) -> NDArray[np.float64]:
+        """Return the numbers of lines, shape (lines, columns); not a number where a cell is empty."""
+        try:
+            values = [[float(value or "nan") for value in row] for row in csv.reader(lines)]
+            return np.array(values).reshape(len(lines), len(header))
+        except ValueError:
+            where = self.path / file
+            raise InputError(f"{where}: rows of {len(header)} numbers must follow the header; some do not.") from None
+
+    def _read(self, file: str) -> bytes:
+        try:
+            with open_regular(self.path / file) as found:
+                return bytes(found.read())
+        except OSError as error:
+            raise self._unreadable(file, error) from None
+
+    def _unreadable(self, file: str, error: OSError) -> InputError:
+        return InputError(f"{self.path}: has no readable {file} ({error.strerror}).")
+
+
+def open_run(path: Path | str) -> RunDirectory:
+    """Return what reads a run directory; raises ``InputError`` if there is none."""
+    return RunDirectory(path)

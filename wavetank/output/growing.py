@@ -1,0 +1,254 @@
+"""Files that grow while a run goes on: what is appended goes to the operating system at once, so a kill loses none."""
+
+import csv
+import errno
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
+from io import StringIO
+from itertools import islice
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.errors import RecordError, RunError
+from wavetank.output.whole import open_regular, replacing
+from wavetank.stateful import Held
+
+
+def table(columns: Mapping[str, NDArray[np.float64]]) -> bytes:
+    """Return a whole CSV table of columns by their names."""
+    return _csv_line(columns) + csv_lines(np.array([*columns.values()], dtype=np.float64).T)
+
+
+Rows = NDArray[np.float64] | Sequence[Sequence[float | None]]
+INDEX = ".xdmf"  # of a file that has one
+
+
+def _csv_line(cells: Iterable[str]) -> bytes:
+    line = StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue().encode()
+
+
+def csv_lines(rows: Rows) -> bytes:
+    """Return lines of numbers, each with as many digits as reading it back exactly needs, and nothing at None.
+
+    Seven times as fast as by ``repr``.
+    """
+    from pydantic_core import to_json  # which whoever only reads records has no need of
+
+    text = to_json(rows.tolist()) if isinstance(rows, np.ndarray) else to_json(rows).replace(b"null", b"")
+    return text.replace(b"],[", b"\n")[2:-2] + b"\n" if len(rows) else b""
+
+
+def _identity(file: os.stat_result) -> tuple[int, int]:
+    return file.st_dev, file.st_ino
+
+
+def lacks(path: Path, held: Held) -> bool:
+    """Return whether less is there of a file, or of its index, than was held; raises ``OSError``."""
+    if not path.exists():
+        return True
+    if "rows" in held:
+        return _end(path, held["rows"]) is None
+    return path.stat().st_size < held["size"] or ("index" in held and lacks(path.with_suffix(INDEX), held["index"]))
+
+
+def changed(path: Path, held: Held) -> bool:
+    """Return whether the rows that were held of a table differ from those that are there; raises ``OSError``.
+
+    False for other files, and for a table whose rows were held without a checksum.
+    """
+    return "checksum" in held and _checksum(path, held["rows"], held["columns"]) != held["checksum"]
+
+
+def _checksum(path: Path, rows: int, columns: Sequence[str]) -> int | None:
+    """Return the CRC-32 of the first rows of a table in some of its columns; None where it lacks one of them."""
+    checksum = 0
+    with open_regular(path) as file:
+        header = next(csv.reader([file.readline().decode(errors="replace")]), [])
+        if not set(columns) <= set(header):
+            return None
+        chosen = [header.index(name) for name in columns]
+        for line in islice(file, rows):
+            if header != list(columns):
+                cells = dict(enumerate(line.rstrip(b"\n").split(b",")))
+                line = b",".join(cells.get(n, b"") for n in chosen) + b"\n"
+            checksum = crc32(line, checksum)
+    return checksum
+
+
+def _end(path: Path, rows: int) -> int | None:
+    """Return where the rows of a table end that follow its header [bytes]; None where there are fewer."""
+    size = count = 0
+    with open_regular(path) as file:
+        for line in islice(file, 1 + rows):
+            if line.endswith(b"\n"):
+                size, count = size + len(line), count + 1
+    return size if count == 1 + rows else None
+
+
+def as_many_as_fit(append: Callable[[Any], None], parts: Any) -> None:
+    """Append the parts of a sequence or an array together, or, where that fails, one by one up to that which does.
+
+    What is appended together is there as a whole or not at all. Raises the ``RecordError`` that was met.
+    """
+    try:
+        append(parts)
+    except RecordError:
+        for n in range(len(parts) if len(parts) > 1 else 0):
+            append(parts[n : n + 1])
+        raise
+
+
+class GrowingFile:
+    """A file that grows by rows of finite numbers, the first of which is the time [s]."""
+
+    def __init__(self, path: Path):
+        self._path = path
+        self._kept = self._size = 0  # bytes that are there, of a run that goes on, and by now
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return self._path.name
+
+    def open(self) -> None:
+        """Make the file, or go on where it was when that was held; raises ``RecordError``."""
+        try:
+            self._file = open_regular(self._path, "r+b" if self._kept else "w+b")
+            self._file.truncate(self._kept)
+            self._size, self._is = self._kept, _identity(os.fstat(self._file.fileno()))
+        except OSError as error:
+            raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
+
+    def held(self) -> Held:
+        """Return how far it has grown."""
+        return {"size": self._size}
+
+    def take(self, held: Held) -> None:
+        """Go on from there, once it is opened."""
+        self._kept = self._size = held["size"]
+
+    def sync(self) -> None:
+        """See to it that all that has been written outlives a power cut; raises ``OSError``."""
+        os.fsync(self._file.fileno())
+
+    def _check(self, row: NDArray[np.float64]) -> None:
+        if not np.isfinite(row).all():
+            said = f"a value for {self._path.name} is not a finite number; the run has broken down."
+            raise RunError(f"t = {row[0]:.6g} s: {said}", t=float(row[0]))
+
+    def write(self, content: bytes | memoryview, *, at: int | None = None, over: int = 0) -> None:
+        """Hand bytes to the operating system at once: that costs microseconds, and a kill loses nothing.
+
+        They follow what is there but for its last ``over`` bytes, or replace some ``at`` a place of what has just been
+        written. Of those that follow all are there, or, where they cannot be written, none.
+        """
+        last = b""
+        try:
+            if at is None and _identity(os.stat(self._path)) != self._is:
+                raise FileNotFoundError(errno.ENOENT, "replaced by another file")
+            place = self._size - over if at is None else at
+            last = os.pread(self._file.fileno(), over, place) if over else b""
+            while content:  # rarely more than once
+                written = os.pwrite(self._file.fileno(), content, place)
+                content, place = content[written:], place + written
+            self._size = max(self._size, place)
+        except FileNotFoundError:
+            raise RecordError(f"{self._path}: is no longer there; moved or deleted during the run.") from None
+        except OSError as error:
+            self.shorten(self._size, last)
+            raise RecordError(f"{self._path}: cannot be written ({error.strerror}).") from None
+
+    def shorten(self, size: int, last: bytes = b"") -> None:
+        """Leave so many bytes, of which the last are others, and take none of what was to follow."""
+        with suppress(OSError):
+            os.pwrite(self._file.fileno(), last, size - len(last))
+            os.ftruncate(self._file.fileno(), size)
+        self._size = size
+
+    def close(self) -> None:
+        """End the record; nothing is held back."""
+        with suppress(OSError, AttributeError):  # a full disk has been reported by the write that met it
+            self._file.close()
+
+
+class TableWriter(GrowingFile):
+    """A CSV table that grows by rows of finite numbers, with as many digits as reading them back exactly needs.
+
+    One that goes on may have more columns than it had: they are empty in its earlier rows.
+    """
+
+    def __init__(self, path: Path, columns: Sequence[str]):
+        super().__init__(path)
+        self._columns, self._rows = list(columns), 0
+        self._checksum = 0  # CRC-32 of the rows
+
+    @property
+    def has_values(self) -> bool:
+        """Whether it has a column beside the time's."""
+        return len(self._columns) > 1
+
+    def open(self) -> None:
+        """Make the file, with the names of its columns, or go on; raises ``RecordError``."""
+        if self._kept:
+            self._widen()
+            self._checksum = _checksum(self._path, self._rows, self._columns) or 0
+        super().open()
+        if not self._kept:
+            self.write(_csv_line(self._columns))
+
+    def _widen(self) -> None:
+        """Replace a file that has other columns, what it had under its name."""
+        with open_regular(self._path, "r", newline="", encoding="utf-8", errors="replace") as file:
+            rows = csv.reader(islice(file, 1 + self._rows))
+            header = next(rows)
+            if header == self._columns:
+                return
+            told = {name.replace(",", ";"): name for name in self._columns}  # places were told with commas once
+            header = [told.get(name.replace(",", ";"), name) for name in header]
+            with replacing(self._path) as wider:
+                wider.write(_csv_line(self._columns))
+                for row in rows:
+                    cells = dict(zip(header, row, strict=True))
+                    wider.write(_csv_line(cells.get(name, "") for name in self._columns))
+                self._kept = wider.tell()
+
+    def held(self) -> Held:
+        """Return how many rows there are, of which columns, and their checksum."""
+        return {"rows": self._rows, "columns": self._columns, "checksum": self._checksum}
+
+    def take(self, held: Held) -> None:
+        """Go on after these, once it is opened."""
+        self._rows, self._kept = held["rows"], _end(self._path, held["rows"]) or 0
+
+    def append(self, row: Sequence[float | None]) -> None:
+        """Append one row; see ``extend``."""
+        self.extend([row])
+
+    def extend(self, rows: Rows) -> None:
+        """Append rows, time [s] first, a value for each column or None, which leaves it empty.
+
+        Raises ``RunError`` for a number that is not finite, before anything of its row is written, but those before;
+        and for a file that cannot be written; ``ValueError`` for a row of another length.
+        """
+        for length in {rows.shape[1]} if isinstance(rows, np.ndarray) else set(map(len, rows)):
+            if length != len(self._columns):
+                raise ValueError(f"{self._path.name}: {length} values received; it has {len(self._columns)} columns.")
+        values = np.asarray(rows, dtype=np.float64)  # nan at None
+        if np.isfinite(values).all():
+            return as_many_as_fit(self._write_rows, values)
+        for row in rows:
+            given = [None if value is None else float(value) for value in row]
+            self._check(np.array([value for value in given if value is not None]))
+            self._write_rows([given])
+
+    def _write_rows(self, rows: Rows) -> None:
+        lines = csv_lines(rows)
+        self.write(lines)
+        self._rows, self._checksum = self._rows + len(rows), crc32(lines, self._checksum)

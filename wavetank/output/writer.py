@@ -1,0 +1,348 @@
+"""Writes the run directory: tables and snapshots as the run goes on, the manifest at its start and end."""
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+from uuid import uuid4
+
+from wavetank.arrays import Vector
+from wavetank.errors import InputError, RecordError, RunError, WavetankError, worded
+from wavetank.output.checkpoint import Checkpoint, kept, read_checkpoint, write_checkpoint
+from wavetank.output.directory import (
+    BED,
+    BREAKING,
+    BROKEN,
+    CHECKPOINT,
+    CHECKPOINT_BEFORE,
+    COPIES,
+    GAUGES,
+    ROOM,
+    SERIES,
+    SURFACE,
+    RunDirectory,
+    made_of_records,
+    recorded,
+)
+from wavetank.output.environment import now
+from wavetank.output.growing import GrowingFile, TableWriter, changed, lacks, table
+from wavetank.output.lock import LOCK, RunLock, is_held
+from wavetank.output.manifest import MANIFEST
+from wavetank.output.netcdf import conventions
+from wavetank.output.place import Place
+from wavetank.output.series import column
+from wavetank.output.surface import SurfaceWriter
+from wavetank.output.vtu_series import missing
+from wavetank.output.whole import check_entries, replace, replacing, unfinished
+from wavetank.output.window import WindowFile, WindowTable, file_of
+from wavetank.stateful import Held
+
+R = TypeVar("R", bound=GrowingFile)
+
+
+class RunWriter:
+    """Writes a run directory; on rank 0 alone.
+
+    Made, it holds the directory, alone, and has changed nothing in it; ``begin`` does. As a context manager it begins,
+    closes the files at the end, and an error that leaves the block makes it a failed run.
+
+    Parameters
+    ----------
+    place
+        The directory; made if missing. Raises ``InputError`` if it holds anything but a run that may be overwritten,
+        if another process writes it, or if it cannot be written.
+    manifest
+        What is known at the start; ``status`` is added.
+    resume
+        Whether a run that is there is to go on: nothing of it is replaced. Raises ``InputError`` if there is none.
+    """
+
+    def __init__(self, place: Place | Path, manifest: dict[str, Any], *, resume: bool = False):
+        self._records: list[GrowingFile] = []
+        self._begun = self._older = self._kept_one = False
+        self._room = 0  # bytes kept for the manifest's last word
+        place = place if isinstance(place, Place) else Place(place)
+        self._resume = resume
+        identity: str | None = uuid4().hex
+        if resume:
+            place = Place(place.path, overwrite=True)
+            identity = RunDirectory(place.path).manifest.get("id")
+        self._manifest: dict[str, Any] = {"status": "running", "id": identity, **manifest}
+        try:
+            self.path, self._lock, self._made = _claimed(place)
+        except OSError as error:
+            raise InputError(f"{place.path}: cannot be written ({error.strerror}).") from None
+
+    def begin(self, more: dict[str, Any] | None = None) -> Self:
+        """Write the manifest, with what is known by now, and replace what an earlier run has left.
+
+        Of one that goes on that is only what has been made of its records so far, which will be others.
+        Raises ``InputError`` or ``RecordError`` if they cannot be written, ``RunError`` for a number in it that is not
+        finite, and where the directory is another's by now.
+        """
+        self._check_held()
+        self._manifest |= more or {}
+        self._room = ROOM + len(self._text(self._manifest))
+        try:
+            self._lock.reserve(self._room)
+            self._write_manifest(self._manifest, lasting=True)  # first: what a full disk does not take replaces nothing
+            self._begun = True
+            for old in list((made_of_records if self._resume else recorded)(self.path)):
+                old.unlink()
+            if self._older:
+                os.replace(self.path / CHECKPOINT_BEFORE, self.path / CHECKPOINT)  # the other is of no use any more
+            for record in self._records:
+                record.open()
+        except OSError as error:
+            refused = InputError(f"{self.path}: cannot be written ({error.strerror}).")
+            if self._begun:
+                self.fail(refused)
+            raise refused from None
+        except RecordError as error:
+            self.fail(error)
+            raise
+        return self
+
+    @property
+    def holds(self) -> bool:
+        """Whether the directory is still this run's: it may have been removed, and be another's by now."""
+        return self._lock.holds
+
+    def release(self) -> None:
+        """Let go of the directory; one that was made and never begun is removed."""
+        self._close()
+        self._lock.release()
+        if self._made and not self._begun:
+            with suppress(OSError):
+                self.path.rmdir()
+
+    def __enter__(self) -> Self:
+        if not self._begun:
+            self.begin()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        if error is not None:
+            self.fail(error)
+        self.release()
+
+    def fail(self, error: BaseException) -> None:
+        """Close all files and write the manifest's last word, that this is why the run has ended."""
+        status = error.status if isinstance(error, RunError) else "failed"
+        with suppress(WavetankError):  # where the directory is no more, the error that told so is the cause
+            self.finish(status, {"cause": worded(error)})
+
+    def tell(self) -> None:
+        """Write the manifest with what has been noted so far; on a full disk that waits."""
+        with suppress(OSError):
+            if self.holds:
+                self._write_manifest(self._manifest)
+
+    def gauges(self, gauges: Sequence[tuple[str, float] | tuple[str, float, float]]) -> TableWriter:
+        """Return the gauges' table, rows (t [s], eta_1 [m], ..., eta_N [m]), given name, x and, unless 0, y [m]."""
+        return self.table(GAUGES, ["t [s]", *(column(*gauge) for gauge in gauges)])
+
+    def table(self, file: str, columns: Sequence[str]) -> TableWriter:
+        """Return a new table with these columns, time first, units in their names."""
+        return self._kept(TableWriter(self.path / file, columns))
+
+    def window(
+        self, name: str, *, form: str, places: Vector, levels: int, dimensions: int
+    ) -> Callable[[float, Vector, Vector, Vector], None]:
+        """Return what appends to a window's record, NetCDF or CSV by its ``form``; see ``window.py``."""
+        path = self.path / file_of(name, form)
+        if form == "csv":
+            return self._kept(WindowTable(path, places=places, dimensions=dimensions)).append_columns
+        said = conventions(self._manifest)
+        return self._kept(WindowFile(path, said, places=places, levels=levels, dimensions=dimensions)).append
+
+    def surface(self) -> SurfaceWriter:
+        """Return the record of snapshots."""
+        return self._kept(SurfaceWriter(self.path / SURFACE, conventions(self._manifest)))
+
+    def _kept(self, record: R) -> R:
+        """Return a record that is opened when the run begins, and closed when it ends."""
+        self._records.append(record)
+        if self._begun:
+            record.open()
+        return record
+
+    def held(self) -> Held:
+        """Return how far each of the records has grown, by the names of their files."""
+        return {record.name: record.held() for record in self._records}
+
+    def take(self, held: Held) -> None:
+        """Go on with the records from there, once the run begins, and begin those that were not there.
+
+        Raises ``InputError`` for a record that would not go on.
+        """
+        names = {record.name for record in self._records}
+        if not held.keys() <= names:
+            raise InputError(f"{self.path}: its records are {', '.join(held)}; they would be {', '.join(names)}.")
+        for record in self._records:
+            if record.name in held:
+                record.take(held[record.name])
+
+    def checkpoint(self, checkpoint: Checkpoint, *, last_room: int = 0, at_any_price: bool = False) -> int:
+        """Write a checkpoint, which is told whose it is; return its size in bytes.
+
+        The records are forced to the disk before. Raises ``RunError`` if it cannot be written, ``RecordError`` where
+        the directory is another's by now.
+
+        Parameters
+        ----------
+        checkpoint
+            What the run holds.
+        last_room
+            Bytes that are kept for the last one until there are two, of which it may take the place of the older.
+        at_any_price
+            Whether this is the last one; see ``write_checkpoint``.
+        """
+        self._check_held()
+        of = {"id": self._manifest["id"], "git": self._manifest.get("git")}
+        told = checkpoint._replace(about=checkpoint.about | of)
+        try:
+            for record in self._records:
+                record.sync()
+            if at_any_price:
+                self._lock.reserve(self._room)
+            size = write_checkpoint(self.path, told, own=self._kept_one, at_any_price=at_any_price)
+            self._kept_one = True
+            spare = (self.path / CHECKPOINT_BEFORE).exists() or at_any_price
+            with suppress(OSError):
+                self._lock.reserve(self._room + (0 if spare else 2 * ROOM + last_room))
+            return size
+        except OSError as error:
+            raise RunError(f"{self.path / CHECKPOINT}: cannot be written ({error.strerror}).") from None
+
+    def last_checkpoint(self, at: float | None = None) -> tuple[Checkpoint, list[str]]:
+        """Return the newest one to go on from, or that of a time [s], and a sentence for each that cannot be used.
+
+        Raises ``InputError`` if there is none.
+        """
+        found, useless = read_checkpoint(self.path, self._why_not, at=at)
+        self._older = bool(useless) or any(about["step"] > found.about["step"] for _, about in kept(self.path))
+        return found, useless
+
+    def _why_not(self, about: dict[str, Any]) -> str:
+        """Return why the run cannot go on from a checkpoint, nothing where it can."""
+        try:
+            return self._lost(about)
+        except OSError as error:
+            return f"a record cannot be read: {error.strerror}"
+        except (KeyError, TypeError, AttributeError):
+            return "it is of another version of this program"
+
+    def _lost(self, about: dict[str, Any]) -> str:
+        """Return what a checkpoint counts on that is not there."""
+        if {*about.get("fields", {})} - {*SERIES} or any(Path(name).name != name for name in about["records"]):
+            return "it names files that this program does not write"
+        for name, held in about["records"].items():
+            if lacks(self.path / name, held):
+                return f"it counts on more than there is in {name}"
+            if changed(self.path / name, held):
+                return f"a row of {name} before t = {about['t']:.6g} s has been added, removed or edited since"
+        lost = (missing(self.path, name, held) for name, held in about.get("fields", {}).items())
+        return next((f"it counts on {file}, which is no longer there, or not all of it" for file in lost if file), "")
+
+    def broken(self, columns: Mapping[str, Vector]) -> None:
+        """Write the surface from which the run cannot go on; on a full disk it is left out."""
+        with suppress(OSError):
+            replace(self.path / BROKEN, table(columns))
+
+    def bed(self, columns: Mapping[str, Vector]) -> None:
+        """Write the depths of a bed, so that nobody who draws the run executes its code; on a full disk left out."""
+        with suppress(OSError):
+            replace(self.path / BED, table(columns))
+
+    def breaking(self, columns: Mapping[str, Vector]) -> None:
+        """Write the crests that passed the threshold of breaking; on a full disk they are in the manifest alone."""
+        with suppress(OSError):
+            replace(self.path / BREAKING, table(columns))
+
+    def note(self, figures: dict[str, Any]) -> None:
+        """Take figures into the manifest, with its last word, whichever that will be."""
+        self._manifest |= figures
+
+    def finish(self, status: str, figures: dict[str, Any]) -> None:
+        """Close all files and write the manifest's last word, ``"finished"``, or another with its cause.
+
+        Gauges and probes are written as CF-NetCDF, too; where that is not possible the manifest's ``warnings`` say so:
+        their tables have them. Raises ``RunError`` if the manifest cannot be written, for a figure that is not finite,
+        and where the directory is another's by now: then it stays.
+        """
+        self._close()
+        self._check_held()
+        for one in self._records:
+            if one.name in COPIES and isinstance(one, TableWriter) and one.has_values:
+                self._copy(one.name)
+        try:
+            self._lock.reserve(0)
+            last = self._manifest | {"status": status, "finished": now(), **figures}
+            self._write_manifest(last, lasting=True)
+        except OSError as error:
+            raise RunError(f"{self.path}: cannot be written ({error.strerror}).") from None
+
+    def _copy(self, name: str) -> None:
+        """Write a table as CF-NetCDF, too."""
+        try:
+            with replacing(self.path / COPIES[name]) as copy:
+                RunDirectory(self.path).write_netcdf(name, copy)
+        except (OSError, InputError) as error:
+            why = getattr(error, "strerror", None) or str(error)
+            said = f"{COPIES[name]} could not be written ({why}); {name} has the same"
+            self._manifest.setdefault("warnings", []).append(said)
+
+    def _check_held(self) -> None:
+        """Raise ``RecordError`` where the directory has been removed, and may be another run's."""
+        if not self.holds:
+            raise RecordError(f"{self.path}: is no longer this run's; moved or deleted during the run.")
+
+    def _close(self) -> None:
+        for record in self._records:
+            record.close()
+
+    def _text(self, manifest: dict[str, Any]) -> bytes:
+        try:
+            return json.dumps(manifest, indent=2, allow_nan=False).encode() + b"\n"
+        except ValueError:  # JSON has no word for it
+            raise RunError(f"{self.path / MANIFEST}: a value for it is not a finite number.") from None
+
+    def _write_manifest(self, manifest: dict[str, Any], *, lasting: bool = False) -> None:
+        """Replace the manifest, which tells when."""
+        manifest["written"] = now()
+        replace(self.path / MANIFEST, self._text(manifest), lasting=lasting)
+        self._manifest = manifest
+
+
+def _claimed(place: Place) -> tuple[Path, RunLock, bool]:
+    """Return the first directory of a place that may be written, with its lock, and whether it has been made."""
+    for path in place.candidates:
+        made = not path.exists()
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            written = is_held(path) and not place.numbered  # as the lock will say
+            _check_free(path, overwrite=place.overwrite or written)
+            lock = RunLock(path)
+            _check_free(path, overwrite=place.overwrite)  # another run may have come and gone before the lock
+            return path, lock, made
+        except (InputError, FileExistsError):
+            if not place.numbered:
+                raise
+    raise AssertionError("there are more numbers")
+
+
+def _check_free(path: Path, *, overwrite: bool) -> None:
+    """Raise ``InputError`` if a directory holds what a run must not be written over."""
+    check_entries(path, written=True)
+    there = set(os.listdir(path)) - {LOCK, unfinished(path / MANIFEST).name}
+    if there and MANIFEST not in there:
+        raise InputError(f"{path}: holds files but is no run directory; give an empty or new one.")
+    if there and not overwrite:
+        allowed = "give another directory, or overwrite it (--overwrite, overwrite=True)"
+        raise InputError(f"{path}: holds a run already; {allowed}.")

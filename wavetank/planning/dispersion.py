@@ -1,0 +1,272 @@
+"""The fully discrete linear dispersion relation: what cells, orders and step make of omega² = g k tanh(k d).
+
+**Space.** On equal cells the discrete waves are Bloch waves, u(x + dx) = u(x) exp(i k dx), of the element matrices of
+order p: p unknowns a cell. Its operator on still water is a sum of products of horizontal and vertical matrices, so the
+eigenproblem of p (n+1) unknowns splits. With mu_j of the horizontal one, S v = mu M v, and the vertical modes
+(Lambda_i; b_i = int P_i dzeta) of ``fem/vertical.py``,
+
+    omega_j² = g d mu_j (1 - sum_i b_i² mu_j / (mu_j + Lambda_i / d²)),     j = 0 ... p-1,
+
+exactly: the bracket is the rational approximation of order n of tanh(kappa d) / (kappa d), kappa² = mu. Branch j
+belongs to wave numbers between j pi / dx and (j+1) pi / dx, at the ends, where two branches face each other, to the
+lower; there a wave is half of the one and half of the other. A tank between walls has the frequencies of those k that
+are multiples of pi / length.
+
+**Time.** A scheme maps the state of an oscillator by a matrix of omega dt, found by stepping unit vectors. The argument
+of its principal eigenvalue, (25)-(31) of Gagarina et al. 2016, is omega_num dt; that of Störmer-Verlet is
+2 asin(omega dt / 2).
+"""
+
+from dataclasses import dataclass, field
+from functools import cache, cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.polynomial import Polynomial, legendre
+from numpy.typing import ArrayLike, NDArray
+
+from wavetank.arrays import Vector
+from wavetank.fem.vertical import VerticalBasis, gauss_legendre, gauss_lobatto_legendre
+from wavetank.integrators.affine_stages import AffineStage
+from wavetank.integrators.contract import Integrator
+from wavetank.integrators.oscillators import OnOneRank, OscillatorStages
+from wavetank.integrators.states import like, rows
+from wavetank.waves import airy
+
+POINTS = 64  # of Gauss' rule over a cell: exact for waves of a tenth of it, and longer
+
+Complex = NDArray[np.complex128]
+
+
+# ---------------------------------------------------------------------------------------------------- space
+class Elements(NamedTuple):
+    """The element matrices of order p on a cell of size 1: mass, and stiffness, shape (p+1, p+1) each."""
+
+    mass: Vector
+    stiffness: Vector
+
+
+@cache
+def elements(order: int) -> Elements:
+    """Return the element matrices of Lagrange elements on Gauss-Lobatto-Legendre nodes."""
+    nodes, (points, weights) = gauss_lobatto_legendre(order), gauss_legendre(order + 1)
+    basis = [Polynomial.fromroots(np.delete(nodes, i)) for i in range(order + 1)]
+    basis = [one / one(node) for one, node in zip(basis, nodes, strict=True)]
+    values = np.array([one(points) for one in basis])
+    slopes = np.array([one.deriv()(points) for one in basis])
+    return Elements((values * weights) @ values.T, (slopes * weights) @ slopes.T)
+
+
+class Cells:
+    """Equal cells along x and their Bloch waves.
+
+    Parameters
+    ----------
+    order
+        p.
+    size
+        dx [m].
+    """
+
+    def __init__(self, order: int, size: float):
+        self.order, self.size = order, size
+        self._elements = elements(order)
+        self._x = size * gauss_lobatto_legendre(order)[:-1]
+
+    def _bloch(self, k: Vector) -> tuple[Vector, Complex, Complex]:
+        """Return mu [1/m²], shape (N, p), ascending; orthonormal modes (N, p, p); Cholesky factors of M (N, p, p)."""
+        p = self.order
+        lift = np.zeros((k.size, p + 1, p), dtype=complex)  # p + 1 nodal values of a cell from its p unknowns
+        lift[:, :p, :] = np.eye(p)
+        lift[:, p, 0] = np.exp(1j * k * self.size)
+        mass, stiffness = (_adjoint(lift) @ matrix @ lift for matrix in self._elements)
+        lower: Complex = np.linalg.cholesky(mass).astype(complex)
+        inverse: Complex = np.linalg.inv(lower).astype(complex)
+        squares, modes = np.linalg.eigh(inverse @ stiffness @ _adjoint(inverse))
+        return np.maximum(squares, 0.0) / self.size**2, modes, lower
+
+    def waves(self, k: ArrayLike) -> "BlochWaves":
+        """Return the discrete waves of wave numbers k [rad/m], positive, any shape; ``nan`` beyond p pi / dx."""
+        flat = np.asarray(k, dtype=float).ravel()
+        place = flat * self.size / np.pi * (1 - 1e-14)
+        branch, nearest = np.floor(place).astype(int), np.round(place).astype(int)  # the end next to it
+        rows, last = np.arange(flat.size), self.order - 1
+        own, facing = np.minimum(branch, last), np.clip(2 * nearest - 1 - branch, 0, last)
+        mu, modes, lower = self._bloch(flat)
+        nodal = np.exp(1j * np.outer(flat, self._x))[..., None]
+        shares = np.abs(_adjoint(modes) @ (_adjoint(lower) @ nodal))[..., 0] ** 2
+        shares = shares / shares.sum(axis=1, keepdims=True)
+        both = np.zeros_like(shares)
+        for which in (own, facing):
+            both[rows, which] = shares[rows, which]
+        mean = np.sum(both * mu, axis=1) / np.sum(both, axis=1)
+        apart = np.minimum(np.sqrt(mu / mean[:, None]) - 1.0, 1.0)
+        profile = np.sqrt(np.sum(shares * apart**2, axis=1))
+        known, shape = branch < self.order, np.shape(k)
+        found = (mu[rows, own], np.nan), (mean, np.nan), (profile, 1.0)
+        return BlochWaves(*(np.where(known, one, beyond).reshape(shape) for one, beyond in found))
+
+    def truncation_error(self, k: ArrayLike) -> Vector:
+        """Return what no polynomial of degree p in each cell holds of exp(i k x), relative, in the mean square.
+
+        exp(i kappa xi) = sum_l (2 l + 1) i^l j_l(kappa) P_l(xi) with kappa = k dx / 2, so it is
+        sum_(l > p) (2 l + 1) j_l(kappa)² (Abramowitz and Stegun 1964, 10.1.47), 2 |j_l| = |int exp(i kappa x) P_l dx|.
+        """
+        kappa = np.asarray(k, dtype=float) * self.size / 2
+        degrees = np.arange(self.order + 1, self.order + 13)
+        xi, weights = legendre.leggauss(POINTS)
+        parts = weights[:, None] * legendre.legvander(xi, degrees[-1])[:, degrees] / 2
+        share = np.abs(np.exp(1j * kappa[..., None] * xi) @ parts) ** 2 @ (2 * degrees + 1)
+        return np.asarray(np.sqrt(np.minimum(share, 1.0)))
+
+    @cached_property
+    def largest(self) -> float:
+        """The largest mu of all branches and k [1/m²], which lies at an end of one."""
+        return float(self._bloch(np.array([0.0, np.pi / self.size]))[0].max())
+
+
+def _adjoint(matrices: Complex) -> Complex:
+    return np.asarray(np.conj(matrices.swapaxes(-1, -2)))
+
+
+class BlochWaves(NamedTuple):
+    """Discrete waves, per wave number.
+
+    Attributes
+    ----------
+    mu
+        The eigenvalue [1/m²], k² in the limit.
+    mean
+        Of it and that of the branch that faces it at the next end, by their shares in exp(i k x): there it has no jump,
+        and farther away it is mu.
+    profile_error
+        How far nodal values of exp(i k x) are from the discrete wave, relative, in the norm of M. What is left belongs
+        to other branches: a bounded error, while that in the frequency grows with time. Of a branch of nearly the same
+        frequency, as two have that face each other, it is as small as they differ.
+    """
+
+    mu: Vector
+    mean: Vector
+    profile_error: Vector
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh:
+    """Equal cells over still water of constant depth.
+
+    Attributes
+    ----------
+    cells
+        Along x.
+    vertical_order
+        n.
+    depth, gravity
+        Still-water depth d [m] and gravity g [m/s²].
+    """
+
+    cells: Cells
+    vertical_order: int
+    depth: float
+    gravity: float = 9.81
+
+    def surface_frequency(self, mu: ArrayLike) -> Vector:
+        """Return omega [rad/s] of horizontal eigenvalues mu [1/m²], any shape."""
+        shares, eigenvalues = _vertical(self.vertical_order)
+        scaled = np.asarray(mu)[..., None] * self.depth**2
+        tanh = np.asarray(mu) * self.depth * (1.0 - (scaled / (scaled + eigenvalues)) @ shares)
+        return np.asarray(np.sqrt(self.gravity * tanh))
+
+    def frequency(self, k: ArrayLike) -> Vector:
+        """Return omega_h [rad/s] of wave numbers k [rad/m], positive, any shape; ``nan`` beyond p pi / dx."""
+        return self.surface_frequency(self.cells.waves(k).mu)
+
+    @cached_property
+    def largest_frequency(self) -> float:
+        """omega_max [rad/s] over all branches; that of a tank of finite length is at most as large."""
+        return float(self.surface_frequency(self.cells.largest))
+
+
+def relative_frequency_error(kd: float, vertical_order: int) -> float:
+    """Return the error of the frequency that the vertical order alone makes of a wave of k d."""
+    mesh = Mesh(cells=Cells(1, 1.0), vertical_order=vertical_order, depth=1.0)
+    return float(mesh.surface_frequency(kd**2) / airy.angular_frequency(kd, 1.0, mesh.gravity) - 1.0)
+
+
+@cache
+def _vertical(n: int) -> tuple[Vector, Vector]:
+    """Return b_i² and Lambda_i of the vertical modes, shape (n,) each."""
+    basis = VerticalBasis(n)
+    return basis.moment(0, basis.values, basis.values)[:-1, -1] ** 2, basis.eigenvalues
+
+
+# ---------------------------------------------------------------------------------------------------- time
+@dataclass(frozen=True)
+class _Oscillators(OnOneRank):
+    """H = sum x (p² + q²) / 2: oscillators of the frequencies x, all stepped together."""
+
+    x: Vector
+    stages: Any = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "stages", OscillatorStages(*3 * [AffineStage(self.x.size)]))
+
+    def H_q(self, q: Vector, p: Vector, t: float) -> Vector:
+        return self.x * q
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        return self.x * p
+
+    def energy(self, q: Vector, p: Vector, t: float) -> float:
+        return float(0.5 * np.sum(self.x * (q**2 + p**2)))
+
+
+def amplification(scheme: Integrator[Any], x: Vector) -> Vector:
+    """Return the matrices by which a step maps the state of an oscillator with omega dt = x, shape (N, m, m)."""
+    start = scheme.start(np.zeros_like(x), np.zeros_like(x))
+    size = len(rows(start))
+    units = like(start, np.repeat(np.eye(size), x.size, axis=1))  # one after the other, each of all oscillators
+    columns = rows(scheme.step(_Oscillators(np.tile(x, size)), units, 0.0, 1.0))
+    return columns.reshape(size, size, x.size).transpose(2, 0, 1)
+
+
+class StepErrors(NamedTuple):
+    """What a scheme does to a wave exp(-i omega t), per value of omega dt.
+
+    Attributes
+    ----------
+    frequency
+        omega_num / omega - 1: grows into a phase error; ``nan`` where the scheme is unstable.
+    shape
+        What a start without jumps puts into other modes, and the error of the amplitude: bounded.
+    """
+
+    frequency: Vector
+    shape: Vector
+
+
+def step_errors(scheme: Integrator[Any], x: ArrayLike) -> StepErrors:
+    """Return the errors at omega dt = x, positive, any shape."""
+    flat = np.asarray(x, dtype=float).ravel()
+    factors, modes = np.linalg.eig(amplification(scheme, flat))
+    principal = np.argmin(np.abs(factors - np.exp(-1j * flat)[:, None]), axis=1)
+    each = np.arange(flat.size)
+    angle = -np.angle(factors[each, principal])
+    stable = (np.abs(factors).max(axis=1) < 1 + 1e-7) & (flat < np.pi)  # double roots at x -> 0 split by round-off
+    start = _start(scheme)
+    amplitudes = np.linalg.solve(modes, np.broadcast_to(start[:, None], (flat.size, start.size, 1)))[..., 0]
+    results = _reported(scheme, modes) * amplitudes
+    main = results[each, principal]
+    shape = np.abs(main - 1.0) + np.abs(results).sum(axis=1) - np.abs(main)
+    frequency = np.where(stable, angle / flat - 1.0, np.nan)
+    return StepErrors(frequency.reshape(np.shape(x)), shape.reshape(np.shape(x)))
+
+
+def _start(scheme: Integrator[Any]) -> Complex:
+    """Return the state that begins exp(-i omega t): q = 1, p = -i, shape (m,)."""
+    zero, one = np.zeros(1), np.ones(1)
+    return np.asarray(rows(scheme.start(one, zero)) - 1j * rows(scheme.start(zero, one)))[:, 0]
+
+
+def _reported(scheme: Integrator[Any], modes: Complex) -> Complex:
+    """Return the coordinate that a scheme reports of each mode, shape (N, m)."""
+    return np.asarray(like(scheme.start(np.zeros(1), np.zeros(1)), modes.transpose(1, 0, 2)).q)

@@ -1,0 +1,392 @@
+"""The plan of a scene: of all discretisations that are accurate enough, the cheapest, with what is needed and why.
+
+Searched are p in {2, 3, 4, 5}, n from 2 to 16, cells on a geometric grid, and for each of these meshes the largest
+step of the default scheme that accuracy and stability allow: others take as much time or more, and are less accurate
+(docs/plan.md). Errors of space and time add up (``error_model.py``), so the step follows from what the mesh leaves of
+the accuracy. It must hold a measured motion, too (``HELD``): steps of a few rows of the record are among those
+searched, as they do best. What a case sets beside an accuracy is kept and not searched.
+
+The stability limit is that of the largest frequency on still water, shifted by the current u under the highest crest,
+dt (omega_max + u k_grid) < limit with k_grid = p pi / dx. Implicit stages of nonlinear waves, solved with the still
+water's inverse, converge to larger or smaller steps: ``solvable`` of the integrator.
+"""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from itertools import product
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from wavetank.case import LinearWater, NonlinearWater, Physics, Scene
+from wavetank.errors import InputError
+from wavetank.integrators import INTEGRATORS
+from wavetank.motion import Motion
+from wavetank.planning.cost_model import BUILT_IN, Cost, CostModel
+from wavetank.planning.defaults import solved_to
+from wavetank.planning.dispersion import Mesh
+from wavetank.planning.error_model import ErrorModel, ErrorPart, Settings
+from wavetank.planning.kinds import entries_of
+from wavetank.planning.looks import Looks
+from wavetank.planning.requirements import Requirements, requirements
+from wavetank.planning.stroke_held import stroke_missed
+from wavetank.simulation.build import ANSWERED, build_clock
+from wavetank.simulation.clock import ROUNDING, Clock
+from wavetank.tank.edge_penalty import NEEDED
+from wavetank.tank.short_waves import FARTHEST
+from wavetank.values.noun import Problem, SceneError
+
+ORDERS = (2, 3, 4, 5)
+VERTICAL_ORDERS = tuple(range(2, 17))
+LEAST_ABSORBING = 4  # n before paddles that absorb by the elevation at their face, evanescent modes included
+SCHEME = "simpson-4"
+PER_WAVE = np.geomspace(0.7, 40.0, 30)  # cells in a wave length
+PER_PEAK = np.geomspace(0.5, 4.0, 16)  # cells in the length of a run-up peak
+STEP_RATIO = 1.08  # between neighbouring steps
+MARGIN = 0.9  # of the stability limit
+AIM = 1 / 3  # of the accuracy: the cheapest of all settings lean to those whose error is underestimated, by up to 3
+HELD = 1 / 3  # of the accuracy: what a step may miss of a measured motion's displacement
+BETWEEN = np.pi / 2  # rows, no whole number of them
+ROWS = (0.5, 0.25)  # of its record in a step: what alternates from row to row must not do so from step to step
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """Numerics for a scene, and what is to be expected of them.
+
+    Attributes
+    ----------
+    physics
+        "linear" or "nonlinear".
+    settings
+        p, cells, n, dt and the integrator.
+    accuracy, error
+        Relative error of the elevation: asked for, and predicted.
+    kind, steepness
+        Of the waves, for what they cost.
+    cost
+        CPU time and memory, predicted.
+    steps
+        Number of steps.
+    cell_size
+        dx [m].
+    dt_omega_max
+        dt times the largest frequency of the mesh on still water.
+    looks
+        What it looks for below the surface.
+    reasons
+        Which objects are needed and why, a sentence each.
+    """
+
+    physics: Physics
+    settings: Settings
+    accuracy: float
+    error: float
+    kind: str
+    steepness: float
+    cost: Cost
+    steps: int
+    cell_size: float
+    dt_omega_max: float
+    looks: Looks
+    reasons: tuple[str, ...]
+
+    def cost_by(self, costs: CostModel) -> Cost:
+        """Return the cost on another machine."""
+        return costs.run(
+            self.kind,
+            self.settings,
+            duration=self.steps * self.settings.dt,
+            dt_omega_max=self.dt_omega_max,
+            steepness=self.steepness,
+            looks=self.looks,
+        )
+
+    def applied_to(self, scene: Scene) -> Scene:
+        """Return the scene with the plan's water and numerics, nothing left to be planned."""
+        changes: dict[str, Any] = {"accuracy": None, "cell_size": None, **asdict(self.settings)}
+        changes |= solved_to(self.accuracy, scene)
+        water = LinearWater() if self.physics == "linear" else NonlinearWater()
+        return scene.model_copy(update={"water": water, "numerics": scene.numerics.model_copy(update=changes)})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """What a case sets beside an accuracy, named as in ``Settings``; None is free."""
+
+    order: int | None = None
+    cells: int | None = None
+    vertical_order: int | None = None
+    dt: float | None = None
+    integrator: str | None = None
+
+    @classmethod
+    def by(cls, scene: Scene) -> "Given":
+        """Return what a scene sets: nothing unless it asks for an accuracy."""
+        numerics, names = scene.numerics, scene.numerics.model_fields_set
+        if numerics.accuracy is None:
+            return cls()
+        kept = {name: getattr(numerics, name) for name in ("order", "vertical_order", "dt", "integrator")}
+        cells = scene.cells if names & {"cells", "cell_size"} else None
+        return cls(cells=cells, **{name: value for name, value in kept.items() if name in names})
+
+
+class UnreachableError(InputError):
+    """No discretisation searched is as accurate as asked."""
+
+
+def make_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
+    """Return the cheapest plan for a relative error of at most ``accuracy``: ``AIM`` of it is predicted at most.
+
+    Raises ``InputError`` for an accuracy that is not between 0 and 1 and a scene that cannot be planned,
+    ``UnreachableError`` if no discretisation searched is as accurate, ``SceneError`` if it is the given step's fault.
+    """
+    if not 0.0 < accuracy < 1.0:
+        raise InputError(f"accuracy = {accuracy:g}: must be between 0 and 1.")
+    search = _Search(scene, accuracy)
+    found = [(search.cost(settings, costs), settings) for settings in search.candidates()]
+    if not found and (longest := search.longest()) is not None:
+        allowed = f"must be at most {longest:.4g} s, the longest that is stable and accurate to {accuracy:g}"
+        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+    if not found and (fewest := search.fewest()) is not None:
+        raise SceneError([_too_large(scene, fewest, accuracy)])
+    if not found:
+        raise UnreachableError(f"accuracy = {accuracy:g}: {search.reached}.")
+    return search.plan(min(found, key=lambda one: one[0].cpu)[1], costs)
+
+
+def _too_large(scene: Scene, fewest: int, accuracy: float) -> Problem:
+    """Return that a scene's cells are too large for an accuracy, by the key that names them, and so many that do."""
+    numerics, known = scene.numerics, f"for an accuracy of {accuracy:g}"
+    if numerics.cells is not None:
+        return Problem(("numerics", "cells"), numerics.cells, f"must be more {known}: {fewest} would do")
+    would = f"{scene.tank.length / fewest:.4g} m would do"
+    return Problem(("numerics", "cell_size"), numerics.cell_size, f"must be smaller {known}: {would}")
+
+
+def own_plan(scene: Scene, accuracy: float, *, costs: CostModel = BUILT_IN) -> Plan:
+    """Return what is to be expected of a scene's own water and numerics; raises ``InputError`` as a run does."""
+    search = _Search(scene.model_copy(update={"water": scene.water or NonlinearWater()}), accuracy)
+    return search.plan(search.own(), costs)
+
+
+class _Search:
+    """All discretisations of a scene."""
+
+    def __init__(self, scene: Scene, accuracy: float, *, given: Given | None = None):
+        self._scene, self._required = scene, requirements(scene, accuracy)  # first: it refuses what no plan knows
+        self._given, self._quickened = given or Given.by(scene), scene.quickened
+        self._errors = ErrorModel(self._required)
+        self._scheme = self._given.integrator or SCHEME
+        self._steps = _Steps(self._errors, self._required, scheme=self._scheme, given=self._given.dt)
+
+    # ------------------------------------------------------------------------------------------ what is searched
+    def _orders(self) -> tuple[int, ...]:
+        return ORDERS if self._given.order is None else (self._given.order,)
+
+    def _counts(self) -> list[int]:
+        if self._given.cells is not None:
+            return [self._given.cells]
+        waves, fewest = self._required.length * self._required.k / (2 * np.pi), self._scene.tank.fewest_cells
+        counts = waves * PER_WAVE
+        if (run_up := self._required.run_up) is not None:
+            finer = self._required.length / run_up.width * PER_PEAK
+            counts = np.concatenate([counts, finer[finer > counts[-1]]])
+        return sorted({max(fewest, ceil(one)) for one in counts})
+
+    def _vertical_orders(self) -> tuple[int, ...]:
+        if self._given.vertical_order is not None:
+            return (self._given.vertical_order,)
+        return tuple(n for n in VERTICAL_ORDERS if not self._scene.absorbing or n >= LEAST_ABSORBING)
+
+    @property
+    def what(self) -> str:
+        """What is searched, in words."""
+        given = [f"{name} = {value:g}" for name, value in asdict(self._given).items() if isinstance(value, float | int)]
+        return f"p <= {max(self._orders())}, n <= {max(self._vertical_orders())} reach" + "".join(
+            f", {one} being set" for one in given
+        )
+
+    def _meshes(self) -> Iterator[Mesh]:
+        for order, cells, n in product(self._orders(), self._counts(), self._vertical_orders()):
+            mesh = self._errors.mesh(order, cells, n)
+            if self._scene.numerics.edge_penalty > 0 or self._current(mesh) <= NEEDED:
+                yield mesh
+
+    def candidates(self) -> Iterator[Settings]:
+        """Yield every mesh that is accurate enough, with its largest step."""
+        for mesh in self._meshes():
+            space = self._errors.space(mesh)
+            if self._errors.total(space) > AIM * self._required.accuracy:
+                continue
+            if (dt := self._steps.largest(self._longest_step(mesh), space)) is not None:
+                p, cells, n = mesh.cells.order, round(self._required.length / mesh.cells.size), mesh.vertical_order
+                yield Settings(order=p, cells=cells, vertical_order=n, dt=dt, integrator=self._scheme)
+
+    def longest(self) -> float | None:
+        """Return the longest step that would do where the one that is given does not; None if none is given or does."""
+        if self._given.dt is None:
+            return None
+        return max((settings.dt for settings in self._without("dt").candidates()), default=None)
+
+    def fewest(self) -> int | None:
+        """Return the fewest cells that would do where those that are given do not; None if none are given or do."""
+        if self._given.cells is None:
+            return None
+        return min((settings.cells for settings in self._without("cells").candidates()), default=None)
+
+    def _without(self, name: str) -> "_Search":
+        """Return the search of the same scene, but for one thing that is given."""
+        free: dict[str, Any] = {name: None}
+        return _Search(self._scene, self._required.accuracy, given=replace(self._given, **free))
+
+    @property
+    def reached(self) -> str:
+        """The best accuracy that all meshes reach, in words."""
+        best = min((self._errors.total(self._errors.space(mesh)) for mesh in self._meshes()), default=np.inf) / AIM
+        what = f"{self.what} with a stable step"
+        return f"must be above {best:.2g}, the best that {what}" if best < 1.0 else f"nothing that {what} is accurate"
+
+    def _longest_step(self, mesh: Mesh) -> float:
+        stable = float(INTEGRATORS[self._scheme].stability_limit)
+        limit, required = MARGIN * stable, self._required
+        limit = min(limit, MARGIN * ANSWERED) if self._scene.absorbing else limit
+        if required.physics == "linear":
+            return limit / mesh.largest_frequency
+        shifted = mesh.largest_frequency + required.velocity * _k_grid(mesh)
+        solvable = min(float(INTEGRATORS[self._scheme].solvable), FARTHEST * stable / self._quickened)
+        return min(limit / shifted, solvable / mesh.largest_frequency)
+
+    def _current(self, mesh: Mesh) -> float:
+        """Return u² k_grid / g; 0 for linear waves, which have no current."""
+        required = self._required
+        return 0.0 if required.physics == "linear" else required.velocity**2 * _k_grid(mesh) / required.gravity
+
+    # ------------------------------------------------------------------------------------------ what is found
+    def own(self) -> Settings:
+        """Return the scene's own numerics, defaults resolved."""
+        numerics, cells = self._scene.numerics, self._scene.cells
+        mesh = self._errors.mesh(numerics.order, cells, numerics.vertical_order)
+        name = numerics.integrator
+        return Settings(
+            order=numerics.order,
+            cells=cells,
+            vertical_order=numerics.vertical_order,
+            dt=build_clock(self._scene, mesh.largest_frequency, INTEGRATORS[name]()).dt,
+            integrator=name,
+        )
+
+    def _mesh(self, settings: Settings) -> Mesh:
+        return self._errors.mesh(settings.order, settings.cells, settings.vertical_order)
+
+    def cost(self, settings: Settings, costs: CostModel) -> Cost:
+        """Return the cost of a run."""
+        return costs.run(
+            self._required.kind,
+            settings,
+            duration=self._required.duration,
+            dt_omega_max=settings.dt * self._mesh(settings).largest_frequency,
+            steepness=self._required.highest,
+            looks=Looks.of(self._scene, settings.dt),
+        )
+
+    def plan(self, settings: Settings, costs: CostModel) -> Plan:
+        """Return settings with what is to be expected of them."""
+        required, mesh, looks = self._required, self._mesh(settings), Looks.of(self._scene, settings.dt)
+        cost = self.cost(settings, costs)
+        entries = entries_of(settings.order, settings.cells, settings.vertical_order)
+        watched, answering = looks.told(looks.in_slice(entries) / cost.cpu), looks.answering(entries) / cost.cpu
+        more = [f"records: {watched}."] if watched else []
+        more += [f"absorption: {answering:.0%} of the time."] if answering else []
+        return Plan(
+            physics=required.physics,
+            settings=settings,
+            accuracy=required.accuracy,
+            error=self._errors.predict(settings),
+            kind=required.kind,
+            steepness=required.highest,
+            cost=cost,
+            steps=Clock.covering(required.duration, settings.dt).steps,
+            cell_size=mesh.cells.size,
+            dt_omega_max=settings.dt * mesh.largest_frequency,
+            looks=looks,
+            reasons=(*required.reasons, self._penalty_reason(mesh), *more),
+        )
+
+    def _penalty_reason(self, mesh: Mesh) -> str:
+        if self._required.physics == "linear":
+            return "edge penalty: none, linear waves have no current."
+        current = f"u² k_grid / g = {self._current(mesh):.2g} under the highest crest"
+        if self._current(mesh) <= NEEDED:
+            return f"edge penalty: none, {current} stays below {NEEDED:g}."
+        if self._scene.numerics.edge_penalty > 0:
+            return f"edge penalty: needed, {current} exceeds {NEEDED:g}; the run applies it by itself."
+        return f"edge penalty: needed, {current} exceeds {NEEDED:g}, but numerics.edge_penalty = 0 forbids it."
+
+
+def _k_grid(mesh: Mesh) -> float:
+    return mesh.cells.order * np.pi / mesh.cells.size
+
+
+class _Steps:
+    """Steps that divide the duration, or some rows of a record, from coarse to fine; or the one that is given.
+
+    What each contributes to the error, and what it misses of a measured motion, is found once.
+    """
+
+    def __init__(self, errors: ErrorModel, required: Requirements, *, scheme: str, given: float | None):
+        self._errors, self._required, self._scheme = errors, required, scheme
+        coarsest = np.pi / float(required.waves.omega.min())
+        counts = required.duration / coarsest * STEP_RATIO ** np.arange(120)
+        divided = required.duration / np.unique(np.maximum(1, np.ceil(counts)))
+        self._given, self._measured = given is not None, required.measured
+        self._dt = np.sort([*divided, *self._of_rows()])[::-1] if given is None else np.array([given])
+        self._parts: dict[int, ErrorPart] = {}
+        self._missed: dict[tuple[float, int], float] = {}
+
+    def _of_rows(self) -> list[float]:
+        """Return steps of some rows of each record that end within all."""
+        end = min((motion.duration for motion in self._measured), default=0.0)
+        steps = [
+            Clock.covering(self._required.duration, rows * motion.interval)
+            for motion in self._measured
+            for rows in ROWS
+            if motion.interval is not None
+        ]
+        return [clock.dt for clock in steps if clock.end <= end * (1 + ROUNDING)]
+
+    def _holds(self, dt: float) -> bool:
+        """Return whether a step holds measured motions; what is given is kept, and the run says what it misses.
+
+        Where one of ``BETWEEN`` rows does not, the noise counts: steps that do not resolve the rows hold it by chance.
+        """
+        limit = HELD * self._required.accuracy
+        return self._given or all(
+            (dt <= ROWS[0] * row * (1 + ROUNDING) or self._misses(BETWEEN * row, motion) <= limit)
+            and self._misses(dt, motion) <= limit
+            for motion in self._measured
+            if (row := motion.interval) is not None
+        )
+
+    def _misses(self, dt: float, motion: Motion) -> float:
+        key = dt, id(motion)
+        if key not in self._missed:
+            nodes, steps = INTEGRATORS[self._scheme].nodes, max(1, int(self._required.duration / dt))
+            self._missed[key] = stroke_missed(motion.position, motion.velocity, dt=dt, steps=steps, nodes=nodes)
+        return self._missed[key]
+
+    def _part(self, i: int) -> ErrorPart:
+        if i not in self._parts:
+            self._parts[i] = self._errors.time(self._scheme, float(self._dt[i]))
+        return self._parts[i]
+
+    def largest(self, limit: float, space: ErrorPart) -> float | None:
+        """Return the largest step below ``limit`` [s] that is accurate and holds the motion; None if there is none."""
+        low = int(np.searchsorted(-self._dt, -limit))
+        high = self._dt.size
+        while low < high:
+            middle = (low + high) // 2
+            accurate = self._errors.total(space, self._part(middle)) <= AIM * self._required.accuracy
+            low, high = (low, middle) if accurate else (middle + 1, high)
+        return next((dt for dt in map(float, self._dt[low:]) if self._holds(dt)), None)

@@ -1,0 +1,125 @@
+"""What stands for an accuracy in a case, and for numerics that it does not name: the same on all ranks."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
+
+from mpi4py import MPI
+
+from wavetank.case import BasinTank, RunState, Scene
+from wavetank.errors import InputError
+from wavetank.fem.agreed import from_first
+from wavetank.mesh import MeshFile
+from wavetank.planning.cut_starts import cut_starts
+from wavetank.planning.defaults import DEFAULT, resolved, shortest_wave
+from wavetank.planning.plan import Plan, UnreachableError, make_plan
+from wavetank.planning.requirements import unplanned
+from wavetank.planning.waves_held import too_short
+from wavetank.simulation.starts import with_its_numerics
+from wavetank.values.noun import SceneError, about
+
+LESS = (0.03, 0.1)  # accuracies that are tried where the default one cannot be had
+
+
+class Planned(NamedTuple):
+    """A scene whose numerics are planned or resolved, and what whoever reads its results must know of that."""
+
+    scene: Scene
+    warnings: tuple[str, ...] = ()
+
+
+def planned(scene: Scene, comm: MPI.Comm) -> Planned:
+    """Return the scene with the water and numerics that its accuracy requires, or where it names none the default one.
+
+    Where no plan can be made, or some numerics are named, its shortest wave decides on the others. Made on the first
+    rank; collective. Raises ``InputError`` on all ranks if an accuracy is asked for that cannot be planned for.
+    """
+    found, warnings = from_first(comm, lambda: _planned(scene))
+    return Planned(found, (*warnings, *cut_starts(scene, scene.numerics.accuracy)))
+
+
+def _planned(scene: Scene) -> Planned:
+    if isinstance(scene.initial, RunState) and scene.numerics.accuracy is None:
+        with about("initial"):
+            return Planned(with_its_numerics(scene, scene.initial))
+    if scene.numerics.open or not _cells_are_named(scene):
+        check_held(scene)
+    if scene.numerics.accuracy is not None:
+        return Planned(make_plan(scene, scene.numerics.accuracy).applied_to(scene))
+    try:
+        plan = default_plan(scene)
+    except UnreachableError:
+        plan = None
+    if plan is None:
+        return Planned(resolved(scene))
+    less = f"no numerics that a plan knows are accurate to {DEFAULT:g}: these are planned for {plan.accuracy:g}"
+    return Planned(plan.applied_to(scene), () if plan.accuracy == DEFAULT else (less,))
+
+
+def _cells_are_named(scene: Scene) -> bool:
+    """Return whether none are chosen for a scene that names some numerics."""
+    from_file = isinstance(scene.tank, BasinTank) and isinstance(scene.tank.layout, MeshFile)
+    return from_file or bool(scene.numerics.model_fields_set & {"cells", "cell_size"})
+
+
+def check_held(scene: Scene) -> None:
+    """Raise ``SceneError`` if a scene has waves of a paddle that no numerics hold: a plan knows nothing of them."""
+    named = "; cells that the case names are taken as they are"
+    if problems := [one._replace(allowed=one.allowed + named) for one in too_short(scene)]:
+        raise SceneError(problems)
+
+
+def default_plan(scene: Scene) -> Plan | None:
+    """Return the plan of a scene that names no numerics, to the best of the usual accuracies; None if none is made.
+
+    Nor is one made for a scene that asks for an accuracy: it gets the plan for that one, or none. Raises
+    ``UnreachableError`` if none of these accuracies can be had.
+    """
+    if scene.numerics.accuracy is not None or not scene.numerics.open:
+        return None
+    for accuracy in (DEFAULT, *LESS):
+        try:
+            return make_plan(scene, accuracy)
+        except UnreachableError as error:
+            least = error
+        except InputError:  # nothing moves, or nothing that a plan knows
+            return None
+    raise UnreachableError(f"the case names no accuracy, and none that is tried then can be had: {least}")
+
+
+def told_of_rule(asked: Scene) -> str:
+    """Return why no accuracy is predicted of a scene that names no numerics, with its shortest wave; else nothing."""
+    ruled = asked.numerics.open and not isinstance(asked.initial, RunState)
+    why = unplanned(asked) if ruled else None
+    if why is None:
+        return ""
+    rule = f"no accuracy is predicted, cells and vertical order follow a rule (docs/plan.md): {why}"
+    return f"{rule}; {wave}" if (wave := str(shortest_wave(asked))) else rule
+
+
+@contextmanager
+def mesh_told(asked: Scene, scene: Scene) -> Iterator[None]:
+    """Say of a step that is too long for a mesh where that comes from, in the scene as it was asked for, or planned."""
+    try:
+        yield
+    except SceneError as error:
+        problems = [
+            one._replace(allowed=f"{one.allowed}; {_origin(asked, scene)}") if one.key == ("numerics", "dt") else one
+            for one in error.problems
+        ]
+        raise SceneError(problems) from error
+
+
+def _origin(asked: Scene, scene: Scene) -> str:
+    """Return where the cells come from, and what names others."""
+    numerics, cells = asked.numerics, f"its cells of {scene.cell_size:.3g} m"
+    if isinstance(asked.tank, BasinTank) and isinstance(asked.tank.layout, MeshFile):
+        return "its cells are those of the file that tank.layout names"
+    if named := next((key for key in ("cells", "cell_size") if getattr(numerics, key) is not None), ""):
+        return f"its cells are those of numerics.{named} = {getattr(numerics, named):g}"
+    if numerics.accuracy is not None:
+        return f"{cells} are planned for numerics.accuracy = {numerics.accuracy:g}"
+    shorter = scene.numerics.model_fields_set & {"cells", "cell_size"}
+    why = "are as small as the shortest wave known of the case requires" if shorter else "are usual for the depth"
+    planned = ", numerics.accuracy has them planned with the step" if unplanned(asked) is None else ""
+    return f"{cells} {why}; numerics.cell_size would name others{planned}"

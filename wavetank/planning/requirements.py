@@ -1,0 +1,589 @@
+"""What a scene asks for: which waves there are, how far they travel, how steep they get, and the objects that follow.
+
+A paddle's waves are those of linear wavemaker theory: a_j = c(k_j) |X_j|, with X_j the Fourier coefficients of its
+motion over the run (of a short one, and beyond it: ``WINDOW``) and c the paddle's transfer function
+(``waves/wavemaker.py``). Each component is followed from the paddle to the farthest gauge that its group reaches
+within the run, with all later passages after reflections at both ends (``travel.py``); where there is no gauge, or most
+of the energy has not arrived, to the far wall. The energy that a gauge records weights its error. Those of a far wall
+are found alike, as seen from it. A standing wave is followed for the whole run.
+
+Steepness counts in Stokes' expansion at k of the highest crest, of the waves of one direction, s = k a,
+sigma = tanh(k d):
+
+    a_2 / a_1 = s (3 - sigma²) / (4 sigma³),     a_3 / a_1 = s² (27 - 9 sigma² + 9 sigma⁴ - 3 sigma⁶) / (64 sigma⁶),
+    omega / omega_linear - 1 = s² (9 - 10 sigma² + 9 sigma⁴) / (16 sigma⁴).
+
+Waves of permanent form are exact: their harmonics, speed and velocity are those of the wave itself. A solitary wave is
+one whose period is a window around its crest. Standing waves have the crest, harmonics and frequency of their own
+expansion (``waves/standing_wave.py``). Theirs begin without bound harmonics; the free ones that make up for them
+at the start come and go: with k a = 0.3, k d = pi / 2 the crest gets 1.45 a high, where a travelling wave's has 1.15 a.
+
+Source: G. B. Whitham, Linear and Nonlinear Waves, 1974, section 13.13; R. G. Dean and R. A. Dalrymple 1991, chapter 11.
+"""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank import case as nouns
+from wavetank.arrays import Vector
+from wavetank.case import Physics, Scene
+from wavetank.errors import InputError
+from wavetank.motion import Motion
+from wavetank.motion.extent import values
+from wavetank.planning import travel
+from wavetank.planning.absorption_error import absorption_error
+from wavetank.planning.kinds import kind_of
+from wavetank.planning.run_up import RunUp
+from wavetank.values.noun import Problem, SceneError
+from wavetank.waves import airy, standing_wave
+from wavetank.waves.conformal import SteadyWave
+from wavetank.waves.second_order import Strokes, second_order
+from wavetank.waves.solitary_wave import solitary_wave
+
+LEFT = 0.05  # of the free second harmonic: what second-order generation leaves of it, in steep waves
+MOST_COMPONENTS = 40
+MOST_TIMES = 2**16  # at which a motion is looked at: an hour of it in a tank 0.5 m deep
+DEEPEST = 40.0  # k d of the highest frequency that is looked for in a motion
+TAPER = 0.25  # share of a motion that is tapered at its end, lest it look like a jump: its waves do not get far
+TRIED = 4001  # times beyond a short run's end
+WINDOW = 36.0  # (d / g)^(1/2): what of a motion is looked at, at least; a piece of a period looks like short waves
+NOISE = 1 / 30  # of a measured motion's strongest lines: what is shorter and weaker is the instrument's
+POINTS = 1024  # along a wave of permanent form
+TAIL, FARTHEST = 1e-3, 60.0  # of a solitary wave: where it ends, relative to its height, and depths looked at
+BEYOND = 4  # harmonics of a standing wave beyond those of its expansion
+DECAY = 1.85  # r_(m+1) / r_m of these over r_3 / r_2; 1.83 to 1.95 in runs of k a = 0.15 to 0.3 (docs/plan.md)
+NEGLIGIBLE = 1e-5  # of its first harmonic
+RETURNING = 0.1  # of the recorded energy: where less is reflected, the crest is that of waves that travel away
+REACHED = 0.9  # of the energy: of a run that ends before it gets to a gauge all that is in the tank counts
+PLACES = 33  # at which the highest crest is looked for
+AROUND = 4  # groups of lines on either side: of fewer the envelope has no place in time
+TIMES = 512  # at which an envelope is sampled
+
+
+class Components(NamedTuple):
+    """The waves of a scene, shape (N,) each.
+
+    Attributes
+    ----------
+    k, omega
+        Wave numbers [rad/m] and angular frequencies [rad/s].
+    amplitude
+        Amplitudes of the elevation [m].
+    age
+        For how long each is followed [s].
+    """
+
+    k: Vector
+    omega: Vector
+    amplitude: Vector
+    age: Vector
+
+    def selected(self, which: NDArray[np.bool_]) -> "Components":
+        """Return some of them, shape (N,)."""
+        return Components(*(part[which] for part in self))
+
+
+class SceneWaves(NamedTuple):
+    """Components, the highest crest they make together by linear theory [m], and the exact wave if they are one.
+
+    ``lasting`` is for how long they are about as high [s]; ``run_up`` is that of a solitary wave that meets a wall,
+    ``free`` are the free second harmonics of a paddle, ``progressive`` is the crest of the waves of one direction [m].
+    """
+
+    components: Components
+    crest: float
+    form: "Form | None" = None
+    lasting: float = np.inf
+    run_up: RunUp | None = None
+    free: Components = Components(*4 * [np.empty(0)])
+    progressive: float = 0.0
+
+
+class Form(NamedTuple):
+    """A wave whose form is known: one of permanent form, or a standing one.
+
+    Attributes
+    ----------
+    harmonics
+        Amplitudes of its harmonics relative to the first, shape (M,).
+    velocity
+        The largest of the water at the surface [m/s].
+    excess
+        Its frequency over that of linear theory, less 1.
+    crest
+        The highest it gets [m].
+    """
+
+    harmonics: Vector
+    velocity: float
+    excess: float
+    crest: float
+
+
+class Harmonics(NamedTuple):
+    """Stokes' bound harmonics: amplitudes relative to the first, and the relative change of frequency."""
+
+    second: float
+    third: float
+    frequency: float
+
+    @property
+    def ratios(self) -> Vector:
+        """The first four relative to the first, at most 1 (a_4 = a_3² / a_2), shape (4,)."""
+        return np.minimum([1.0, self.second, self.third, self.third**2 / self.second], 1.0)
+
+
+def stokes(steepness: float, kd: float) -> Harmonics:
+    """Return Stokes' harmonics of a wave of steepness k a in depth k d; see the module's formulae."""
+    s, sigma = steepness, np.tanh(kd)
+    return Harmonics(
+        float(s * (3 - sigma**2) / (4 * sigma**3)),
+        float(s**2 * (27 - 9 * sigma**2 + 9 * sigma**4 - 3 * sigma**6) / (64 * sigma**6)),
+        float(s**2 * (9 - 10 * sigma**2 + 9 * sigma**4) / (16 * sigma**4)),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Requirements:
+    """What a scene requires, for an accuracy.
+
+    Attributes
+    ----------
+    accuracy
+        Largest relative error of the elevation.
+    length, depth, gravity, duration
+        Of the tank and the run [m, m, m/s², s].
+    waves
+        The components.
+    k
+        Wave number of the mean energy [rad/m].
+    steepness, highest
+        k a of the highest crest, by linear theory or of a wave of permanent form; and of what a standing wave gets to.
+    velocity
+        The horizontal velocity in the crest, a omega / tanh(k d) [m/s].
+    harmonics
+        Amplitudes of bound harmonics relative to the first, shape (M,): one where linear waves do.
+    run_up
+        The highest run-up of a solitary wave at a wall; None where there is none.
+    absorption_error
+        Of each component: its error by paddles that absorb, over (omega dt)^(7/2), shape (N,).
+    kind
+        Of waves by what a step costs (``kind_of``).
+    measured
+        Motions of paddles that were measured: steps must hold them, noise and all.
+    physics
+        "linear" or "nonlinear".
+    reasons
+        Which objects are needed and why, a sentence each.
+    """
+
+    accuracy: float
+    length: float
+    depth: float
+    gravity: float
+    duration: float
+    waves: Components
+    k: float
+    steepness: float
+    highest: float
+    lasting: float
+    velocity: float
+    harmonics: Vector
+    run_up: RunUp | None
+    absorption_error: Vector
+    kind: str
+    measured: tuple[Motion, ...]
+    physics: Physics
+    reasons: tuple[str, ...]
+
+
+def unplanned(scene: Scene) -> str | None:
+    """Return why no plan can be made of a scene's tank and start, or None where one can."""
+    tank = scene.tank
+    if isinstance(tank, nouns.BasinTank) or tank.bed is not None:
+        what = f'tank.type = "{tank.type}"' if tank.bed is None else f'tank.bed.type = "{tank.bed.type}"'
+        return f"{what}: plans are made for slices and rings with a flat bed"
+    if type(scene.initial) not in STARTS:
+        allowed = ", ".join(sorted(kind.model_fields["type"].default for kind in STARTS))
+        return f'initial.type = "{scene.initial.type}": plans are made for {allowed}'
+    return None
+
+
+def requirements(scene: Scene, accuracy: float) -> Requirements:
+    """Return what a scene requires for a relative error of the elevation of ``accuracy``; its water stays if it is set.
+
+    Raises ``InputError`` for a scene in which nothing moves, or whose tank or initial state is not known here.
+    """
+    tank = scene.tank
+    if why := unplanned(scene):
+        allowed = f"must be left out, then cells and vertical order follow a rule: {why}"
+        raise SceneError([Problem(("numerics", "accuracy"), scene.numerics.accuracy, allowed)])
+    waves, crest, form, lasting, run_up, free, progressive = _all_waves(scene, accuracy)
+    motions = [seen.motion() for seen in scene.paddles]
+    energy = waves.amplitude**2
+    k = float(energy @ waves.k / energy.sum())
+    harmonics = stokes(k * progressive, k * tank.depth)
+    ratios, excess = (form.harmonics, form.excess) if form else (harmonics.ratios, harmonics.frequency)
+    phase = float(excess * (energy @ (waves.omega * waves.age)) / energy.sum())
+    second = float(ratios[1])
+    physics = _enough(accuracy, second, phase) if _is_free(scene) else scene.physics
+    waves = _together([waves, free]) if physics == "nonlinear" else waves
+    return Requirements(
+        accuracy=accuracy,
+        length=tank.length,
+        depth=tank.depth,
+        gravity=tank.gravity,
+        duration=scene.run.duration,
+        waves=waves,
+        k=k,
+        steepness=k * crest,
+        highest=k * (form.crest if form else crest),
+        lasting=lasting,
+        velocity=form.velocity if form else _crest_velocity(k, crest, scene),
+        harmonics=ratios if physics == "nonlinear" else np.ones(1),
+        run_up=run_up,
+        absorption_error=absorption_error(scene, waves.k),
+        kind=kind_of(scene, physics),
+        measured=tuple(one for one in motions if one.interval is not None),
+        physics=physics,
+        reasons=(
+            f"footprint: a {tank.type}, the scene has one horizontal dimension.",
+            f"bed: flat, the depth is {tank.depth:g} m everywhere; k d = {k * tank.depth:.3g}.",
+            _physics_reason(scene, accuracy, k * crest, second, phase),
+            _wall_reason(scene),
+            _end_reason(scene, waves),
+            *_run_up_reason(run_up),
+        ),
+    )
+
+
+def _crest_velocity(k: float, crest: float, scene: Scene) -> float:
+    tank = scene.tank
+    return float(crest * airy.angular_frequency(k, tank.depth, tank.gravity) / np.tanh(k * tank.depth))
+
+
+def _physics_reason(scene: Scene, accuracy: float, steepness: float, second: float, phase: float) -> str:
+    enough = _enough(accuracy, second, phase)
+    choice = enough if _is_free(scene) else f"{scene.physics}, as the case says"
+    return (
+        f"water: {choice}; at k a = {steepness:.3g} linear theory misses a second harmonic of {second:.2g} of the "
+        f"first and {abs(phase):.2g} rad of phase, {'at most' if enough == 'linear' else 'more than'} the accuracy of "
+        f"{accuracy:g}."
+    )
+
+
+def _is_free(scene: Scene) -> bool:
+    """Return whether the water is the plan's to choose: linear water has no velocities to be recorded."""
+    return scene.water is None and scene.output.velocity_every is None
+
+
+def _enough(accuracy: float, second: float, phase: float) -> Physics:
+    return "linear" if np.hypot(second, phase) <= accuracy else "nonlinear"
+
+
+def _wall_reason(scene: Scene) -> str:
+    if isinstance(scene.tank, nouns.RingTank):
+        return "wall at x = 0: none in a ring."
+    if not scene.wall.moves:
+        return "wall at x = 0: fixed, nothing moves there."
+    return f"wall at x = 0: {_paddle_reason(scene, scene)}"
+
+
+def _paddle_reason(seen: Scene, scene: Scene) -> str:
+    """Return what is to be said of the wall of a scene as seen from there."""
+    paddle, absorbs = f"a {seen.wall.type}", absorption(seen, scene)
+    end = f"; {absorbs}." if absorbs else "."
+    if seen.motion().interval is not None:
+        return f"{paddle} with a measured motion; short waves below {NOISE:.1%} count as its noise{end}"
+    if not seen.motion().moves:
+        return f"{paddle} that is not driven{end}"
+    made = seen.wall.generation(seen.tank, seen.physics)
+    reason = seen.wall.generation_reason(seen.tank, seen.physics)
+    by = f" by {made} generation" if made else ""
+    return f"{paddle}, the waves come from its motion{by}{f', as {reason}' if reason else ''}{end}"
+
+
+def absorption(seen: Scene, scene: Scene) -> str:
+    """Return what the paddle of a scene as seen from there absorbs, in words; nothing where it does not."""
+    absorb = getattr(seen.wall, "absorb", None)
+    return "" if absorb is None else absorb.told(scene.tank, seen.wall.maker, paddles=scene.paddle_periods)
+
+
+def _run_up_reason(run_up: RunUp | None) -> tuple[str, ...]:
+    if run_up is None:
+        return ()
+    peak = f"about {run_up.elevation:.3g} m with a peak of length {run_up.width:.3g} m"
+    return (f"run-up: the solitary wave meets a wall; {peak} decides on cells and vertical order beside the wave.",)
+
+
+def _end_reason(scene: Scene, waves: Components) -> str:
+    if isinstance(scene.tank, nouns.RingTank):
+        return "far end: none, a ring needs no sponge."
+    if scene.sponge is not None:
+        return f"far end: a sponge (type {scene.sponge.type}) absorbs what comes; what it reflects is not planned for."
+    if scene.far_wall.moves:
+        return f"far end: {_paddle_reason(scene.mirrored, scene)}"
+    fastest = float(airy.group_velocity(waves.k, scene.tank.depth, scene.tank.gravity).max())
+    if not scene.wall.moves or fastest * scene.run.duration > scene.tank.length:
+        energy = waves.amplitude**2
+        age = float(np.sqrt(energy @ waves.age**2 / energy.sum()))
+        return f"far end: a wall that reflects; waves are followed over the run, for {age:.3g} s (root mean square)."
+    return "far end: a wall, no sponge is needed, no wave gets there within the run."
+
+
+# ---------------------------------------------------------------- the waves
+def _all_waves(scene: Scene, accuracy: float) -> SceneWaves:
+    found = STARTS[type(scene.initial)](scene.initial, scene)
+    for seen in scene.paddles:
+        if (motion := seen.motion()).moves:
+            found.append(_paddle_waves(seen, motion, accuracy))
+    if not found or not max(waves.crest for waves in found) > 0.0:
+        raise InputError("the scene: nothing moves in it; a plan needs a wave or a paddle that moves.")
+    form = next((waves.form for waves in found), None)
+    crest, lasting = sum(waves.crest for waves in found), max(waves.lasting for waves in found)
+    run_ups = [waves.run_up for waves in found if waves.run_up is not None]
+    highest = max(run_ups, key=lambda one: one.height, default=None)
+    components, free = (_together(parts) for parts in zip(*((one.components, one.free) for one in found), strict=True))
+    progressive = sum(waves.progressive for waves in found)
+    return SceneWaves(components, crest, form, lasting, highest, free, progressive)
+
+
+def _together(several: Iterable[Components]) -> Components:
+    return Components(*(np.concatenate(part) for part in zip(*several, strict=True)))
+
+
+def _standing_wave(wave: nouns.StandingWave, scene: Scene) -> list[SceneWaves]:
+    tank = scene.tank
+    exact = standing_wave.ThirdOrderStandingWave(
+        amplitude=wave.wave_amplitude, length=tank.length, depth=tank.depth, gravity=tank.gravity, modes=(wave.mode, 0)
+    )
+    in_time = exact.elevation_coefficients[:, 0, :] * [1.0, *3 * [np.sqrt(0.5)]]  # for means over a period
+    ratios = np.minimum(np.linalg.norm(in_time, axis=1)[1:] / np.linalg.norm(in_time[1]), 1.0)
+    beyond = np.minimum(DECAY * ratios[-1] / ratios[-2], 1.0) ** np.arange(1, BEYOND + 1)
+    ratios = np.append(ratios, ratios[-1] * beyond)
+    k = wave.mode * np.pi / tank.length * np.arange(1, 3)  # of the second harmonic, that which is free
+    omega, age = airy.angular_frequency(k, tank.depth, tank.gravity), np.full(2, scene.run.duration)
+    components = Components(np.asarray(k), omega, wave.wave_amplitude * ratios[:2], age)
+    excess = exact.frequency_shift * wave.wave_amplitude**2 / exact.linear_frequency
+    crest = 2 * float(exact.elevation_coefficients.sum()) - wave.wave_amplitude
+    form = Form(ratios, _crest_velocity(float(k[0]), wave.wave_amplitude, scene), excess, crest)
+    return [SceneWaves(components, wave.wave_amplitude, form)]
+
+
+def _periodic_waves(wave: nouns.StreamFunctionWave, scene: Scene) -> list[SceneWaves]:
+    return [_steady_waves(wave.wave(scene.tank), scene.tank.length / wave.waves, scene)]
+
+
+def _solitary_wave(wave: nouns.SolitaryWave, scene: Scene) -> list[SceneWaves]:
+    return [_followed(wave.wave(scene.tank), wave.height, scene, distance=scene.tank.length - wave.x)]
+
+
+def _followed(exact: SteadyWave, height: float, scene: Scene, *, distance: float, begin: float = 0.0) -> SceneWaves:
+    """Return a solitary wave whose crest is at a distance [m] from the far wall at a time [s], with its run-up."""
+    x = scene.tank.depth * np.linspace(0.0, FARTHEST, POINTS)
+    half = float(x[np.flatnonzero(exact.elevation(exact.crest + x) > TAIL * height)[-1]])
+    waves = _steady_waves(exact, 2 * half, scene)
+    arrives = begin + distance / exact.speed < scene.run.duration
+    if scene.sponge is not None or getattr(scene.far_wall, "absorb", None) is not None or not arrives:
+        return waves
+    return waves._replace(run_up=RunUp(height / scene.tank.depth, scene.tank.depth))
+
+
+def _solitary_motion(scene: Scene) -> nouns.SolitaryWaveMotion | None:
+    """Return the motion of a scene's wall if that makes a solitary wave."""
+    motion = getattr(scene.wall, "motion", None)
+    return motion if isinstance(motion, nouns.SolitaryWaveMotion) else None
+
+
+def _steady_waves(exact: SteadyWave, length: float, scene: Scene) -> SceneWaves:
+    """Return a wave of permanent form by its harmonics in a window of a length [m] around its crest."""
+    tank, k = scene.tank, np.array([2 * np.pi / length])
+    places = length / POINTS * np.arange(POINTS)
+    eta, psi = exact.surface(exact.crest + np.where(places > length / 2, places - length, places))
+    amplitudes = 2 / POINTS * np.abs(np.fft.rfft(eta))[1:]
+    kept = 1 + int(np.flatnonzero(amplitudes > NEGLIGIBLE * amplitudes[0])[-1])
+    velocity = float(psi[1] * POINTS / length)  # the surface is level at the crest, and psi is odd
+    excess = exact.speed * float(k[0] / airy.angular_frequency(k, tank.depth, tank.gravity)[0]) - 1.0
+    components = Components(k, exact.speed * k, amplitudes[:1], np.array([scene.run.duration]))
+    form = Form(amplitudes[: max(kept, 2)] / amplitudes[0], velocity, excess, float(eta.max()))
+    return SceneWaves(components, form.crest, form)
+
+
+class _Lines(NamedTuple):
+    """Spectral lines, shape (N,) each: omega [rad/s], k [rad/m], and the elevation at the paddle [m], complex."""
+
+    omega: Vector
+    k: Vector
+    elevation: NDArray[np.complex128]
+
+    @property
+    def duration(self) -> float:
+        """Of the motion that they are of [s]."""
+        return 2 * np.pi / float(self.omega[0])
+
+    def squared_envelope(self, group: NDArray[np.int_]) -> Vector:
+        """Return the squared envelope [m²] of a group of lines that follow each other, at ``TIMES`` equal steps."""
+        step = -(-group.size // TIMES)  # of more lines than times, by means over so many
+        envelope = np.fft.ifft(self.elevation[group], TIMES * step, norm="forward")
+        return np.asarray(np.mean(np.abs(envelope.reshape(TIMES, step)) ** 2, axis=1))
+
+
+def _paddle_waves(scene: Scene, motion: Motion, accuracy: float) -> SceneWaves:
+    if (solitary := _solitary_motion(scene)) is not None:
+        exact = solitary_wave(solitary.height, depth=scene.tank.depth, gravity=scene.tank.gravity)
+        begin = solitary.crest_time_in(scene.tank)
+        return _followed(exact, solitary.height, scene, distance=scene.tank.length, begin=begin)
+    tank, lines = scene.tank, _lines(scene, motion)
+    groups = _groups(lines, _highest(motion, lines, accuracy), 0.05 * accuracy**2)
+    omega, amplitude = _gathered(lines, groups)
+    k, energy = airy.wave_number(omega, tank.depth, tank.gravity), amplitude**2
+    around = [groups[max(0, n - AROUND) : n + AROUND + 1] for n in range(len(groups))]
+    squares = np.array([lines.squared_envelope(np.concatenate(some)) for some in around])
+    free, squared = _free_harmonic(scene, float(energy @ k / energy.sum()), lines)
+    each = np.append(k, free.k), np.append(energy, 0.0), np.vstack([squares, squared**2])
+    age, fraction, reflected = _travel(scene, *each)
+    returning = bool(reflected[:-1] @ energy > RETURNING * (fraction[:-1] @ energy))
+
+    found = Components(k, omega, amplitude * np.sqrt(fraction[:-1]), age[:-1])
+    freed = free._replace(amplitude=free.amplitude * np.sqrt(energy.sum() * fraction[-1:]), age=age[-1:])
+    crest, mean_square = _crest(scene, lines, returning)
+    lasting = 4 * lines.duration * mean_square / max(crest, 1e-300) ** 2
+    free = freed.selected(fraction[-1:] > 0.0)
+    one_way = max(crest / 2, _crest(scene, lines, False)[0])  # at a wall that reflects both directions add up
+    return SceneWaves(found.selected(fraction[:-1] > 0.0), crest, None, lasting, None, free, one_way)
+
+
+def _free_harmonic(scene: Scene, k: float, lines: _Lines) -> tuple[Components, Vector]:
+    """Return the free waves of twice the frequency that a paddle makes, over the waves of wave number k [rad/m].
+
+    Their amplitude is that of a regular wave as high (``waves/second_order.py``), at most that itself. They grow with
+    the square of the envelope, which is returned, too.
+    """
+    depth, g, maker = scene.tank.depth, scene.tank.gravity, scene.wall.maker
+    squares = lines.squared_envelope(np.arange(lines.omega.size))
+    size = float(np.sqrt(np.sum(squares**2) / max(np.sum(squares), 1e-300)))
+    omega = 2 * airy.angular_frequency(np.array([k]), depth, g)
+    free = airy.wave_number(omega, depth, g)
+    stroke = Strokes(omega / 2, np.array([size / complex(maker.transfer(k, depth))]))
+    made_up = second_order(stroke, maker, depth=depth, gravity=g).b[:1]
+    ratio = np.minimum(1.0, np.abs(made_up) * maker.transfer(free, depth) / max(size, 1e-300))
+    taken = scene.wall.generation(scene.tank, scene.physics) == "second-order"
+    return Components(free, omega, LEFT * ratio if taken else ratio, np.zeros(1)), squares
+
+
+def highest_frequency(scene: Scene, accuracy: float) -> float:
+    """Return the frequency [rad/s] above which a measured paddle makes but noise; ``inf`` of any other."""
+    motion = scene.motion()
+    return np.inf if motion.interval is None else _highest(motion, _lines(scene, motion), accuracy)
+
+
+def _highest(motion: Motion, lines: _Lines, accuracy: float) -> float:
+    if motion.interval is None or not np.any(lines.elevation):
+        return np.inf
+    omega, amplitude = _gathered(lines, _groups(lines, np.inf, 0.05 * accuracy**2))
+    return float(omega[amplitude > NOISE * amplitude.max()].max())
+
+
+def _lines(scene: Scene, motion: Motion) -> _Lines:
+    """Return the spectral lines of the paddle's waves, from 1 / ``looked_at`` to the k d of ``DEEPEST``.
+
+    Of a motion of more than ``MOST_TIMES``, those of its first part.
+    """
+    tank = scene.tank
+    highest = np.sqrt(DEEPEST * tank.gravity / tank.depth) / (2 * np.pi)
+    duration = min(looked_at(scene, motion), float(MOST_TIMES / (4 * highest)))
+    count = 2 * int(np.ceil(2 * highest * duration)) + 64
+    t = np.asarray(duration / count * np.arange(count), dtype=np.float64)
+    positions = values(motion.position, t)
+    coefficients = np.fft.rfft(positions * tapered(np.asarray(t / duration)))[1:-1] * (2 / count)
+    omega: Vector = 2 * np.pi / duration * np.arange(1, count // 2, dtype=np.float64)
+    k = airy.wave_number(omega, tank.depth, tank.gravity)
+    return _Lines(omega, k, 1j * scene.wall.maker.transfer(k, tank.depth) * coefficients)
+
+
+def looked_at(scene: Scene, motion: Motion) -> float:
+    """Return for how long a motion is looked at [s]: beyond a short run's end, whose waves are the same, if known.
+
+    Of a user's, which need not be any number there, that is tried.
+    """
+    least = WINDOW * float(np.sqrt(scene.tank.depth / scene.tank.gravity))
+    whole, end = scene.run.duration, min(least, motion.duration)
+    if end > whole:
+        try:
+            scene.of_paddle(motion, "velocity")(np.linspace(whole, end, TRIED, dtype=np.float64))
+        except InputError:
+            return whole
+    return float(max(whole, end))
+
+
+def tapered(part: Vector) -> Vector:
+    """Return the taper at shares of what is looked at, shape (N,)."""
+    return np.asarray(np.cos(np.pi / 2 * np.maximum(0.0, (part - 1.0) / TAPER + 1.0)) ** 4)
+
+
+def _crest(scene: Scene, lines: _Lines, returning: bool) -> tuple[float, float]:
+    """Return the largest elevation [m] between the paddle and the farthest gauge, and the mean square [m²] there.
+
+    Where waves return to the gauges, that is along the tank, with all reflections.
+    """
+    tank, at = scene.tank, travel.ends(scene, lines.omega)
+    count = 2 * (lines.omega.size + 1)
+    spectra = np.zeros((PLACES, count // 2 + 1), dtype=complex)
+    farthest = max((gauge.x for gauge in scene.all_gauges), default=tank.length)
+    places = np.linspace(0.0, tank.length if returning else farthest, PLACES, dtype=np.float64)
+    speed = airy.group_velocity(lines.k, tank.depth, tank.gravity)
+    passed = np.exp(-1j * np.outer(places, lines.k))
+    if returning:
+        passed = travel.response(places, lines.k, speed, length=tank.length, at=at, duration=scene.run.duration)
+    spectra[:, 1:-1] = lines.elevation * passed * (count / 2)
+    elevation = np.fft.irfft(spectra, count)
+    return float(np.abs(elevation).max()), float(np.mean(elevation**2))
+
+
+def _groups(lines: _Lines, highest: float, lost: float) -> list[NDArray[np.int_]]:
+    """Return the lines in few groups, up to a frequency [rad/s], without ends with a share ``lost`` of the energy."""
+    energy = np.abs(lines.elevation[lines.omega <= highest]) ** 2
+    share = np.cumsum(energy) / np.sum(energy)
+    kept = np.flatnonzero((share > lost) & (np.concatenate([[0.0], share[:-1]]) < 1 - lost))
+    return np.array_split(kept, min(MOST_COMPONENTS, kept.size))
+
+
+def _gathered(lines: _Lines, groups: list[NDArray[np.int_]]) -> tuple[Vector, Vector]:
+    """Return frequencies and amplitudes of groups of lines."""
+    energies = np.abs(lines.elevation) ** 2
+    energy = np.array([np.sum(energies[group]) for group in groups])
+    mean = np.array([energies[group] @ lines.omega[group] for group in groups]) / energy
+    return mean, np.sqrt(energy)
+
+
+def _travel(scene: Scene, k: Vector, energy: Vector, squares: Vector) -> travel.Travel:
+    """Return the travel of components to the farthest gauge they reach, of energies generated at rates, shape (N, M).
+
+    The fraction is 0 of those that reach none; where gauges are reached by less than ``REACHED`` of the energy, the
+    rest being on its way to them, all travel along the tank.
+    """
+    tank, duration = scene.tank, scene.run.duration
+    speed = airy.group_velocity(k, tank.depth, tank.gravity)
+    at = travel.ends(scene, airy.angular_frequency(k, tank.depth, tank.gravity))
+    x = np.array([gauge.x for gauge in scene.all_gauges])
+    reached = np.divide.outer(x, speed) < duration
+    everywhere = energy @ np.any(reached, axis=0) < REACHED * energy.sum()
+    farthest = np.full_like(k, tank.length) if everywhere else np.where(reached, x[:, None], 0.0).max(axis=0)
+    generated = travel.Generation.of(squares, duration=max(duration, looked_at(scene, scene.motion())), until=duration)
+    found = travel.travel(farthest, speed, length=tank.length, at=at, generated=generated, duration=duration)
+    if everywhere:
+        along = np.minimum(duration, tank.length / speed)
+        return found._replace(age=np.maximum(found.age, along), fraction=np.maximum(found.fraction, 1.0))
+    return found._replace(fraction=np.where(np.any(reached, axis=0), found.fraction, 0.0))
+
+
+STARTS: dict[type[Any], Callable[[Any, Scene], list[SceneWaves]]] = {  # that a plan knows, and their waves
+    nouns.StillWater: lambda initial, scene: [],
+    nouns.StandingWave: _standing_wave,
+    nouns.StreamFunctionWave: _periodic_waves,
+    nouns.SolitaryWave: _solitary_wave,
+}

@@ -1,0 +1,147 @@
+"""``wavetank analyse RUN|DATA KIND``: light to import; what it needs is loaded when it is called."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from math import isnan
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.box import SIMPLE
+from rich.table import Table
+
+from wavetank import data
+from wavetank.console import console
+from wavetank.errors import InputError, choice
+from wavetank.output.log import told_of_warnings
+from wavetank.output.manifest import MANIFEST
+from wavetank.output.place import check_new
+
+KINDS = ("spectrum", "heights", "harmonics", "bound-free", "groups", "reflection", "speed")
+WIDTH = 120  # characters a table may need, on whatever terminal
+MOST = 24  # rows of a table on the terminal
+REFLECTION = "reflection"  # of regular waves, or of a sea
+REGULAR = ("harmonics", "bound-free", REFLECTION, "speed")  # that take a period
+
+
+def analyse(
+    source: Annotated[str, typer.Argument(help="run directory, CSV file, or data set", metavar="RUN|DATA")],
+    kinds: Annotated[
+        list[str] | None, typer.Argument(help=f"{', '.join(KINDS)}; default: {KINDS[0]}", metavar="[KIND]...")
+    ] = None,
+    start: Annotated[float | None, typer.Option(help="from when [s]")] = None,
+    end: Annotated[float | None, typer.Option(help="till when [s]")] = None,
+    gauges: Annotated[str | None, typer.Option(metavar="NAME,NAME,...", help="of these gauges alone")] = None,
+    along: Annotated[
+        str | None, typer.Option(metavar="X,X,NUMBER", help="a slice's surface at so many places from x to x [m]")
+    ] = None,
+    period: Annotated[
+        float | None,
+        typer.Option(help="of regular waves [s]; default: the paddle's, or found, and for reflection a sea", min=1e-6),
+    ] = None,
+    sea: Annotated[
+        bool, typer.Option("--sea", help="reflection of all frequencies, though the paddle has a period")
+    ] = False,
+    depth: Annotated[float | None, typer.Option(help="of still water [m]; a run's is known", min=1e-6)] = None,
+    out: Annotated[Path | None, typer.Option(help="folder; default: the run's, or runs/ and the data's name")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace analyses that are there (--out)")] = False,
+) -> None:
+    """Analyse gauges: spectra, heights, harmonics, reflection.
+
+    For each kind a table and a picture: spectra with Hm0, Tp, Tm02; heights of waves one after the other; harmonics of
+    regular waves; second harmonics bound and free; groups; incident and reflected waves; speed between gauges.
+    """
+    asked = list(dict.fromkeys(kinds or KINDS[:1]))
+    for kind in asked:
+        if kind not in KINDS:
+            raise InputError(f"analysis {kind!r} received{choice(kind, KINDS)}.")
+    if period is not None and not set(asked) & set(REGULAR):
+        raise InputError(f"--period received with {', '.join(asked)}; it is for {', '.join(REGULAR)}.")
+    if sea and REFLECTION not in asked:
+        raise InputError(f"--sea received with {', '.join(asked)}; it is for {REFLECTION}.")
+    if sea and period is not None and not {*asked} & {*REGULAR} - {REFLECTION}:
+        raise InputError(f"--sea and --period {period:g} received; {REFLECTION} is of one of them.")
+    folder = own_folder(source) if out is None else out
+    files = {kind: folder / f"analysis-{kind}.csv" for kind in asked}
+    pictures = [file.with_suffix(".png") for file in files.values()]
+    check_new(*files.values(), *pictures, overwrite=overwrite or out is None)
+    names = tuple(name.strip() for name in gauges.split(",")) if gauges else ()
+    from wavetank.analysis.record import read_record
+    from wavetank.plots import kinds as known
+    from wavetank.plots.compare import write_rows
+
+    record = read_record(source, start=start, end=end, gauges=names, along=_places(along), depth=depth, period=period)
+    records = {REFLECTION: replace(record, told_period=None)} if sea else {}
+    results, refused = {}, dict[str, list[str]]()
+    for kind in asked:
+        try:
+            results[kind] = known.analysed(kind, records.get(kind, record))
+        except InputError as error:
+            refused.setdefault(str(error).removeprefix(f"{kind}: "), []).append(kind)
+    why = InputError(" ".join(f"{', '.join(of)}: {reason}" for reason, of in refused.items()))
+    if not results:
+        raise why
+    _make(folder)
+    terminal = console(least=WIDTH)
+    if record.cause:
+        terminal.print(f"the run has not finished: {record.cause}", highlight=False, markup=False)
+    if record.warnings:
+        terminal.print(f"the run has {told_of_warnings(record.warnings)}", highlight=False)
+    if units := data.told_of_units(source):
+        terminal.print(units, highlight=False)
+    for kind, found in results.items():
+        terminal.print(_table(found.columns, found.rows))
+        if found.said:
+            terminal.print(found.said, highlight=False)
+        instead = ", in place of what was there (--out: elsewhere)" if files[kind].exists() else ""
+        write_rows(files[kind], found.columns, found.rows)
+        picture = found.draw(files[kind].with_suffix(".png"))
+        terminal.print(f"wrote {files[kind]} and {picture}{instead}", highlight=False)
+    if refused:
+        raise why
+
+
+def own_folder(source: str) -> Path:
+    """Return where what is made of a run goes, into it, or of a table or data set, below ``runs``."""
+    path = Path(source)
+    if (path / MANIFEST).is_file():
+        return path
+    from wavetank.data.description import DATASET
+
+    described = path.parent if path.name == DATASET else path
+    return Path("runs") / f"{described.name.partition('.')[0].replace(':', '-')}-analysis"
+
+
+def _places(text: str | None) -> tuple[float, float, int] | None:
+    """Return first and last place [m] and how many of ``X,X,NUMBER``; raise ``InputError`` for anything else."""
+    if text is None:
+        return None
+    try:
+        first, last, number = text.split(",")
+        found = float(first), float(last), int(number)
+    except ValueError:
+        found = (0.0, 0.0, 0)
+    if not (found[0] < found[1] and 2 <= found[2] <= 2000):
+        raise InputError(f"along {text!r} received; allowed is X,X,NUMBER: from x to x [m], 2 to 2000 places: 5,20,60.")
+    return found
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}).") from None
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str | float]]) -> Table:
+    left_out = max(0, len(rows) - MOST)
+    caption = f"and {left_out} more rows, in the file" if left_out else None
+    table = Table(*columns, box=SIMPLE, padding=0, caption=caption)
+    for row in rows[:MOST]:
+        table.add_row(*map(_shown, row))
+    return table
+
+
+def _shown(value: str | float) -> str:
+    """Return what stands in the table on the terminal: of a place that is not known, nothing."""
+    return value if isinstance(value, str) else "" if isnan(value) else f"{value:.4g}"

@@ -1,0 +1,364 @@
+"""Gauges against measurements, or against another computation.
+
+Per gauge, over the times both have, with the reference's times as the base and a cubic spline through the computed:
+
+    nrms        rms(computed - reference) / rms(reference)
+    nrms_fitted the same for gain * computed(t - shift), the gain and the shift fitted by least squares
+    correlation of computed and reference, without shift
+    crests      the largest elevation of either's spline, at the same times; troughs the lowest
+    crest error the computed crest over the reference's, less 1; of the troughs alike
+    arrival     by how much later than in the reference the elevation first is a tenth of the reference's largest; not a
+                number where these are different waves
+    similarity  the surface similarity parameter: 0 alike, 1 opposite (``analysis/similarity.py``)
+
+Where the reference's clock is another's, one offset for all gauges is found first (``synchronised``).
+"""
+
+import csv
+from collections.abc import Iterable, Sequence
+from dataclasses import astuple, dataclass, replace
+from io import StringIO
+from math import isnan, nan
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+from rich.box import SIMPLE
+from rich.table import Table
+
+from wavetank.analysis.similarity import surface_similarity
+from wavetank.data import GaugeRecords
+from wavetank.errors import InputError
+from wavetank.output.series import GaugeSeries
+from wavetank.output.whole import replacing
+
+MINIMA = 4  # of all clock offsets: which is least is seen when they are refined
+LARGEST_SHIFT = 1.0  # s; a larger one would be another wave, not another clock
+ARRIVED = 0.1  # of the reference's largest elevation: where waves have come
+FLANK = 0.25  # of a mean period, from still water to a crest: a level is crossed within it, whatever the amplitude
+MATCH = 1e-3  # m; two gauges nearer than that stand at one place
+
+COLUMNS = (
+    "gauge",
+    "x [m]",
+    "nrms",
+    "nrms_fitted",
+    "gain",
+    "shift [s]",
+    "correlation",
+    "crest_computed [m]",
+    "t_crest_computed [s]",
+    "crest_reference [m]",
+    "t_crest_reference [s]",
+    "clock_offset [s]",
+    "trough_computed [m]",
+    "trough_reference [m]",
+    "crest_error",
+    "trough_error",
+    "arrival_error [s]",
+    "similarity",
+)
+
+
+@dataclass(frozen=True)
+class GaugeComparison:
+    """How a computed record compares with a reference at one gauge; fields as in ``COLUMNS``."""
+
+    gauge: str
+    x: float
+    nrms: float
+    nrms_fitted: float
+    gain: float
+    shift: float
+    correlation: float
+    crest_computed: float
+    t_crest_computed: float
+    crest_reference: float
+    t_crest_reference: float
+    clock_offset: float
+    trough_computed: float
+    trough_reference: float
+    crest_error: float
+    trough_error: float
+    arrival_error: float
+    similarity: float
+
+
+def matched(computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries]) -> list[tuple[GaugeSeries, GaugeSeries]]:
+    """Return (computed, reference) for each gauge that both have, in the reference's order.
+
+    Partners stand within 1 mm of each other; of several there, it is the one of the same name, else the nearest: names
+    alone do not say that two gauges are one, but where one of them does not know its place. Raises ``InputError`` if
+    there is none.
+    """
+    pairs = [(one, _at(one, other)) for other in reference if (one := _partner(other, computed)) is not None]
+    if not pairs:
+        have, want = (", ".join(map(_told, group)) or "none" for group in (computed, reference))
+        raise InputError(f"no gauge in common: the run has {have}; the reference {want}.")
+    return pairs
+
+
+def _told(gauge: GaugeSeries) -> str:
+    return repr(gauge.name) + ("" if isnan(gauge.x) else f" at x = {gauge.x:g} m")
+
+
+def _at(one: GaugeSeries, other: GaugeSeries) -> GaugeSeries:
+    """Return the other gauge, where the one is if its own place is not known."""
+    return replace(other, x=one.x, y=one.y) if isnan(other.x) else other
+
+
+def _partner(gauge: GaugeSeries, candidates: Sequence[GaugeSeries]) -> GaugeSeries | None:
+    if isnan(gauge.x):
+        return next((one for one in candidates if one.name == gauge.name), None)
+    near = [one for one in candidates if _distance(one, gauge) < MATCH]
+    near = near or [one for one in candidates if isnan(one.x) and one.name == gauge.name]
+    return min(near, key=lambda one: (one.name != gauge.name, _distance(one, gauge)), default=None)
+
+
+def _distance(one: GaugeSeries, other: GaugeSeries) -> float:
+    return float(np.hypot(one.x - other.x, one.y - other.y))
+
+
+def synchronised(computed: Sequence[GaugeSeries], reference: GaugeRecords) -> tuple[list[GaugeSeries], float]:
+    """Return a reference on the clock of computed records, and what has been added to its times [s].
+
+    That is one offset for all gauges, within the bounds that the reference allows, at which the mean square of their
+    ``nrms`` is least; at least half of the shorter records must remain. Raises ``InputError`` where there is none.
+    """
+    pairs = matched(computed, reference.series)
+    first, last = reference.clock
+    if first < last:
+        first = last = _offset(pairs, *_bounds(pairs, first, last))
+    return [replace(other, t=other.t + first) for other in reference.series], first
+
+
+def _bounds(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last: float) -> tuple[float, float]:
+    """Return the offsets [s] between two bounds at which at least half of all shorter records remains."""
+    for one, other in pairs:
+        half = 0.5 * min(np.ptp(one.t), np.ptp(other.t))
+        first, last = max(first, one.t[0] - other.t[-1] + half), min(last, one.t[-1] - other.t[0] - half)
+    if first > last:
+        raise InputError("clock_offset: no offset in its bounds leaves half of the records in common.")
+    return float(first), float(last)
+
+
+def _offset(pairs: Sequence[tuple[GaugeSeries, GaugeSeries]], first: float, last: float) -> float:
+    """Return the offset [s] of least misfit: a scan of a mean period in twelve finds the minima, which are refined."""
+    splines = [(scipy.interpolate.CubicSpline(one.t, one.eta), other.t, other.eta) for one, other in pairs]
+
+    def misfit(offset: float, every: int = 1) -> float:
+        squares = []
+        for spline, t, eta in splines:
+            there = (t + offset >= spline.x[0]) & (t + offset <= spline.x[-1])
+            kept = eta[there][::every]
+            missed = spline(t[there][::every] + offset) - kept
+            squares.append(np.mean(missed**2) / max(np.mean(kept**2), np.finfo(float).tiny))
+        return float(np.mean(squares))
+
+    spline = splines[0][0]
+    pace = rms(spline(spline.x, 1)) / max(rms(spline(spline.x)), np.finfo(float).tiny)  # rad/s
+    number = int(np.clip((last - first) * pace * 12 / (2 * np.pi), 24, 4000))
+    scan, step = np.linspace(first, last, number + 1, retstep=True)
+    sparse = max(1, max(t.size for _, t, _ in splines) // 1000)
+    seen = np.array([misfit(offset, sparse) for offset in scan])
+    before, after = np.append(np.inf, seen[:-1]), np.append(seen[1:], np.inf)
+    minima = np.flatnonzero((seen <= before) & (seen <= after))
+    starts = [float(scan[n]) for n in minima[np.argsort(seen[minima])][:MINIMA]]
+    bounds = [(max(first, start - step), min(last, start + step)) for start in starts]
+    least = scipy.optimize.minimize_scalar
+    refined = [least(misfit, bounds=one, method="bounded", options={"xatol": 1e-6}).x for one in bounds]
+    return float(min((*starts, *refined), key=misfit))
+
+
+def compare(
+    computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries], *, clock_offset: float = 0.0
+) -> list[GaugeComparison]:
+    """Return a comparison for each gauge that both have, in the reference's order.
+
+    ``clock_offset`` is what has been added to the reference's times [s], to be told. Raises ``InputError`` if they have
+    no gauge in common, or as ``compare_gauge`` does.
+    """
+    return [compare_gauge(one, other, clock_offset=clock_offset) for one, other in matched(computed, reference)]
+
+
+def compare_gauge(computed: GaugeSeries, reference: GaugeSeries, *, clock_offset: float = 0.0) -> GaugeComparison:
+    """Return the comparison at one gauge, to whose reference's times ``clock_offset`` [s] has been added.
+
+    Raises ``InputError`` if the records share fewer than 4 of the reference's times, or if the reference is zero there.
+    """
+    if computed.t.size < 4:
+        raise InputError(f"gauge {computed.name}: {computed.t.size} rows computed; at least 4 are needed to compare.")
+    common = (reference.t >= computed.t[0]) & (reference.t <= computed.t[-1])
+    t, eta = reference.t[common], reference.eta[common]
+    if t.size < 4 or not np.any(eta):
+        raise InputError(f"gauge {computed.name}: the records do not overlap in time, or the reference is zero there.")
+    spline = scipy.interpolate.CubicSpline(computed.t, computed.eta)
+    shift, fit = _fit(spline, t, eta)
+    fine = np.interp(np.arange(8 * t.size - 7) / 8, np.arange(t.size), t)  # the samples among them
+    there, near, expected = spline(t), spline(fine), scipy.interpolate.CubicSpline(reference.t, reference.eta)(fine)
+    crest, peak, level = int(np.argmax(near)), int(np.argmax(expected)), ARRIVED * float(np.abs(expected).max())
+    return GaugeComparison(
+        gauge=reference.name,
+        x=reference.x,
+        nrms=rms(there - eta) / rms(eta),
+        nrms_fitted=fit.nrms,
+        gain=fit.gain,
+        shift=shift,
+        correlation=_correlation(there, eta),
+        crest_computed=float(near[crest]),
+        t_crest_computed=float(fine[crest]),
+        crest_reference=float(expected[peak]),
+        t_crest_reference=float(fine[peak]),
+        clock_offset=clock_offset,
+        trough_computed=float(near.min()),
+        trough_reference=float(expected.min()),
+        crest_error=_excess(near.max(), expected.max()),
+        trough_error=_excess(-near.min(), -expected.min()),
+        arrival_error=_late(spline, t, eta, _arrival(fine, near, level) - _arrival(fine, expected, level)),
+        similarity=surface_similarity(there, eta),
+    )
+
+
+def clock_line(compared: Sequence[GaugeComparison]) -> str:
+    """Return the line about the offset between both clocks; empty where it is zero."""
+    offset = compared[0].clock_offset
+    return f"clock: {offset:+.4g} s added to the reference's times; shifts and arrivals are relative to it" * bool(
+        offset
+    )
+
+
+def told_of_clock(
+    computed: Sequence[GaugeSeries], reference: Sequence[GaugeSeries], compared: Sequence[GaugeComparison]
+) -> str:
+    """Return that another clock explains half of the misfit and more, by when waves arrive; nothing where none does."""
+    late = float(np.median([one.arrival_error for one in compared if not isnan(one.arrival_error)] or [0.0]))
+    if not abs(late) > LARGEST_SHIFT:
+        return ""
+    try:
+        nearer = compare(computed, [replace(one, t=one.t + late) for one in reference])
+    except InputError:
+        return ""
+    before, after = (float(np.mean([one.nrms for one in each])) for each in (compared, nearer))
+    if after > 0.5 * before:
+        return ""
+    shifted = f"with {late:+.3f} s added to the reference's times nrms is {after:.3f} instead of {before:.3f}"
+    return f"waves arrive at other times than in the reference, {shifted}: --clock free finds what is to be added"
+
+
+def _excess(size: float, expected: float) -> float:
+    """Return a size over the one that is expected, less 1; not a number where none is expected."""
+    return float(size / expected - 1) if expected > 0 else nan
+
+
+def _late(
+    spline: "scipy.interpolate.CubicSpline", t: NDArray[np.float64], eta: NDArray[np.float64], late: float
+) -> float:
+    """Return a delay of arrival [s]; not a number where it pairs different waves.
+
+    The same wave crosses the level within one flank. A longer delay is accepted where a shift by it reduces the misfit.
+    """
+    period = 2 * np.pi * rms(eta) / max(rms(np.gradient(eta, t)), np.finfo(float).tiny)
+    there = (t + late >= spline.x[0]) & (t + late <= spline.x[-1])
+    if isnan(late) or abs(late) <= FLANK * period:
+        return late
+    before, after = (rms(spline(t[there] + shift) - eta[there]) for shift in (0.0, late))
+    return late if after < before else nan
+
+
+def _arrival(t: NDArray[np.float64], eta: NDArray[np.float64], level: float) -> float:
+    """Return when [s] a record is first as far from still water as a level [m]; not a number if never, or always."""
+    size = np.abs(eta)
+    first = int(np.argmax(size >= level))
+    return float(np.interp(level, size[first - 1 : first + 1], t[first - 1 : first + 1])) if first else nan
+
+
+class _Fit(NamedTuple):
+    """The best gain at one shift, and what misfit it leaves."""
+
+    nrms: float
+    gain: float
+
+
+def _fit(
+    spline: "scipy.interpolate.CubicSpline", t: NDArray[np.float64], eta: NDArray[np.float64]
+) -> tuple[float, _Fit]:
+    """Return the shift [s] of the best gain * computed(t - shift), and that fit.
+
+    A scan finds the right one of the many minima, one a wave period; each shift is judged on the times at which the
+    shifted record is there.
+    """
+
+    def at(shift: float) -> _Fit:
+        there = (t - shift >= spline.x[0]) & (t - shift <= spline.x[-1])
+        moved, kept = spline(t[there] - shift), eta[there]
+        gain = max(0.0, float(moved @ kept / max(moved @ moved, np.finfo(float).tiny)))  # no gauge turns waves over
+        return _Fit(rms(gain * moved - kept) / max(rms(kept), np.finfo(float).tiny), gain)
+
+    reach = min(LARGEST_SHIFT, 0.25 * (t[-1] - t[0]))  # of a short record, most must remain
+    scan, step = np.linspace(-reach, reach, 201, retstep=True)
+    start = float(min(scan, key=lambda shift: at(shift).nrms))
+    bounds = (max(-reach, start - step), min(reach, start + step))
+    refined = scipy.optimize.minimize_scalar(
+        lambda s: at(s).nrms, bounds=bounds, method="bounded", options={"xatol": 1e-6}
+    )
+    shift = float(min((start, refined.x), key=lambda shift: at(shift).nrms))
+    return shift, at(shift)
+
+
+def rms(values: NDArray[np.float64]) -> float:
+    """Return the root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _correlation(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Return the correlation coefficient; 0 where one does not vary."""
+    one, other = one - one.mean(), other - other.mean()
+    return float(one @ other / max(np.linalg.norm(one) * np.linalg.norm(other), np.finfo(float).tiny))
+
+
+def write_comparison(path: Path, comparisons: Sequence[GaugeComparison]) -> None:
+    """Write ``compare.csv``, one row a gauge."""
+    write_rows(path, COLUMNS, map(astuple, comparisons))
+
+
+def write_rows(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table as CSV, numbers with six digits; raises ``InputError`` where it cannot be written."""
+    try:
+        text = StringIO()
+        writer = csv.writer(text)
+        writer.writerow(columns)
+        writer.writerows([f"{value:.6g}" if isinstance(value, float) else value for value in row] for row in rows)
+        with replacing(path) as file:
+            file.write(text.getvalue().encode())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}).") from None
+
+
+def comparison_table(comparisons: Sequence[GaugeComparison]) -> Table:
+    """Return the misfits as a table for the terminal."""
+    names = ("gauge", "x [m]", "nrms", "fitted", "gain", "shift [s]", "correlation", "similarity")
+    table = Table(*names, box=SIMPLE, padding=0)
+    for one in comparisons:
+        numbers = (one.nrms, one.nrms_fitted, one.gain, one.shift, one.correlation, one.similarity)
+        table.add_row(one.gauge, f"{one.x:g}", *(f"{number:.3f}" for number in numbers))
+    return table
+
+
+def extremes_table(comparisons: Sequence[GaugeComparison]) -> Table:
+    """Return crests, troughs and arrivals as a table for the terminal; errors that no gauge has are left out."""
+    table = Table("gauge", "crest [m]", "reference", "error", box=SIMPLE, padding=0)
+    late = not all(isnan(one.arrival_error) for one in comparisons)
+    for name in ("trough [m]", "reference", "error", *["arrival [s]"] * late):
+        table.add_column(name)
+    for one in comparisons:
+        crests = (f"{one.crest_computed:.4g}", f"{one.crest_reference:.4g}", _percent(one.crest_error))
+        troughs = (f"{one.trough_computed:.4g}", f"{one.trough_reference:.4g}", _percent(one.trough_error))
+        arrival = "" if isnan(one.arrival_error) else f"{one.arrival_error:+.3f}"
+        table.add_row(one.gauge, *crests, *troughs, *[arrival] * late)
+    return table
+
+
+def _percent(share: float) -> str:
+    return "" if isnan(share) else f"{round(100 * share, 1) + 0.0:+.1f} %"

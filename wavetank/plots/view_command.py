@@ -1,0 +1,66 @@
+"""``wavetank view RUN``: what is asked for on the command line, made one after the other."""
+
+import re
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated
+
+import typer
+
+from wavetank.console import console
+from wavetank.errors import InputError
+from wavetank.output.directory import RunDirectory
+from wavetank.output.place import check_new
+
+
+def view(
+    run: Annotated[Path, typer.Argument(help="run directory", metavar="RUN")],
+    time: Annotated[float | None, typer.Option(help="a still at this time [s]; default: at the highest crest")] = None,
+    out: Annotated[Path | None, typer.Option(help="the still's file (PNG); default: view.png in RUN")] = None,
+    film: Annotated[Path | None, typer.Option(help="a film of the whole run (MP4 or GIF)", metavar="FILE")] = None,
+    diagram: Annotated[
+        bool, typer.Option("--diagram", help="the space-time diagram, or maps of a basin: surface.png in RUN")
+    ] = False,
+    window: Annotated[bool, typer.Option("--window", help="a window, with a slider for the time")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="replace files that are there")] = False,
+    size: Annotated[str | None, typer.Option(help="of the pictures [pixels]", metavar="WIDTHxHEIGHT")] = None,
+) -> None:
+    """View a run: a still (the default), a film, a window, a diagram."""
+    directory, terminal = RunDirectory(run), console()
+    check_new(*(file for file in (out, film) if file is not None), overwrite=overwrite)
+    given = {} if size is None else {"size": _pixels(size)}
+    drawing = _drawing()
+
+    def made() -> Iterator[Path]:
+        if time is not None or out is not None or not (film or diagram or window):
+            yield drawing.still(directory, out or run / "view.png", t=time, **given)
+        if film is not None:
+            from wavetank.plots.view_film import followed
+
+            watched = partial(followed, console=terminal)
+            yield drawing.film(directory, film, watched=watched, **given)
+        if diagram:
+            yield drawing.diagram(directory)
+
+    for picture in made():
+        terminal.print(f"wrote {picture}", highlight=False)
+    if window:
+        drawing.window(directory, **given)
+
+
+def _drawing() -> ModuleType:
+    """Return what draws; raise ``InputError`` if a package that it needs is not here."""
+    try:
+        from wavetank.plots import view
+    except ImportError as error:
+        raise InputError(f"to view a run the package {error.name} is needed: pip install 'wavetank[view]'.") from None
+    return view
+
+
+def _pixels(size: str) -> tuple[int, int]:
+    """Return width and height of e.g. ``1600x900``; raise ``InputError`` for anything else."""
+    if (found := re.fullmatch(r"(\d{1,6})x(\d{1,6})", size)) is None:
+        raise InputError(f"size {size!r} received; allowed is WIDTHxHEIGHT in pixels, such as 1600x900.")
+    return int(found[1]), int(found[2])

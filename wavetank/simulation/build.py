@@ -1,0 +1,431 @@
+"""From a scene to a run: its scheme, step, start, filters and observers."""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from math import inf
+from typing import Any, NamedTuple
+
+import numpy as np
+from dolfinx.mesh import MeshTags
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.case import RingTank, Scene
+from wavetank.case.windows import Window
+from wavetank.errors import InputError, OutsideError
+from wavetank.fem.agreed import agreed
+from wavetank.integrators import INTEGRATORS, Damping, damped
+from wavetank.integrators.answering import Answering
+from wavetank.integrators.contract import Integrator
+from wavetank.integrators.filtered import Filter
+from wavetank.integrators.stage_solver import ITERATES
+from wavetank.simulation.answering import added_motions, build_answers, build_supply
+from wavetank.simulation.clock import ROUNDING, Clock
+from wavetank.simulation.contract import Observer
+from wavetank.simulation.crest import HighestCrest
+from wavetank.simulation.energy import EnergyBudget, Sink
+from wavetank.simulation.fields import SurfaceFields, VelocityFields
+from wavetank.simulation.footprints import build_footprint
+from wavetank.simulation.gauges import Gauges
+from wavetank.simulation.loads import Loads, Pushing
+from wavetank.simulation.own import check_states, own_scheme
+from wavetank.simulation.paddle import RATES, PaddleLimits, PaddleMotion, SeenPaddle
+from wavetank.simulation.passing import Called, Passing
+from wavetank.simulation.probes import Probes, WaterKept
+from wavetank.simulation.record import FieldRecord, Record
+from wavetank.simulation.run import Run
+from wavetank.simulation.schedule import EverySteps, EveryTime, EveryTimeBetween
+from wavetank.simulation.sponges import build_sponge
+from wavetank.simulation.stability import IN_ELEVATION, IN_JUMP, StabilityWatch
+from wavetank.simulation.starts import initial_surface
+from wavetank.simulation.surface import SurfaceSnapshots
+from wavetank.simulation.waters import AnyWaves, fill, moving_water
+from wavetank.simulation.windows import WindowObserver, WindowRecord
+from wavetank.stateful import Held, Stateful
+from wavetank.tank.breaking import BreakingAlarm, BreakingDissipation, BreakingWatch, StopAtBreaking
+from wavetank.tank.breaking_basin import BasinBreakingWatch
+from wavetank.tank.edge_penalty import EdgePenalty
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.rates import MovingWater
+from wavetank.tank.short_waves import FARTHEST, ShortWaves
+from wavetank.tank.sounding import Sounding
+from wavetank.tank.surface_flow import SurfaceFlow
+from wavetank.tank.wall_pressure import PaddlePush, WallPressure
+from wavetank.tank.walls.contract import stood
+from wavetank.tank.waves import NonlinearWaves
+from wavetank.values.noun import Problem, SceneError, about
+
+ENOUGH = 100_000  # unknowns of a basin, from which on several ranks pay
+ANSWERED = 1.25  # omega_max dt: of longer steps flaps that answer have been unstable
+
+
+class Records(NamedTuple):
+    """Where the observers of a scene write.
+
+    Attributes
+    ----------
+    gauges, energy
+        Tables.
+    surface
+        Of snapshots along a slice or ring; None on all ranks but the first.
+    probes, loads
+        Tables; None where there are none.
+    paddles
+        A table for each wall that moves, as ``Scene.paddles``.
+    windows
+        Of each window.
+    fields
+        Gives the series of snapshots of a name, "surface" or "velocity"; without it none are written.
+    """
+
+    gauges: Record
+    energy: Record
+    surface: Record | None
+    fields: Callable[[str], FieldRecord] | None = None
+    probes: Record | None = None
+    loads: Record | None = None
+    paddles: Sequence[Record] = ()
+    windows: Sequence[WindowRecord] = ()
+
+
+class Beginning(NamedTuple):
+    """Where a run begins that others have computed up to there.
+
+    Attributes
+    ----------
+    t, step
+        The time [s], and the number of steps that it took.
+    scheme
+        What their integrator held.
+    surface
+        Returns (elevation [m], surface potential [m²/s]) at the degrees of freedom of waves; collective.
+    """
+
+    t: float
+    step: int
+    scheme: Held
+    surface: Callable[[AnyWaves], tuple[Vector, Vector]]
+
+
+def initial_state(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
+    """Return (Q, psi) of the scene's initial surface; collective. Raises ``InputError`` if it lies below the bed."""
+    comm = waves.plane.comm
+    with about("initial"):
+        eta, psi = initial_surface(scene, waves)
+        state = waves.state(eta, psi)
+        lowest = comm.allreduce(float(np.min(waves.bed.still + eta, initial=np.inf)), op=MPI.MIN)
+        if not lowest > 0.0:
+            raise InputError(f"its surface lies down to {-lowest:.3g} m below the bed; must be above it everywhere.")
+        return state
+
+
+def build_clock(
+    scene: Scene,
+    largest_frequency: float,
+    integrator: Integrator[Any],
+    *,
+    moving: float | None = None,
+    begin: float = 0.0,
+) -> Clock:
+    """Return the scene's steps, or some from accuracy and stability, for the largest frequency of its mesh [rad/s].
+
+    The default keeps 0.6 of the stability limit on still water, ``FARTHEST`` of it where a paddle has gone as far as
+    it goes, 1.4 of it for the ``moving`` surface of the start, if one of these is faster, and a relative frequency
+    error below 1e-4 for waves of a quarter of the largest frequency, and divides the duration. Twice it leaves no
+    noise behind waves that run freely; where a steep one runs up a wall 1.4 does not, and 1.75 does (docs/extremes.md).
+    A given step is kept: its last one ends beyond the duration, or before it where a recorded motion ends. What of the
+    duration lies before ``begin`` [s] is not counted.
+    Raises ``InputError`` for an unstable step.
+    """
+    duration = scene.run.duration - begin
+    limit = integrator.stability_limit / largest_frequency
+    if scene.numerics.dt is None:
+        coefficient, power = integrator.frequency_error
+        accurate = 4.0 / largest_frequency * (1e-4 / coefficient) ** (1.0 / power)
+        steep = 1.4 * min(integrator.stability_limit, ITERATES) / (moving or largest_frequency)
+        return Clock.dividing(duration, min(0.6 * limit, FARTHEST * limit / scene.quickened, accurate, steep))
+    if scene.numerics.dt > limit:
+        allowed = (
+            f"must be below {limit:.4g} s, where {integrator.name} gets unstable on this mesh (largest frequency "
+            f"{largest_frequency:.4g} rad/s)"
+        )
+        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+    with about("numerics", "dt"):
+        return Clock.covering(duration, scene.numerics.dt, until=scene.motions_end - begin)
+
+
+def build_run(
+    scene: Scene, comm: MPI.Comm, integrator: Integrator[Any] | None = None, *, beginning: Beginning | None = None
+) -> tuple[Run, AnyWaves]:
+    """Return the run of a scene, nothing recorded yet, and the waves in it; collective.
+
+    It is observed only by what stops it where a wave breaks, if the scene is to stop there; its integrator is the
+    scene's, or the one given; it begins with the scene's initial state, unless others have come further. Raises
+    ``InputError`` for numerics that cannot work, or that are still to be planned (``wavetank.planning.planned``).
+    """
+    if scene.numerics.accuracy is not None:
+        raise InputError(f"numerics.accuracy = {scene.numerics.accuracy:g}: must have been planned for before the run.")
+    with about("tank", "layout"):
+        footprint = build_footprint(scene, comm)
+    waves = fill(scene, footprint)
+    integrator = INTEGRATORS[scene.numerics.integrator]() if integrator is None else own_scheme(integrator)
+    if scene.sponge is not None:
+        with about("sponge"):
+            damping = Damping(build_sponge(scene, scene.sponge, footprint, waves))
+        integrator = damped(integrator, damping)
+        waves.damp(damping.gamma)
+    answers = build_answers(scene, waves)
+    if answers:
+        integrator = Answering(integrator, answers)
+        if beginning is not None:
+            integrator.carry(beginning.scheme)  # so that the paddles stand where they stood
+    largest = waves.largest_frequency  # of a wall at rest
+    t, step = (beginning.t, beginning.step) if beginning else (0.0, 0)
+    waves.set_time(t)
+    start = waves.state(*beginning.surface(waves), t) if beginning else initial_state(scene, waves)
+    moving = _moving(waves, start, t)
+    clock = agreed(comm, lambda: build_clock(scene, largest, integrator, moving=moving, begin=t).after(t, step))
+    if answers and clock.dt * largest > ANSWERED:
+        allowed = f"must be at most {ANSWERED / largest:.4g} s: a paddle that absorbs looks at the water once a step"
+        raise SceneError([Problem(("numerics", "dt"), scene.numerics.dt, allowed)])
+    filters = build_filters(scene, waves, clock.dt)
+    run = Run(waves, integrator, [], start=start, clock=clock, filters=filters)
+    check_states(run)
+    return run, waves
+
+
+def _moving(waves: AnyWaves, start: tuple[Vector, Vector], t: float) -> float:
+    """Return the largest frequency on the surface as it moves at the start, t [s], in rad/s; collective."""
+    if isinstance(waves, LinearWaves):
+        return waves.largest_frequency
+    waves.surface.update(*start, t)
+    return ShortWaves(waves).largest_frequency(waves.surface)
+
+
+def summary(scene: Scene, run: Run, waves: AnyWaves) -> str:
+    """Return what a run is, in a line."""
+    limit = run.integrator.stability_limit
+    bound = f" of {limit:g}" if limit < inf else ", stable at any"
+    steps = run.clock.steps - run.clock.first
+    water = "linear water, " if isinstance(waves, LinearWaves) else ""
+    return (
+        f"{scene.title or 'untitled'}: {water}{waves.plane.cells} cells of order {waves.plane.order}, "
+        f"n = {waves.vertical.n}, "
+        f"{_unknowns(waves)} unknowns; {steps} steps of {run.clock.dt:.4g} s ({run.integrator.name}, "
+        f"dt omega_max = {run.clock.dt * waves.largest_frequency:.2f}{bound})"
+    )
+
+
+def build_filters(scene: Scene, waves: AnyWaves, dt: float) -> list[Filter]:
+    """Return what acts between the steps: on breaking crests, and on kinks under steep ones; collective."""
+    if isinstance(waves, LinearWaves):
+        return []  # neither breaks nor has a current
+    flow, filters = waves.surface, list[Filter]()
+    if scene.run.on_breaking != "ignore":
+        length = scene.tank.length if isinstance(scene.tank, RingTank) else None
+        along = isinstance(flow, SurfaceFlow)
+        watch = BreakingWatch(waves, flow, length=length) if along else BasinBreakingWatch(waves, flow)
+        if scene.run.on_breaking == "dissipate":
+            filters.append(BreakingDissipation(waves, watch, dt=dt))
+        else:
+            filters.append(StopAtBreaking(watch) if scene.run.on_breaking == "stop" else BreakingAlarm(watch))
+    if scene.numerics.edge_penalty > 0:
+        size, strength = waves.plane.cell_size, scene.numerics.edge_penalty
+        filters.append(EdgePenalty(waves, flow, cell_size=size, dt=dt, strength=strength))
+    return filters
+
+
+def build_watch(scene: Scene, run: Run, waves: AnyWaves, warn: Callable[[str], None]) -> list[Observer]:
+    """Return what watches the step of nonlinear waves and warns; collective."""
+    if isinstance(waves, LinearWaves):
+        return []  # the limit is known before the run, and kept
+    limit, look = run.integrator.stability_limit, IN_ELEVATION if run.state.q_jump is None else IN_JUMP
+    return [StabilityWatch(waves, waves.surface, dt=run.clock.dt, limit=limit, warn=warn, look=look)]
+
+
+def build_observers(scene: Scene, waves: AnyWaves, records: Records, *, sinks: Sequence[Sink] = ()) -> list[Observer]:
+    """Return a scene's gauges, energy budget (of what its sinks take, too), highest crest and snapshots; collective."""
+    output = scene.output
+    observers: list[Observer] = [
+        EnergyBudget(
+            waves,
+            record=records.energy,
+            every=output.energy_every,
+            sinks=sinks,
+            supply=build_supply(scene, waves),
+        ),
+        HighestCrest(waves),
+    ]
+    if waves.plane.mesh.topology.dim == 1:
+        snapshots = SurfaceSnapshots(waves, record=records.surface, schedule=EveryTime(scene.surface_every))
+        observers.append(snapshots)
+    observers += _surface_fields(scene, waves, records)
+    if scene.all_gauges:
+        observers.append(_gauges(scene, waves, records.gauges))
+    look = InTheWater.of(scene, waves, records)
+    schedule = EverySteps(output.gauges_every)
+    for number, motion in added_motions(scene, waves).items():
+        seen = scene.paddles[number]
+        limits: Any = getattr(seen.wall, "limits", None)
+        if limits is not None:
+            rates = {name: seen.of_paddle(motion, name) for name in RATES}
+            observers.append(PaddleLimits(rates, limits.model_dump(exclude_none=True), key=seen.key))
+    paddles = zip(scene.paddles, waves.wall.paddles, records.paddles, strict=False)  # a trial has none of the latter
+    for number, (seen, paddle, record) in enumerate(paddles):
+        travel, push = getattr(paddle, "travel", None), look.pushes.get(seen.end)
+        if travel and travel.whole is not None and push is None:
+            observers.append(SeenPaddle(waves, number, record=record, schedule=schedule))
+            continue
+        moves = travel or paddle.motion  # of small strokes nothing travels
+        now = partial(moves.rates, y=seen.wall.places(seen.tank))
+        observers.append(PaddleMotion(now, record=record, schedule=schedule, push=push))
+    return observers + look.observers
+
+
+def _gauges(scene: Scene, waves: AnyWaves, record: Record) -> Gauges:
+    """Return what records the gauges; collective. Raises ``SceneError`` for one outside the mesh."""
+    places = np.array([(gauge.x, gauge.y) for gauge in scene.all_gauges])
+    try:
+        called = _called(scene, [scene.gauge_key(n) for n in range(len(places))])
+        schedule = EverySteps(scene.output.gauges_every)
+        told = not scene.absorbing and not (waves.wall.leans and _come_near(scene, Passing(waves.wall, places, called)))
+        return Gauges(waves, places, record=record, schedule=schedule, called=called, foreseen=told)
+    except OutsideError as error:
+        raise SceneError([Problem(scene.gauge_key(error.index), None, str(error))]) from None
+
+
+def _come_near(scene: Scene, passing: Passing) -> bool:
+    """Return whether paddles ever come near places, of motions that are told."""
+    return passing.near(stood(0.0, np.array([seen.excursion(seen.motion()) for seen in scene.paddles])))
+
+
+def _called(scene: Scene, keys: Sequence[tuple[str | int, ...]]) -> Called:
+    """Return what places are called that stand in a scene, and its paddles."""
+    return Called([".".join(map(str, key)) for key in keys], [seen.key for seen in scene.paddles])
+
+
+class InTheWater(NamedTuple):
+    """What looks below the surface, on water of its own.
+
+    Attributes
+    ----------
+    observers
+        What records probes, loads, windows and velocity fields, and remembers the water.
+    pushes
+        Of the paddles, by the ends of the tank they are at, where a load there is asked for.
+    """
+
+    observers: list[Observer]
+    pushes: dict[str, Pushing]
+
+    @classmethod
+    def of(cls, scene: Scene, waves: AnyWaves, records: Records) -> "InTheWater":
+        """Return what a scene asks for; collective. Raises ``SceneError`` for a probe or wall that is not there."""
+        every = scene.output.velocity_every
+        velocity = records.fields if every is not None and isinstance(waves, NonlinearWaves) else None
+        if records.probes is None and records.loads is None and velocity is None and not records.windows:
+            return cls([], {})
+        water, schedule = moving_water(scene, waves), EverySteps(scene.output.probes_every)
+        observers: list[Observer] = [WaterKept(water)] if isinstance(water, Stateful) else []
+        if velocity is not None and every is not None and isinstance(water, NonlinearWaves):
+            observers.append(VelocityFields(water, velocity("velocity"), schedule=EveryTime(every)))
+        if records.probes is not None:
+            observers.append(_probes(scene, water, records.probes, schedule))
+        for n, record in enumerate(records.windows):
+            observers.append(_window(scene, waves, water, n, record))
+        if records.loads is None:
+            return cls(observers, {})
+        walls = [_wall(scene, waves, n) for n in range(len(scene.loads))]
+        pressure = WallPressure(water, walls, density=scene.tank.density)
+        points = [np.array(load.point(scene.tank.depth)) for load in scene.loads]
+        observers.append(Loads(pressure, points, record=records.loads, schedule=schedule))
+        loaded = {load.on: n for n, load in enumerate(scene.loads)}
+        paddles = {seen.end: paddle for seen, paddle in zip(scene.paddles, waves.wall.paddles, strict=True)}
+        return cls(
+            observers,
+            {
+                end: Pushing(PaddlePush(pressure, loaded[end], paddle), paddle.motion.velocity)
+                for end, paddle in paddles.items()
+                if end in loaded
+            },
+        )
+
+
+def _probes(scene: Scene, water: MovingWater, record: Record, schedule: EverySteps) -> Probes:
+    """Return what records the probes; collective. Raises ``SceneError`` for one outside the mesh."""
+    points = np.array([(probe.x, probe.y, probe.z) for probe in scene.probes])
+    try:
+        sounding = Sounding(water, points, density=scene.tank.density)
+        called = _called(scene, [("probes", n) for n in range(len(points))])
+        return Probes(water, sounding, record=record, schedule=schedule, called=called)
+    except OutsideError as error:
+        raise SceneError([Problem(("probes", error.index), None, str(error))]) from None
+
+
+def _window(scene: Scene, waves: AnyWaves, water: MovingWater, n: int, record: WindowRecord) -> WindowObserver:
+    """Return what records a window; collective. Raises ``SceneError`` for a column outside the mesh."""
+    window = scene.windows[n]
+    with about("windows", n):
+        return WindowObserver(
+            waves,
+            water,
+            np.array(window.places),
+            levels=window.levels,
+            density=scene.tank.density,
+            record=record,
+            schedule=_rows(window),
+        )
+
+
+def _rows(window: Window) -> EveryTimeBetween:
+    """Return when a window has rows."""
+    return EveryTimeBetween(window.every, window.begin, np.inf if window.until is None else window.until)
+
+
+def told_of_end(scene: Scene, clock: Clock) -> str:
+    """Return that a run's last step ends beyond its duration; empty where it does not."""
+    if clock.end <= scene.run.duration * (1 + ROUNDING):
+        return ""
+    step = f"a whole step of {clock.dt:.4g} s"
+    return f"the run ends at {clock.end:.6g} s, with {step}, not at {scene.run.duration:.6g} s"
+
+
+def told_of_ranks(waves: AnyWaves) -> str:
+    """Return that one rank would do better than several; empty where it would not, and of one."""
+    ranks, unknowns = waves.plane.comm.size, _unknowns(waves)
+    if ranks > 1 and waves.plane.mesh.topology.dim == 1:
+        return f"a slice or ring wants one rank, whose solves are compiled: {ranks} take many times as long"
+    if ranks == 1 or unknowns >= ENOUGH:
+        return ""
+    return f"{unknowns} unknowns are few for {ranks} ranks, which pay from about {ENOUGH} on: one may be as fast"
+
+
+def _unknowns(waves: AnyWaves) -> int:
+    return waves.plane.size * (waves.vertical.n + 2)
+
+
+def told_of_windows(scene: Scene, clock: Clock) -> list[str]:
+    """Return what there is to say of windows whose rows are not as far apart as was asked, or end early."""
+    told = list[str]()
+    for window in scene.windows:
+        apart, sentence = _rows(window).spacing(clock.dt), ""
+        if abs(apart - window.every) > 1e-6 * window.every:
+            sentence = f"a row every {apart:.5g} s, in whole steps of {clock.dt:.5g} s"
+        if window.until is not None and clock.end + 1e-6 * apart < window.until:
+            sentence += f"{'; ' if sentence else ''}the run ends at {clock.end:.6g} s, before its until"
+        told += [f"window {window.name}: {sentence}"] if sentence else []
+    return told
+
+
+def _wall(scene: Scene, waves: AnyWaves, n: int) -> MeshTags:
+    """Return the facets of a load's wall; collective. Raises ``SceneError`` if there is none of that name."""
+    with about("loads", n, "on"):
+        return waves.plane.wall(scene.loads[n].on)
+
+
+def _surface_fields(scene: Scene, waves: AnyWaves, records: Records) -> list[Observer]:
+    """Return what writes a basin's surface and sponge; collective."""
+    if records.fields is None or waves.plane.mesh.topology.dim == 1:
+        return []
+    schedule = EveryTime(scene.surface_every)
+    return [SurfaceFields(waves, records.fields("surface"), schedule=schedule, damping=waves.damping)]

@@ -1,0 +1,166 @@
+"""Where a scene's water begins: its initial surface, which may be one that another run has kept."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from wavetank.arrays import Vector
+from wavetank.case import RunState, Scene
+from wavetank.case.initial_file import FileSurface
+from wavetank.case.initial_formula import FormulaSurface
+from wavetank.errors import InputError
+from wavetank.fem.agreed import agreed, from_first
+from wavetank.fem.misfit import rms
+from wavetank.motion import Motion
+from wavetank.output.checkpoint import Checkpoint, is_at, kept, read_kept
+from wavetank.output.directory import RunDirectory
+from wavetank.simulation.answering import went_on
+from wavetank.simulation.kept_surface import KeptSurface, held_by_scheme
+from wavetank.simulation.walls import motion_of
+from wavetank.simulation.waters import AnyWaves
+from wavetank.stateful import Held, together
+from wavetank.values.noun import SceneError
+
+SEEN = 0.01  # of its rms: a mean elevation that is told
+APART = 1e-3  # of the depth: so far may the wall stand from where it stood
+MESHED = {"cells", "geometry", "sponge_length", "factor", "refine", "file"}  # of a layout: its mesh, not its walls
+
+
+def initial_surface(scene: Scene, waves: AnyWaves) -> tuple[Vector, Vector]:
+    """Return eta [m] and psi [m²/s] at the degrees of freedom, shape (owned,); collective.
+
+    Raises ``InputError`` where they cannot be had.
+    """
+    comm, initial = waves.plane.comm, scene.initial
+    if isinstance(initial, RunState):
+        return kept_surface(scene, initial, waves).on(waves)
+    x, y = waves.plane.places.T
+    return agreed(comm, lambda: initial.surface(scene.tank, x, y))
+
+
+def kept_surface(scene: Scene, initial: RunState, waves: AnyWaves) -> KeptSurface:
+    """Return what was kept, values on the first rank alone; collective. Raises ``InputError``, on all ranks."""
+    comm = waves.plane.comm
+    found: list[Checkpoint] = []
+
+    def read() -> tuple[dict[str, Any], Scene, Held]:
+        path, about = _chosen(initial)
+        before, checkpoint = _its_scene(initial, about), read_kept(path)
+        if not isinstance(checkpoint, Checkpoint):
+            raise InputError(f"{path}: cannot be used ({checkpoint or 'it is no longer there'}).")
+        scheme = held_by_scheme(together(checkpoint.held, [np.zeros(0)] * len(checkpoint.arrays))["run"])
+        _check(scene, before, about["t"], scheme)
+        found.append(checkpoint)
+        return about, before, scheme
+
+    about, before, scheme = from_first(comm, read)
+    values: tuple[Vector, Vector] = np.zeros(0), np.zeros(0)
+    places: Vector = np.zeros((0, 3))
+    if found:
+        surface = together(found[0].held, found[0].arrays)["surface"]
+        values, places = (surface["elevation"], surface["potential"]), found[0].places
+    return KeptSurface(before, about["t"], about["mass"], values, places, scheme=scheme)
+
+
+def with_its_numerics(scene: Scene, initial: RunState) -> Scene:
+    """Return the scene with that run's numerics where it names none; or ``InputError``, also if they do not fit."""
+    before = _its_scene(initial, _chosen(initial)[1])
+    numerics = scene.numerics.over(before.numerics, named=scene.numerics.model_fields_set)
+    found = scene.model_copy(update={"numerics": numerics})
+    if problems := [*numerics.problems(found)]:
+        raise SceneError(problems)
+    return found
+
+
+def told_of_start(scene: Scene, waves: AnyWaves, q: Vector) -> str:
+    """Return what a start costs of the mass, of a file where its mean is, or nothing of others; collective."""
+    initial = scene.initial
+    if isinstance(initial, FileSurface | FormulaSurface):
+        return _told_of_mean(waves, q)
+    if not isinstance(initial, RunState):
+        return ""
+    about = from_first(waves.plane.comm, lambda: _chosen(initial)[1])
+    mass = waves.total_mass(q) / about["mass"] - 1.0
+    return f"begins with {initial.directory} at t = {about['t']:.6g} s; the mass changes by {mass:.1g} of it"
+
+
+def _told_of_mean(waves: AnyWaves, q: Vector) -> str:
+    """Return where the mean of an initial surface is, unless that is at still water; collective."""
+    still, higher = (waves.total_mass(waves.state(np.full_like(q, eta), 0 * q)[0]) for eta in (0.0, waves.depth))
+    mean = (waves.total_mass(q) - still) / (higher - still) * waves.depth
+    if abs(mean) < SEEN * rms(waves.plane, waves.elevation(q, 0 * q, 0.0)):
+        return ""
+    return f"the initial surface has a mean of {mean:+.3g} m: at rest the water would stand there, not at z = 0"
+
+
+def _chosen(initial: RunState) -> tuple[Path, dict[str, Any]]:
+    """Return the file of the checkpoint that is asked for, and what is told of it; raises ``InputError``."""
+    directory = RunDirectory(initial.directory)
+    found = list(kept(directory.path))
+    if not found:
+        raise InputError(f"directory = {initial.directory}: holds no checkpoint to begin with.")
+    if initial.t is None:
+        return found[0]
+    at = initial.t
+    for path, about in found:
+        if is_at(about, at):
+            return path, about
+    times = " and ".join(f"{about['t']:.6g} s" for _, about in found)
+    raise InputError(f"t = {at:g}: must be a time that is kept, which are {times}; a run keeps its end.")
+
+
+def _its_scene(initial: RunState, about: dict[str, Any]) -> Scene:
+    try:
+        return Scene.model_validate(about["chosen"])
+    except (KeyError, ValidationError):
+        raise InputError(f"directory = {initial.directory}: was written by another version of this program.") from None
+
+
+def _check(scene: Scene, before: Scene, t: float, scheme: Held) -> None:
+    """Raise ``InputError`` unless the tanks are one, and the walls stand in one place."""
+    mine, its = (_walls(one) for one in (scene, before))
+    for key in sorted(mine.keys() | its.keys()):
+        if mine.get(key) != its.get(key):
+            raise InputError(f"tank.{key} = {mine.get(key)!r}: must be {its.get(key)!r}, as in the run to begin with.")
+    moved, moves = _motions(before, scheme), _motions(scene)
+    for name, was, now in (("wall", before, scene), ("far wall", before.mirrored, scene.mirrored)):
+        places = [y for y in (one.wall.places(one.tank) for one in (was, now)) if y is not None]
+        along = np.unique(np.concatenate(places)) if places else None
+        stood, stands = _position(moved.get(was.key), t, along), _position(moves.get(now.key), 0.0, along)
+        apart = stands - stood
+        if np.abs(apart).max() > APART * scene.tank.depth:
+            most = int(np.abs(apart).argmax())
+            there, here = (np.broadcast_to(one, apart.shape).flat[most] for one in (stood, stands))
+            where = f"the {name} stood at {there:.4g} m when t = {t:.6g} s, and begins at {here:.4g} m"
+            raise InputError(f"{where}: must be as near as {APART:g} of the depth; it may wait until it is at rest.")
+
+
+def _walls(scene: Scene) -> dict[str, Any]:
+    """Return what there is to say of a tank, without its mesh, by keys."""
+    return dict(_leaves(scene.tank.model_dump(mode="json")))
+
+
+def _leaves(tables: dict[str, Any], name: str = "") -> Iterator[tuple[str, Any]]:
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            yield from _leaves(value, f"{name}{key}.")
+        elif not (name.startswith("layout.") and key in MESHED):
+            yield f"{name}{key}", value
+
+
+def _motions(scene: Scene, scheme: Held | None = None) -> dict[str, Motion]:
+    """Return what moves the walls, as the water has it, by their keys; ``scheme``: where absorbing has taken them."""
+    if scene.physics == "linear":
+        return {}
+    motions = [motion_of(seen) for seen in scene.paddles]
+    if scheme is not None:
+        went_on(scene, motions, scheme)
+    return {seen.key: motion for seen, motion in zip(scene.paddles, motions, strict=True)}
+
+
+def _position(motion: Motion | None, t: float, y: Vector | None) -> Vector:
+    """Return where a motion is [m], at places along it or, as a whole, at one; without one at rest."""
+    return np.zeros(1) if motion is None else np.atleast_1d(motion.position(t, y)).ravel()

@@ -1,0 +1,222 @@
+"""What paddles put into the water, integrated over all steps by what is known at their ends.
+
+Of paddles that move smoothly that is their power, by Adams-Moulton's rule of order 4. One that answers the water is
+told anew how it goes on at each step, and goes unevenly within it. What it does by u, its velocity or what absorbing
+adds to that, is by parts
+
+    int dH/dX u + dH/dX' u' dt = [(K - c u / 2) u] + int (dH/dX - K') u dt,     K = dH/dX' + c u,
+
+c the added mass of a sudden motion: dH/dX' falls by c u, and K knows nothing of it. So dH/dX and K are smooth, and go
+through steps as the cubics through their last four values; u is taken as it is, by Simpson's rule, which is exact of
+what a ``Steered`` motion adds.
+"""
+
+from collections.abc import Sequence
+from functools import cache, lru_cache
+from importlib.resources import files
+from typing import Any, Protocol
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.fem.kernels import EXACT, Kernel
+from wavetank.stateful import Held, Stateful
+from wavetank.tank.seen import State
+
+KNOWN = 4  # values that a cubic goes through
+DECLARATION = "void put_in(long count, const double *t, const double *rates, double *work, double *done);"
+
+NODES = np.array([0.0, 0.5, 1.0])  # of Simpson's rule, of a step
+SIMPSON = np.array([1.0, 4.0, 1.0]).reshape(-1, 1, 1) / 6
+EQUAL = 6  # digits: the same
+
+
+class Pushed(Protocol):
+    """Water that paddles push; both methods are collective."""
+
+    def explicit_rate(self, q: Vector, p: Vector, t: float) -> float:
+        """Return dH/dt at fixed (Q, psi), in energy a second."""
+
+    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
+        """Return dH/dX and dH/dX' of each paddle at fixed (Q, psi)."""
+
+
+class Moving(Protocol):
+    """A paddle's motion."""
+
+    def velocity(self, t: float) -> Any:
+        """Return X' [m/s] at t [s]."""
+
+    def added(self, t: float, order: int) -> Any:
+        """Return the derivative of that order of what is added to it on the way, in m/s^order, at t [s]."""
+
+
+class Moment(Protocol):
+    """A moment, as paddles that put something in are looked at; see ``observers.contract``."""
+
+    @property
+    def t(self) -> float:
+        """When it ends [s]."""
+
+    @property
+    def state(self) -> State:
+        """The state, with its known points in the order in which evaluating them costs nothing."""
+
+
+class Supply(Stateful, Protocol):
+    """What is put in: int dH/dt|explicit dt so far.
+
+    Attributes
+    ----------
+    lasts
+        Whether what is seen of moments is all that is to be known of them, so that none needs be kept.
+    """
+
+    lasts: bool
+
+    def keep(self, water: Pushed, moment: Moment) -> None:
+        """Keep what does not last of a moment; the first time at the start; collective."""
+
+    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, Vector | None]:
+        """Return what was put in by each of K moments, and what was not because of what absorbing adds to the motions.
+
+        The latter is less its part of W; None: nothing absorbs. ``power`` is that of the mean of the moments' points,
+        shape (K,).
+        """
+
+
+class Integral:
+    """Of what is known at the ends of steps, by Adams-Moulton's rule of order 4."""
+
+    def __init__(self) -> None:
+        self._sum: Vector = np.zeros(4 + KNOWN)  # it, when, in what step, by how many rates and which
+
+    @property
+    def value(self) -> float:
+        """What it is by the last moment."""
+        return float(self._sum[0])
+
+    def work_off(self, times: Vector, rates: Vector) -> Vector:
+        """Return what it is by each of K moments that follow those before, shape (K,)."""
+        found, at, rates = np.empty(len(times)), _kernel().pointer, np.ascontiguousarray(rates)
+        _kernel().call.put_in(len(times), at(times), at(rates), at(self._sum), at(found))
+        return found
+
+    def held(self) -> Held:
+        """Return the sum, and the rates at the last moments."""
+        return {"sum": self._sum.tolist()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._sum = np.array(held["sum"], dtype=np.float64).reshape(self._sum.shape)
+
+
+class Power:
+    """Of paddles that move smoothly, by their power."""
+
+    lasts = True
+
+    def __init__(self) -> None:
+        self._work = Integral()
+
+    def keep(self, water: Pushed, moment: Moment) -> None:
+        """Do nothing: nothing needs be kept."""
+
+    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, None]:
+        """See ``Supply``."""
+        return self._work.work_off(times, power), None
+
+    def held(self) -> Held:
+        """Return what was put in, and the power at the last moments."""
+        return {"work": self._work.held()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._work.take(held["work"])
+
+
+class AnsweredWork:
+    """Of paddles of which some answer the water, by the slopes of H.
+
+    Parameters
+    ----------
+    motions
+        Of all paddles.
+    masses
+        c of each [m²], shape (paddles,).
+    """
+
+    lasts = False  # such motions forget
+
+    def __init__(self, motions: Sequence[Moving], masses: Vector):
+        self._motions, self._masses = motions, masses
+        self._times: list[float] = []
+        self._known: list[Vector] = []  # dH/dX, dH/dX' and both u then, shape (4, paddles)
+        self._done: Vector = np.zeros(2)  # by both u
+        self._by_speed: Vector = np.zeros(len(motions))  # dH/dX' at the point last seen
+        self._kept: list[tuple[float, float]] = []
+
+    def _look(self, water: Pushed, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dX and dH/dX', shape (2, paddles); collective."""
+        slopes = np.array(water.slopes(q, p, t), dtype=np.float64).T
+        self._by_speed = slopes[1]
+        return slopes
+
+    def keep(self, water: Pushed, moment: Moment) -> None:
+        """See ``Supply``."""
+        seen = [self._look(water, *point, moment.t) for point in moment.state.known]
+        self._go_on(moment.t, np.mean(seen, axis=0))
+        put_in, absorbed = self._done
+        self._kept.append((float(put_in), float(self._known[-1][3] @ self._by_speed - absorbed)))
+
+    def work_off(self, times: Vector, power: Vector) -> tuple[Vector, Vector]:
+        """See ``Supply``."""
+        put_in, absorbed = np.array(self._kept[: len(times)]).T  # one more is kept of what a later look has ended
+        self._kept.clear()
+        return put_in, absorbed
+
+    def _go_on(self, t: float, seen: Vector) -> None:
+        self._times = [*self._times[1 - KNOWN :], t]
+        self._known = [*self._known[1 - KNOWN :], np.vstack([seen, self._speeds(t)])]
+        if len(self._times) < 2:
+            return
+        dt, known = t - self._times[-2], np.array(self._known)
+        values, rates = _through(tuple(round((time - self._times[-2]) / dt, EQUAL) for time in self._times))
+        by_place, u = known[:, 0], known[:, 2:]
+        K = known[:, 1:2] + self._masses * u
+        push = (values @ by_place)[:, None] - (rates / dt @ K.reshape(len(K), -1)).reshape(-1, *u[0].shape)
+        within = np.array([u[-2], self._speeds(t - 0.5 * dt), u[-1]])
+        ends = (K[-2:] - 0.5 * self._masses * u[-2:]) * u[-2:]
+        self._done = self._done + (dt * (push * within * SIMPSON).sum(axis=0) + ends[1] - ends[0]).sum(axis=1)
+
+    def _speeds(self, t: float) -> Vector:
+        """Return velocities, and what absorbing adds to them, at t [m/s], shape (2, paddles)."""
+        rates = [(motion.velocity(t), motion.added(t, 1)) for motion in self._motions]
+        return np.array(rates, dtype=np.float64).T
+
+    def held(self) -> Held:
+        """Return what was put in, and what is known of the last moments."""
+        arrays = {"known": np.array(self._known), "done": self._done, "by_speed": self._by_speed}
+        return {"times": list(self._times)} | {name: one.tolist() for name, one in arrays.items()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._times, self._known = list(held["times"]), [np.array(one) for one in held["known"]]
+        self._done, self._by_speed = np.array(held["done"]), np.array(held["by_speed"])
+
+
+@cache
+def _kernel() -> Kernel:
+    """Return what is compiled, the same for all paddles."""
+    code = files(__package__).joinpath("supply.c").read_text(encoding="utf-8")
+    return Kernel("supply", DECLARATION, key=code, source=lambda: code, comm=MPI.COMM_SELF, flags=EXACT)
+
+
+@lru_cache(maxsize=16)
+def _through(times: tuple[float, ...]) -> tuple[Vector, Vector]:
+    """Return by what values at some times give those of the polynomial through them, and its rates, at ``NODES``."""
+    powers, inverse = np.arange(len(times)), np.linalg.inv(np.vander(np.array(times), increasing=True))
+    values = np.vander(NODES, len(times), increasing=True)
+    rates = powers * values[:, np.maximum(powers - 1, 0)]
+    return np.asarray(values @ inverse), np.asarray(rates @ inverse)

@@ -1,0 +1,150 @@
+"""From a scene to the tank with its water."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.case import Physics, PythonBed, Scene
+from wavetank.case.loads import FAR
+from wavetank.fem.agreed import agreed
+from wavetank.fem.by_place import gathered
+from wavetank.fem.plane import Plane
+from wavetank.motion.tangent import Tangent
+from wavetank.simulation.footprints import Footprint, build_footprint
+from wavetank.simulation.walls import build_wall, kinds_of
+from wavetank.tank.bed import FlatBed, VaryingBed
+from wavetank.tank.footprint import Ring
+from wavetank.tank.linear_waves import LinearWaves
+from wavetank.tank.rates import LinearRates, MovingWater, NonlinearRates
+from wavetank.tank.waves import NonlinearWaves, Tolerances
+from wavetank.values.noun import Problem, SceneError, about
+
+AnyWaves = NonlinearWaves | LinearWaves
+NOMINAL = 0.01  # of the depth: what a bed may differ from it where waves are made, as measured ones do
+
+
+def build_waves(scene: Scene, comm: MPI.Comm) -> AnyWaves:
+    """Return the tank with its water; collective."""
+    return fill(scene, build_footprint(scene, comm))
+
+
+def fill(scene: Scene, footprint: Footprint) -> AnyWaves:
+    """Return a footprint with the scene's water in it; collective."""
+    with about("tank", "bed"):
+        plane = Plane(footprint.mesh, scene.numerics.order, footprint.chart, walls=footprint.facets_of)
+        check_depth(scene, footprint, plane)
+        return WATERS[scene.physics].build(scene, footprint, plane)
+
+
+def check_depth(scene: Scene, footprint: Footprint, plane: Plane) -> None:
+    """Raise ``SceneError`` if the tank's depth is not the bed's at the paddle, or is nowhere its; collective."""
+    depth = scene.depths()
+    if not callable(depth):
+        return
+    looked_at = {"a depth of the bed": plane.places}
+    if not isinstance(footprint, Ring) and scene.paddles:
+        ends = {seen.end: plane.places[plane.at(footprint.side(seen.end).facets)] for seen in scene.paddles}
+        looked_at = {f"the bed's depth at the {end}": places for end, places in ends.items()}
+    for where, at in looked_at.items():
+        found = agreed(plane.comm, lambda at=at: depth(*at.T))  # type: ignore[misc]
+        low = plane.comm.allreduce(float(np.min(found, initial=np.inf)), op=MPI.MIN)
+        high = plane.comm.allreduce(float(np.max(found, initial=-np.inf)), op=MPI.MAX)
+        if low > 0.0 and not (1 - NOMINAL) * low <= scene.tank.depth <= (1 + NOMINAL) * high:
+            depths = f"{low:.4g} m" if f"{low:.4g}" == f"{high:.4g}" else f"{low:.4g} to {high:.4g} m"
+            or_else = ", or the bed of the tank's depth there: the wall moves" if where.endswith(FAR) else ""
+            allowed = f"must be {where}, {depths}, to 1 %{or_else}"
+            raise SceneError([Problem(("tank", "depth"), scene.tank.depth, allowed)])
+
+
+def told_of_bed(scene: Scene, waves: AnyWaves) -> str:
+    """Return how much of the tank the bed's minimum depth touches, or nothing if it has none; collective."""
+    minimum = None if scene.tank.bed is None else scene.tank.bed.minimum_depth
+    if minimum is None:
+        return ""
+    touched = np.asarray(waves.bed.still == minimum, dtype=np.float64)
+    wet, whole = (waves.plane.sum(waves.mass.apply(part)) for part in (touched, np.ones_like(touched)))
+    return f"tank.bed.minimum_depth = {minimum:g} m holds for {100 * wet / whole:.3g} % of the tank"
+
+
+def bed_by_code(scene: Scene, waves: AnyWaves) -> dict[str, Vector]:
+    """Return x, y (of a basin) [m] and depth [m] of a bed by a Python function at all degrees of freedom; collective.
+
+    Empty of any other bed, and on all ranks but the first.
+    """
+    depth = scene.depths()
+    if not isinstance(scene.tank.bed, PythonBed) or not callable(depth):
+        return {}
+    x, y = waves.plane.places.T
+    columns = {"x [m]": x, "y [m]": y, "depth [m]": agreed(waves.plane.comm, lambda: depth(x, y))}
+    if waves.plane.mesh.topology.dim == 1:
+        del columns["y [m]"]
+    values, _ = gathered(waves.plane, [*columns.values()])
+    return dict(zip(columns, values, strict=False))
+
+
+def told_energy(scene: Scene) -> list[str]:
+    """Return a scene's Hamiltonian in words, a line each: its parts, the mapping, the bed; what vanishes, and why."""
+    parts, walls = WATERS[scene.physics].waves.parts, kinds_of(scene)
+    names = [seen.key.replace("_", " ") for seen in scene.paddles] or ["wall"]
+    named = [wall.part._replace(name=name) for wall, name in zip(walls, names, strict=True)]
+    if len(named) > 1 and named[0].formula == named[1].formula:
+        named[1] = named[1]._replace(formula="the same at the far paddle")
+    bed = FlatBed if scene.tank.bed is None else VaryingBed
+    own = ["X_p: of each paddle its own, from its wall into the water"] if len(named) > 1 else []
+    return [*map(str, (*parts, *named)), *dict.fromkeys(wall.told for wall in walls), *own, bed.told]
+
+
+def _nonlinear(scene: Scene, footprint: Footprint, plane: Plane) -> NonlinearWaves:
+    numerics = scene.numerics
+    return NonlinearWaves(
+        plane,
+        depth=scene.depths(),
+        gravity=scene.tank.gravity,
+        wall=build_wall(scene, footprint, plane),
+        vertical_order=numerics.vertical_order,
+        tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
+    )
+
+
+def _linear(scene: Scene, footprint: Footprint, plane: Plane) -> LinearWaves:
+    return LinearWaves(
+        plane,
+        depth=scene.depths(),
+        gravity=scene.tank.gravity,
+        wall=build_wall(scene, footprint, plane),
+        vertical_order=scene.numerics.vertical_order,
+        tolerance=scene.numerics.tolerance,
+    )
+
+
+def moving_water(scene: Scene, waves: AnyWaves) -> MovingWater:
+    """Return water of an observer's own like the scene's, of which rates are found; collective."""
+    numerics = scene.numerics
+    if isinstance(waves, LinearWaves):
+        return LinearRates(waves, tolerance=0.1 * numerics.tolerance)
+    tangents = [Tangent(paddle.motion) for paddle in waves.wall.paddles]
+    return NonlinearRates(
+        waves.plane,
+        tangents=tangents,
+        depth=scene.depths(),
+        gravity=scene.tank.gravity,
+        wall=waves.wall.moved_by(tangents),
+        vertical_order=numerics.vertical_order,
+        tolerances=Tolerances(stage=numerics.tolerance, interior=0.1 * numerics.tolerance),
+    )
+
+
+class Water(NamedTuple):
+    """A kind of water: the class of its waves, and what builds them."""
+
+    waves: type[NonlinearWaves] | type[LinearWaves]
+    build: Callable[[Scene, Footprint, Plane], AnyWaves]
+
+
+WATERS: dict[Physics, Water] = {
+    "nonlinear": Water(NonlinearWaves, _nonlinear),
+    "linear": Water(LinearWaves, _linear),
+}

@@ -1,0 +1,71 @@
+"""``wavetank study``: light to import; what it needs is loaded when it is called."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def study(
+    case: Annotated[Path, typer.Argument(help="case file (TOML)", metavar="CASE")],
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUE,VALUE,...", help="values of a setting; several: all combinations"),
+    ] = None,
+    reference: Annotated[
+        str | None,
+        typer.Option(
+            metavar="fine|exact|none|RUN",
+            help="what errors are measured against; default: fine, or none where only what is modelled is swept",
+        ),
+    ] = None,
+    below: Annotated[
+        float | None, typer.Option(min=1e-9, help="count errors of gauges below this frequency [Hz]; default: all")
+    ] = None,
+    response: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="[NAME=]EXPRESSION",
+            help="a column: crest, run_up, reflection, or at the gauge named 5 hm0@5, hm0@5/hm0@1 ...",
+        ),
+    ] = None,
+    start: Annotated[float | None, typer.Option(help="from when responses are told [s]")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder; default runs/ and the case's name with -study")] = None,
+    overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="change the case")] = None,
+    mark: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUE", help="a setting of one more combination, drawn as the plan's choice"),
+    ] = None,
+    at_once: Annotated[int | None, typer.Option(min=1, help="runs at a time; default: one a core")] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="also runs of days, or of more memory than there is")] = False,
+) -> None:
+    """Run all combinations of some settings: error against cost.
+
+    Each is a run, taken by one of as many processes as there are cores. Where a key changes what is modelled, a
+    wave's height, say: highest crest and deepest trough over that key, or each --response; of seeds
+    (wall.motion.seed=1..20) means, their confidence, and quantiles. What has finished is not run again, and
+    no run of another scene is replaced. Keys are those of the case, or short: dt, dx, cells, n, p, order, integrator,
+    tolerance.
+    """
+    from mpi4py import MPI
+
+    from wavetank.console import console
+    from wavetank.errors import InputError
+    from wavetank.studies.study import Study
+
+    if MPI.COMM_WORLD.size > 1:
+        raise InputError(f"{MPI.COMM_WORLD.size} ranks received; a study starts its runs itself, without mpirun.")
+    Study(
+        case,
+        sweep or [],
+        out=Path("runs") / f"{case.stem}-study" if out is None else out,
+        overrides=overrides or [],
+        marked=mark or [],
+        reference=reference,
+        below=below,
+        asked=response or [],
+        start=start,
+        at_once=at_once,
+        yes=yes,
+        console=console(),
+    ).execute()

@@ -1,0 +1,187 @@
+"""Paddles that answer what the water does: what they look at, and how they go on (docs/absorption.md)."""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.errors import PaddleError
+from wavetank.fem.plane import Plane
+from wavetank.motion.answer import Answer, Equation
+from wavetank.stateful import Held
+from wavetank.tank.walls.side import Side
+
+BRIEF = 1e-4  # (d / g)^(1/2), before t = 0: still water at the face rises as fast as it begins to
+GENTLY = 2.0  # (d / g)^(1/2) from t = 0 on: waves that stand at a paddle do not push it off at once
+
+
+class Elevated(Protocol):
+    """Waves, as they are looked at."""
+
+    plane: Plane
+    gravity: float
+    depth: float
+
+    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
+        """Return (q, p) for elevation [m] and surface potential [m²/s] at the degrees of freedom; collective."""
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dq/dt, shape (owned,); collective."""
+
+    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,); collective."""
+
+
+class Answered(Protocol):
+    """A paddle that can answer.
+
+    Attributes
+    ----------
+    motion
+        How it moves: a ``Steered`` motion.
+    side
+        Where it stands.
+    largest_stroke
+        How far it can go into the water [m], at the height where it goes farthest.
+    """
+
+    motion: Any
+    side: Side
+    largest_stroke: float
+
+
+Look = Callable[[Vector, Vector, float], Vector]
+"""Returns what is measured of a state (q, p) at t [s], the same on all ranks; collective."""
+
+
+class AnsweringPaddle:
+    """A paddle whose motion goes on by what is measured of the water.
+
+    Parameters
+    ----------
+    paddle
+        Which it is; its motion is a ``Steered`` one.
+    equation
+        By which it answers.
+    look
+        Measures.
+    shares
+        How far it goes at its heights, over how far it goes where that is told, shape (N,).
+    key
+        What it is called in a case.
+    """
+
+    def __init__(self, paddle: Answered, equation: Equation, look: Look, *, shares: Vector, key: str):
+        self._paddle, self._motion, self._answer, self._look = paddle, paddle.motion, Answer(equation), look
+        self._shares, self._key = (float(shares.min()), float(shares.max())), key
+
+    @property
+    def begins(self) -> bool:
+        """Whether it has yet to begin."""
+        return self._answer.begins
+
+    def begin(self, q: Vector, p: Vector, t: float) -> None:
+        """Look at the water at t, a little before it begins; collective."""
+        self._answer.begin(t, self._look(q, p, t))
+
+    def go_on(self, q: Vector, p: Vector, t: float, dt: float) -> None:
+        """Look at the water at t, and go on to t + dt; collective.
+
+        Raises ``PaddleError`` where the paddle goes so far into the water that the mapping folds.
+        """
+        self._motion.go_on(t, dt, *self._answer.next(t, dt, self._look(q, p, t)))
+        where, most = self._motion.position(t + dt), self._paddle.largest_stroke
+        farthest = max(share * where for share in self._shares)
+        if farthest >= most:
+            what = f"absorbing takes the paddle of {self._key} {farthest:.4g} m into the water"
+            fold = f"its mapping folds at {most:.4g} m, 3/4 of what {self._key}.reach is on this mesh"
+            raise PaddleError(f"t = {t:.6g} s: {what}; {fold}: it must be longer")
+
+    def held(self) -> Held:
+        """Return how the paddle has moved, and what it answers by."""
+        return {"motion": self._motion.held(), "answer": self._answer.held()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        self._motion.take(held["motion"])
+        self._answer.take(held["answer"])
+
+    def carry(self, held: Held) -> None:
+        """Take what outlives other numerics: all but the times that the water before asked to be kept."""
+        self._motion.carry(held["motion"])
+        self._answer.take(held["answer"])
+
+
+class Pushed(Protocol):
+    """Waves that push paddles."""
+
+    def slopes(self, q: Vector, p: Vector, t: float) -> list[tuple[float, float]]:
+        """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi); collective."""
+
+
+class Push:
+    """What the water does to a paddle on a spring: J = dH/dX' + c X', and dH/dX.
+
+    Parameters
+    ----------
+    number
+        Which of the paddles it is.
+    paddle
+        The same.
+    mass
+        c, its added mass of a sudden motion [m²].
+    """
+
+    def __init__(self, waves: Pushed, number: int, paddle: Answered, *, mass: float):
+        self._waves, self._number, self._motion, self._mass = waves, number, paddle.motion, mass
+
+    def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
+        """See ``Look``; shape (2,), in m³/s and m³/s²."""
+        by_position, by_velocity = self._waves.slopes(q, p, t)[self._number]
+        return np.array([by_velocity + self._mass * self._motion.velocity(t), by_position])
+
+
+class Excess:
+    """The mean elevation at a paddle's face, less what the paddle is to make there.
+
+    Parameters
+    ----------
+    made
+        Of t [s], in m.
+
+    Attributes
+    ----------
+    rise
+        By how much water at the face rises where the paddle goes on by a metre at once.
+    """
+
+    def __init__(self, waves: Elevated, paddle: Answered, made: Callable[[float], float]):
+        self._waves, self._made, self._motion = waves, made, paddle.motion
+        self._at = waves.plane.at(paddle.side.facets)
+        self._count = waves.plane.comm.allreduce(len(self._at))
+        self.rise = self._found_rise()
+
+    def _found_rise(self) -> float:
+        """Return ``rise``: how fast still water rises, where the paddle is a metre a second faster; collective."""
+        waves, motion, speed = self._waves, self._motion, float(np.sqrt(self._waves.gravity * self._waves.depth))
+        brief = BRIEF * speed / waves.gravity
+        rates, speeds = list[float](), list[float]()
+        for t, added in ((-brief, 0.0), (-3.0 * brief, speed)):
+            motion.forget()
+            motion.go_on(t - 1.0, 1.0, 0.0, added)
+            q, p = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
+            before = waves.elevation(q - brief * waves.H_p(q, p, t), p, t - brief)
+            rates.append(-self._mean(before) / brief)
+            speeds.append(motion.velocity(t))  # asked before it is forgotten, which times that are kept are not
+        motion.forget()
+        return float((rates[1] - rates[0]) / (speeds[1] - speeds[0]))
+
+    def __call__(self, q: Vector, p: Vector, t: float) -> Vector:
+        """See ``Look``; shape (1,), in m."""
+        eta = self._mean(self._waves.elevation(q, p, t)) - self._made(t)
+        s = min(t / (GENTLY * np.sqrt(self._waves.depth / self._waves.gravity)), 1.0)
+        return np.array([s**3 * (10 - 15 * s + 6 * s**2) * eta - self.rise * self._motion.added(t, 0)])
+
+    def _mean(self, values: Vector) -> float:
+        return float(self._waves.plane.sum(values[self._at]) / self._count)

@@ -1,0 +1,217 @@
+"""The bed: still-water depth d of the place where the water stands, and what the wall's motion does to it.
+
+The bed stands still in the laboratory; in the reference tank, which a moving wall stretches, the depth under a fixed
+point changes with the velocity of the mapping, d_t = velocity . grad d.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from typing import Any, Protocol
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector, largest
+from wavetank.errors import InputError
+from wavetank.fem.agreed import agreed
+from wavetank.fem.forms import ScalarForm
+from wavetank.fem.plane import Plane
+
+Depth = Callable[[Vector, Vector], Vector]  # d [m] at places x, y [m], all of shape (N,)
+ASIDE, SOUNDINGS = 0.1, 2001  # of the length of what is carried; over it and that, for a bed that is flat there
+INSTANT = 1e-4  # s; for the rate of the depth by central differences, exact to 1e-8 for walls of metres a second
+
+
+class Bed(Protocol):
+    """What the water must know of its bed.
+
+    Attributes
+    ----------
+    d
+        Still-water depth [m], in UFL.
+    rate
+        Its rate of change at a fixed point of the reference tank [m/s], in UFL.
+    depth
+        The mean depth [m].
+    still
+        d at the owned degrees of freedom [m], shape (owned,) or a number.
+    sinking
+        Its rate of change there [m/s], shape (owned,) or a number: like ``still`` another object where it has changed.
+    told
+        What it makes of the energy, in words.
+    """
+
+    told: str
+    d: Any
+    rate: Any
+    depth: float
+    still: Any
+    sinking: Any
+
+    def follow(self, wall: "Carrying") -> None:
+        """Find the depth where a wall has carried the degrees of freedom; collective."""
+
+    def follow_on(self, wall: "Carrying") -> None:
+        """Find the rate of the depth where it carries them on; collective."""
+
+    def levelled(self) -> AbstractContextManager[None]:
+        """Lie flat at the mean depth for a while; collective."""
+
+
+class Carrying(Protocol):
+    """A wall, as beds know it: it carries the reference tank about.
+
+    Attributes
+    ----------
+    carries
+        Which of the owned degrees of freedom it can carry.
+    displaced
+        How far from their places at rest they are now at most [m].
+    """
+
+    @property
+    def carries(self) -> NDArray[np.intp]:
+        """See above."""
+
+    @property
+    def displaced(self) -> float:
+        """See above."""
+
+    def to_physical(self, places: Vector) -> Vector:
+        """Return the physical places of reference ones, (x, y) [m], shape (N, 2)."""
+
+    def mesh_velocities(self, places: Vector) -> Vector:
+        """Return how fast it carries reference places [m/s], shape (N, 2)."""
+
+
+class FlatBed:
+    """The same depth everywhere: a constant, whose gradient vanishes before compilation.
+
+    Parameters
+    ----------
+    depth
+        [m].
+    """
+
+    told = "∇d = 0: the bed is flat"
+
+    def __init__(self, depth: float, *, plane: Plane):
+        self.d, self.rate = fem.Constant(plane.mesh, float(depth)), ufl.as_ufl(0)
+        self.depth = self.still = float(depth)
+        self.sinking = 0.0
+
+    def follow(self, wall: Carrying) -> None:
+        """Do nothing."""
+
+    def follow_on(self, wall: Carrying) -> None:
+        """Do nothing."""
+
+    def levelled(self) -> AbstractContextManager[None]:
+        """Do nothing."""
+        return nullcontext()
+
+
+class VaryingBed:
+    """A depth d(x, y), interpolated at the degrees of freedom; its slope is that of the interpolation.
+
+    Parameters
+    ----------
+    depth
+        d(x, y).
+
+    Raises ``InputError`` where the depth is not positive.
+    """
+
+    told = "d = d(x, y), of the places where the water stands: the bed varies"
+
+    def __init__(self, depth: Depth, *, plane: Plane):
+        self._plane, self._depth = plane, depth
+        self._field, self._rate = plane.function("still-water depth"), plane.function("rate of the depth")
+        self.d, self.rate = self._field.function, self._rate.function
+        self.still: Vector = np.empty(plane.owned)
+        self.sinking: Vector = np.zeros(plane.owned)
+        self._set(plane.places, np.arange(plane.owned))
+        measure = {"quadrature_degree": plane.order}
+        volume, area = (
+            ScalarForm(part * ufl.dx(domain=plane.mesh, metadata=measure), plane.comm).assemble()
+            for part in (self.d, fem.Constant(plane.mesh, 1.0))
+        )
+        self.depth = float(volume / area)
+        self._flat: float | None = None  # how far beside what is carried the depth is one [m]; < 0: it varies
+
+    def _is_flat(self, wall: Carrying) -> bool:
+        """Return whether what a wall has carried has never left a flat part of the bed, whose depth it has still."""
+        if self._flat is None:
+            self._flat = self._sounded(self._plane.places[wall.carries])
+        if wall.displaced > self._flat:
+            self._flat = -1.0
+        return self._flat >= 0.0
+
+    def _sounded(self, places: Vector) -> float:
+        """Return how far to either side of places on a slice, all on this rank, the depth is the same [m], else -1."""
+        if self._plane.comm.size > 1 or self._plane.mesh.topology.dim > 1 or not len(places):
+            return -1.0
+        low, high = places.min(axis=0), places.max(axis=0)
+        margin = ASIDE * float((high - low).max())
+        try:
+            found = self._at(np.linspace(low - margin, high + margin, SOUNDINGS))
+        except InputError:
+            return -1.0
+        return margin if found.min() == found.max() else -1.0
+
+    def _at(self, places: Vector) -> Vector:
+        depth = agreed(self._plane.comm, lambda: self._depth(places[:, 0], places[:, 1]))
+        return np.asarray(depth, dtype=np.float64)
+
+    def follow(self, wall: Carrying) -> None:
+        """Find the depth where a wall has carried the degrees of freedom; collective."""
+        if not self._is_flat(wall):
+            self._set(wall.to_physical(self._plane.places[wall.carries]), wall.carries)
+
+    def _set(self, places: Vector, which: NDArray[np.intp]) -> None:
+        """Find the depth at the places of some degrees of freedom; collective."""
+        found = self._at(places)
+        if not largest(self._plane.comm, -float(found.min(initial=np.inf))) < 0.0:
+            self._refuse(found, places)
+        still = self.still.copy()
+        still[which] = found
+        self.still = still
+        self._field.set(still)
+
+    @contextmanager
+    def levelled(self) -> Iterator[None]:
+        """Lie flat at the mean depth for a while; collective."""
+        self._field.set(np.full_like(self.still, self.depth))
+        yield
+        self._field.set(self.still)
+
+    def _refuse(self, found: Vector, places: Vector) -> None:
+        """Raise what says where the bed is highest; collective."""
+        shallow = int(np.argmin(found)) if len(places) else 0
+        mine = (float(found[shallow]), *map(float, np.round(places[shallow], 6))) if len(places) else (np.inf, 0.0, 0.0)
+        least, x, y = self._plane.comm.allreduce(mine, op=MPI.MIN)
+        where = f"x = {x:.4g} m, y = {y:.4g} m"
+        allowed = "it must be positive, which tank.bed.minimum_depth sees to"
+        raise InputError(f"the bed: the still-water depth is {least:.4g} m at {where}; {allowed}.")
+
+    def follow_on(self, wall: Carrying) -> None:
+        """Find the rate of the depth where it carries them on; collective."""
+        if self._is_flat(wall):
+            return
+        there = self._plane.places[wall.carries]
+        places, step = wall.to_physical(there), INSTANT * wall.mesh_velocities(there)
+        after, before = self._at(np.concatenate([places + step, places - step])).reshape(2, -1)
+        rate = self.sinking.copy()
+        rate[wall.carries] = (after - before) / (2 * INSTANT)
+        self.sinking = rate
+        self._rate.set(rate)
+
+
+def bed_of(depth: float | Depth, plane: Plane) -> Bed:
+    """Return the bed of a depth that is the same everywhere, or a function of (x, y)."""
+    if callable(depth):
+        return VaryingBed(depth, plane=plane)
+    return FlatBed(depth, plane=plane)

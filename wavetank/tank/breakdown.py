@@ -1,0 +1,208 @@
+"""Why a step could not be made: what the surface was like that it began with, and what the step was for it."""
+
+from collections.abc import Iterable
+from math import atan, degrees, inf, isfinite
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.integrators.stage_solver import ITERATES
+from wavetank.tank.short_waves import FARTHEST, HEIGHTS, ShortWaves
+from wavetank.tank.surface_flow import SurfaceFlow
+from wavetank.tank.waves import NonlinearWaves
+
+NEARLY_STEEPEST = 0.5  # slope; the steepest progressive wave has 0.58
+GENTLE = 0.3  # slope, of waves that break nowhere by themselves
+FLAT = 0.05  # slope, of waves that no theory calls steep
+LEANING = 40.0  # degrees; beside paddles that lean more the surface may fold (docs/waves.md)
+LOOSEST = 1e-4  # tolerance that a case may have
+NARROW = 0.75  # of a cell's width: what a mapping leaves less of is said
+SQUEEZED = 0.5  # of the stability limit: above it a paddle may be to blame for what is steep in its reach
+BESIDE = 2.0  # depths
+STEP = 1e-3  # of the depth, over which a paddle's lean is looked at
+
+
+class _Stand(NamedTuple):
+    """How a paddle of a slice stands.
+
+    Attributes
+    ----------
+    called, key
+        "paddle" or "far paddle", and its table of a case.
+    place
+        Where it is at still water, x [m].
+    lean
+        Its angle from upright there, positive into the water [degrees].
+    into
+        How far it has gone into the water where it has gone farthest [m].
+    reach
+        That of its mapping [m].
+    width
+        What that has left of the narrowest cell's width [-].
+    """
+
+    called: str
+    key: str
+    place: float
+    lean: float
+    into: float
+    reach: float
+    width: float
+
+    @property
+    def squeezes(self) -> str:
+        """What it does to the cells, in words."""
+        stands = f"the {self.called} stands {self.into:.3g} m in the water"
+        return f"{stands}, and its mapping over {self.reach:.3g} m leaves cells {self.width:.2g} of their width"
+
+
+class Cause(NamedTuple):
+    """Why a step failed.
+
+    Attributes
+    ----------
+    words
+        What was so, and what may do.
+    cure
+        The setting of the numerics that does, as far as is known, ``KEY=VALUE``; empty of nothing known. It has the
+        only step that the words name.
+    """
+
+    words: str
+    cure: str = ""
+
+
+def _stands(waves: NonlinearWaves) -> list[_Stand]:
+    """Return how the paddles of a slice stand now."""
+    found, d, wall = list[_Stand](), waves.depth, waves.wall
+    if not isinstance(waves.surface, SurfaceFlow):
+        return found
+    paddles: Any = wall.paddles
+    for paddle, stand in zip(paddles, wall.stand(np.zeros((1, 2)))[:, 0], strict=True):
+        below, here, above = stand * paddle.shape.at(STEP * d * np.array([-1.0, 0.0, 1.0]))
+        names = ("paddle", "wall") if paddle.side.sign > 0 else ("far paddle", "far_wall")
+        place = float(paddle.side.point[0] + paddle.side.sign * here)
+        lean = degrees(atan((above - below) / (2.0 * STEP * d)))
+        into = max(0.0, float((stand * paddle.shape.at(d * HEIGHTS)).max()))
+        found.append(_Stand(*names, place, lean, into, paddle.reach, 1.0 - into / paddle.largest_stroke))
+    return found
+
+
+def folds(waves: NonlinearWaves, q: Vector, p: Vector, t: float) -> str:
+    """Return in words that the surface of a slice folds beside a paddle that leans far; empty if not; collective.
+
+    Or that nothing else can be to blame than that it does: no wave is steep.
+    """
+    flow, far = waves.surface, [one for one in _stands(waves) if abs(one.lean) > LEANING]
+    if not isinstance(flow, SurfaceFlow) or not far or not _are_numbers(waves, q, p):
+        return ""
+    flow.update(q, p, t)
+    x, _, slope, _ = flow.profile
+    steepest = float(x[np.argmax(np.abs(slope))])
+    for one in far:
+        away, way = abs(steepest - one.place), "into" if one.lean > 0 else "out of"
+        leans = f"the {one.called} leans {abs(one.lean):.0f} degrees {way} the water"
+        if away < BESIDE * waves.depth:
+            folded = f"the surface folds beside it (slope {flow.largest_slope:.2g}, {away:.2g} m from it)"
+        elif flow.largest_slope < GENTLE:
+            folded = f"no wave is steep (largest slope {flow.largest_slope:.2g})"
+        else:
+            continue
+        return f"{leans}, and {folded}: it must lean less, or go more gently"
+    return ""
+
+
+def _are_numbers(waves: NonlinearWaves, q: Vector, p: Vector) -> bool:
+    """Return whether a state has nothing in it that is no number; collective."""
+    return isfinite(waves.plane.sum(q) + waves.plane.sum(p))
+
+
+def _steep_beside(waves: NonlinearWaves, stands: Iterable[_Stand]) -> bool:
+    """Return whether the surface of a slice is steepest within the reach of one of these paddles."""
+    assert isinstance(waves.surface, SurfaceFlow)
+    x, _, slope, _ = waves.surface.profile
+    steepest = float(x[np.argmax(np.abs(slope))])
+    return any(abs(steepest - one.place) < one.reach for one in stands)
+
+
+def _told(step: float) -> str:
+    """Return a step as it is named [s]."""
+    return f"{float(f'{step:.2g}'):g}"
+
+
+def _set(step: str) -> str:
+    return f"numerics.dt={step}"
+
+
+def cause(
+    waves: NonlinearWaves,
+    q: Vector,
+    p: Vector,
+    t: float,
+    *,
+    dt: float,
+    limit: float,
+    tolerance: float,
+    quickened: float = 1.0,
+    warned: float | None = None,
+    noise: str = "",
+) -> Cause:
+    """Return why a step dt [s] from a state failed; collective.
+
+    Parameters
+    ----------
+    waves, q, p, t
+        The water, and the state that the step began with.
+    dt, limit
+        The step [s], and the scheme's limit of omega dt.
+    tolerance
+        Of the step's solves, relative.
+    quickened
+        How much faster the shortest waves of still water get where paddles go farthest: the step named does there, too.
+    warned
+        The step that the watch on it has named [s]: none is named that is longer.
+    noise
+        A sentence on the noise of a paddle's record, if it has some.
+    """
+    if not _are_numbers(waves, q, p):
+        return Cause(
+            "the state that the step began with holds what is no number, such as an observer, a filter or a motion of "
+            "one's own can make of it, or the step before, where it was too long or the waves too steep for the mesh"
+        )
+    flow = waves.surface
+    flow.update(q, p, t)
+    narrow, limit = [one for one in _stands(waves) if one.width < NARROW], min(limit, ITERATES)
+    short, still = ShortWaves(waves), waves.largest_frequency
+    frequency, squeezed = short.largest_frequency(flow), still * short.quickened
+    squeezes = "".join(f", and {one.squeezes}" for one in narrow)
+    longer = "".join(f", or more of {one.key}.reach" for one in narrow)
+    moves = f"{dt * frequency:.3g} where the surface moves, at up to {flow.largest_velocity:.3g} m/s"
+    known = min(FARTHEST * limit / (still * quickened), inf if warned is None else warned)
+    if flow.largest_slope < GENTLE and dt * frequency <= limit:
+        what = (
+            f"neither is the step long (dt omega_max = {dt * frequency:.3g}) nor are the waves steep (largest slope "
+            f"{flow.largest_slope:.2g})"
+        )
+        if flow.largest_slope < FLAT and not narrow:
+            if noise:
+                return Cause(f"{what}: {noise}")
+            return Cause(
+                f"{what}: the solves do not get as exact as asked in water {waves.depth:.3g} m deep on "
+                f"cells of {waves.plane.cell_size:.3g} m; a larger numerics.tolerance, or other cells, may do",
+                f"numerics.tolerance={min(10 * tolerance, LOOSEST):g}",
+            )
+        step = _told(min(known, 0.5 * dt))
+        grown = f"short waves that the mesh carries have grown; a step of {step} s, or finer cells{longer}, may do"
+        return Cause(f"{what}{squeezes}: {grown}", _set(step))
+    step = _told(min(known, FARTHEST * limit / frequency))
+    if narrow and dt * squeezed > (SQUEEZED if _steep_beside(waves, narrow) else FARTHEST) * limit:
+        shortest = f"dt omega_max = {dt * still:.3g} on still water with the paddle at rest, {dt * squeezed:.3g} there"
+        long = f"the step is too long for waves as short as these: {shortest}, {moves}"
+        return Cause(f"{squeezes.removeprefix(', and ')}: {long}; try {step} s{longer}", _set(step))
+    steep = f"the waves are too steep for the mesh, or break (largest slope of the surface {flow.largest_slope:.2g})"
+    if not dt * frequency > limit:
+        return Cause(steep, _set(_told(known)) if known < dt else "")
+    long = f"the step is too long: dt omega_max = {dt * still:.3g} on still water, {moves}"
+    long = f"{long}{squeezes}; try {step} s{longer}"
+    return Cause(long if flow.largest_slope < NEARLY_STEEPEST else f"{steep}, or {long}", _set(step))

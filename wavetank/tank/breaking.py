@@ -1,0 +1,420 @@
+"""Wave breaking: the alarm, the stop and the dissipation.
+
+B = (u - U) / (c - U) is the ratio of the fastest water in a crest's upper half to the speed of the crest, both relative
+to the current around (tank/crests.py). The two criteria:
+
+- Alarm: B > 0.85 (X. Barthelemy, M. L. Banner, W. L. Peirson, F. Fedele, M. Allis, F. Dias, J. Fluid Mech. 841, 2018).
+  It lasts until B < 0.5. An alarm is recorded. It never stops a run: some crests recover.
+- Overturning: during its alarm the water outruns the crest (B > 1) for more than an eighth of a period, or in more than
+  a fifth of the width of its upper half. The period is that of a deep-water wave as fast, 2 pi (c - U) / g. On coarse
+  cells the part of the width stays small, as the edge penalty takes the energy of the tip.
+
+Both count only if the front is steep and the crest travels with little change of form (``coherence``): the speed of a
+crest that forms, vanishes, stands or meets another has no meaning. docs/extremes.md has the measurements.
+
+``run.on_breaking`` selects the filter that acts after each step: ``BreakingAlarm`` records, ``StopAtBreaking`` also
+ends the run at an overturning crest, ``BreakingDissipation`` applies an eddy viscosity around each crest during its
+alarm, as Z. Tian, M. Perlin, W. Choi (Phys. Fluids 22, 2010):
+
+    (M + dt N) v' = M v,     N = int nu du/dx dv/dx dx,     nu = alpha e c H cos²(pi (x - x_c) / (2 R)),  |x - x_c| < R
+
+for eta and psi, with the crest's place x_c, speed c and height H, R a few H, and e = (B - 0.6) / (0.85 - 0.6), at least
+0 and at most 1: nu varies continuously with the wave, so that the energy taken does not depend on the step in which an
+alarm ends. It conserves mass to round-off, and the energy it takes is counted.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import ufl
+
+from wavetank.arrays import Vector
+from wavetank.errors import RunError
+from wavetank.stateful import Held
+from wavetank.tank.crests import Profile, SteepCrest, steep_crests
+from wavetank.tank.seen import State
+from wavetank.tank.smoothing import Smoothing
+from wavetank.tank.surface_flow import SurfaceVelocity
+from wavetank.tank.waves import NonlinearWaves
+
+ONSET, RECOVERED, ENDED = 0.85, 0.6, 0.5  # B at which an alarm begins, the eddy viscosity is 0, the alarm ends
+STEEP, GENTLE = 0.3, 0.15  # slopes of the front below which no alarm begins, and each ends
+COHERENT = 0.5  # coherence below which a crest is not judged
+OVERTURNS = 0.2  # part of the width of the upper half in which water outruns the crest
+SUSTAINED = 0.125  # periods of a crest during which B > 1
+ALPHA, REACH = 0.2, 4.0  # alpha, and R in crest heights
+
+FASTER, RESTS = 1.15, 2  # so much the water may get where all B are below 0.6, and so many steps pass, without a look
+
+
+class Alarm(NamedTuple):
+    """A crest that passed the threshold of breaking.
+
+    Attributes
+    ----------
+    t, x
+        When and where [s, m].
+    height
+        Of the crest above its higher trough, then [m].
+    onset, largest
+        B then, and the largest until the end of the alarm [-].
+    end
+        When B was above 0.5 last [s].
+    y
+        In a basin, where [m].
+    outrun
+        For how many periods of the crest B was above 1 [-].
+    """
+
+    t: float
+    x: float
+    height: float
+    onset: float
+    largest: float
+    end: float
+    y: float = 0.0
+    outrun: float = 0.0
+
+
+class BreakingWatch:
+    """Examines the crests of the surface after each step, and keeps the alarms.
+
+    Within a depth of a wall crests form and vanish: they are not examined. Without an alarm, and where all B are below
+    0.5, some steps go by without a look: from 0.6 to 0.85 B takes an eighth of a period, or more.
+
+    Parameters
+    ----------
+    waves
+        The water.
+    flow
+        Its surface, updated here.
+    length
+        That of a ring [m]; None in a tank with walls.
+
+    Attributes
+    ----------
+    last
+        Time and profile of the last look, if the next one is to compare with it.
+    crests
+        The steep ones of the last look, coherent or not.
+    alarms
+        All so far, by time.
+    active
+        Which of them last, and their crests when examined last: one that is missed is waited for an eighth of a period.
+    recorded
+        All so far, with those of the step that ended the run.
+    """
+
+    def __init__(self, waves: NonlinearWaves, flow: SurfaceVelocity, *, length: float | None):
+        self._waves, self._length = waves, length
+        self._flow: Any = flow
+        self.last: tuple[float, Any] | None = None
+        self._rests, self._fast = 0, 0.0  # steps to come without a look, and the velocity that ends them [m/s]
+        self.crests: list[SteepCrest] = []
+        self.alarms: tuple[Alarm, ...] = ()
+        self.active: tuple[tuple[int, SteepCrest], ...] = ()
+        self.recorded: tuple[Alarm, ...] = ()
+        self._before = self._state()
+
+    def look(self, state: State, t: float) -> list[SteepCrest]:
+        """Return the crests during their alarms where the step to a state has ended; collective. The first is none."""
+        flow, front = self._flow, GENTLE if self.active else STEEP
+        flow.near(state, t)
+        self._before = last, *_ = self._state()
+        self.last = None
+        if flow.largest_slope < front:
+            return self.follow([], t)
+        if self._rests and flow.largest_velocity < self._fast:
+            self._rests -= 1
+            return []
+        self.last, self._rests = (t, self._surface()), 0
+        if last is None:
+            return []
+        self.crests = self._steep(last, self.last, front)
+        coherent = [crest for crest in self.crests if crest.coherence > COHERENT]
+        if all(crest.overtaking < ENDED for crest in coherent):
+            self.last, self._rests, self._fast = None, RESTS, FASTER * flow.largest_velocity
+        return self.follow(coherent, t)
+
+    def follow(self, crests: Sequence[SteepCrest], t: float) -> list[SteepCrest]:
+        """Return which of the coherent crests at t are in alarm: those it begins for, and those not recovered yet."""
+        alarms, active, matched = list(self.alarms), list[tuple[int, SteepCrest]](), set[int]()
+        for crest in crests:
+            B = crest.overtaking
+            lasting, place = (*self.active, *active), np.array([[crest.x, crest.y]])
+            near = (one for one, last in lasting if self.distances(place, last)[0] < 1.0)
+            index = next(near, None)
+            if index is None and breaks(crest):
+                index = len(alarms)
+                alarms.append(Alarm(t, crest.x, crest.height, B, B, t, crest.y))
+            if index is None:
+                continue
+            matched.add(index)
+            if B > ENDED:
+                one = alarms[index]
+                outrun = one.outrun + (t - one.end) / self._period(crest) * (B > 1.0)
+                alarms[index] = one._replace(largest=max(one.largest, B), end=t, outrun=outrun)
+                active.append((index, crest))
+        missed = [(index, crest) for index, crest in self.active if index not in matched]
+        missed = [one for one in missed if t - alarms[one[0]].end < SUSTAINED * self._period(one[1])]
+        self.alarms = self.recorded = tuple(alarms)
+        self.active = (*active, *missed)
+        return [crest for _, crest in active]
+
+    def _period(self, crest: SteepCrest) -> float:
+        """Return the period of a wave in deep water as fast as a crest [s]."""
+        return 2 * np.pi * abs(crest.speed - crest.current) / self._waves.gravity
+
+    def distances(self, places: Vector, crest: SteepCrest) -> Vector:
+        """Return how far places (x, y) [m], shape (N, 2), are from a crest, in R, shape (N,)."""
+        return np.asarray(self._waves.plane.chart.apart(places[:, 0], crest.x) / (REACH * crest.height))
+
+    def combined(self, viscosities: Vector) -> Vector:
+        """Return the viscosity of all crests [m²/s], shape (owned,), of that of each, (crests, owned)."""
+        return np.asarray(viscosities.sum(axis=0))
+
+    def place(self, one: "SteepCrest | Alarm") -> str:
+        """Return where a crest or an alarm is, in words."""
+        return f"x = {one.x:.4g} m"
+
+    @property
+    def story(self) -> str:
+        """The alarms so far as a sentence; empty if there are none."""
+        if not self.recorded:
+            return ""
+        worst, first = max(self.recorded, key=lambda one: one.largest), self.first
+        first = f"at {first}" if len(self.recorded) == 1 else f"the first at {first}"
+        crests = "1 crest" if len(self.recorded) == 1 else f"{len(self.recorded)} crests"
+        return f"{crests} passed u/c = {ONSET:g}, the threshold of breaking, {first}; largest u/c {worst.largest:.2f}"
+
+    @property
+    def first(self) -> str:
+        """When and where the first alarm began, in words."""
+        return f"t = {self.recorded[0].t:.6g} s, {self.place(self.recorded[0])}"
+
+    @property
+    def cause(self) -> str:
+        """Why energy is missing after an alarm, and what helps."""
+        return f'a wave breaks at {self.first}: run.on_breaking = "dissipate" takes energy out there'
+
+    @property
+    def columns(self) -> dict[str, Vector]:
+        """The alarms as columns of a table, units in their names."""
+        names = "t [s]", "x [m]", "height [m]", "u/c at onset [-]", "largest u/c [-]", "end [s]"
+        return dict(zip(names, np.array(self.recorded).T[: len(names)], strict=True))
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The alarms, for a manifest."""
+        return {"alarms": [alarm._asdict() for alarm in self.recorded]}
+
+    def _surface(self) -> Any:
+        """Return what crests of the next look are compared with; collective."""
+        return self._flow.profile
+
+    def _said(self, surface: Any) -> Any:
+        """Return that surface as JSON or arrays have it."""
+        return [values.tolist() for values in surface]
+
+    def _heard(self, surface: Any) -> Any:
+        """Return the surface of what has been said; collective."""
+        return Profile(*map(np.array, surface))
+
+    def _steep(self, last: tuple[float, Any], now: tuple[float, Any], front: float) -> list[SteepCrest]:
+        """Return the crests between the walls that have a steeper front, of two looks."""
+        (before_t, before), (t, profile) = last, now
+        first, end = profile.x[0] + self._waves.depth, profile.x[-1] - self._waves.depth
+        if self._length is not None:
+            (first, end), turn = (0.0, self._length), self._length
+            before, profile = before.unrolled(turn), profile.unrolled(turn)
+        before, profile = before.continuous(), profile.continuous()
+        crests = steep_crests(before, profile, time=t - before_t, front=front, cell=self._flow.cell)
+        return [crest for crest in crests if first <= crest.x < end]
+
+    def _state(self) -> tuple[Any, ...]:
+        return self.last, self._rests, self._fast, self.alarms, self.active
+
+    def undo(self) -> None:
+        """Forget the last look, and the alarms that began then."""
+        self.last, self._rests, self._fast, self.alarms, self.active = self._before
+        self.recorded = self.alarms
+
+    def held(self) -> Held:
+        """Return the surface of the last look, if it is to be judged by, when it is looked again, and the alarms."""
+        return {
+            "last": self.last and {"t": self.last[0], "profile": self._said(self.last[1])},
+            "rests": self._rests,
+            "fast": self._fast,
+            "alarms": [list(alarm) for alarm in self.alarms],
+            "active": [[index, list(crest)] for index, crest in self.active],
+        }
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        last = held["last"]
+        self.last = last and (last["t"], self._heard(last["profile"]))
+        self._rests, self._fast = held["rests"], held["fast"]
+        self.alarms = self.recorded = tuple(Alarm(*alarm) for alarm in held["alarms"])
+        self.active = tuple((index, SteepCrest(*crest)) for index, crest in held["active"])
+
+
+def breaks(crest: SteepCrest) -> bool:
+    """Return whether the alarm of a coherent crest begins."""
+    return crest.front > STEEP and crest.overtaking > ONSET
+
+
+class BreakingAlarm:
+    """Records crests that pass the threshold of breaking, among filters, and changes nothing.
+
+    Parameters
+    ----------
+    watch
+        What looks for them.
+    """
+
+    follows: tuple[str, ...] = ("StopAtBreaking", "BreakingDissipation")  # whose record it continues in a resumed run
+
+    def __init__(self, watch: BreakingWatch):
+        self.watch = watch
+
+    def needed(self, state: State, t: float) -> bool:
+        """Look at the crests where a step has ended, and return False; collective."""
+        self.watch.look(state, t)
+        return False
+
+    def passed(self, pairs: Vector) -> Vector:
+        """Return the points as they are."""
+        return pairs
+
+    def account(self, taken: float, *, of: float) -> None:
+        """Do nothing: nothing is taken."""
+
+    def undo(self) -> None:
+        """Forget the last look: a resumed run looks at that step again."""
+        self.watch.undo()
+
+    def held(self) -> Held:
+        """Return what the watch holds."""
+        return {"watch": self.watch.held()}
+
+    def take(self, held: Held) -> None:
+        """Take back what this filter, or another of breaking, has held."""
+        self.watch.take(held["watch"])
+
+    carry = take
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The alarms."""
+        return self.watch.figures
+
+
+class StopAtBreaking(BreakingAlarm):
+    """Also ends a run in the step in which a crest overturns."""
+
+    follows = ("BreakingAlarm", "BreakingDissipation")
+
+    def needed(self, state: State, t: float) -> bool:
+        """Return False, or raise ``RunError`` if a wave overturns; collective."""
+        self.watch.look(state, t)
+        for index, crest in self.watch.active:
+            periods = self.watch.alarms[index].outrun
+            if crest.outrun > OVERTURNS or periods > SUSTAINED:
+                recorded = self.watch.recorded
+                self.undo()
+                self.watch.recorded = recorded
+                raise RunError(
+                    f"t = {t:.6g} s, {self.watch.place(crest)}: a wave breaks: the water outruns the crest for "
+                    f"{periods:.2g} periods (limit {SUSTAINED:g}), in {100 * crest.outrun:.0f} % of its upper half "
+                    f"(limit {100 * OVERTURNS:.0f} %): {crest.velocity:.3g} m/s, the crest {crest.speed:.3g} m/s"
+                )
+        return False
+
+
+class BreakingDissipation(Smoothing):
+    """Takes energy out of breaking crests.
+
+    Parameters
+    ----------
+    waves
+        The water.
+    watch
+        What looks for breaking crests.
+    dt
+        Step [s].
+
+    Attributes
+    ----------
+    watch
+        See above.
+    """
+
+    called = "the eddy viscosity of breaking waves"
+    follows = ("StopAtBreaking", "BreakingAlarm")
+
+    def __init__(self, waves: NonlinearWaves, watch: BreakingWatch, *, dt: float):
+        plane = waves.plane
+        self.watch, self._dt = watch, abs(dt)
+        self._nu = plane.function("dt nu")
+        self._had = 0.0  # the largest energy so far, of those it was taken from [m^4/s²]
+        mapping, eta, nu = waves.wall.mapping, waves.densities.eta, self._nu.function
+
+        def viscous(u: Any, v: Any) -> ufl.Form:
+            return nu * ufl.inner(mapping.gradient(u, eta), mapping.gradient(v, eta)) * mapping.J(eta) * plane.dx
+
+        super().__init__(waves, viscous)
+
+    def needed(self, state: State, t: float) -> bool:
+        """Return whether a crest breaks, and put the viscosity there; collective."""
+        breaking = self.watch.look(state, t)
+        if breaking:
+            self.place(breaking)
+        return bool(breaking)
+
+    def undo(self) -> None:
+        """Forget the last look, and what began to break then: it begins again."""
+        self.watch.undo()
+
+    def account(self, taken: float, *, of: float) -> None:
+        """Add what has been taken."""
+        self._had = max(self._had, of)
+        super().account(taken, of=of)
+
+    def held(self) -> Held:
+        """Return what has been taken and of how much, and what the watch holds."""
+        return super().held() | {"had": self._had, "watch": self.watch.held()}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held."""
+        super().take(held)
+        self._had = held["had"]
+        self.watch.take(held["watch"])
+
+    def carry(self, held: Held) -> None:
+        """Take all of it, crests know nothing of the mesh, or of a filter that takes no energy its alarms."""
+        if held.keys() == {"watch"}:
+            self.watch.take(held["watch"])
+        else:
+            self.take(held)
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """The alarms, their number, and what was taken of the energy there was."""
+        taken = {"waves": len(self.watch.alarms), "energy_taken": self.energy_taken, "part_taken": self.part_taken}
+        return self.watch.figures | taken
+
+    @property
+    def part_taken(self) -> float:
+        """What has been taken so far, of the energy there was [-]."""
+        return self.energy_taken / self._had if self._had else 0.0
+
+    def place(self, breaking: Sequence[SteepCrest]) -> None:
+        """Put the viscosity of breaking crests where they are; collective."""
+        places, nu = self._waves.wall.to_physical(self._waves.plane.places), list[Vector]()
+        for crest in breaking:
+            excess = min(1.0, max(0.0, crest.overtaking - RECOVERED) / (ONSET - RECOVERED))
+            strength = ALPHA * excess * abs(crest.speed - crest.current) * crest.height
+            nu.append(strength * np.cos(np.pi / 2 * np.minimum(self.watch.distances(places, crest), 1.0)) ** 2)
+        self._nu.set(self._dt * self.watch.combined(np.array(nu)))
+        self.update()

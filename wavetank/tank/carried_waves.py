@@ -1,0 +1,172 @@
+"""Waves that the water at the surface carries along: what a stage of steep ones needs beyond linear waves.
+
+With V and B the horizontal and vertical velocity of the water at the surface, small disturbances eta and
+chi = psi - B eta of a state obey, but for a small change of gravity,
+
+    d eta/dt = G chi - div(V eta),     d chi/dt = -g eta - V . grad chi
+
+(Alinhac's good unknown; Lannes, J. Amer. Math. Soc. 18, 2005). G is near that of still water, and a stage's derivative
+nearly that of linear waves on still water times 1 + a V . grad, which is inverted by 1 - a V . grad.
+
+Beside a wall that moves, x = X + xi of the surface, V is what the reference tank sees of it, c = F^-1 (V - x_t) with
+F = dx/dX, and d Q'/dt = |F| G chi - div(c Q'), d chi/dt = .. - c . grad chi for disturbances Q' = J eta at fixed X. As
+|F| times how fast the surface rises at a fixed x is dQ/dt - div(s X_p' R), columns that are squeezed are no water that
+rises; and where the wall leans, so that xi goes with eta, B is more by V d(xi)/dz. Nothing of all that
+needs more than some digits, so mass matrices are inverted roughly. Along a slice on one rank all of it is one compiled
+call (``carried_waves.c``).
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.fem.along import AveragedModes
+from wavetank.fem.kernels import Kernel, source
+from wavetank.fem.mass import BandedMass
+from wavetank.fem.surface_points import SurfacePoints
+from wavetank.integrators.hamiltonian import Stage
+from wavetank.tank.still_water import ROUGHLY, StillWaterWaves, WavesOverStillWater
+from wavetank.tank.walls import Wall
+
+LEAST, LARGEST = 0.03, 0.5  # a V k, k = pi p / l of the mesh, that counts, and up to which the series serves
+INVERSE = """
+typedef struct {
+    int dofs, fields;
+    double gravity, of_metre;
+    void *solve_mass, *mass, *multiply, *mass_cells, *respond, *modes, *carry, *move, *cells;
+    double *mass_work, *weights, *shares, *modes_work, *velocity, *vertical, *uniform, *axis, *at_rest, *room;
+} Inverse;
+"""
+DECLARATIONS = f"""{INVERSE}
+double look(const Inverse *, double most, const double *eta, const double *psi, const double *rate,
+            const double *walls);
+void precondition(const Inverse *, double a, int carried, const double *residual, double *found);
+"""
+SOURCE = INVERSE + source("carried_waves.c", __package__)
+
+
+@dataclass(eq=False)
+class Compiled:
+    """An inverse along a slice on one rank: how it is called here, and by ``fem/whole.c``."""
+
+    kernel: Kernel
+    inverse: Any
+    compiled: dict[str, Any]
+    carried: bool = False
+
+
+class Surface(NamedTuple):
+    """The surface of a state: elevation [m], potential [m²/s] and dQ/dt, shape (owned,) each.
+
+    And what the wall does there; see ``Wall.at_surface``.
+    """
+
+    eta: Vector
+    psi: Vector
+    rate: Vector
+    wall: Vector
+
+
+class Waves(WavesOverStillWater, Protocol):
+    """What is asked of waves beyond their space and matrices."""
+
+    @property
+    def wall(self) -> Wall:
+        """The wall that can move."""
+
+    def last_surface(self) -> Surface | None:
+        """Return the surface of the point last evaluated, if that is known."""
+
+
+class CarriedWaves:
+    """Approximate inverse of the coupled implicit stage of nonlinear waves.
+
+    Parameters
+    ----------
+    still
+        That of linear waves on still water.
+    """
+
+    def __init__(self, waves: Waves, still: StillWaterWaves):
+        axis = None
+        if waves.wall.moves:
+            side = waves.wall.paddles[0].side
+            axis = side.sign * side.normal[: waves.plane.mesh.geometry.dim]
+        self._waves, self._still, self._points = waves, still, SurfacePoints(waves.plane, axis)
+        self._shortest = waves.plane.cell_size / (np.pi * waves.plane.order)
+        self._t = np.nan  # of the stage for which the velocities were found
+        self._B: Vector = np.zeros(waves.plane.owned)
+        self._known = False  # both
+        self._compiled: dict[float, Compiled | None] = {}  # by weights
+
+    def __call__(self, stage: Stage, residual: Vector) -> Vector:
+        """Return the preconditioned residual, shape (2 owned,); collective."""
+        compiled = self.along(stage)
+        self._waves.mass.make_ready()
+        if compiled is not None:
+            kernel, found = compiled.kernel, np.empty_like(residual)
+            given, wanted = kernel.doubles(residual), kernel.doubles(found)
+            kernel.call.precondition(compiled.inverse, stage.weight, self._known, given, wanted)
+            return found
+        if not self._known:
+            return self._still(stage, residual)
+        mass, a, at, solve = self._waves.mass, stage.weight, self._points, self._solved
+        q, psi = residual.reshape(2, -1)
+        eta, chi = self._still.surface(stage, q, psi - self._B * solve(q))
+        carried = a * at.carried(eta, along=False)
+        chi -= a * solve(at.carried(chi, along=True))
+        kept = self._still.keeping(q, mass.apply(eta) + carried)
+        return np.concatenate([kept, chi + self._B * (eta + solve(carried))])
+
+    def along(self, stage: Stage) -> Compiled | None:
+        """Return what is compiled for a stage, whose current is known then; None where nothing is; collective."""
+        compiled = self._of_weight(stage.weight)
+        if stage.t != self._t:
+            self._t = stage.t
+            self._waves.mass.make_ready()
+            self._look(compiled, LARGEST * self._shortest / abs(stage.weight))
+        if compiled is not None:
+            compiled.carried = self._known
+        return compiled
+
+    def _of_weight(self, weight: float) -> Compiled | None:
+        """Return what is compiled for stages of a weight [s], along a slice on one rank, made once; else None."""
+        if weight not in self._compiled:
+            self._compiled[weight] = self._along(weight)
+        return self._compiled[weight]
+
+    def _along(self, weight: float) -> Compiled | None:
+        waves, (modes, shares) = self._waves, self._still.solver(weight)
+        if not isinstance(waves.mass, BandedMass) or not isinstance(modes, AveragedModes):
+            return None
+        kernel = Kernel("carried", DECLARATIONS, key=SOURCE, comm=waves.plane.comm)
+        fields, dofs = self._points.fields, waves.plane.size
+        numbers = {"dofs": dofs, "fields": fields, "gravity": waves.gravity, "of_metre": self._still.of_metre}
+        arrays = {"vertical": self._B, "uniform": self._still.uniform, "room": np.empty((fields, dofs))}
+        arrays["at_rest"] = self._still.mass.weights if self._still.mass else waves.mass.weights
+        called = waves.mass.compiled | waves.mass.compiled_product | modes.compiled(shares) | self._points.compiled
+        inverse = kernel.shared("Inverse", numbers | arrays | called)
+        address = kernel.address
+        return Compiled(kernel, inverse, {"precondition": address("precondition"), "inverse": address(inverse)})
+
+    def _solved(self, right: Vector) -> Vector:
+        """Return what the mass matrix makes of that, roughly; collective."""
+        return self._waves.mass.solve(right, within=ROUGHLY)
+
+    def _look(self, compiled: Compiled | None, most: float) -> None:
+        """Find the velocities at the surface of the point last evaluated, cut off at so much [m/s]; collective."""
+        surface = self._waves.last_surface()
+        self._known = surface is not None
+        if surface is None:
+            return
+        if compiled is not None:
+            kernel = compiled.kernel
+            fastest = kernel.call.look(compiled.inverse, most, *map(kernel.doubles, surface))
+        else:
+            moved = [surface.eta, surface.psi, self._solved(surface.rate), *surface.wall]
+            vertical, fastest = self._points.move(moved, most=most)
+        self._known = fastest * LARGEST > LEAST * most
+        if self._known and compiled is None:
+            self._B[:] = np.minimum(np.maximum(self._solved(vertical), -most), most)

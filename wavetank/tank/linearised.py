@@ -1,0 +1,44 @@
+"""The flow linearised about a state of the water: how fast small disturbances of it oscillate or grow.
+
+    dz/dt = A z,   A = (H_pq  H_pp; -H_qq  -H_qp),   z = (Q, psi) scaled to metres
+
+A steep wave carries short ones along, so that their frequency is shifted by the current times their wave number.
+"""
+
+import numpy as np
+from mpi4py import MPI
+
+from wavetank.arrays import Vector
+from wavetank.tank.still_water import scales
+from wavetank.tank.waves import NonlinearWaves
+
+DIFFERENCE = 1e-5  # m; of the surface, for directional derivatives of the flow
+
+
+class LinearisedFlow:
+    """A as an operator, by central differences of the flow; collective throughout.
+
+    Parameters
+    ----------
+    q, p, t
+        The state.
+    """
+
+    def __init__(self, waves: NonlinearWaves, q: Vector, p: Vector, t: float):
+        self._waves, self._t, self._scale = waves, t, np.concatenate(scales(waves))
+        self._state = np.concatenate([q, p])
+
+    def _flow(self, state: Vector) -> Vector:
+        q, p = np.split(state, 2)
+        return np.concatenate([self._waves.H_p(q, p, self._t), -self._waves.H_q(q, p, self._t)])
+
+    def __call__(self, z: Vector) -> Vector:
+        """Return A z, shape (2 owned,)."""
+        largest = float(np.abs(z).max(initial=0.0))
+        size = DIFFERENCE / max(self._waves.plane.comm.allreduce(largest, op=MPI.MAX), 1e-300)
+        step = size * self._scale * z
+        return np.asarray((self._flow(self._state + step) - self._flow(self._state - step)) / (2 * size) / self._scale)
+
+    def matrix(self) -> Vector:
+        """Return A as a dense matrix, on one rank: for small tanks only."""
+        return np.array([self(unit) for unit in np.eye(self._state.size)]).T

@@ -1,0 +1,247 @@
+"""The interior potential: phi minimises the kinetic energy (and the wall's term) for a given surface potential.
+
+    A_II(h) phi_I = -A_In psi - w_I     (the variation of Miles' principle by phi below the surface; no number's)
+
+by conjugate gradients, preconditioned by the vertical modes: only terms with the slope of the surface are left out of
+the preconditioner, so a few iterations suffice (docs/method.md, section 4).
+"""
+
+from dataclasses import asdict, dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from wavetank.arrays import Vector, summed
+from wavetank.errors import ConvergenceError
+from wavetank.fem.along import NO_MINIMUM, Averaged, Minimum, along
+from wavetank.fem.conjugate_gradients import Array, Steps, condition_number, corrected, dot
+from wavetank.fem.layers import LayerEnergy, LayerOperator
+from wavetank.fem.modes import Layer, SolvableLayer, layer_of
+from wavetank.fem.plane import Field, LayeredField, Plane
+from wavetank.fem.recall import Recall
+from wavetank.fem.vertical import VerticalBasis
+from wavetank.stateful import Held
+
+
+@dataclass
+class SolveCounters:
+    """What the interior solves cost."""
+
+    solves: int = 0
+    iterations: int = 0
+    factorisations: int = 0
+
+
+class Minimiser(Protocol):
+    """Finds the interior columns of phi that make the energy least.
+
+    Attributes
+    ----------
+    flow
+        The last column of A phi, of the potential found last, shape (owned,).
+    kinetic
+        phi A phi of that, twice its energy.
+    patience
+        Iterations above those of a fresh preconditioner before it is made anew: what that costs.
+    """
+
+    flow: Vector
+    kinetic: float
+    patience: int
+
+    def factor(self) -> None:
+        """Make a preconditioner of the operator as it is; collective."""
+
+    def find(self, phi: Vector, wall: Vector) -> int:
+        """Set the interior columns of phi's owned rows, shape (owned, n+1), from what they are; return the iterations.
+
+        ``wall`` is dW/dphi, broadcastable to that shape. Collective; raises ``ConvergenceError``.
+        """
+
+    @property
+    def condition_number(self) -> float:
+        """The estimate that the last solve gave of the preconditioned operator's condition number; collective."""
+
+
+class InteriorPotential:
+    """Solves for the interior potential phi_I in the modal basis.
+
+    Parameters
+    ----------
+    minimiser
+        Of the energy.
+    phi
+        The layered field that holds the solution, the surface potential in its last column.
+    inputs
+        How many numbers at each degree of freedom a solution depends on.
+
+    Attributes
+    ----------
+    recall
+        What start values are found among.
+    """
+
+    def __init__(self, minimiser: Minimiser, phi: LayeredField, *, inputs: int, plane: Plane):
+        self.counters = SolveCounters()
+        self.minimiser, self._phi, self._plane = minimiser, phi, plane
+        self.recall = Recall(inputs, phi.owned.shape[1] - 1, owned=plane.owned, comm=plane.comm)
+        self._fresh_iterations: int | None = None
+
+    def solve(self, wall: Vector, inputs: Vector | None) -> Vector:
+        """Set phi_I for the surface potential in phi, the operator as it is and the wall's vector; collective.
+
+        ``wall`` is dW/dphi, shape (owned, n+1), ``inputs`` is all that the solution depends on, scaled alike, by which
+        a start value is found among earlier solves; None of a solution like no other. Returns (A phi)_n, shape
+        (owned,). Raises ``ConvergenceError``.
+        """
+        if inputs is None or not self.recall.guess(inputs, self._phi.owned):
+            self._phi.owned[:, :-1] = 0.0
+        if self.renews:
+            self.minimiser.factor()
+            self.counters.factorisations += 1
+        self.took(self.minimiser.find(self._phi.owned, wall))
+        self._phi.fetch()
+        if inputs is not None:
+            self.recall.record(self._phi.owned)
+        flow = self.minimiser.flow
+        return flow - self._plane.sum(flow) / self._plane.size  # moves no mass, where single precision has a share, too
+
+    def took(self, iterations: int) -> None:
+        """Take note of what a solve has taken, and so whether the preconditioner still serves."""
+        self.counters.solves += 1
+        self.counters.iterations += iterations
+        if self._fresh_iterations is None:
+            self._fresh_iterations = iterations
+        elif iterations > self._fresh_iterations + self.minimiser.patience:
+            self._fresh_iterations = None
+
+    @property
+    def renews(self) -> bool:
+        """Whether the next solve makes the preconditioner anew, of the operator as it will be then."""
+        return self._fresh_iterations is None
+
+    def held(self) -> Held:
+        """Return what start values are found among, how good the preconditioner was, and what solves have cost."""
+        return {"recall": self.recall.held(), "fresh": self._fresh_iterations, "counters": asdict(self.counters)}
+
+    def take(self, held: Held) -> None:
+        """Take back what has been held; the operator must be as it was when the preconditioner was made; collective."""
+        self.recall.take(held["recall"])
+        vars(self.counters).update(held["counters"])
+        self._fresh_iterations = held["fresh"]
+        if not self.renews:
+            self.minimiser.factor()
+
+
+class Krylov:
+    """The minimum by conjugate gradients, preconditioned by the decoupled modes; on any mesh and number of ranks.
+
+    Parameters
+    ----------
+    operator, single
+        A(h), and the same in single precision.
+    layer
+        What the preconditioner is made of.
+    tolerance
+        Of the error's energy, relative to that of the potential; its square root.
+
+    Attributes
+    ----------
+    single
+        The operator in single precision.
+    """
+
+    most = 200  # iterations
+    patience = 2
+
+    def __init__(
+        self,
+        operator: LayerOperator,
+        single: LayerOperator,
+        layer: SolvableLayer,
+        plane: Plane,
+        vertical: VerticalBasis,
+        *,
+        tolerance: float,
+    ):
+        self._operator, self.single, self._layer = operator, single, layer
+        self._plane, self._tolerance = plane, tolerance
+        self._modes = layer.modes(vertical.eigenvalues)
+        self._preconditioned = np.zeros((plane.owned, vertical.n + 1), dtype=np.float32)
+        self._steps: Steps = []
+        self.flow: Vector = np.zeros(plane.owned)
+        self.kinetic = 0.0
+
+    def factor(self) -> None:
+        """See ``Minimiser``."""
+        self._modes.take(self._layer.assemble())
+
+    def _precondition(self, residual: Array) -> Array:
+        """Return what the modes make of the interior's residual, and zero for the surface's."""
+        self._preconditioned[:, :-1] = self._modes.solve(residual[:, :-1])
+        return self._preconditioned
+
+    def find(self, phi: Vector, wall: Vector) -> int:
+        """See ``Minimiser``."""
+        kinetic = np.nan
+
+        def left() -> Vector:
+            """Return what is left of the equation for the interior; the flow is that of phi as it is."""
+            nonlocal kinetic
+            image = self._operator.apply(phi)
+            kinetic = summed(self._plane.comm, dot(phi, image) if self._operator.least > 0.0 else np.nan)
+            if np.isnan(kinetic):
+                raise ConvergenceError(NO_MINIMUM)
+            self.flow = image[:, -1].copy()
+            np.negative(image, out=image)
+            image[:, :-1] -= wall[:, :-1]
+            image[:, -1] = 0.0  # it has no share in any energy, and follows what corrections change of A phi
+            return image
+
+        self.single.update()
+        try:
+            self._steps, last = corrected(
+                left,
+                self.single.apply_to_interior,
+                self._precondition,
+                phi,
+                within=lambda first: self._tolerance**2 * (kinetic + first),
+                comm=self._plane.comm,
+                most=self.most,
+            )
+        except ConvergenceError as error:
+            raise ConvergenceError(f"the interior potential: {error}") from None
+        self.flow -= last[:, -1]
+        last[:, -1] = 0.0
+        of_interior = np.einsum("ij,ij->", phi, last) + np.einsum("ij,ij->", phi[:, :-1], wall[:, :-1])
+        self.kinetic = summed(self._plane.comm, float(phi[:, -1] @ self.flow - of_interior))
+        return len(self._steps)
+
+    @property
+    def condition_number(self) -> float:
+        """See ``Minimiser``."""
+        return condition_number(self._steps)
+
+
+class Interior(NamedTuple):
+    """The operator of a layer's energy, the layer averaged, and what finds the minimum."""
+
+    operator: LayerOperator
+    layer: Layer
+    minimum: Minimiser
+
+
+def interior_of(
+    energy: LayerEnergy, plane: Plane, vertical: VerticalBasis, *, column: Field, tolerance: float
+) -> Interior:
+    """Return what a layer's energy makes, the fields being as they are; on slices of one rank compiled as a whole."""
+    if plane.mesh.topology.dim == 1 and plane.comm.size == 1:
+        operator = along(energy, plane, vertical, column=column)
+        operator.update()
+        minimum = Minimum(operator, energy, plane, vertical, column=column, tolerance=tolerance)
+        return Interior(operator, Averaged(operator, plane), minimum)
+    operator = LayerOperator(energy, plane, vertical, column=column)
+    operator.update()
+    single = LayerOperator(energy, plane, vertical, column=column, real="float")
+    layer = layer_of(energy, plane, column=column, vertical_order=vertical.n)
+    return Interior(operator, layer, Krylov(operator, single, layer, plane, vertical, tolerance=tolerance))

@@ -1,0 +1,155 @@
+"""Linear waves on still water: their implicit stage in one direct solve, and the largest frequency that a mesh carries.
+
+Both serve every kind of waves: nonlinear ones as preconditioner and estimate, linear ones exactly.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+
+from wavetank.arrays import Vector
+from wavetank.fem.mass import MassMatrix
+from wavetank.fem.modes import Layer, Modes
+from wavetank.fem.plane import Plane
+from wavetank.fem.vertical import VerticalBasis
+from wavetank.integrators.hamiltonian import Stage
+from wavetank.tank.bed import Bed
+from wavetank.tank.walls import Placed
+
+ROUGHLY = 1e-3  # of what mass matrices are inverted for
+CYCLES = 2  # of multigrid: the second is cheap against the evaluations of an implicit stage that it saves
+
+
+class WavesOverStillWater(Protocol):
+    """What is asked of waves: their space, their matrices and their flow.
+
+    Attributes
+    ----------
+    bed, depth
+        The bed and its mean depth [m].
+    layer, still
+        Averaged over the depth; its averages for the mean depth.
+    """
+
+    plane: Plane
+    mass: MassMatrix
+    layer: Layer
+    vertical: VerticalBasis
+    bed: Bed
+    depth: float
+    gravity: float
+    still: Any
+
+    @property
+    def wall(self) -> Placed:
+        """The wall that can move."""
+
+    def H_p(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return dH/dpsi, shape (owned,); collective."""
+
+    def state(self, eta: Vector, psi: Vector, t: float = 0.0) -> tuple[Vector, Vector]:
+        """Return (Q, psi) for elevation [m] and surface potential [m²/s]; collective."""
+
+
+class StillWaterWaves:
+    """Approximate inverse of the coupled implicit stage (Q, psi) = c + a (H_psi, -H_Q): linear waves on still water.
+
+    Eliminating Q leaves (G + M / (a² g)) psi = M r_psi / (a² g) - r_Q / a with the Dirichlet-Neumann operator G; with
+    the interior kept, it decouples into n+1 vertical modes of a Robin problem: one direct solve.
+
+    Attributes
+    ----------
+    uniform, of_metre
+        The masses of a metre everywhere, shape (owned,), and their sum.
+    mass
+        Where a wall moves, the mass matrix as it was when this was made, with the wall where ``waves.still`` has it: a
+        mapping that stretched M_J but not G would make what is on the left, G + M_J / (a² g), another surface's.
+    """
+
+    def __init__(self, waves: WavesOverStillWater):
+        self._waves, self._still = waves, waves.still
+        self.uniform = waves.mass.apply(np.ones(waves.plane.owned))
+        self.of_metre = waves.plane.sum(self.uniform)
+        self.mass = waves.mass.product() if waves.wall.moves else None
+        self._solvers: dict[float, tuple[Modes, Vector]] = {}
+
+    def solver(self, weight: float) -> tuple[Modes, Vector]:
+        """Return the vertical modes' problems for stages of a weight [s], and the modes' shares at the surface."""
+        key = round(abs(weight), 12)
+        if key not in self._solvers:
+            waves = self._waves
+            eigenvalues, modes = waves.vertical.robin_modes(waves.depth / (weight**2 * waves.gravity))
+            solver = waves.layer.modes(eigenvalues)
+            solver.take(self._still)
+            self._solvers[key] = solver, modes[-1]
+        return self._solvers[key]
+
+    def __call__(self, stage: Stage, residual: Vector) -> Vector:
+        """Return the preconditioned residual, shape (2 owned,); collective."""
+        r_q, r_psi = residual.reshape(2, -1)
+        eta, psi = self.surface(stage, r_q, r_psi)
+        return np.concatenate([self.keeping(r_q, self._waves.mass.apply(eta)), psi])
+
+    def surface(self, stage: Stage, r_q: Vector, r_psi: Vector) -> tuple[Vector, Vector]:
+        """Return the same as elevation and potential, shape (owned,) each, but for the elevation's mean; collective."""
+        a, g = stage.weight, self._waves.gravity
+        solver, surface = self.solver(a)
+        if self.mass is None:
+            right = self._waves.mass.apply(r_psi) / (a**2 * g) - r_q / a
+        else:
+            right = self.mass.apply(r_psi / (a**2 * g) - self._waves.mass.solve(r_q, within=ROUGHLY) / a)
+        psi = solver.respond(surface, right, cycles=CYCLES)
+        return np.asarray((r_psi - psi) / (a * g)), psi
+
+    def keeping(self, r_q: Vector, q: Vector) -> Vector:
+        """Return q with the mass of r_q: over a bed, or beside a wall, none is made; collective."""
+        return q + self.uniform * (self._waves.plane.sum(r_q - q) / self.of_metre)
+
+
+def scales(waves: WavesOverStillWater) -> tuple[Vector, Vector]:
+    """Return the sizes of Q and psi, shape (owned,) each, that belong to a metre of elevation; collective."""
+    diagonal = waves.mass.diagonal()
+    area = waves.plane.sum(waves.mass.apply(np.ones(waves.plane.owned)))
+    column = np.asarray(diagonal * (area / waves.plane.sum(diagonal)), dtype=np.float64)
+    return column, np.full(waves.plane.owned, float(np.sqrt(waves.gravity * waves.depth)))
+
+
+def largest_frequency(waves: WavesOverStillWater, t: float = 0.0) -> float:
+    """Return the largest angular frequency the mesh carries [rad/s], its walls as at t [s], by Lanczos; collective."""
+    still, nothing = waves.state(np.zeros(waves.plane.owned), np.zeros(waves.plane.owned), t)
+    rest = waves.H_p(still, nothing, t)
+
+    def surface_operator(psi: Vector) -> Vector:
+        return waves.mass.solve(waves.H_p(still, psi, t) - rest)
+
+    def inner(rows: Vector, image: Vector) -> Vector:
+        return np.asarray(waves.plane.comm.allreduce(rows @ waves.mass.apply(image)))
+
+    start = np.sin(1e5 * waves.plane.coordinates().sum(axis=1))
+    projected = krylov_projection(surface_operator, start, inner=inner, steps=min(40, waves.plane.size))
+    return float(np.sqrt(waves.gravity * np.linalg.eigvalsh(projected, UPLO="U")[-1]))
+
+
+def krylov_projection(
+    operator: Callable[[Vector], Vector], start: Vector, *, inner: Callable[[Vector, Vector], Vector], steps: int
+) -> Vector:
+    """Return an operator projected on the Krylov space of ``start``, orthonormal in ``inner``; collective.
+
+    ``inner`` gives the products of some vectors, shape (k, owned), with one. The eigenvalues are those of Arnoldi's
+    iteration, of Lanczos' where the operator is self-adjoint in ``inner``.
+    """
+    basis, projected = np.zeros((steps, start.size)), np.zeros((steps, steps))
+    image = start
+    for k in range(steps):
+        basis[k] = image / np.sqrt(inner(image[None], image)[0])
+        image = operator(basis[k])
+        for _ in range(2):  # the second pass takes what round-off left of the first
+            parts = inner(basis[: k + 1], image)
+            projected[: k + 1, k] += parts
+            image = image - parts @ basis[: k + 1]
+        length = np.sqrt(inner(image[None], image)[0])
+        if k + 1 == steps or length < 1e-10 * np.abs(projected).max():  # the latter: the space is exhausted
+            break
+        projected[k + 1, k] = length
+    return projected[: k + 1, : k + 1]

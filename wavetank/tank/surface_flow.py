@@ -1,0 +1,334 @@
+"""How fast the surface moves between the degrees of freedom, and where its crests are.
+
+Where the surface is level, the surface potential's derivative is the water's horizontal velocity: psi_x = u + w eta_x.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from importlib.resources import files
+from typing import NamedTuple, Protocol
+
+import basix
+import numpy as np
+import ufl
+from dolfinx import fem
+from mpi4py import MPI
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector, largest
+from wavetank.fem.cell_places import tabulate
+from wavetank.fem.cells import lanes
+from wavetank.fem.forms import compile_expression
+from wavetank.fem.kernels import Kernel, defined
+from wavetank.fem.plane import Field, Plane
+from wavetank.fem.whole import Glance
+from wavetank.tank.crests import Profile
+from wavetank.tank.seen import State
+from wavetank.tank.walls import Wall, one_time
+
+SOURCE = files(__package__).joinpath("surface_flow.c").read_text(encoding="utf-8")
+LINES = """
+typedef struct {
+    int batches, cells, paddles;
+    const int *dofs, *carried;
+    const double *values, *slopes, *per_metre, *places, *powers, *per_unit;
+    const double **lengths;
+} Lines;
+"""
+DECLARATIONS = f"""{LINES}
+void surface(const Lines *, const double *eta, const double *psi, double *found);
+void largest(const Lines *, const double *eta, const double *psi, double *found);
+"""
+AMONG = {1: 2, 2: 1}  # so many times as close as nodes are points: as close in a basin, a look took 3 to 4 % of a step
+
+
+class Crest(NamedTuple):
+    """A place where the surface is level and highest around.
+
+    Attributes
+    ----------
+    x
+        Distance along the tank [m].
+    height
+        Elevation [m].
+    velocity
+        The water's horizontal velocity there [m/s].
+    """
+
+    x: float
+    height: float
+    velocity: float
+
+
+class Water(Protocol):
+    """The water that has the surface.
+
+    Attributes
+    ----------
+    plane, wall
+        The horizontal space, and the wall at x = 0.
+    """
+
+    plane: Plane
+    wall: Wall
+
+    def ask(self, glance: Glance | None) -> None:
+        """Let the surface be looked at where its point is found, by what was asked last; None: no more."""
+
+    def told(self, state: State, t: float) -> Sequence[float] | None:
+        """Return the surface's largest velocity and slope where the step to a state has ended, if that told them."""
+
+    def ended(self, state: State, t: float) -> tuple[Vector, Vector] | None:
+        """Return eta and psi where the step to a state has ended, shape (owned,), if nothing was found since."""
+
+    def set_time(self, t: float) -> None:
+        """Move the wall to where it stands at t [s]; collective."""
+
+    def elevation(self, q: Vector, p: Vector, t: float) -> Vector:
+        """Return eta at the owned degrees of freedom [m], shape (owned,), and move the wall as above; collective."""
+
+
+class SurfaceVelocity:
+    """How fast the surface of any tank moves; collective throughout.
+
+    Attributes
+    ----------
+    largest_velocity, largest_slope
+        The largest horizontal velocity of the surface [m/s], and its largest slope [-].
+    t
+        When that is [s]; NaN before any has been taken.
+    """
+
+    def __init__(self, waves: Water):
+        plane = waves.plane
+        self._waves, self._comm, dim = waves, plane.comm, plane.mesh.topology.dim
+        self._eta, self._psi = plane.function("elevation"), plane.function("surface potential")
+        cell = plane.mesh.basix_cell()
+        self._points = basix.create_lattice(cell, AMONG[dim] * plane.order, basix.LatticeType.equispaced, True)
+        self._cells = np.arange(plane.mesh.topology.index_map(dim).size_local, dtype=np.int32)
+        self._set_up()
+        self._state: State | None = None
+        self.t = np.nan
+        self._speeds = self._slopes = np.zeros(self._cells.size)
+        self.largest_velocity = self.largest_slope = 0.0
+
+    def _set_up(self) -> None:
+        eta, psi = self._eta.function, self._psi.function
+        slope, velocity = (self._waves.wall.mapping.gradient(field, eta) for field in (eta, psi))
+        square = ufl.inner(slope, slope)
+        speed = ufl.sqrt(ufl.inner(velocity, velocity)) / (1 + square)
+        self._expression = compile_expression(ufl.as_vector([speed, ufl.sqrt(square)]), self._points, self._comm)
+
+    def update(self, q: Vector, p: Vector, t: float) -> None:
+        """Take the surface of a point at t [s], known to round-off."""
+        self._state, self.t = None, t
+        self._set(q, p)
+        self.largest_velocity, self.largest_slope = map(float, largest(self._comm, self._largest_here()))
+
+    def near(self, state: State, t: float) -> None:
+        """Take the surface where the step to a state has ended, at t [s]; nothing to do for the state last taken."""
+        if state is not self._state or not one_time(t, self.t):
+            self.update(*state.known[0], t)
+            self._state = state
+
+    def _set(self, q: Vector, p: Vector) -> None:
+        """Set elevation and surface potential."""
+        self._eta.set(self._waves.elevation(q, p, self.t))
+        self._psi.set(p)
+
+    def _largest_here(self) -> Vector:
+        """Return the largest velocity and slope of this rank, shape (2,)."""
+        values = self._expression.eval(self._waves.plane.mesh, self._cells)
+        rows = values.reshape(self._cells.size, len(self._points), 2)
+        self._speeds, self._slopes = rows.max(axis=1, initial=0.0).T
+        return np.array([self._speeds.max(initial=0.0), self._slopes.max(initial=0.0)])
+
+    @property
+    def elevation(self) -> Vector:
+        """The elevation at the owned degrees of freedom [m], shape (owned,)."""
+        return self._eta.owned
+
+    @property
+    def fields(self) -> tuple[Field, Field]:
+        """Elevation and surface potential."""
+        return self._eta, self._psi
+
+    def gradients(self, cells: NDArray[np.int32]) -> Vector:
+        """Return x, y [m] in the reference tank and the elevation's gradient in points of cells, (cells, points, 4)."""
+        mesh = self._waves.plane.mesh
+        return np.asarray(self._gradients.eval(mesh, cells)).reshape(len(cells), len(self._points), 4)
+
+    @cached_property
+    def _gradients(self) -> fem.Expression:
+        x, eta = ufl.SpatialCoordinate(self._waves.plane.mesh), self._eta.function
+        slope = self._waves.wall.mapping.gradient(eta, eta)
+        return compile_expression(ufl.as_vector([x[0], x[1], slope[0], slope[1]]), self._points, self._comm)
+
+    @property
+    def speeds(self) -> Vector:
+        """The largest horizontal velocity of the surface in each of the cells of this rank [m/s], shape (cells,)."""
+        return self._speeds
+
+    @property
+    def slopes(self) -> Vector:
+        """The largest slope of the surface in each of the cells of this rank [-], shape (cells,)."""
+        return self._slopes
+
+
+class SurfaceFlow(SurfaceVelocity):
+    """Slopes and velocities of the surface of a tank of one horizontal dimension; collective throughout.
+
+    Attributes
+    ----------
+    cell
+        The size of the largest cell [m].
+    glance
+        What finds its largest velocity and slope with a potential.
+    """
+
+    _found: Vector | None = None
+    _is_set = True  # whether elevation and surface potential are
+
+    def _set_up(self) -> None:
+        plane = self._waves.plane
+        points = np.sort(self._points, axis=0)
+        places = compile_expression(ufl.SpatialCoordinate(plane.mesh), points, self._comm)
+        places = places.eval(plane.mesh, self._cells).reshape(self._cells.size * len(points), plane.mesh.geometry.dim)
+        coordinates = np.zeros((len(places), 3))
+        coordinates[:, : places.shape[1]] = places
+        x = plane.chart.continued(plane.chart.places(coordinates)[:, 0].reshape(self._cells.size, len(points)))
+        ordered = np.argsort(x.mean(axis=1))  # this rank's cells, and below what is of each
+        self._ranks = np.argsort(ordered)
+        backwards = x[ordered, 0] > x[ordered, -1]
+        self._places = np.where(backwards[:, None], x[ordered, ::-1], x[ordered])
+        nodes = np.argsort(plane.V.element.basix_element.points[:, 0])
+        dofs = plane.V.dofmap.list[ordered][:, nodes]
+        dofs = np.where(backwards[:, None], dofs[:, ::-1], dofs)
+        carried = plane.function("carried")
+        carried.owned[self._waves.wall.carries] = 1.0
+        carried.fetch()
+        carries = carried.rows[dofs, 0].any(axis=1)
+        self._compile(tabulate(plane.V.element.basix_element, 1, points)[:, :, nodes], dofs, carries)
+        self._order = np.argsort(np.concatenate(self._comm.allgather(self._places.mean(axis=1))))  # all ranks' cells
+        self.cell = float(self._comm.allreduce(float(np.ptp(x, axis=1).max(initial=0.0)), op=MPI.MAX))
+
+    def _compile(self, tables: Vector, dofs: NDArray[np.int32], carries: NDArray[np.bool_]) -> None:
+        """Compile what finds the surface at the points of cells, given values and slopes of the basis there."""
+        values, slopes = tables
+        points, nodes = values.shape
+        shifts, cells, width = self._waves.wall.shifts, self._cells.size, lanes("double")
+        degree = max((shape.degree for _, shape in shifts), default=0)
+        code = defined({"NODES": nodes, "POINTS": points, "DEGREE": degree, "LANES": width}) + LINES + SOURCE
+        self._kernel = Kernel("surface_flow", DECLARATIONS, key=code, source=lambda: code, comm=self._comm)
+        powers = np.zeros((len(shifts), degree + 1))
+        for row, (_, shape) in zip(powers, shifts, strict=True):
+            row[: shape.degree + 1] = shape.powers[0]
+        batch = np.minimum(np.arange(cells + -cells % width), cells - 1).reshape(-1, width)  # the last one is filled up
+        parts = {
+            "batches": len(batch),
+            "cells": cells,
+            "paddles": len(shifts),
+            "dofs": dofs[batch].transpose(0, 2, 1),
+            "carried": carries[batch].any(axis=1).astype(np.int32),
+            "values": values,
+            "slopes": slopes,
+            "per_metre": 1.0 / np.ptp(self._places, axis=1)[batch],
+            "places": self._places,
+            "powers": powers,
+            "per_unit": np.array([-1.0 / shape.powers[1] for _, shape in shifts]),
+            "lengths": self._kernel.pointers([length for length, _ in shifts]),
+        }
+        self._lines = self._kernel.struct("Lines", parts)
+        self.glance = Glance(self._kernel.address("largest"), self._lines)
+        self._waves.ask(self.glance)
+
+    def near(self, state: State, t: float) -> None:
+        """See ``SurfaceVelocity``; elevation and surface potential are set when they are asked for, if they can be."""
+        if state is self._state and (t == self.t or one_time(t, self.t)):
+            return
+        told = self._waves.told(state, t)
+        if told is None:
+            super().near(state, t)
+            return
+        self._state, self.t, self._is_set, self._found = state, t, False, None
+        self.largest_velocity, self.largest_slope = told
+
+    def _set(self, q: Vector, p: Vector) -> None:
+        super()._set(q, p)
+        self._is_set, self._found = True, None
+
+    def _make_set(self) -> None:
+        if self._state is not None and not self._is_set:
+            self._set(*self._state.known[0])
+
+    @property
+    def elevation(self) -> Vector:
+        """See ``SurfaceVelocity``."""
+        self._make_set()
+        return super().elevation
+
+    def _largest_here(self) -> Vector:
+        return self._looked(self._kernel.call.largest, np.zeros(2), self._eta.rows, self._psi.rows)
+
+    def _looked(self, look: Callable[..., None], found: Vector, eta: Vector, psi: Vector) -> Vector:
+        at = self._kernel.doubles
+        look(self._lines, at(eta), at(psi), at(found))
+        return found
+
+    def _find(self) -> Vector:
+        """Return place, height, slope and d psi / dx at this rank's points in the order of x, found when asked for.
+
+        Shape (4, cells, points).
+        """
+        if self._found is None:
+            fields = self._waves.ended(self._state, self.t) if self._state is not None and not self._is_set else None
+            if fields is None:
+                self._make_set()
+                if not np.isnan(self.t):
+                    self._waves.set_time(self.t)
+                fields = self._eta.rows, self._psi.rows
+            self._found = self._looked(self._kernel.call.surface, np.empty((4, *self._places.shape)), *fields)
+        return self._found
+
+    @property
+    def speeds(self) -> Vector:
+        """See ``SurfaceVelocity``."""
+        _, _, slope, psi_x = self._find()
+        return np.asarray((np.abs(psi_x) / (1 + slope**2)).max(axis=1, initial=0.0))[self._ranks]
+
+    @property
+    def slopes(self) -> Vector:
+        """See ``SurfaceVelocity``."""
+        return np.asarray(np.abs(self._find()[2]).max(axis=1, initial=0.0))[self._ranks]
+
+    @property
+    def profile(self) -> Profile:
+        """The surface last taken, the same on all ranks, found where it is asked for."""
+        mine = self._find()
+        if self._comm.size > 1:
+            mine = np.concatenate(self._comm.allgather(mine.transpose(1, 0, 2)))[self._order].transpose(1, 0, 2)
+        return Profile(*mine.reshape(4, -1))
+
+    def crests(self) -> list[Crest]:
+        """Return the crests above still water, in the order of x; of several within a cell, the highest.
+
+        A ring's seam is a place like any: what rises to it is followed by what lies behind.
+        """
+        apart = self._waves.plane.chart.apart
+        x, height, slope, psi_x = self.profile
+        if apart(x[-1:], float(x[0]))[0] < 1e-9 * self.cell:  # a ring
+            x, (height, slope, psi_x) = np.append(x, x[-1]), (np.append(one, one[0]) for one in (height, slope, psi_x))
+        rising = np.flatnonzero((slope[:-1] > 0) & (slope[1:] <= 0) & (height[:-1] > 0))
+        part = slope[rising] / (slope[rising] - slope[rising + 1])
+        values = ((1 - part) * one[rising] + part * one[rising + 1] for one in (x, height, psi_x))
+        crests = list[Crest]()
+        found = (Crest(*map(float, place)) for place in zip(*values, strict=True))
+        for crest in sorted(found, key=lambda one: -one.height):
+            if not crests or apart(np.array([one.x for one in crests]), crest.x).min() >= self.cell:
+                crests.append(crest)
+        return sorted(crests)
+
+
+def surface_of(waves: Water) -> SurfaceVelocity:
+    """Return the surface of waves, with its crests where the tank has one horizontal dimension; collective."""
+    return SurfaceFlow(waves) if waves.plane.mesh.topology.dim == 1 else SurfaceVelocity(waves)

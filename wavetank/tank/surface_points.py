@@ -1,0 +1,82 @@
+"""The surface over places of the laboratory, which a wall that moves carries about in the reference tank.
+
+Beside a wall that leans, what stands over a place depends on the height of the surface there, x = X + s(X) f(eta) X_p:
+that is found by repetition, each time with the height last found.
+"""
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector
+from wavetank.errors import ConvergenceError
+from wavetank.fem.line_points import points_in
+from wavetank.fem.plane import Field, Plane
+from wavetank.tank.walls.contract import Heights, Stood
+
+MOST = 50  # repetitions
+NEAR = 1e-8  # of a cell: the next would be a hundred times as near
+
+
+class Standing(Protocol):
+    """What is asked of a wall."""
+
+    @property
+    def leans(self) -> bool:
+        """Whether places are not the same at all heights."""
+
+    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+        """Return how far from rest its paddles stand beside places [m], or stood, shape (paddles, N)."""
+
+    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], where it stood."""
+
+
+class SurfacePoints:
+    """The surface over places.
+
+    Parameters
+    ----------
+    places
+        (x, y) [m], shape (N, 2); the same on all ranks.
+
+    Attributes
+    ----------
+    places
+        Those.
+    points
+        Where they are in the mesh.
+
+    Raises ``InputError`` for one that is outside the mesh; collective throughout.
+    """
+
+    def __init__(self, plane: Plane, wall: Standing, places: Vector):
+        self._plane, self._wall, self.places = plane, wall, places
+        self.points = points_in(plane, plane.chart.place(wall.to_reference(places)))
+
+    def elevations(self, field: Field) -> Vector:
+        """Return the elevation over the places [m], shape (N,), of the field of it, for the wall as it stands."""
+        (eta,) = self.each(field.rows[None, :, 0], self._wall.stand(self.places)[:, None])
+        return np.asarray(eta)
+
+    def each(self, eta: Vector, stand: Vector) -> Vector:
+        """Return the elevation over the places [m], shape (K, N), at K times, each as at that time alone.
+
+        Of ``eta`` [m] at all degrees of freedom of this rank, shape (K, rows), and how the wall stood, (paddles, K, N).
+        """
+
+        def coordinates(z: Heights) -> Vector:
+            return self._plane.chart.place(self._wall.to_reference(self.places, z, stand).reshape(-1, 2))
+
+        last = coordinates(0.0)
+        going: NDArray[np.bool_] = np.array(True)
+        for _ in range(MOST):
+            self.points.move(last)
+            found = self.points.each(eta)
+            if not self._wall.leans or not (going := going & np.isfinite(found)).any():
+                return found.reshape(len(eta), -1)
+            now = np.where(going[:, None], coordinates(found.reshape(len(eta), -1)), last)
+            going &= np.abs(now - last).max(axis=1, initial=0.0) > NEAR * self._plane.cell_size
+            last = now
+        raise ConvergenceError("where the surface stands over a place beside the paddle could not be found")

@@ -1,0 +1,241 @@
+"""What the water asks of its wall: the one that can move, at either end of the tank, or both of them (``both.py``).
+
+The reference tank stands still; the wall says where its places are in the laboratory, what that makes of gradients and
+volumes (``mapping``), how columns of water go with their mass (``columns``), and what the motion adds to the
+Hamiltonian (``terms``). Where nothing moves all of that vanishes before compilation. A new kind of wall is a file here
+that fulfils ``Wall``, a noun (``case/walls.py``) and a row in the table of ``simulation/walls.py``.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from math import isclose, isnan
+from typing import Protocol
+
+import numpy as np
+import ufl
+from numpy.typing import NDArray
+
+from wavetank.arrays import Vector
+from wavetank.fem.mass import MassMatrix
+from wavetank.fem.plane import LayeredField, Plane
+from wavetank.fem.vertical import VerticalBasis
+from wavetank.fem.whole import Along
+from wavetank.motion import Motion
+from wavetank.motion.tangent import Tangent
+from wavetank.tank.bed import Bed
+from wavetank.tank.energy import Mapping, Part, WaterEnergy
+from wavetank.tank.walls.shape import Shape
+from wavetank.tank.walls.side import Side
+
+Heights = Vector | float  # of places, shape (N,) or at K times (K, N), or all alike [m]
+one_time = partial(isclose, rel_tol=1e-12)  # of two times, but for their last bits, as t_n + dt and t_n+1 are
+Stood = tuple[tuple[float, float | None], ...]  # of each paddle, when [s], and how far from rest [m] if all of it is so
+
+
+class Columns(Protocol):
+    """Water columns h and their masses Q, at the owned degrees of freedom, shape (owned,)."""
+
+    def solve(self, q: Vector) -> Vector:
+        """Return the columns [m] of masses; collective."""
+
+    def apply(self, h: Vector) -> Vector:
+        """Return the masses of columns [m]; collective."""
+
+
+class WallTerms(Protocol):
+    """What a wall adds to the Hamiltonian, W, and the power it puts in.
+
+    Attributes
+    ----------
+    hamiltonian
+        W in UFL under its name; empty where there is none.
+    along
+        W of each paddle where it is written out, along a slice on one rank; None where it is not.
+    """
+
+    hamiltonian: dict[Part, ufl.Form]
+
+    @property
+    def along(self) -> tuple[Along, ...] | None:
+        """See above."""
+
+    def vector(self) -> Vector:
+        """Return dW/dphi, broadcastable to shape (owned, n+1); collective."""
+
+    def by_column(self) -> Vector:
+        """Return dW/dh, broadcastable to shape (owned,); collective."""
+
+    def energy(self) -> float:
+        """Return W; collective."""
+
+    def slopes(self, mu: Callable[[], Vector]) -> list[tuple[float, float]]:
+        """Return dH/dX_p and dH/dX_p' of each paddle at fixed (Q, psi), positive into the water; ``mu`` as below."""
+
+    def explicit_rate(self, mu: Callable[[], Vector]) -> float:
+        """Return dH/dt at fixed (Q, psi); ``mu`` evaluates that point and gives M_J^-1 H_h there; collective."""
+
+
+class Placed(Protocol):
+    """A wall that has a place.
+
+    Attributes
+    ----------
+    part
+        Its part of the Hamiltonian, in words.
+    told
+        Its mapping, in words.
+    moves
+        Whether the mapping can change.
+    leans
+        Whether it is not the same at all heights.
+    mapping
+        From the reference tank to the laboratory.
+    paddles
+        What moves.
+    """
+
+    part: Part
+    told: str
+    moves: bool
+    leans: bool
+
+    @property
+    def mapping(self) -> Mapping:
+        """See above."""
+
+    @property
+    def paddles(self) -> Sequence["Paddle"]:
+        """See above."""
+
+    @property
+    def velocities(self) -> Vector:
+        """Velocities that tell its motion at one time from that at another [m/s], shape (owned,) or ()."""
+
+    def distances(self, plane: Plane) -> Vector:
+        """Return how far the degrees of freedom are from the wall at rest [m], shape (owned,)."""
+
+    def reaches(self, places: Vector) -> NDArray[np.bool_]:
+        """Return whether its paddles can carry what is at places [m], physical or reference, shape (N,)."""
+
+    @property
+    def stood(self) -> Stood:
+        """How it stands now, for when that will be asked for."""
+
+    @property
+    def rates(self) -> Vector:
+        """X_p, X_p' and X_p'' of its paddles now [m, m/s, m/s²], shape (paddles, 3); nan if not the same at all y."""
+
+    def stand(self, places: Vector, stood: Stood | None = None) -> Vector:
+        """Return how far from rest its paddles stand beside places [m], physical or reference, shape (paddles, N).
+
+        Or how far they stood.
+        """
+
+    def to_reference(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+        """Return the reference places of physical ones, (x, y) [m], shape (N, 2), at heights z [m], as it stands.
+
+        Or as it stood; of K times, see ``stands``, these are of shape (K, N, 2), or (N, 2) where nothing moves.
+        """
+
+    def to_physical(self, places: Vector, z: Heights = 0.0, stand: Vector | None = None) -> Vector:
+        """Return the physical places of reference ones, in the same way."""
+
+    def mesh_velocities(self, places: Vector) -> Vector:
+        """Return how fast the wall carries reference places [m/s], shape (N, 2)."""
+
+
+def stands(stand: Callable[[Vector, Stood], Vector], places: Vector, times: Vector, positions: Vector) -> Vector:
+    """Return how far from rest paddles stood beside places [m] at K times [s], (paddles, K, N), by their ``stand``.
+
+    ``positions`` are X_p [m], nan of those that do not move as a whole, shape (K, paddles).
+    """
+    if isnan(positions[0].sum()):
+        each = zip(times, positions, strict=True)
+        return np.stack([stand(places, stood(float(t), of_paddles)) for t, of_paddles in each], axis=1)
+    return np.repeat(positions.T[..., None], len(places), axis=-1)
+
+
+def stood(t: float, positions: Vector) -> Stood:
+    """Return how paddles stand at t [s] that are at positions [m], nan of those that do not move as a whole."""
+    return tuple((t, None if isnan(x) else float(x)) for x in positions)
+
+
+class Wall(Placed, Protocol):
+    """The wall of nonlinear waves."""
+
+    @property
+    def carried(self) -> ufl.Measure | None:
+        """The measure over the cells that it carries; None where it stands still."""
+
+    @property
+    def carries(self) -> NDArray[np.intp]:
+        """Which of the owned degrees of freedom it can carry."""
+
+    @property
+    def displaced(self) -> float:
+        """How far from their places at rest these are now at most [m]."""
+
+    @property
+    def shifts(self) -> Sequence[tuple[Vector, Shape]]:
+        """L of x = X + sum f L along x, at the degrees of freedom of this rank, and f, of paddles that move.
+
+        L [m] is of shape (dofs,), in one array for good.
+        """
+
+    def moved_by(self, tangents: Sequence[Tangent]) -> "Wall":
+        """Return one like it, at the same place, by other motions, one for each of its paddles; collective."""
+
+    def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
+        """Return how it moves places at the surface, shape (4, owned), for an elevation and still water's depth [m].
+
+        Along its axis: how far, s f X_p [m]; how fast at one height, s f X_p' [m/s]; the flux of what is so carried,
+        s R X_p' [m²/s]; and the slope upwards of the first. A shape is taken as straight near still water, for what
+        needs some digits only. Of one that stands still, of shape (0, owned).
+        """
+
+    def set_time(self, t: float) -> bool:
+        """Move to where the wall stands at t [s]; return whether the mapping has changed; collective."""
+
+    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+        """Return what finds columns from masses; of a mapping that is the same at all heights, the mass matrix M_J."""
+
+    def terms(self, energy: WaterEnergy, phi: LayeredField, *, bed: Bed, vertical: VerticalBasis) -> WallTerms:
+        """Return what the wall adds to the Hamiltonian, for the energy of the water with potential phi."""
+
+
+class LinearWall(Placed, Protocol):
+    """The wall of linear waves, which stays where it is."""
+
+    @property
+    def paddles(self) -> Sequence["LinearOpening"]:
+        """Where water flows in instead."""
+
+
+class Paddle(Protocol):
+    """A wall that moves.
+
+    Attributes
+    ----------
+    motion
+        X_p(t), or X_p(y, t), positive into the water.
+    shape
+        f(z), by which it moves.
+    side
+        Where it stands.
+    """
+
+    motion: Motion
+    shape: Shape
+    side: Side
+
+
+class LinearOpening(Paddle, Protocol):
+    """A paddle of linear waves.
+
+    Attributes
+    ----------
+    opening
+        The measure of the wall.
+    """
+
+    opening: ufl.Measure

@@ -1,0 +1,84 @@
+"""Mappings of the reference tank to the laboratory (ours: docs/method.md, sections 1 and 7).
+
+    x = X + a f(z) s(X) X_p(y, t),   J = 1 + f a . grad(s X_p),   mesh velocity = a f s X_p'
+
+with a unit vector a across the paddle, X_p counted along it, its shape f (``shape.py``; of a vertical wall f = 1), s
+falling smoothly from 1 at the paddle's rest position to 0 at the mapping's reach (motion/mapping.py), and y along the
+paddle. Of two paddles at opposite ends f s X_p is the sum of both, one of which is zero everywhere. At a height z its
+matrix is F = 1 + f a (x) grad(s X_p), so that a potential u has in physical space the gradient
+
+    F^-T grad u = grad u - f grad(s X_p) (a . grad u) / J,     u_z - f' s X_p (a . grad u) / J  upwards.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import ufl
+
+from wavetank.tank.walls.shape import Shape
+
+
+class Identity:
+    """The mapping of a wall that stands still."""
+
+    def J(self, z: Any) -> Any:
+        """Return 1."""
+        return ufl.as_ufl(1)
+
+    def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
+        """Return slope and rise."""
+        return slope, rise
+
+    def gradient(self, f: Any, z: Any) -> Any:
+        """Return the gradient in the reference tank, which is the physical one."""
+        return ufl.grad(f)
+
+    def moment(self, eta: Any, d: Any) -> Any:
+        """Return 1/2 eta^2."""
+        return 0.5 * eta**2
+
+
+@dataclass(frozen=True)
+class Shift:
+    """The mapping x = X + a f(z) s X_p, in UFL.
+
+    Attributes
+    ----------
+    axis
+        a.
+    parts
+        s X_p [m] and f of each paddle.
+    """
+
+    axis: Any
+    parts: Sequence[tuple[Any, Shape]]
+
+    def stretching(self, share: Callable[[Shape], Any]) -> Any:
+        """Return a . grad(f s X_p), what elements are wider by, for a share f of each shape."""
+        return sum(share(shape) * ufl.inner(self.axis, ufl.grad(length)) for length, shape in self.parts)
+
+    def J(self, z: Any) -> Any:
+        """Return 1 + f a . grad(s X_p)."""
+        return 1 + self.stretching(lambda shape: shape.share(z))
+
+    def flow(self, slope: Any, rise: Any, *, h: Any, z: Any) -> tuple[Any, Any]:
+        """Return F^-T slope, and the rise less what points at other heights are carried aside."""
+        along = ufl.inner(self.axis, slope) / self.J(z)
+        aside = sum(h * shape.slope(z) * length * along for length, shape in self.parts)
+        carried = sum(shape.share(z) * ufl.grad(length) for length, shape in self.parts)
+        return self._physical(slope, carried, self.J(z)), rise - aside
+
+    def gradient(self, f: Any, z: Any) -> Any:
+        """Return the gradient along the surface; in one dimension that is f_X / x_X."""
+        carried = sum(ufl.grad(shape.share(z) * length) for length, shape in self.parts)
+        return self._physical(ufl.grad(f), carried, 1 + ufl.inner(self.axis, carried))
+
+    def moment(self, eta: Any, d: Any) -> Any:
+        """Return 1/2 eta^2, wider by the mean of f."""
+        return 0.5 * (1 + self.stretching(lambda shape: shape.mean(eta))) * eta**2
+
+    def _physical(self, slope: Any, carried: Any, J: Any) -> Any:
+        if self.axis.ufl_shape == (1,):
+            return slope / J
+        return slope - carried * ufl.inner(self.axis, slope) / J

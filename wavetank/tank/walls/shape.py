@@ -1,0 +1,228 @@
+"""The shape f(z) of a paddle, which stands at x = f(z) X_p: of its mapping, and of columns beside it.
+
+A vertical wall has f = 1. All others are polynomials in z, so that whatever is needed of them is known in closed form,
+and compiled code is the same for all of one degree. A shape with a kink, as of a flap hinged above the bed, gets the
+polynomial of degree 16 that is nearest to it, from the bed to half a depth above still water, among those with its
+value and slope at still water and its moments with all polynomials of degree up to 8 below: of what linear theory knows
+of a paddle, int f cosh k(z + d) dz, it then misses 1e-6 for k d up to 10. The water's potential, itself a polynomial
+over the column, could tell no more.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import ufl
+from dolfinx import fem, mesh
+from numpy.polynomial import Polynomial as Powers
+from numpy.polynomial import legendre
+
+from wavetank.arrays import Vector
+from wavetank.motion.mapping import TOP
+
+DEGREES, HIGHEST, MOMENTS = (0, 1, 2, 4, 8), 16, 9
+EXACT = 1e-11  # of the largest share
+POINTS = 40  # of Gauss' rule between two kinks
+
+
+class Shape(Protocol):
+    """f(z), in UFL; heights z [m] from still water.
+
+    Attributes
+    ----------
+    degree
+        Of the polynomial.
+    """
+
+    @property
+    def degree(self) -> int:
+        """See above."""
+
+    @property
+    def near_still(self) -> tuple[float, float, float]:
+        """Value and slope f' [1/m] at still water, and the mean of f below it."""
+
+    @property
+    def powers(self) -> tuple[Vector, float]:
+        """c_k and the unit [m] of f = sum_k c_k (-z / unit)^k."""
+
+    def share(self, z: Any) -> Any:
+        """Return f(z)."""
+
+    def slope(self, z: Any) -> Any:
+        """Return f'(z) [1/m]."""
+
+    def column(self, h: Any, d: Any) -> Any:
+        """Return int f dz [m] over a column h on the bed at -d."""
+
+    def mean(self, eta: Any) -> Any:
+        """Return the mean of f between still water and eta, by the moment of heights: 2 / eta² int f z dz."""
+
+    def at(self, z: Vector) -> Vector:
+        """Return f at heights [m], numbers of any shape."""
+
+
+class Upright:
+    """f = 1."""
+
+    degree = 0
+    near_still = 1.0, 0.0, 1.0
+    powers = np.ones(1), 1.0
+
+    def share(self, z: Any) -> Any:
+        """Return 1."""
+        return ufl.as_ufl(1)
+
+    def slope(self, z: Any) -> Any:
+        """Return 0."""
+        return ufl.as_ufl(0)
+
+    def column(self, h: Any, d: Any) -> Any:
+        """Return h."""
+        return h
+
+    def mean(self, eta: Any) -> Any:
+        """Return 1."""
+        return ufl.as_ufl(1)
+
+    def at(self, z: Vector) -> Vector:
+        """Return ones."""
+        return np.ones(np.shape(z))
+
+
+UPRIGHT = Upright()
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """f = sum_k c_k tau^k, tau = -z / unit: 0 at still water, and 1 a unit below.
+
+    (Counted upwards compiled code takes twice as much: what two of its parts have in common differs by signs then.)
+
+    Attributes
+    ----------
+    coefficients
+        c_k, constants of a mesh.
+    unit
+        [m], a constant too.
+    """
+
+    coefficients: Sequence[Any]
+    unit: Any
+
+    @property
+    def degree(self) -> int:
+        """Of the polynomial."""
+        return len(self.coefficients) - 1
+
+    @property
+    def powers(self) -> tuple[Vector, float]:
+        """c_k and the unit [m], as numbers."""
+        return np.array([float(one.value) for one in self.coefficients]), float(self.unit.value)
+
+    @cached_property
+    def near_still(self) -> tuple[float, float, float]:
+        """Value and slope f' [1/m] at still water, and the mean of f down to a unit below it, where the bed is."""
+        c, unit = self.powers
+        mean = sum(one / (k + 1) for k, one in enumerate(c))
+        return c[0], -(c[1] if len(c) > 1 else 0.0) / unit, mean
+
+    @classmethod
+    def near(
+        cls, f: Callable[[Vector], Vector], depth: float, on: mesh.Mesh, *, kinks: Sequence[float] = ()
+    ) -> "Polynomial":
+        """Return the polynomial of a shape f(z) above a bed at -depth [m]; its kinks [m] are where it is not smooth."""
+        upwards = fitted(f, depth, kinks=kinks)
+        powers = upwards * (-1.0) ** np.arange(len(upwards))
+        return cls([fem.Constant(on, float(c)) for c in powers], fem.Constant(on, float(depth)))
+
+    def share(self, z: Any) -> Any:
+        """Return f(z)."""
+        return horner(self.coefficients, -z / self.unit)
+
+    def slope(self, z: Any) -> Any:
+        """Return f'(z) [1/m]."""
+        return horner([-k * c for k, c in enumerate(self.coefficients)][1:], -z / self.unit) / self.unit
+
+    def mean(self, eta: Any) -> Any:
+        """Return the mean of f between still water and eta, by the moment of heights."""
+        return horner([2 * c / (k + 2) for k, c in enumerate(self.coefficients)], -eta / self.unit)
+
+    def column(self, h: Any, d: Any) -> Any:
+        """Return int f dz [m] over a column h on the bed at -d."""
+        integral = [c / (k + 1) for k, c in enumerate(self.coefficients)]
+        return (h - d) * horner(integral, (d - h) / self.unit) + d * horner(integral, d / self.unit)
+
+    def at(self, z: Vector) -> Vector:
+        """Return f at heights [m], numbers of any shape."""
+        c, unit = self.powers
+        return np.asarray(horner([*c], -z / unit) + 0.0 * z)
+
+
+def coefficients(shape: Shape) -> dict[str, Any]:
+    """Return what compiled code knows of a shape, by powers of -z / unit.
+
+    That is f, its slope times the unit, and its mean between still water and z, as such and by the moment of heights.
+    """
+    c, unit = shape.powers
+    k = np.arange(len(c))
+    return {"unit": unit, "shape": c, "slope": (-k * c)[1:], "integral": c / (k + 1), "moment": 2.0 * c / (k + 2)}
+
+
+def horner(coefficients: Sequence[Any], x: Any) -> Any:
+    """Return sum_k c_k x^k; 0 of none."""
+    if not coefficients:
+        return 0 * x
+    *rest, value = coefficients
+    for c in reversed(rest):
+        value = c + x * value
+    return value
+
+
+def fitted(f: Callable[[Vector], Vector], depth: float, *, kinks: Sequence[float] = ()) -> Vector:
+    """Return the coefficients of (z / depth)^k, shape (degree + 1,), of the polynomial for a shape f(z).
+
+    It is the shape itself where that is a polynomial of one of the ``DEGREES``.
+    """
+    top = TOP * depth
+    below, above = ([-depth, *(z for z in sorted(kinks) if -depth < z < 0.0), 0.0], [0.0, top])
+    (z_b, w_b), (z_a, w_a) = _gauss(below), _gauss(above)
+    z, w = np.concatenate([z_b, z_a]), np.concatenate([w_b, w_a])
+
+    def basis(z: Vector, degree: int) -> Vector:
+        return np.asarray(legendre.legvander((2.0 * z + depth - top) / (depth + top), degree))
+
+    wanted = f(z)
+    for degree in DEGREES:
+        scaled = np.sqrt(w)[:, None] * basis(z, degree)
+        found = np.linalg.lstsq(scaled, np.sqrt(w) * wanted, rcond=None)[0]
+        if np.abs(basis(z, degree) @ found - wanted).max() <= EXACT * np.abs(wanted).max():
+            return _powers(found)
+    test = legendre.legvander(2.0 * z_b / depth + 1.0, MOMENTS - 1).T * w_b
+    step = 1e-6 * depth
+    ends = np.array([step, -step])
+    kept = np.vstack([test @ basis(z_b, HIGHEST), basis(ends, HIGHEST)])
+    given = np.concatenate([test @ f(z_b), f(ends)])
+    V = basis(z, HIGHEST)
+    return _powers(_nearest(V.T @ (w[:, None] * V), V.T @ (w * wanted), kept, given))
+
+
+def _powers(found: Vector) -> Vector:
+    """Return the coefficients of powers of z / depth for Legendre's on [-depth, TOP depth]."""
+    return np.asarray(Powers(legendre.leg2poly(found))(Powers([1.0 - TOP, 2.0]) / (1.0 + TOP)).coef)
+
+
+def _gauss(ends: Sequence[float]) -> tuple[Vector, Vector]:
+    """Return places and weights of Gauss' rule between each two ends [m]."""
+    x, w = legendre.leggauss(POINTS)
+    edges = np.asarray(ends)
+    middle, half = 0.5 * (edges[1:] + edges[:-1])[:, None], 0.5 * np.diff(edges)[:, None]
+    return (middle + half * x).ravel(), (half * w).ravel()
+
+
+def _nearest(A: Vector, b: Vector, C: Vector, c: Vector) -> Vector:
+    """Return x of least 1/2 x A x - b x with C x = c."""
+    system = np.block([[A, C.T], [C, np.zeros((len(c), len(c)))]])
+    return np.asarray(np.linalg.lstsq(system, np.concatenate([b, c]), rcond=1e-13)[0][: len(b)])

@@ -1,0 +1,103 @@
+"""A paddle whose place depends on the height, x = f(z) X_p: a flap, or any other shape (docs/method.md, section 7).
+
+The mapping is x = X + s(X) f(z) X_p, so that a column of water h has the mass
+
+    Q = int v (h + a . grad(s X_p) R(h)) dX = M_J h with the mean of J over the column,     R = int f dz over it,
+    dQ/dh = M_J with J at the surface.
+"""
+
+from typing import Protocol
+
+import numpy as np
+import ufl
+
+from wavetank.arrays import Vector, summed
+from wavetank.errors import ConvergenceError
+from wavetank.fem.mass import MassMatrix
+from wavetank.fem.plane import Plane
+from wavetank.tank.energy import Part, WaterEnergy
+from wavetank.tank.walls.contract import Columns
+from wavetank.tank.walls.mapping import Shift
+from wavetank.tank.walls.piston import Piston
+
+MOST = 30  # iterations
+ROUND_OFF = 1e-15  # of the columns
+
+
+class Shaped(Piston):
+    """A paddle of a shape f(z); over its reach the bed must be flat."""
+
+    part = Part("wall", "∫ ψ ∇·(s G) dX + Ẋ_p ∫ h f φ dζ at the paddle,  G = Ẋ_p ∫ f dz")
+    told = "x = X + s(X) f(z) X_p, F = ∂x/∂X, J = det F: a wall of the shape f moves"
+    leans = True
+
+    def _facets(self) -> ufl.Measure:
+        """Return the measure over the paddle, of the water's quadrature: a shape's powers would ask for far more."""
+        return super()._facets()(metadata=self._plane.dx.metadata())
+
+    def at_surface(self, eta: Vector, still: Vector | float) -> Vector:
+        """See ``Wall``; the array is reused by the next call."""
+        moved, (far, fast), (f, slope, mean) = self._at_surface, self.travel.at_nodes, self.shape.near_still
+        share = f + slope * eta
+        np.multiply(far, share, out=moved[0])
+        np.multiply(fast, share, out=moved[1])
+        np.multiply(fast, mean * still + 0.5 * (f + share) * eta, out=moved[2])
+        np.multiply(far, slope, out=moved[3])
+        return moved
+
+    def columns(self, energy: WaterEnergy, mass: MassMatrix) -> Columns:
+        """Return what finds columns by Newton's method."""
+        return ShapedColumns(self, energy, mass, plane=self._plane)
+
+
+class Stretching(Protocol):
+    """A wall that moves, or several."""
+
+    @property
+    def mapping(self) -> Shift:
+        """From the reference tank to the laboratory."""
+
+
+class ShapedColumns:
+    """Columns beside paddles of any shape; see ``Columns``.
+
+    Newton's method takes M_J as it was last told, which is near enough to converge by a factor of a hundred a step.
+
+    Attributes
+    ----------
+    mean, moment, column, trials, round_off
+        As ``fem/whole.py`` has them.
+    """
+
+    def __init__(self, wall: Stretching, energy: WaterEnergy, mass: MassMatrix, *, plane: Plane):
+        self._mass, self._plane = mass, plane
+        self._start: Vector = energy.h.x.array[: plane.owned]
+        self._h = plane.function("columns")
+        self._h.set(self._start)
+        h = self._h.function
+        self.column: Vector = h.x.array
+        self.trials, self.round_off = MOST, ROUND_OFF
+        self.mean = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.column(h, energy.d)) / h)
+        self.moment = MassMatrix(plane, 1 + wall.mapping.stretching(lambda shape: shape.mean(energy.eta)))
+
+    def apply(self, h: Vector) -> Vector:
+        """Return the masses of columns [m]; collective."""
+        self._h.set(h)
+        self.mean.update()
+        return self.mean.apply(h)
+
+    def solve(self, q: Vector) -> Vector:
+        """Return the columns [m] of masses; collective. Raises ``ConvergenceError``."""
+        h = self._start.copy()
+        bound, last = ROUND_OFF**2 * self._square(h), 0.0
+        for _ in range(MOST):
+            change = self._mass.solve(q - self.apply(h))
+            h += change
+            square = self._square(change)
+            if square <= bound or square**2 <= bound * last:  # the next change, if they go on falling as they do
+                return h
+            last = square
+        raise ConvergenceError(f"the columns of water beside the paddle did not converge in {MOST} iterations")
+
+    def _square(self, values: Vector) -> float:
+        return summed(self._plane.comm, float(values @ values))

@@ -1,0 +1,187 @@
+"""Linear theory of paddles that absorb: what a paddle's motion does at the paddle itself, and what answers waves best.
+
+Of a paddle that moves at the velocity U exp(i omega t) (``wavemaker.py``; k_0 the wave, k_j = -i kappa_j what dies out)
+the elevation at its face and the force f of the water on it over the density are
+
+    eta = Z U,    Z = omega/g sum_j m(k_j) / (k_j N(k_j)),
+    f = -(r + i omega mu) U,    r = omega m(k_0)² / (k_0 N(k_0)),    mu = sum_j m(kappa_j)² / (kappa_j N(kappa_j)),
+
+of which Re Z = c / omega and r belong to the wave. An incident wave of amplitude a has elevation 2a at a fixed wall.
+The controller moves the paddle at U = -F(i omega) e in addition to the prescribed motion. Its input e is the elevation
+at the face minus that of the prescribed motion. The wave of the additional motion is part of e:
+
+    e = 2a + Z U  =>  U = -2a F / (1 + F Z).
+
+The fixed wall reflects a. The additional motion radiates Re Z U. Their sum over a is the reflection coefficient:
+
+    R = 1 + Re Z U / a = (1 - F Z*) / (1 + F Z).
+
+(Without that wave, e = 2a, the coefficient would be 1 - 2 F Re Z.) R = 0 for F = 1 / Z*. That filter is not causal; a
+causal one approximates it in a band. |R| <= 1 at all frequencies if and only if Re F >= 0. Then the paddle adds no
+energy to the waves of any tank, whatever the tank reflects. A paddle on a spring and a damper has
+R = (b - r + i X) / (b + r + i X), X = omega (M + mu) - k / omega, M, b and k over the density.
+
+Sources: H. A. Schaffer and K. P. Jakobsen, "Non-linear wave generation and active absorption in wave flumes", Proc.
+Long Waves Symposium, Thessaloniki, 2003, who fit F likewise; J. Falnes, "Ocean Waves and Oscillating Systems", 2002,
+chapters 3 and 6. That Re F >= 0 is ours.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from wavetank.waves.airy import angular_frequency, wave_number
+from wavetank.waves.wave import Array
+from wavetank.waves.wavemaker import Wavemaker, modes, norm
+
+Complex = NDArray[np.complex128]
+
+MODES = 100  # that die out
+WAVES = 40  # of the band, at which the filter is judged
+ALL = np.geomspace(0.005, 20.0, 160)  # k d over the band's ends, at which it must not send back more than comes
+FASTEST, DAMPED = 5.0, (0.5, 10.0)  # of a section: w_i over the shortest waves', and z_i: a step later must be as good
+STARTS = np.array(  # of a fit, three sections as ``built`` has them: the better is taken
+    [
+        [[-0.9, 0.2, 2.0, 0.0], [0.9, -0.6, 1.0, 0.0], [1.9, -0.6, 4.0, 0.0]],
+        [[-0.9, 0.2, 2.0, 0.0], [0.9, -0.2, 2.0, 0.0], [1.3, -0.2, 2.0, 0.0]],
+    ]
+)
+FITS = ((4, 30.0), (8, 30.0), (16, 300.0))  # one after another: exponents of the mean of |R|, weights of Re F < 0
+INSIDE = 1e-6  # of bounds, where a fit begins
+
+
+def face(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> Complex:
+    """Return Z(i omega) [s], shape (N,), at angular frequencies > 0 [rad/s], shape (N,)."""
+    k = np.asarray(wave_number(omega, depth, gravity))
+    kappa, moments, norms = _dying(maker, omega, depth, gravity)
+    wave = maker.transfer(k, depth) / omega
+    return np.asarray(wave + 1j * omega / gravity * (moments / (kappa * norms)).sum(axis=1))
+
+
+def radiation(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array]:
+    """Return the damping r [m²/s] and the added mass mu [m²], over the density and a metre's width, shape (N,) each."""
+    k = np.asarray(wave_number(omega, depth, gravity))
+    kappa, moments, norms = _dying(maker, omega, depth, gravity)
+    damping = omega * maker.moment(k, depth) ** 2 / (k * norm(k, depth))
+    return np.asarray(damping), np.asarray((moments**2 / (kappa * norms)).sum(axis=1))
+
+
+def sudden_mass(maker: Wavemaker, depth: float) -> float:
+    """Return the added mass of a sudden motion [m²], over the density and a metre's width: that of high frequencies."""
+    kappa = (np.arange(MODES) + 0.5) * np.pi / depth
+    x, weights = np.polynomial.legendre.leggauss(4 * MODES)
+    z = 0.5 * depth * (x - 1.0)
+    moments = (0.5 * depth * weights * maker.share(z, depth)) @ np.cos(np.outer(z + depth, kappa))
+    return float((moments**2 / kappa).sum() * 2.0 / depth)
+
+
+def _dying(maker: Wavemaker, omega: Array, depth: float, gravity: float) -> tuple[Array, Array, Array]:
+    """Return kappa_j, m and N of modes that die out, shape (N, MODES) each."""
+    kappa = modes(np.asarray(omega), depth, gravity, count=MODES)
+    return kappa, np.real(maker.moment(1j * kappa, depth)), np.real(norm(1j * kappa, depth))
+
+
+@dataclass(frozen=True)
+class PassiveFilter:
+    """F(s) = gain sum_i (c_i y + e_i) / (y² + 2 z_i y + 1), y = s / w_i, with F(0) = 0: no drift of the paddle.
+
+    Attributes
+    ----------
+    gain
+        [1/s].
+    sections
+        w_i [rad/s], z_i, c_i and e_i of each, shape (n, 4).
+    """
+
+    gain: float
+    sections: Array
+
+    def __call__(self, s: Any) -> Any:
+        """Return F [1/s] at s [1/s], of any shape."""
+        total: Any = 0.0
+        for w, z, c, e in self.sections:
+            y = s / w
+            total = total + self.gain * (c * y + e) / (y**2 + 2.0 * z * y + 1.0)
+        return total
+
+    def slopes(self, s: Any) -> Complex:
+        """Return the derivatives of F [1/s] by ln w_i, ln z_i, c_i and e_i where sum e_i = 0, shape (4 n, N)."""
+        w, z, c, e = self.sections.T[:, :, None]
+        y = s / w
+        below = y**2 + 2.0 * z * y + 1.0
+        value = (c * y + e) / below
+        by = (
+            np.stack([y * ((2.0 * y + 2.0 * z) * value - c), -2.0 * z * y * value, y, np.ones_like(y)], axis=1)
+            / below[:, None]
+        )
+        by[:, 3] -= by[-1, 3]
+        return np.asarray(self.gain * by.reshape(-1, s.size))
+
+    def reflection(self, at_face: Complex, omega: Array) -> Complex:
+        """Return R of waves [rad/s], shape (N,), for Z there."""
+        F = self(1j * omega)
+        return np.asarray((1.0 - F * at_face.conj()) / (1.0 + F * at_face))
+
+    def over_s(self) -> tuple[Array, Array]:
+        """Return the polynomials of F(s) / s, numerator and denominator, in falling powers of s."""
+        below = np.ones(1)
+        for w, z, _, _ in self.sections:
+            below = np.polymul(below, [1.0 / w**2, 2.0 * z / w, 1.0])
+        above = np.zeros(1)
+        for w, z, c, e in self.sections:
+            others, _ = np.polydiv(below, [1.0 / w**2, 2.0 * z / w, 1.0])
+            above = np.polyadd(above, self.gain * np.polymul([c / w, e], others))
+        return above[:-1] / below[0], below / below[0]
+
+    @classmethod
+    @lru_cache(maxsize=16)
+    def fitted(
+        cls, maker: Wavemaker, *, depth: float, gravity: float, shortest: float, longest: float
+    ) -> "PassiveFilter":
+        """Return the filter of least largest reflection of waves of periods from the shortest to the longest [s]."""
+        ends = 2 * np.pi / np.array([longest, shortest])
+        low, high = depth * np.asarray(wave_number(ends, depth, gravity))
+        kd, wide = np.geomspace(low, high, WAVES), np.geomspace(ALL[0] * low, ALL[-1] * high, len(ALL))
+        omega, omega_wide = (np.asarray(angular_frequency(one / depth, depth, gravity)) for one in (kd, wide))
+        at_face, middle = face(maker, omega, depth, gravity), float(np.sqrt(ends.prod()))
+        gain = float(1.0 / np.abs(at_face).mean())
+
+        def built(x: Array) -> PassiveFilter:
+            w, z, c, e = x.reshape(-1, 4).T
+            e = np.append(e[:-1], -e[:-1].sum())
+            return cls(gain, np.column_stack([middle * np.exp(w), np.exp(z), c, e]))
+
+        def sent(x: Array) -> Array:
+            return np.asarray(np.abs(built(x).reflection(at_face, omega)))
+
+        def misses(x: Array, exponent: int, most: float, weight: float) -> Array:
+            active = np.minimum(built(x)(1j * omega_wide).real / gain, 0.0)
+            return np.concatenate([(sent(x) / most) ** (exponent / 2) / np.sqrt(WAVES), weight * active])
+
+        def slopes(x: Array, exponent: int, most: float, weight: float) -> Array:
+            one = built(x)
+            F, of_F, wide_F = one(1j * omega), one.slopes(1j * omega), one.slopes(1j * omega_wide).real / gain
+            R, of_R = one.reflection(at_face, omega), -2.0 * at_face.real / (1.0 + F * at_face) ** 2
+            sizes = np.abs(R)
+            of_sizes = (R.conj() * of_R * of_F).real / sizes
+            powers = exponent / 2 * (sizes / most) ** (exponent / 2 - 1) / most / np.sqrt(WAVES)
+            active = weight * wide_F * (one(1j * omega_wide).real < 0.0)
+            return np.asarray(np.concatenate([powers * of_sizes, active], axis=1).T)
+
+        width = np.log(FASTEST * ends[1] / middle)
+        bounds = np.array([[-width, np.log(DAMPED[0]), -np.inf, -np.inf], [width, np.log(DAMPED[1]), np.inf, np.inf]])
+        bounds = np.tile(bounds, STARTS.shape[1])
+        found = []
+        for start in STARTS:
+            x = np.clip(start.ravel(), bounds[0] + INSIDE, bounds[1] - INSIDE)
+            for exponent, weight in FITS:
+                most = float(sent(x).max())
+                x = scipy.optimize.least_squares(
+                    misses, x, slopes, args=(exponent, most, weight), bounds=bounds, max_nfev=60
+                ).x
+            found.append((float(sent(x).max()), x))
+        return built(min(found, key=lambda one: one[0])[1])

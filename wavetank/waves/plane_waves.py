@@ -1,0 +1,85 @@
+"""Linear waves as a sum of plane ones, each in its own direction: what paddles are to make."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavetank.waves.airy import wave_number
+from wavetank.waves.wave import Array, Wave, in_depth
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PlaneWaves(Wave):
+    """eta = Re sum A exp(i (k_x x + k_y y - omega t)), with omega² = g k tanh(k d).
+
+    Attributes
+    ----------
+    amplitudes
+        A [m], complex, shape (N,).
+    k_x, k_y, omega
+        Wave numbers [rad/m] and angular frequencies [rad/s], shape (N,); waves go to where (k_x, k_y) points.
+    depth, gravity
+        Still-water depth d [m] or ``inf``, and gravity g [m/s²].
+    """
+
+    amplitudes: NDArray[np.complex128]
+    k_x: Array
+    k_y: Array
+    omega: Array
+    depth: float
+    gravity: float
+
+    def elevation(self, x: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the elevation [m]; memory is the number of waves times that of places."""
+        return np.asarray((self._phasors(x, t, y) @ self.amplitudes).real)
+
+    def potential(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the potential [m²/s]."""
+        cosh, _ = self._in_depth(z)
+        return np.asarray((self._phasors(x, t, y) * cosh @ self._potentials).real)
+
+    def velocity(self, x: ArrayLike, z: ArrayLike, t: ArrayLike = 0.0, *, y: ArrayLike = 0.0) -> Array:
+        """Return the velocity [m/s]."""
+        phasors, (cosh, sinh) = self._phasors(x, t, y), self._in_depth(z)
+        along = (phasors * cosh @ (1j * k * self._potentials) for k in (self.k_x, self.k_y))
+        return np.stack([*along, phasors * sinh @ (self._k * self._potentials)], axis=-1).real
+
+    @property
+    def _k(self) -> Array:
+        return np.hypot(self.k_x, self.k_y)
+
+    @property
+    def _potentials(self) -> NDArray[np.complex128]:
+        return np.asarray(-1j * self.gravity / self.omega * self.amplitudes)
+
+    def _phasors(self, x: ArrayLike, t: ArrayLike, y: ArrayLike) -> NDArray[np.complex128]:
+        in_plan = np.multiply.outer(x, self.k_x) + np.multiply.outer(y, self.k_y)
+        return np.asarray(np.exp(1j * (in_plan - np.multiply.outer(t, self.omega))))
+
+    def _in_depth(self, z: ArrayLike) -> tuple[Array, Array]:
+        return in_depth(self._k, np.asarray(z)[..., None], self.depth)
+
+
+def waves_along(
+    frequencies: ArrayLike,
+    amplitudes: ArrayLike,
+    phases: ArrayLike,
+    *,
+    depth: float,
+    gravity: float,
+    x: float = 0.0,
+    time: float = 0.0,
+    angles: ArrayLike = 0.0,
+    y: float = 0.0,
+) -> PlaneWaves:
+    """Return waves along x, or at angles to it [rad], that are sum a cos(omega (t - time) + phase) at (x, y).
+
+    Frequencies [Hz], amplitudes [m] and phases [rad] of one shape, (N,), angles of that or one for all; x, y [m],
+    time [s], depth [m], gravity [m/s²].
+    """
+    omega = np.asarray(2.0 * np.pi * np.asarray(frequencies, dtype=np.float64))
+    k = wave_number(omega, depth, gravity)
+    k_x, k_y = k * np.cos(angles), k * np.sin(angles)
+    turned = np.exp(-1j * (k_x * x + k_y * y - omega * time + np.asarray(phases)))
+    return PlaneWaves(amplitudes=amplitudes * turned, k_x=k_x, k_y=k_y, omega=omega, depth=depth, gravity=gravity)

@@ -1,0 +1,125 @@
+"""Periodic waves of permanent form: what a stream-function wave (Rienecker and Fenton 1981) approaches, exactly.
+
+Babenko's equation for a given height by Newton's method in conformal variables, stepping up in height and refining the
+points until Bernoulli's equation holds between them, too. Corrections are found by GMRES; about the short waves' part
+of the equation, whose coefficient vanishes at the crest of the highest wave, it takes 15 iterations for any wave, on
+any number of points. A series in x stops at 1e-5 for steep waves, or settles on waves with several crests; this
+reaches 1e-10.
+
+Sources: those of ``conformal.py``; for the maximum height J. D. Fenton, "Nonlinear wave theories", The Sea 9, 1990,
+equation (32), which fits J. M. Williams, Phil. Trans. R. Soc. A 302, 1981.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from math import ceil
+
+import numpy as np
+import scipy
+
+from wavetank.errors import InputError
+from wavetank.waves.conformal import SPLINE_DEGREE, Shape, Solution, SteadyWave, Strip, corrected
+from wavetank.waves.wave import Array
+
+STEP = 0.1  # in height, relative to the maximum: so close, and closer as it comes near, waves keep to one crest
+RESOLVED, ACCEPTED, HOPELESS = 1e-10, 1e-9, 1.0  # Bernoulli residuals: fine enough; still a wave; not to be cured
+FEWEST, MOST = 64, 8192  # intervals of half a wave length: for waves of LONG depths to begin with; at most
+LONG = 16.0
+SHALLOWEST = 1.0 - 1e-15  # parameter m of the elliptic functions, which is 1 for a solitary wave
+
+
+def maximum_height(length: float, depth: float) -> float:
+    """Return the height [m] of the highest wave of a length [m] in a depth [m], within about 1 %."""
+    r = length / depth
+    rising = 0.141063 * r + 0.0095721 * r**2 + 0.0077829 * r**3
+    return depth * rising / (1.0 + 0.0788340 * r + 0.0317567 * r**2 + 0.0093407 * r**3)
+
+
+@lru_cache(maxsize=16)  # a run asks for that of its start many times
+def stream_function_wave(height: float, length: float, *, depth: float, gravity: float = 9.81) -> SteadyWave:
+    """Return the wave of a height, crest above trough [m], and length [m], without mean Eulerian current.
+
+    Depth is that of still water [m], gravity in m/s². Raises ``InputError`` if there is no such wave, or none that
+    ``MOST`` intervals resolve.
+    """
+    highest = maximum_height(length, depth)
+    if not 0.0 < height < highest:
+        raise InputError(f"height = {height:g} m: must be above 0 and below that of the highest wave, {highest:.4g} m.")
+    steps = ceil(height / highest / STEP)
+    heights = height / depth * np.sin(np.pi / 2 * np.arange(1, steps + 1) / steps)
+    solution = _cnoidal_wave(heights[0], length / depth)
+    for one in heights:
+        solution = _at_height(solution, one)
+        if not (solution.residual() < ACCEPTED and solution.has_one_crest()):
+            raise InputError(
+                f"height = {height:g} m: no wave of length {length:g} m in a depth of {depth:g} m could be computed; a "
+                f"lower one may be (the highest has about {highest:.4g} m), or a shorter one."
+            )
+    return solution.wave(depth, gravity, interpolate=_periodic)
+
+
+def _periodic(x: Array, values: Array) -> Shape:
+    spline: Shape = scipy.interpolate.make_interp_spline(x, values, k=SPLINE_DEGREE, bc_type="periodic")
+    return spline
+
+
+def _strip(length: float, eta: Array) -> Strip:
+    """Return the strip whose depth goes with an elevation."""
+    intervals = eta.size - 1
+    return Strip(length, 1.0 + float(_weights(intervals) @ eta), mean=0.0, intervals=intervals)
+
+
+def _weights(intervals: int) -> Array:
+    """Return the weights of the mean of an even function."""
+    weights = np.full(intervals + 1, 1.0 / intervals)
+    weights[[0, -1]] /= 2
+    return weights
+
+
+def _cnoidal_wave(height: float, length: float) -> Solution:
+    """Return H cn^2(2 K x / length), H length^2 = 16/3 m K(m)^2: the wave in shallow water, in deep water a cosine."""
+
+    def excess(m: float) -> float:
+        return float(m * scipy.special.ellipk(m) ** 2 - 3.0 / 16.0 * height * length**2)
+
+    m = scipy.optimize.brentq(excess, 0.0, SHALLOWEST) if excess(SHALLOWEST) > 0 else SHALLOWEST
+    intervals = min(FEWEST * ceil(length / LONG), MOST)
+    eta = height * scipy.special.ellipj(np.linspace(0.0, scipy.special.ellipk(m), intervals + 1), m)[1] ** 2
+    eta -= _weights(intervals) @ eta
+    now = Solution(_strip(length, eta), eta, 0.0)
+    K_eta = now.strip.multiply(now.strip.K, eta)
+    return replace(now, b=-float(K_eta @ now.babenko() / (K_eta @ K_eta)))  # the best in the mean square
+
+
+def _at_height(start: Solution, height: float) -> Solution:
+    """Return the solution of another height, on as many points as it needs."""
+    solution = _newton(start, height)
+    while RESOLVED < solution.residual() < HOPELESS and solution.strip.intervals < MOST:
+        solution = _newton(solution.refined(2), height)
+    return solution
+
+
+def _newton(start: Solution, height: float) -> Solution:
+    """Solve Babenko's equation for eta and b together, at a given height."""
+    length = start.strip.length
+
+    def rise(eta: Array) -> float:
+        return float(eta[0] - eta[-1])
+
+    return corrected(start, height, rise=rise, strip=lambda eta: _strip(length, eta), jacobian=_jacobian)
+
+
+def _jacobian(now: Solution) -> "scipy.sparse.linalg.LinearOperator":
+    """Return the derivatives of Babenko's equation, then of the height, by eta and by b."""
+    strip, eta, b = now.strip, now.eta, now.b
+    K_eta, weights = strip.multiply(strip.K, eta), _weights(strip.intervals)
+    by_depth = np.append(0.0, strip.k[1:] ** 2 - strip.K[1:] ** 2)  # dK/dD; D takes part in the mean of eta
+    change = (b - eta) * strip.multiply(by_depth, eta) - 0.5 * strip.multiply(by_depth, eta**2)
+
+    def of(correction: Array) -> Array:
+        e, of_b = correction[:-1], correction[-1]
+        K_e, K_eta_e = (strip.multiply(strip.K, f) for f in (e, eta * e))
+        babenko = (b - eta) * K_e - K_eta_e - (1.0 + K_eta) * e + change * (weights @ e) + K_eta * of_b
+        return np.append(babenko, e[0] - e[-1])
+
+    return scipy.sparse.linalg.LinearOperator((eta.size + 1, eta.size + 1), matvec=of)

@@ -1,0 +1,232 @@
+"""Linear wavemaker theory: how high a wave a paddle makes.
+
+A paddle stands at x = f(z) X(t), with f = 1 at the height where its motion X is told. With X = Re(b exp(-i omega t))
+the water's potential is, by eigenfunctions,
+
+    phi = Re sum_j P_j cosh k_j (z + d) / cosh k_j d exp(i (k_j x - omega t)),     P_j = -omega b m(k_j) / (k_j N(k_j)),
+    m(k) = int f cosh k (z + d) / cosh k d dz,     N(k) = int (cosh k (z + d) / cosh k d)^2 dz,
+
+k_0 > 0 the wave that travels, k_j = i kappa_j those that die out (``modes``). The first is, far from the paddle,
+
+    eta = Re(-i c b exp(i (k x - omega t))),     c = tanh(k d) m / N,
+
+so that at the paddle the elevation is in phase with the paddle's velocity.
+
+Source: F. Biesel and F. Suquet, "Les appareils generateurs de houle en laboratoire", La Houille Blanche 6, 1951;
+Dean and Dalrymple 1991, section 6.3.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wavetank.waves.airy import relative_depth
+from wavetank.waves.wave import Array
+
+Complex = NDArray[np.complex128]
+
+NEAR = 1e-6  # of k²: wave numbers as near are the same
+CLOSE = 1e-2  # of q d: below, series in it of fourth order are nearer than differences
+POINTS = 200  # of Gauss' rule over the depth
+
+
+class Wavemaker(ABC):
+    """The shape f(z) of a paddle; wave numbers [rad/m] of any shape, the depth [m] or ``inf``."""
+
+    @abstractmethod
+    def share(self, z: ArrayLike, depth: float) -> Any:
+        """Return f at heights z [m], of any shape."""
+
+    def kinks(self, depth: float) -> tuple[float, ...]:
+        """Return the heights [m] at which f is not smooth."""
+        return ()
+
+    @abstractmethod
+    def moment(self, k: ArrayLike, depth: float) -> Any:
+        """Return m(k) [m], real of a real k, complex of a complex one."""
+
+    @abstractmethod
+    def displaced(self, k: ArrayLike, K: ArrayLike, depth: float) -> Any:
+        """Return int (f p_xx - f' p_z) cosh K (z + d) / cosh K d dz [1/m] of p = cosh k (z + d) / cosh k d exp(i k x).
+
+        It is what a paddle sees of a mode k, because it is not where it rests, in a mode K.
+        """
+
+    def volume(self, depth: float) -> float:
+        """Return int f dz over the depth [m], to 1e-4 where f has a kink."""
+        z, weights = _gauss(depth)
+        return float(weights @ self.share(z, depth))
+
+    def transfer(self, k: ArrayLike, depth: float) -> Array:
+        """Return c, the height of the wave over the paddle's stroke where that is told, for wave numbers k > 0."""
+        kd = relative_depth(k, depth)
+        tanh = np.tanh(kd)
+        twice_norm = kd / np.cosh(kd) ** 2 + tanh  # 2 k N
+        return np.asarray(2.0 * tanh * np.multiply(k, self.moment(k, depth)) / twice_norm)
+
+
+@dataclass(frozen=True)
+class Piston(Wavemaker):
+    """f = 1, for which c = 2 (cosh 2kd - 1) / (sinh 2kd + 2kd)."""
+
+    def share(self, z: ArrayLike, depth: float) -> Any:
+        """Return ones."""
+        return np.ones(np.shape(z))
+
+    def volume(self, depth: float) -> float:
+        """Return the depth."""
+        return depth
+
+    def moment(self, k: ArrayLike, depth: float) -> Any:
+        """Return tanh(k d) / k."""
+        return np.tanh(_limited(k, depth)) / k
+
+    def displaced(self, k: ArrayLike, K: ArrayLike, depth: float) -> Any:
+        """Return -k² int cosh cosh dz, by the dispersion relation of both; of k = K it is -k² N."""
+        k, K = np.asarray(k), np.asarray(K)
+        difference = K**2 - k**2
+        near = np.abs(difference) < NEAR * np.abs(k) ** 2
+        product = (K * np.tanh(_limited(K, depth)) - k * np.tanh(_limited(k, depth))) / np.where(near, 1.0, difference)
+        return -(k**2) * (np.where(near, norm(k, depth), product) if near.any() else product)
+
+
+PISTON = Piston()
+
+
+@dataclass(frozen=True)
+class Flap(Wavemaker):
+    """A rigid flap that turns about a hinge: f = (z - z_h) / (z_s - z_h) above it, 0 below.
+
+    Attributes
+    ----------
+    hinge
+        Height of the hinge above the bed [m]; below it negative.
+    told
+        Height above the bed at which the motion is told [m], z_s + d; None: at still water.
+    """
+
+    hinge: float
+    told: float | None = None
+
+    def arm(self, depth: float) -> float:
+        """Return z_s - z_h [m]."""
+        return (depth if self.told is None else self.told) - self.hinge
+
+    def share(self, z: ArrayLike, depth: float) -> Any:
+        """Return f at heights z [m]: a flap hinged below the bed goes on below it."""
+        above = np.asarray(z) + depth - self.hinge
+        return (np.maximum(above, 0.0) if self.hinge > 0.0 else above) / self.arm(depth)
+
+    def kinks(self, depth: float) -> tuple[float, ...]:
+        """Return the hinge's height."""
+        return (self.hinge - depth,) if self.hinge > 0.0 else ()
+
+    def moment(self, k: ArrayLike, depth: float) -> Any:
+        """Return [l tanh(k d) / k - (1 - cosh k e / cosh k d) / k²] / arm, l = d - hinge, e the hinge above the bed."""
+        low, _ = _below(k, self._lowest, depth)
+        above = (depth - self.hinge) * np.tanh(_limited(k, depth)) / k
+        return (above - (1.0 - low) / np.square(k)) / self.arm(depth)
+
+    @property
+    def _lowest(self) -> float:
+        return max(0.0, self.hinge)
+
+    def displaced(self, k: ArrayLike, K: ArrayLike, depth: float) -> Any:
+        """Return -k² int f cosh cosh dz - k int f' sinh cosh dz, by the sums and differences of k and K."""
+        k, K = np.asarray(k), np.asarray(K)
+        (low_k, rise_k), (low_K, rise_K) = (_below(one, self._lowest, depth) for one in (k, K))
+        tanh_k, tanh_K = (np.tanh(_limited(one, depth)) for one in (k, K))
+        both: Any = 0.0
+        flat: Any = 0.0
+        for sign in (1.0, -1.0):
+            q = K + sign * k
+            near = np.abs(q) * depth < CLOSE
+            safe = np.where(near, 1.0, q)
+            least = (1.0 + sign * tanh_k * tanh_K) / (1.0 + np.square(q * depth) / 2.0)  # 1 / cosh cosh, q near 0
+            sinh = np.where(near, depth * (1.0 + (q * depth) ** 2 / 6.0) * least, (tanh_K + sign * tanh_k) / safe)
+            cosh = (1.0 + sign * tanh_k * tanh_K) - (low_k * low_K + sign * rise_k * rise_K)
+            squares, fourths = depth**2 - self._lowest**2, depth**4 - self._lowest**4
+            second = np.where(near, (squares / 2.0 + q**2 * fourths / 24.0) * least, cosh / safe**2)
+            both = both + 0.5 * ((depth - self.hinge) * sinh - second)
+            flat = flat + 0.5 * sign * np.where(near, q * second, cosh / safe)
+        return -(k**2 * both + k * flat) / self.arm(depth)
+
+
+@dataclass(frozen=True)
+class Profile(Wavemaker):
+    """Any shape, its integrals by Gauss' rule.
+
+    Attributes
+    ----------
+    f, slope
+        f(z) and f'(z) [1/m] of heights z [m], shape (N,).
+    """
+
+    f: Callable[[Array], Array]
+    slope: Callable[[Array], Array]
+
+    def share(self, z: ArrayLike, depth: float) -> Any:
+        """Return f at heights z [m]."""
+        return self.f(np.asarray(z, dtype=np.float64))
+
+    def moment(self, k: ArrayLike, depth: float) -> Any:
+        """Return m(k)."""
+        z, weights = _gauss(depth)
+        return np.tensordot(_below(np.asarray(k)[..., None], z + depth, depth)[0], weights * self.f(z), axes=1)
+
+    def displaced(self, k: ArrayLike, K: ArrayLike, depth: float) -> Any:
+        """Return the integral."""
+        z, weights = _gauss(depth)
+        k, K = np.broadcast_arrays(np.asarray(k), np.asarray(K))
+        low, rise = _below(k[..., None], z + depth, depth)
+        other, _ = _below(K[..., None], z + depth, depth)
+        here, across = weights * self.f(z), weights * self.slope(z)
+        return -((k**2) * ((low * other) @ here) + k * ((rise * other) @ across))
+
+
+def norm(k: ArrayLike, depth: float) -> Any:
+    """Return N(k) [m], real of a real k, complex of a complex one."""
+    tanh = np.tanh(_limited(k, depth))
+    return 0.5 * (depth * (1.0 - tanh**2) + tanh / k)
+
+
+def modes(omega: Array, depth: float, gravity: float, *, count: int) -> Array:
+    """Return kappa_j [1/m], shape (N, count), of modes that die out, j = 1, 2, ...: omega² = -g kappa tan(kappa d).
+
+    By Newton's method for delta = j pi - kappa d in (0, pi / 2), from where it converges for all depths.
+    """
+    target = (np.square(omega) * depth / gravity)[:, None]
+    j_pi = np.pi * np.arange(1, count + 1)
+    delta = np.arctan(target / j_pi)
+    for _ in range(20):
+        sin, cos = np.sin(delta), np.cos(delta)
+        residual = (j_pi - delta) * sin - target * cos
+        delta = np.clip(delta - residual / ((j_pi - delta) * cos + (target - 1.0) * sin), 0.0, np.pi / 2)
+    return np.asarray((j_pi - delta) / depth)
+
+
+def _gauss(depth: float) -> tuple[Array, Array]:
+    """Return heights [m] and weights [m] of Gauss' rule over the depth."""
+    x, weights = np.polynomial.legendre.leggauss(POINTS)
+    return 0.5 * depth * (x - 1.0), 0.5 * depth * weights
+
+
+def _below(k: ArrayLike, height: Any, depth: float) -> tuple[Any, Any]:
+    """Return cosh and sinh of k times a height above the bed [m], over cosh k d."""
+    if np.iscomplexobj(k):
+        scale = np.cosh(np.asarray(k) * depth)
+        return np.cosh(np.asarray(k) * height) / scale, np.sinh(np.asarray(k) * height) / scale
+    decay = np.exp(np.asarray(k) * (height - depth)) / (1.0 + np.exp(-2.0 * np.asarray(k) * depth))
+    back = np.exp(-2.0 * np.asarray(k) * height)
+    return decay * (1.0 + back), decay * (1.0 - back)
+
+
+def _limited(k: ArrayLike, depth: float) -> Any:
+    """Return k d, real parts cut off where depth has no influence left."""
+    if np.iscomplexobj(k):
+        return np.asarray(k) * depth
+    return relative_depth(k, depth)
