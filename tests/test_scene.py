@@ -29,7 +29,6 @@ from wavetank.case import (
     Wall,
     paddles,
 )
-from wavetank.case.keys import tables
 from wavetank.case.numerics import IntegratorName
 from wavetank.case.reading import read_case
 from wavetank.cli import main
@@ -346,10 +345,6 @@ def test_a_scene_is_frozen():
         ("output.title=A", 'output.title = "A": is an unknown key; title belongs to the top of the case, before all'),
         ("wall.motion.period=2", "period = 2: is an unknown key; period belongs to [wall.motion] of type sinusoid or"),
         (
-            "wall.motion.amplitude=0.2",
-            ": wall.motion.amplitude: is called linear_crest now (height of the crest at the",
-        ),
-        (
             'wall.motion={type="sinusoid", paddle_amplitude=10, period=2}',
             "paddle_amplitude = 10.0: takes the paddle 10 m from rest; it must stay below 7.5 m, 3/4 of its reach, "
             "which is 10 m by default, at most the tank's length.",
@@ -404,17 +399,6 @@ def test_a_refusal_says_file_key_value_and_what_is_allowed(case, override, said)
     assert all(line.startswith(f"{path}, ") and line.endswith(".") for line in message.splitlines())
 
 
-def test_a_key_by_the_name_it_has_had_is_refused_by_the_one_it_has(case):
-    """In one sentence: that the key itself is missing is not said, too."""
-    sinusoid = 'wall.motion={type="sinusoid", amplitude=0.1, period=2.0}'
-    assert refused(case(), sinusoid).splitlines() == [
-        f"{case()}, overridden: wall.motion.amplitude: is called paddle_amplitude now (amplitude a of the paddle, half "
-        "its stroke [m])."
-    ]
-    basin = "tank={type='basin', depth=1.0, plan={type='rectangle', length=24.0, width=1.0}}"
-    assert f"{case()}, overridden: tank.plan: is called layout now (where its walls are, " in refused(case(), basin)
-
-
 def test_a_needed_key_that_is_mistyped_is_one_mistake(case):
     (said,) = refused(case(), 'wall.motion={type="sinusoid", paddle_amplitud=0.1, period=2.0}').splitlines()
     assert "wall.motion.paddle_amplitud = 0.1: is an unknown key; did you mean 'paddle_amplitude'?" in said
@@ -428,13 +412,6 @@ def test_a_paddle_that_goes_too_far_later_is_refused_in_a_short_run(case):
     for duration in (0.3, 40.0):
         with pytest.raises(InputError, match=rf"wall\.motion\.paddle_amplitude = 10\.0: {said}, at most the tank's"):
             read_case(case(), [*scene, f"run.duration={duration}"])
-
-
-def test_keys_that_have_other_names_now_have_them():
-    renamed = [noun for table in tables() for noun in table.nouns if getattr(noun, "formerly", {})]
-    assert len(renamed) > 5
-    for noun in renamed:
-        assert noun.formerly.keys().isdisjoint(noun.model_fields) and {*noun.formerly.values()} <= {*noun.model_fields}
 
 
 def test_a_refusal_says_the_line_of_the_file(case):

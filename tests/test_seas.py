@@ -454,14 +454,6 @@ def test_what_cannot_be_is_a_sentence(motion, limits, said):
     assert said in str(error.value)
 
 
-def test_a_motion_of_an_old_name_is_told_the_new_one(tmp_path):
-    case = tmp_path / "case.toml"
-    case.write_text("[tank]\nlength = 8.0\ndepth = 1.0\n[run]\nduration = 1.0\n[wall]\ntype = 'piston'\n"
-                    "motion = {type = 'wave-group'}\n")  # fmt: skip
-    with pytest.raises(InputError, match=r"line 8: wall\.motion\.type = \"wave-group\": is called focused now"):
-        read_case(case)
-
-
 # ---------------------------------------------------------------- the paddle's signal out
 def test_the_file_for_a_wave_board_has_the_motion_and_says_what_it_needs(tmp_path, capsys):
     out = tmp_path / "board.csv"

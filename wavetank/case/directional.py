@@ -50,7 +50,6 @@ class ObliqueWaveMotion(Noun):
 
     reads_file: ClassVar[bool] = False
     type: Literal["oblique-wave"] = "oblique-wave"
-    formerly: ClassVar[dict[str, str]] = {"amplitude": "wave_amplitude"}
     wave_amplitude: Height = Field(description="amplitude a of the wave [m]")
     period: Duration = Field(description="period T [s]")
     angle: float = Field(gt=-90, lt=90, description="direction theta from the wall's normal [deg], positive towards y")

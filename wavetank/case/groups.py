@@ -89,7 +89,6 @@ class SpectralWaves(Noun):
 class FocusingWaves(SpectralWaves):
     """Waves that meet, by linear theory, in one crest at focus_x and focus_time."""
 
-    formerly: ClassVar[dict[str, str]] = {"amplitude": "linear_crest"}
     linear_crest: Height = Field(description="height of the crest at the focus above still water, by linear theory [m]")
     focus_x: Length = Field(description="where the crests meet [m]")
     focus_time: Duration = Field(description="when the crests meet [s]")

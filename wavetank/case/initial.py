@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -59,7 +59,6 @@ class StandingWave(KnownWave):
     """eta = a cos(m pi x / length), psi = 0; in a rectangular basin times cos(n pi y / width)."""
 
     type: Literal["standing-wave"] = "standing-wave"
-    formerly: ClassVar[dict[str, str]] = {"amplitude": "wave_amplitude"}
     wave_amplitude: Height = Field(description="amplitude a of the elevation [m]")
     mode: Count = Field(default=1, description="number m of half waves along the tank")
     mode_across: int = Field(default=0, ge=0, le=10**9, description="number n of half waves across a basin")

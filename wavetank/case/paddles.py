@@ -43,7 +43,6 @@ class SinusoidMotion(PaddleNoun):
     """X = r(t) a sin(2 pi t / T), with a smooth ramp r."""
 
     type: Literal["sinusoid"] = "sinusoid"
-    formerly: ClassVar[dict[str, str]] = {"amplitude": "paddle_amplitude"}
     paddle_amplitude: Height = Field(description="amplitude a of the paddle, half its stroke [m]")
     period: Duration = Field(description="period T [s]")
     ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")

@@ -204,19 +204,11 @@ class _Place(NamedTuple):
     def fields(self) -> list[str]:
         return sorted({field for noun in self.nouns for field in noun.model_fields})
 
-    def renamed(self, key: str) -> str:
-        """Return what a key is called now that a noun here has had by another name; empty of any other."""
-        return next((noun.formerly[key] for noun in self.nouns if issubclass(noun, Noun) and key in noun.formerly), "")
-
-    def renamed_type(self, name: str) -> str:
-        """Return what a type is called now that has had another name; empty of any other."""
-        return next((tag(noun) for noun in self.nouns if getattr(noun, "formerly_type", "") == name), "")
-
     def meant(self, key: str) -> str:
-        """Return what a key is called that a noun here has had by another name, or that is mistyped; else nothing."""
+        """Return the key here that a mistyped one resembles; empty if the key is one of the case, or resembles none."""
         if key in self.fields or homes(key):
-            return self.renamed(key)
-        return self.renamed(key) or next(iter(get_close_matches(key, self.fields, n=1)), "")
+            return ""
+        return next(iter(get_close_matches(key, self.fields, n=1)), "")
 
 
 def _place(location: Key) -> _Place:
@@ -243,7 +235,7 @@ def _problems(details: ErrorDetails) -> Iterator[Problem]:
             yield from context["problems"]
         case "missing":
             if isinstance(received, dict) and any(holder.meant(key) == place.key[-1] for key in received):
-                return  # it is there by the name that it has had, or mistyped
+                return  # it is there, mistyped
             yield Problem(place.key, None, f"is missing; needed is {place.meaning or 'a table'}")
         case "extra_forbidden":
             yield _unknown(place.key, received, holder)
@@ -307,20 +299,15 @@ def _keys(noun: Noun) -> Iterator[str]:
 
 
 def _unknown_type(name: str, place: _Place) -> str:
-    """Return what is to be said of a type that cannot stand there: how it is called now, or beside what it can."""
-    if now := place.renamed_type(name):
-        return f"is called {now} now"
+    """Return what is wrong with a type that is not allowed in a table, and which are."""
     if where := homes_of_type(str(place.key[-1]), name):
         return f"is none that may stand here, but in {where}; allowed are: {', '.join(place.tags)}"
     return f"is an unknown type{choice(name, place.tags)}"
 
 
 def _unknown(key: Key, received: Any, holder: _Place) -> Problem:
-    """Return what is to be said of a key that its table does not have: how it is called now, or where it belongs."""
+    """Return what is wrong with a key that its table does not have: where it belongs, or what it resembles."""
     name = str(key[-1])
-    if now := holder.renamed(name):
-        meaning = next(noun.model_fields[now].description for noun in holder.nouns if now in noun.model_fields)
-        return Problem(key, None, f"is called {now} now ({meaning})")
     if header := _whole(key) or (_table(name) if _holds_keys(received) else ""):
         return Problem(key, received, f"is an unknown key; the table is called {header}")
     where = homes(name)

@@ -279,7 +279,6 @@ class IrregularMotion(SpectralWaves, MadeWaves):
 class FocusedMotion(FocusingWaves, MadeWaves):
     """Waves that meet, by linear theory, in one crest at (focus_x, focus_time)."""
 
-    formerly_type: ClassVar[str] = "wave-group"
     type: Literal["focused"] = "focused"
 
     def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:

@@ -42,7 +42,6 @@ class BasinTank(_Filled):
     """A tank of two horizontal dimensions, of any layout."""
 
     usual_cell: ClassVar[float] = 0.5
-    formerly: ClassVar[dict[str, str]] = {"plan": "layout"}
     type: Literal["basin"] = "basin"
     layout: Layout = Field(description="where its walls are, seen from above")
     bed: Bed | None = Field(default=None, description="the bed; default: flat, at the depth")

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationInfo, model_validator
 
@@ -79,19 +79,9 @@ def renamed(key: str, name: str) -> Iterator[None]:
 
 
 class Noun(BaseModel):
-    """A part of the scene: frozen, unknown keys refused, numbers finite.
-
-    Attributes
-    ----------
-    formerly
-        Keys that it has had, with what they are called now.
-    formerly_type
-        The type that it was before; empty if it has always had its own.
-    """
+    """A part of the scene: frozen, unknown keys refused, numbers finite."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
-    formerly: ClassVar[dict[str, str]] = {}
-    formerly_type: ClassVar[str] = ""
 
     def problems(self, scene: Any) -> Iterator[Problem]:
         """Yield what does not fit the rest of ``scene``, the ``Scene`` that it is a part of; by itself, nothing."""
