@@ -143,23 +143,6 @@ def test_yes_runs_it_all_the_same(tmp_path, monkeypatch, capsys):
 
 
 # ---------------------------------------------------------------- how much there is
-def test_a_job_has_what_the_tightest_of_its_groups_leaves_beside_what_files_have_in_memory(tmp_path, monkeypatch):
-    """Oracle: the kernel's documentation of cgroup v2, memory.max, memory.current, memory.stat."""
-    own = tmp_path / "batch" / "job" / "step"
-    own.mkdir(parents=True)
-    monkeypatch.setattr(memory, "GROUPS", tmp_path)
-    monkeypatch.setattr(memory, "OWN_GROUP", tmp_path / "cgroup")
-    monkeypatch.setattr(memory, "_free", lambda: 1e12)
-    (tmp_path / "cgroup").write_text("4:memory:/other\n0::/batch/job/step\n")
-    assert memory.available_memory(MPI.COMM_SELF) == 1e12  # nothing is limited
-    groups = ((own, "max", 1, 0), (own.parent, 8000, 7000, 5000), (own.parent.parent, 9000, 1000, 0))
-    for group, most, used, unused in groups:
-        (group / "memory.max").write_text(f"{most}\n")
-        (group / "memory.current").write_text(f"{used}\n")
-        (group / "memory.stat").write_text(f"anon 12\ninactive_file {unused}\nactive_file 3\n")
-    assert memory.available_memory(MPI.COMM_SELF) == 6000
-
-
 class Hosts(MPI.Intracomm):
     """Ranks of which two are on each host."""
 
@@ -171,7 +154,6 @@ def available_on_hosts():
     """Return what three ranks can have where two share a host."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(memory, "_free", lambda: 8e9)
-        patch.setattr(memory, "_left_in_job", lambda: 1e12)
         return memory.available_memory(Hosts(MPI.COMM_WORLD))
 
 

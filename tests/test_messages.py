@@ -8,7 +8,6 @@ from mpi4py import MPI
 from rich.console import Console
 
 import wavetank as wt
-from wavetank import console
 from wavetank.case.reading import read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
@@ -144,12 +143,3 @@ def test_python_is_told_its_own_argument_for_a_run_that_is_there(tmp_path):
     case.write_text(SLICE.format(duration=1.0))
     with pytest.raises(InputError, match=r"run already; give another directory, or overwrite it .*overwrite=True"):
         wt.run(wt.read_case(case), tmp_path, quiet=True)
-
-
-def test_an_interruption_while_waiting_for_output_ends_the_waiting(monkeypatch):
-    class Interrupted:
-        def drain(self) -> None:
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(console, "_outputs", {None: Interrupted()})
-    console.drain()

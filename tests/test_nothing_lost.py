@@ -19,7 +19,6 @@ from rich.console import Console
 
 from wavetank.case.reading import read_case
 from wavetank.cli import main
-from wavetank.console import Unhurried
 from wavetank.errors import InputError, RecordError
 from wavetank.output.checkpoint import read_checkpoint
 from wavetank.output.directory import LOG, RunDirectory
@@ -368,19 +367,6 @@ def test_a_name_that_is_no_text_stops_no_library(monkeypatch):
     monkeypatch.setattr("sys.argv", ["wavetank", "run", "F\udce4lle.toml"])
     assert main(["--version"]) == 0
     assert [word.encode() for word in sys.argv] == [b"wavetank", b"run", b"F\\udce4lle.toml"]
-
-
-def test_a_reader_that_stands_still_is_not_waited_for():
-    reading, writing = os.pipe()
-    with open(reading, "rb") as reader, open(writing, "w") as stream:
-        output = Unhurried(stream)
-        console = Console(file=output, soft_wrap=True)
-        for n in range(1000):  # more than a pipe holds
-            console.print(f"{n} " + "x" * 100)
-        first = reader.readline()
-        rest = iter(reader.readline, f"999 {'x' * 100}\n".encode())
-        assert first.startswith(b"0 ") and sum(1 for _ in rest) == 998
-        output.drain()
 
 
 def test_what_is_said_before_the_directory_is_there_is_in_its_log(tmp_path):

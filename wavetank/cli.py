@@ -18,7 +18,7 @@ from typer.core import TyperGroup
 
 import wavetank
 from wavetank.case.new import KINDS, write_case
-from wavetank.console import console, drain
+from wavetank.console import console
 from wavetank.errors import InputError, WavetankError, printable
 from wavetank.fem.agreed import all_here, on_first
 from wavetank.mpi import MPI
@@ -313,7 +313,6 @@ def main(arguments: list[str] | None = None) -> int:
     except (SystemExit, KeyboardInterrupt) as stop:
         if isinstance(stop, SystemExit) and stop.code != INTERRUPTED:
             return int(stop.code or 0)
-        drain()
         _print_error("interrupted by SIGINT")
         if ranks.size > 1:
             ranks.Abort(1)  # the others may be anywhere
@@ -321,8 +320,6 @@ def main(arguments: list[str] | None = None) -> int:
     except Exception as error:
         _abort(error)
         raise
-    finally:
-        drain()
     return 0
 
 
@@ -337,7 +334,6 @@ def _report(message: str, code: int, ranks: MPI.Comm) -> int:
 
     Where the others do not come it is this rank alone that ends: it says so itself, and ends them.
     """
-    drain()
     if ranks.rank == 0:
         _print_error(message)
     if not all_here(ranks, LAST_RANK):

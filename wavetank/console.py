@@ -1,14 +1,11 @@
-"""Where messages go: nothing that becomes of standard output stops or delays what is computed."""
+"""Console output: errors of standard output do not stop a computation."""
 
 import os
 import signal
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import suppress
 from io import TextIOBase, UnsupportedOperation
-from queue import Full, Queue
-from threading import Thread
 from typing import TYPE_CHECKING, TextIO, cast
 
 from wavetank.errors import printable
@@ -17,9 +14,6 @@ from wavetank.mpi import MPI
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, ConsoleRenderable, RenderHook
     from rich.segment import Segment
-
-PENDING = 10_000  # texts that wait for a slow reader; more are dropped
-SLOW_READER = 5.0  # s, at the end, in which a slow reader must have taken something
 
 
 def console(*, least: int = 0) -> "Console":
@@ -63,22 +57,17 @@ def spelt(seconds: float) -> str:
     return "1 second" if round(seconds) == 1 else f"{seconds:.0f} seconds"
 
 
-class Unhurried(TextIOBase):
-    """A stream that is written by a thread of its own: whoever prints neither waits for it nor fails with it.
-
-    What a reader that has gone, a full disk or a reader that stands still do not take is dropped.
-    """
+class _OutputStream(TextIOBase):
+    """A text stream without buffer that drops what cannot be written: its reader has gone, or the disk is full."""
 
     def __init__(self, stream: TextIO):
         self._stream, self._descriptor = stream, stream.fileno()
-        self._texts: Queue[bytes] = Queue(PENDING)
-        with suppress(ValueError):  # of a thread that is not the main one
-            signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # as Python does, and PETSc, where a program loads it, undoes
-        Thread(target=self._pass_on, daemon=True).start()
+        with suppress(ValueError):  # outside the main thread
+            signal.signal(signal.SIGPIPE, signal.SIG_IGN)  # Python's default, which loading PETSc resets
 
     @property
     def encoding(self) -> str:  # type: ignore[override]
-        """The stream's."""
+        """The stream's encoding."""
         return self._stream.encoding
 
     def isatty(self) -> bool:
@@ -90,46 +79,17 @@ class Unhurried(TextIOBase):
         return self._descriptor
 
     def write(self, text: str) -> int:
-        """Take a text; the thread writes it."""
-        with suppress(Full):
-            self._texts.put_nowait(text.encode(self.encoding, errors="replace"))
+        """Write a text at once."""
+        rest = text.encode(self.encoding, errors="replace")
+        with suppress(OSError):
+            while rest:
+                rest = rest[os.write(self._descriptor, rest) :]
         return len(text)
-
-    def drain(self) -> None:
-        """Wait until all is written, or the reader stands still."""
-        left, since = self._texts.unfinished_tasks, time.monotonic()
-        while self._texts.unfinished_tasks and time.monotonic() < since + SLOW_READER:
-            if self._texts.unfinished_tasks < left:
-                left, since = self._texts.unfinished_tasks, time.monotonic()
-            time.sleep(0.002)
-
-    def _pass_on(self) -> None:
-        while True:
-            rest = self._texts.get()
-            try:
-                while rest:
-                    rest = rest[os.write(self._descriptor, rest) :]
-            except OSError:  # nobody reads it, or there is no room
-                pass
-            finally:
-                self._texts.task_done()
-
-
-_outputs: dict[TextIO, Unhurried] = {}
 
 
 def _output(stream: TextIO) -> TextIO:
-    """Return what writes to a stream without waiting for it, the same each time; one in memory as it is."""
-    if stream not in _outputs:
-        try:
-            _outputs[stream] = Unhurried(stream)
-        except (UnsupportedOperation, AttributeError, ValueError):
-            return stream
-    return cast(TextIO, _outputs[stream])
-
-
-def drain() -> None:
-    """Wait until what has been printed is written, as far as that is possible, or until SIGINT."""
-    with suppress(KeyboardInterrupt):
-        for one in _outputs.values():
-            one.drain()
+    """Return a stream that drops what cannot be written; a stream in memory is returned unchanged."""
+    try:
+        return cast(TextIO, _OutputStream(stream))
+    except (UnsupportedOperation, AttributeError, ValueError):
+        return stream
