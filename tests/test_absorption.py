@@ -17,9 +17,9 @@ from test_stateful import SLICE
 
 from wavetank.analysis.reflection import reflected
 from wavetank.case import Scene
-from wavetank.case.absorption import ActiveAbsorption, SpringDamper
 from wavetank.case.reading import read_case
-from wavetank.case.tanks import SliceTank
+from wavetank.case.tank import SliceTank
+from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators.states import Point

@@ -10,8 +10,8 @@ from mpi4py import MPI
 from pydantic import TypeAdapter, ValidationError
 
 from wavetank.case import Scene, SceneError
-from wavetank.case.beds import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.case.reading import read_case
+from wavetank.case.tank import BeachBed, Bed, FormulaBed, GriddedBed, PythonBed
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.mesh import Gridded, Survey, read_bed

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 
 from wavetank import data
 from wavetank.analysis.wave_heights import mean_wave_height, wave_heights
-from wavetank.case.gauge_lines import GaugeLine
+from wavetank.case.output import GaugeLine
 from wavetank.data import DataFile, Dataset, HeightSeries, Section
 from wavetank.errors import InputError
 from wavetank.output.series import GaugeSeries

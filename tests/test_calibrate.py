@@ -13,9 +13,8 @@ from conftest import CHECKOUT, commanded
 from matplotlib.figure import Figure
 
 from wavetank.case import Scene
-from wavetank.case.contents import contents
-from wavetank.case.reading import read_case
-from wavetank.case.targets import CrestTarget
+from wavetank.case.output import CrestTarget
+from wavetank.case.reading import contents, read_case
 from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.output.directory import PADDLE, RunDirectory

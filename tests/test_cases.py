@@ -15,7 +15,7 @@ from ranks import CHECKOUT
 
 from wavetank.case import Scene
 from wavetank.case.reading import read_case
-from wavetank.case.tanks import BasinTank
+from wavetank.case.tank import BasinTank
 from wavetank.output.directory import RunDirectory
 
 CASES = sorted((CHECKOUT / "cases").glob("*.toml"))

@@ -6,7 +6,7 @@ from mpi4py import MPI
 from rich.console import Console
 
 from wavetank.case import Scene
-from wavetank.case.initial_file import FileSurface
+from wavetank.case.initial import FileSurface
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
@@ -110,7 +110,7 @@ def slice_of(length):
 
 def test_a_basin_s_file_may_have_its_points_anywhere(tmp_path):
     """Oracle: the function that was written, at 2 000 random places and the corners."""
-    from wavetank.case.tanks import BasinTank
+    from wavetank.case.tank import BasinTank
 
     layout = {"type": "rectangle", "length": 4.0, "width": 2.0}
     tank = BasinTank.model_validate({"type": "basin", "depth": 0.5, "layout": layout})

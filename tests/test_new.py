@@ -4,8 +4,7 @@ import pytest
 from conftest import commanded, recorded
 from mpi4py import MPI
 
-from wavetank.case.at_hand import SCHEMA
-from wavetank.case.new import KINDS, write_case
+from wavetank.case.new import KINDS, SCHEMA, write_case
 from wavetank.case.reading import read_case
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory

@@ -27,7 +27,7 @@ from wavetank.case import (
     Sponge,
     Tank,
     Wall,
-    paddles,
+    paddle,
 )
 from wavetank.case.numerics import IntegratorName
 from wavetank.case.reading import read_case
@@ -222,7 +222,7 @@ def test_other_ranks_are_told_a_scene_that_has_looked_at_its_paddle(case):
 def test_a_record_is_read_once_and_anew_where_the_scene_it_stands_in_is_another(case, tmp_path, monkeypatch):
     t, read = np.linspace(0.0, 30.0, 301), []
     np.savetxt(tmp_path / "paddle.dat", np.column_stack([t, 0.01 * np.sin(t)]))
-    monkeypatch.setattr(paddles, "read_record", lambda path, **how: read.append(path) or read_record(path, **how))
+    monkeypatch.setattr(paddle, "read_record", lambda path, **how: read.append(path) or read_record(path, **how))
     scene = read_case(case(), ['wall.motion={type="recorded", position="paddle.dat"}', "run.duration=20"])
     other = scene.model_copy(update={"numerics": Numerics(dt=0.1)})
     assert other.motion() is scene.motion() and other.paddle_period == scene.paddle_period and len(read) == 1

@@ -12,10 +12,9 @@ from ranks import CHECKOUT
 from test_bad_input import EVERY, EXTREME, NONSENSE, entries, limits
 
 from wavetank.case import Scene
-from wavetank.case.at_hand import SCHEMA
-from wavetank.case.keys import tables, tag
+from wavetank.case.new import SCHEMA
 from wavetank.case.reading import set_key
-from wavetank.case.schema import schema
+from wavetank.case.schema import schema, tables, tag
 from wavetank.cli import main
 
 CASES = sorted((CHECKOUT / "cases").glob("*.toml"))

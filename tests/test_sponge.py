@@ -14,8 +14,7 @@ from mpi4py import MPI
 
 from examples.paper.sponge import Beach, Operators, in_time, paddle
 from wavetank.case import Scene
-from wavetank.case.sponges import EndSponge, GroupSponge, paddle_period
-from wavetank.case.tanks import SliceTank
+from wavetank.case.tank import EndSponge, GroupSponge, SliceTank, paddle_period
 from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.integrators import (

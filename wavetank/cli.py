@@ -195,7 +195,7 @@ def resume(
 
 
 def _list_cases() -> None:
-    from wavetank.case.at_hand import cases_at_hand
+    from wavetank.case.new import cases_at_hand
 
     terminal = console()
     terminal.print("wavetank run CASE, of which these are at hand (wavetank new begins another):", highlight=False)

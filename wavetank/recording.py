@@ -12,8 +12,8 @@ from rich.console import Console
 
 from wavetank.arrays import Vector
 from wavetank.case import Scene
-from wavetank.case.contents import contents
-from wavetank.case.windows import Window
+from wavetank.case.output import Window
+from wavetank.case.reading import contents
 from wavetank.errors import BreakdownError, InputError, PaddleError, RecordError, RunError, worded
 from wavetank.fem.agreed import agreed, all_here, ending_together, from_first, on_first
 from wavetank.integrators import INTEGRATORS

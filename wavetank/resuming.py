@@ -11,9 +11,8 @@ from pydantic import ValidationError
 
 from wavetank.arrays import Vector
 from wavetank.case import Scene, StillWater
-from wavetank.case.contents import contents, named_files
 from wavetank.case.numerics import Numerics
-from wavetank.case.reading import changed_scene
+from wavetank.case.reading import changed_scene, contents, named_files
 from wavetank.errors import InputError, RecordError, RunError
 from wavetank.fem.agreed import agreed, on_first
 from wavetank.fem.by_place import found, gathered

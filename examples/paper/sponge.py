@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 from examples.paper.report import Report
 from examples.paper.watched import watched
 from wavetank.analysis.reflection import reflected
-from wavetank.case.beds import BeachBed
-from wavetank.case.sponges import EndSponge
-from wavetank.case.tanks import SliceTank
+from wavetank.case.tank import BeachBed, EndSponge, SliceTank
 from wavetank.fem.plane import Plane
 from wavetank.integrators import Damping, Simpson4, damped
 from wavetank.integrators.contract import State

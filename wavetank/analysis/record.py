@@ -13,7 +13,7 @@ from wavetank import data
 from wavetank.analysis import records
 from wavetank.analysis.harmonics import fundamental
 from wavetank.analysis.still_water import still_water
-from wavetank.case.beds import Depth
+from wavetank.case.tank import Depth
 from wavetank.errors import InputError
 from wavetank.output.directory import RunDirectory
 from wavetank.output.manifest import MANIFEST

@@ -5,8 +5,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.interpolate import LinearNDInterpolator, NearestNDInterpolator
 from scipy.spatial import QhullError
 
-from wavetank.case.beds import Depth, PythonBed
-from wavetank.case.tanks import AnyTank, Tank
+from wavetank.case.tank import AnyTank, Depth, PythonBed, Tank
 from wavetank.errors import InputError
 from wavetank.output.directory import BED, RunDirectory
 

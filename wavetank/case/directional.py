@@ -10,15 +10,12 @@ import numpy as np
 from pydantic import Field
 
 from wavetank import motion as motions
-from wavetank.case.groups import KEY, MOST, FocusingWaves, SpectralWaves
-from wavetank.case.moving_wall import HingedWall, MovingWall
-from wavetank.case.surroundings import Surroundings
-from wavetank.case.tanks import AnyTank, BasinTank
-from wavetank.case.wave_files import ComponentFile, SurfaceFile
+from wavetank.case.tank import AnyTank, BasinTank, Surroundings
+from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, FocusingWaves, SpectralWaves, SurfaceFile
 from wavetank.mesh import MeshFile
-from wavetank.motion.segmented import joints, widest_segment
+from wavetank.motion.segmented import widest_segment
 from wavetank.values.noun import Noun, Problem, one_of
-from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Ramp
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.wavemaker import PISTON, Wavemaker
@@ -26,7 +23,6 @@ from wavetank.waves.wavemaker import PISTON, Wavemaker
 Spreading = Annotated[float, Field(ge=0, le=1000)]
 Deviation = Annotated[float, Field(ge=0.1, le=90)]
 PLACES = 101  # at which a paddle without segments is looked at
-SEGMENTS = 1000  # at most
 NARROW = 1e-3  # of the energy of a file's waves: of so little the segments may be too wide
 TERMS = 20_000_000  # of a motion's sum over components, directions and places, at most: 320 MB
 
@@ -106,11 +102,13 @@ class _FanOfWaves(FocusingWaves):
         waves = self.components * self.directions * self._places(scene)
         if waves > TERMS:
             allowed = f"must be fewer: with the directions, at all places of the paddle, there are {waves:.2g}"
-            yield Problem((*KEY, "components"), self.components, f"{allowed}, and at most {TERMS:.2g} are allowed")
+            yield Problem(
+                (*MOTION_KEY, "components"), self.components, f"{allowed}, and at most {TERMS:.2g} are allowed"
+            )
             return
         yield from super().problems(scene)
         if not low <= self.focus_y <= high:
-            yield Problem((*KEY, "focus_y"), self.focus_y, f"must be before the paddle, {low:g} to {high:g} m")
+            yield Problem((*MOTION_KEY, "focus_y"), self.focus_y, f"must be before the paddle, {low:g} to {high:g} m")
 
 
 class DirectionalFocusMotion(_FanOfWaves):
@@ -137,7 +135,7 @@ class DirectionalFocusMotion(_FanOfWaves):
                 f"must be at most {widest:.4g} deg: waves from further aside would have to come from beyond the "
                 "paddle's ends (type reflected-focus sends them by way of the side walls)"
             )
-            yield Problem((*KEY, "largest_angle"), self.largest_angle, allowed)
+            yield Problem((*MOTION_KEY, "largest_angle"), self.largest_angle, allowed)
 
 
 class ReflectedFocusMotion(_FanOfWaves):
@@ -180,7 +178,9 @@ class DirectionalIrregularMotion(SpectralWaves):
     )
     largest_angle: float = Field(default=60.0, ge=0.1, lt=90, description="angle of the outermost directions [deg]")
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
-    components: int = Field(default=1000, ge=2, le=MOST, description="number of components, each of one direction")
+    components: int = Field(
+        default=1000, ge=2, le=MAX_COMPONENTS, description="number of components, each of one direction"
+    )
 
     _one_spread = one_of("spreading", "deviation")
 
@@ -213,7 +213,7 @@ class DirectionalIrregularMotion(SpectralWaves):
         terms = self.components * _looked_at(scene)
         if terms > TERMS:
             allowed = f"must be fewer: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
-            yield Problem((*KEY, "components"), self.components, allowed)
+            yield Problem((*MOTION_KEY, "components"), self.components, allowed)
             return
         yield from super().problems(scene)
 
@@ -249,7 +249,7 @@ class _SentWaves(Noun):
         terms = self.plane_waves(scene.tank).omega.size * _looked_at(scene)
         if terms > TERMS:
             allowed = f"must have fewer waves: at all places of the paddle they are {terms:.2g}, {TERMS:.2g} allowed"
-            yield Problem((*KEY, "file"), None, allowed)
+            yield Problem((*MOTION_KEY, "file"), None, allowed)
 
 
 class DirectionalComponentsMotion(ComponentFile, _SentWaves):
@@ -297,66 +297,3 @@ SegmentedPaddleMotion = Annotated[
     | DirectionalSurfaceMotion,
     Field(discriminator="type", description="motion of the paddle's segments"),
 ]
-
-
-class SegmentedWall(MovingWall):
-    """A wall of many paddles side by side, each with its own motion."""
-
-    motion: SegmentedPaddleMotion
-    segment: Length | None = Field(
-        default=None, description="largest width of a segment [m]; default: no segments, continuous in y"
-    )
-
-    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
-        """Return the motion of the paddle's segments, hinged to each other."""
-        motion = self.motion.build(tank, self.maker)
-        return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
-
-    def generation_reason(self, tank: AnyTank, physics: str) -> str:
-        """Return why the generation of segments is linear."""
-        return "second-order generation is for paddles that move as a whole"
-
-    def places(self, tank: AnyTank) -> motions.Array:
-        """Return places y along the paddle [m], shape (N,), among which it goes farthest: the joints, if it has any."""
-        low, high = span(tank)
-        return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
-
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield a tank without a paddle of known width, too many segments, and what is wrong with reach and motion."""
-        kind = getattr(self, "type", None)
-        if not np.isfinite(span(scene.tank)).all():
-            allowed = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
-            yield Problem(("wall", "type"), kind, allowed)
-            return
-        if scene.physics == "linear":
-            yield Problem(("wall", "type"), kind, "needs nonlinear water (water.type), or must be a piston")
-        yield from super().problems(scene)
-        low, high = span(scene.tank)
-        if self.segment is not None and high - low > SEGMENTS * self.segment:
-            least = (high - low) / SEGMENTS
-            yield Problem(("wall", "segment"), self.segment, f"must be at least {least:.4g} m, for {SEGMENTS} segments")
-            return
-        yield from () if self.reads_file else self.motion_problems(scene)
-
-    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield segments too wide for the waves, and what is wrong with the motion."""
-        widest = self.motion.widest_segment(scene.tank)
-        if self.segment is not None and self.segment > widest:
-            allowed = (
-                f"must be at most {widest:.4g} m, the shortest wave's length over 1 + sin of its angle: wider segments "
-                "make spurious waves in other directions"
-            )
-            yield Problem(("wall", "segment"), self.segment, allowed)
-        yield from super().motion_problems(scene)
-
-
-class SegmentedPistonWall(SegmentedWall):
-    """A vertical wall of many pistons side by side, each with its own motion."""
-
-    type: Literal["segmented-piston"] = "segmented-piston"
-
-
-class SegmentedFlapWall(HingedWall, SegmentedWall):
-    """Many flaps side by side, hinged at one height, each with its own motion."""
-
-    type: Literal["segmented-flap"] = "segmented-flap"

@@ -2,27 +2,266 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Annotated, Literal
+from pathlib import Path
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
+from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.initial_file import FileSurface
-from wavetank.case.initial_formula import FormulaSurface
-from wavetank.case.initial_run import RunState
-from wavetank.case.initial_sea import FocusedSurface, IrregularSurface
-from wavetank.case.surroundings import Surroundings
-from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
+from wavetank.case.tank import AnyTank, BasinTank, RingTank, SliceTank, Surroundings
+from wavetank.case.waves import GaussianSpectrum, JonswapSpectrum, PiersonMoskowitzSpectrum, TmaSpectrum
+from wavetank.errors import InputError
 from wavetank.mesh import Rectangle
-from wavetank.values.noun import Noun, Problem, about, one_of
-from wavetank.values.quantities import Coordinate, Count, Height, Share, metres
+from wavetank.values.columns import check_ascending, read_columns
+from wavetank.values.formula import Array
+from wavetank.values.noun import FilePath, FormulaNoun, FormulaText, Noun, Problem, about, one_of
+from wavetank.values.quantities import Coordinate, Count, Frequency, Height, Share, metres
+from wavetank.waves.airy import angular_frequency, group_velocity
 from wavetank.waves.conformal import SteadyWave
+from wavetank.waves.plane_waves import PlaneWaves
 from wavetank.waves.solitary_wave import HIGHEST_SOLITARY, solitary_wave
 from wavetank.waves.standing_wave import ThirdOrderStandingWave
 from wavetank.waves.stream_function import maximum_height, stream_function_wave
 from wavetank.waves.wave import Wave
 
+# ---------------------------------------------------------------- a surface from a file
+LARGEST_GAP_RATIO = 2.0  # times what is most between two points may be from the last round to the first
+MIN_POINTS = 4  # points: of a cubic spline, or of triangles
+
+
+class FileSurface(Noun):
+    """Elevation and potential of a file: columns x, eta and psi of a slice or ring, x, y, eta and psi of a basin.
+
+    Released from rest where psi is left out. Between its points is a cubic spline along a slice or ring, periodic round
+    this, and in basins a surface on triangles with continuous slopes.
+    """
+
+    type: Literal["file"] = "file"
+    file: FilePath = Field(
+        description="text file of columns: x, eta [m] and, if not at rest, psi [m^2/s]; in a basin x, y, eta, psi"
+    )
+
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,).
+
+        Raises ``InputError`` for a file that cannot be read, or that does not reach there.
+        """
+        path = data.resolve(self.file, Path())
+        axes = ["x", "y"] if isinstance(tank, BasinTank) else ["x"]
+        allowed = f"allowed are finite numbers: {', '.join(axes)}, eta and, where the water moves, psi"
+        found = read_columns(path, allowed=allowed)
+        rows, columns = found.values.shape
+        if rows < MIN_POINTS or columns not in (len(axes) + 1, len(axes) + 2):
+            raise InputError(
+                f"{path}: {rows} rows of {columns} columns received; {allowed}, {MIN_POINTS} rows or more."
+            )
+        at, values = found.values[:, : len(axes)], found.values[:, len(axes) :]
+        if isinstance(tank, BasinTank):
+            surface = _over(path, at, values)(np.column_stack([x, y]))
+        else:
+            check_ascending(path, found.lines, at[:, 0], what=("x =", "places"))
+            surface = _along(path, at[:, 0], values, around=tank.length if isinstance(tank, RingTank) else None)(x)
+        if np.isnan(surface).any():
+            where = int(np.flatnonzero(np.isnan(surface).any(axis=1))[0])
+            place = ", ".join(f"{axis} = {one[where]:.6g} m" for axis, one in zip(axes, (x, y), strict=False))
+            raise InputError(f"{path}: does not reach {place}, where there is water.")
+        eta, psi = surface[:, 0], surface[:, 1] if columns == len(axes) + 2 else np.zeros_like(x)
+        return eta, psi
+
+
+def _along(path: Path, at: motions.Array, values: motions.Array, *, around: float | None) -> Any:
+    """Return values [.] along x, by a spline; nan beyond its ends, and round a ring [m] none."""
+    from scipy.interpolate import CubicSpline
+
+    if around is None:
+        return CubicSpline(at, values, extrapolate=False)
+    if at[-1] - at[0] > around * (1 + 1e-9):
+        raise InputError(f"{path}: x from {at[0]:g} to {at[-1]:g} m received; a ring of {around:g} m is shorter.")
+    gap, widest = around - (at[-1] - at[0]), float(np.diff(at).max())
+    if gap > LARGEST_GAP_RATIO * widest:
+        reach = f"{path}: x from {at[0]:g} to {at[-1]:g} m received, {widest:.3g} m apart at the most"
+        raise InputError(f"{reach}; {gap:.3g} m of a ring of {around:g} m are left out: points must go all round.")
+    if gap > around * 1e-9:
+        at, values = np.append(at, at[0] + around), np.vstack([values, values[:1]])
+    values = np.vstack([values[:-1], values[:1]])  # which is the last
+    return CubicSpline(at, values, bc_type="periodic", extrapolate="periodic")
+
+
+def _over(path: Path, at: motions.Array, values: motions.Array) -> Any:
+    """Return values over (x, y) on triangles; nan beyond."""
+    from scipy.interpolate import CloughTocher2DInterpolator
+    from scipy.spatial import QhullError
+
+    try:
+        return CloughTocher2DInterpolator(at, values)
+    except QhullError:
+        raise InputError(f"{path}: its points stand on one line; a basin's must reach around it.") from None
+
+
+# ---------------------------------------------------------------- a surface by formulae
+class FormulaSurface(FormulaNoun):
+    """eta(x, y) and psi(x, y) as given; released from rest where psi is left out."""
+
+    type: Literal["formula"] = "formula"
+    eta: FormulaText = Field(description="elevation eta(x, y) [m]")
+    psi: FormulaText = Field(default="0", description="surface potential psi(x, y) [m^2/s]")
+
+    def surface(self, tank: AnyTank, x: Array, y: Array) -> tuple[Array, Array]:
+        """Return eta [m] and psi [m²/s] at places x, y [m], each of shape (N,); raises ``InputError`` if not finite."""
+        return self.formula(self.eta)(x, y), self.formula(self.psi)(x, y)
+
+
+# ---------------------------------------------------------------- a state of another run
+class RunState(Noun):
+    """The surface of another run of the same tank, as a checkpoint of it keeps it, also on other cells.
+
+    This run's time begins at 0. Numerics that are not named are those of that run.
+    """
+
+    type: Literal["run"] = "run"
+    directory: FilePath = Field(description="run directory of that run")
+    t: float | None = Field(
+        default=None, ge=0.0, le=1e9, description="time of that run [s], of which it keeps two; default: its last"
+    )
+
+
+# ---------------------------------------------------------------- linear waves of a spectrum
+Shape = Annotated[
+    JonswapSpectrum | PiersonMoskowitzSpectrum | TmaSpectrum | GaussianSpectrum,
+    Field(discriminator="type", description="shape S(f)"),
+]
+HIGHEST_OF_PEAK = 3.0
+MAX_WAVES = 10_000  # waves
+MIN_WAVES = 1.5  # waves, as many as would share the spectrum equally: (sum S df)² / sum (S df)²
+STEEPEST = 0.14  # height over length of the highest waves, in depth times tanh k d (Miche)
+
+
+class SpectralSurface(Noun):
+    """Linear waves of a spectrum."""
+
+    spectrum: Shape
+    highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
+
+    def surface(self, tank: AnyTank, x: motions.Array, y: motions.Array) -> tuple[motions.Array, motions.Array]:
+        """Return eta [m], and psi [m²/s] of linear waves, at still water, at places x, y [m], each of shape (N,)."""
+        waves = self.waves(tank)
+        return waves.elevation(x), waves.potential(x, np.zeros_like(x))
+
+    def waves(self, tank: AnyTank) -> PlaneWaves:
+        """Return the waves."""
+        raise NotImplementedError
+
+    def _along(self, tank: AnyTank) -> tuple[motions.Array, motions.Array]:
+        """Return wave numbers [rad/m], whole waves along the tank, and S(f) df of each but for a factor."""
+        highest, step = self._highest(tank), 2 * np.pi / tank.length
+        k = step * np.arange(1, MAX_WAVES + 1, dtype=np.float64)
+        k = k[angular_frequency(k, tank.depth, tank.gravity) <= highest]
+        frequencies = np.asarray(angular_frequency(k, tank.depth, tank.gravity) / (2 * np.pi), dtype=np.float64)
+        speeds = group_velocity(k, tank.depth, tank.gravity)
+        return k, np.asarray(self.spectrum.build(tank).density(frequencies) * speeds)
+
+    def _highest(self, tank: AnyTank) -> float:
+        """Return the last angular frequency [rad/s], default resolved."""
+        peak = self.spectrum.build(tank).peak_frequency
+        return 2 * np.pi * (HIGHEST_OF_PEAK * peak if self.highest_frequency is None else self.highest_frequency)
+
+    def _waves(self, tank: AnyTank, k: motions.Array, amplitudes: NDArray[np.complex128]) -> PlaneWaves:
+        omega = np.asarray(angular_frequency(k, tank.depth, tank.gravity))
+        return PlaneWaves(amplitudes=amplitudes, k_x=k, k_y=0 * k, omega=omega, depth=tank.depth, gravity=tank.gravity)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a basin, and a spectrum of which no whole wave goes into the tank, or too many do."""
+        tank = scene.tank
+        if isinstance(tank, BasinTank):
+            yield Problem(("initial", "type"), None, "needs a slice or ring (tank.type): waves go along it")
+            return
+        first = angular_frequency(2 * np.pi / tank.length, tank.depth, tank.gravity)
+        last = angular_frequency(2 * np.pi * MAX_WAVES / tank.length, tank.depth, tank.gravity)
+        highest = self._highest(tank)
+        if not first < highest < last:
+            low, high = first / (2 * np.pi), last / (2 * np.pi)
+            allowed = f"must be from {low:.4g} Hz, of a wave as long as the tank, to {high:.4g} Hz"
+            yield Problem(("initial", "highest_frequency"), self.highest_frequency, allowed)
+            return
+        k, share = self._along(tank)
+        if not share.sum() > 0.0:
+            yield Problem(("initial", "spectrum"), None, "must have waves, whole ones as long as the tank")
+        elif share.sum() ** 2 < MIN_WAVES * np.square(share).sum():
+            main, peak = k[share.argmax()], self.spectrum.build(tank).peak_frequency
+            hertz = angular_frequency(main, tank.depth, tank.gravity) / (2 * np.pi)
+            allowed = (
+                f"must have more than one wave that fits: of whole ones along {metres(tank.length)} m nearly all is "
+                f"in that of {hertz:.4g} Hz, the peak being at {peak:.4g} Hz; the tank may be longer"
+            )
+            yield Problem(("initial", "spectrum"), None, allowed)
+
+
+class IrregularSurface(SpectralSurface):
+    """An irregular sea all along the tank, of linear waves that go to +x: the same of a seed on any machine."""
+
+    type: Literal["irregular"] = "irregular"
+    significant_height: Height = Field(description="significant wave height Hm0 = 4 m0^(1/2) [m]")
+    seed: int = Field(default=1, ge=0, le=2**53, description="which of all seas of the spectrum")
+
+    def waves(self, tank: AnyTank) -> PlaneWaves:
+        """Return the sea: its variance is (Hm0 / 4)²."""
+        k, share = self._along(tank)
+        amplitudes = self.significant_height / 4.0 * np.sqrt(2.0 * share / share.sum())
+        return self._waves(tank, k, amplitudes * np.exp(2j * np.pi * motions.uniform(self.seed, k.size)))
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any, a slice, whose walls reflect such waves, and a sea too high."""
+        if not isinstance(scene.tank, RingTank):
+            yield Problem(("initial", "type"), self.type, "needs a ring (tank.type): walls reflect such waves")
+            return
+        found = list(super().problems(scene))
+        yield from found
+        highest = STEEPEST * scene.tank.length
+        if not found and self.significant_height > min(highest, scene.tank.depth):
+            yield Problem(
+                ("initial", "significant_height"),
+                self.significant_height,
+                f"must be at most {min(highest, scene.tank.depth):.4g} m, of waves in that depth and tank",
+            )
+
+
+class FocusedSurface(SpectralSurface):
+    """Waves of a spectrum that go to +x and meet in a crest at t = 0, or a trough: a sea's most probable (NewWave)."""
+
+    type: Literal["focused"] = "focused"
+    linear_crest: float = Field(
+        ge=-1e6, le=1e6, description="elevation where all waves meet, by linear theory [m]; negative is a trough"
+    )
+    x: Coordinate = Field(description="where they meet [m]")
+
+    def waves(self, tank: AnyTank) -> PlaneWaves:
+        """Return the group: amplitudes go with S(f) df."""
+        k, share = self._along(tank)
+        return self._waves(tank, k, self.linear_crest * share / share.sum() * np.exp(-1j * k * self.x))
+
+    def at_ends(self, tank: SliceTank) -> motions.Array:
+        """Return the envelope at both ends of a slice over the crest, shape (2,)."""
+        k, share = self._along(tank)
+        phases = np.exp(1j * np.multiply.outer([-self.x, tank.length - self.x], k))
+        return np.asarray(np.abs(phases @ share) / share.sum())
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any, a place outside the tank, and a trough below the bed."""
+        found = list(super().problems(scene))
+        yield from found
+        if found:
+            return
+        if not 0.0 <= self.x <= scene.tank.length:
+            yield Problem(("initial", "x"), self.x, f"must be inside the tank, 0 to {metres(scene.tank.length)} m")
+        if abs(self.linear_crest) >= scene.tank.depth:
+            allowed = f"must be less than the still-water depth, {scene.tank.depth:g} m, either way"
+            yield Problem(("initial", "linear_crest"), self.linear_crest, allowed)
+
+
+# ---------------------------------------------------------------- still water and steady or standing waves
 BREAKING = 0.109 * 2 * np.pi  # k a / tanh(k d) of the highest standing wave, H / L = 0.218 tanh(k d) (Danel, 1952)
 
 

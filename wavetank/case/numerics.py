@@ -1,36 +1,13 @@
 """How it is computed, for how long, and what is recorded."""
 
-from collections.abc import Iterator, Sequence, Set
-from typing import Any, Literal, Self
+from collections.abc import Iterator, Set
+from typing import Any, Literal
 
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
-from wavetank.case.surroundings import Surroundings
-from wavetank.case.tanks import AnyTank, BasinTank, RingTank, SliceTank
+from wavetank.case.tank import AnyTank, BasinTank, RingTank, SliceTank, Surroundings
 from wavetank.values.noun import Noun, Problem, one_of
-from wavetank.values.quantities import Coordinate, Count, Duration, Label, Length, Share
-
-
-class Gauge(Noun):
-    """A place where the elevation is recorded."""
-
-    name: Label = Field(min_length=1, description="name of the gauge")
-    x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
-    y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
-
-    def mirrored(self, ends: float) -> Self:
-        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
-        return self.model_copy(update={"x": ends - self.x})
-
-
-def named(gauges: Any) -> Any:
-    """Return gauges given as numbers or without a name as tables with the names 1, 2, ...; the rest as it is."""
-    if not isinstance(gauges, Sequence) or isinstance(gauges, str):
-        return gauges
-    tables = (gauge if isinstance(gauge, dict | Gauge) else {"x": gauge} for gauge in gauges)
-    return tuple(
-        gauge if isinstance(gauge, Gauge) else {"name": str(n), **gauge} for n, gauge in enumerate(tables, start=1)
-    )
+from wavetank.values.quantities import Count, Duration, Length, Share
 
 
 class RunNoun(Noun):
@@ -131,22 +108,3 @@ class Numerics(Noun):
     def _without_what_is_planned(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
         values: dict[str, Any] = dump(self)
         return {key: values[key] for key in values if not self.open or key in self.model_fields_set}
-
-
-class Output(Noun):
-    """What is recorded, and how often."""
-
-    energy_every: Count = Field(default=1, description="steps between rows of the energy budget")
-    gauges_every: Count = Field(default=1, description="steps between rows of the gauges' record")
-    probes_every: Count = Field(default=1, description="steps between rows of the probes' and loads' records")
-    surface_every: Duration | None = Field(
-        default=None, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
-    )
-    velocity_every: Duration | None = Field(
-        default=None, description="time between snapshots of the velocity field [s]; default: none"
-    )
-
-    def problems(self, scene: Surroundings) -> Iterator[Problem]:
-        """Yield velocities of linear water, which keeps no potential below the surface."""
-        if self.velocity_every is not None and scene.physics == "linear":
-            yield Problem(("output", "velocity_every"), self.velocity_every, "must be left out with linear water")

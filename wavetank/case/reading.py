@@ -1,24 +1,27 @@
 """Reads a case file into a ``Scene``, and says in one line each what is wrong with it."""
 
+import hashlib
 import re
 import tomllib
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from difflib import get_close_matches
 from functools import lru_cache
+from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from wavetank import data
 from wavetank.case import Scene
-from wavetank.case.at_hand import cases_at_hand
-from wavetank.case.keys import homes, homes_of_type, nouns, table_at, tag
+from wavetank.case.new import cases_at_hand
+from wavetank.case.schema import homes, homes_of_type, nouns, table_at, tag
 from wavetank.errors import InputError, choice
 from wavetank.values.files import regular
-from wavetank.values.noun import Noun, Problem, SceneError
+from wavetank.values.noun import Located, Noun, Problem, SceneError
 from wavetank.values.python_file import trusting
 
 Key = tuple[str | int, ...]
@@ -349,3 +352,22 @@ def _in_words(message: str, meaning: str) -> str:
         .replace("be None", "be left out")
     )
     return f"{words} ({meaning})" if meaning else words
+
+
+# ---------------------------------------------------------------- files that a case names
+def contents(scene: Noun) -> dict[str, str]:
+    """Return the SHA-256 of each file that a scene names and that is there, by its dotted key."""
+    found = {}
+    for key, reference in named_files(scene):
+        with suppress(InputError, OSError), regular(data.resolve(reference, Path()), largest=inf).open("rb") as file:
+            found[key] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found
+
+
+def named_files(noun: Noun, *keys: str) -> Iterator[tuple[str, str]]:
+    """Yield by which dotted keys a noun, which stands there, and those in it name files, and how."""
+    for name, value in noun:
+        if isinstance(value, Located):
+            yield ".".join((*keys, name)), value
+        elif isinstance(value, Noun):
+            yield from named_files(value, *keys, name)

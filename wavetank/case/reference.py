@@ -7,9 +7,8 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from wavetank.case.keys import Table, table_at, tables, tag
 from wavetank.case.scene import Scene
-from wavetank.case.schema import schema
+from wavetank.case.schema import Table, schema, table_at, tables, tag
 
 INTRODUCTION = """# Every key of a case
 

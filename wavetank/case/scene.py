@@ -10,18 +10,11 @@ from pydantic import BeforeValidator, Field, Strict, model_validator
 from pydantic_core import PydanticCustomError
 
 from wavetank import motion as motions
-from wavetank.case.beds import Depth
-from wavetank.case.gauge_lines import GaugeLine
 from wavetank.case.initial import Initial, StillWater
-from wavetank.case.loads import ENDS, FAR, PADDLE, WallLoad
-from wavetank.case.moving_wall import MovingWall
-from wavetank.case.numerics import Gauge, Numerics, Output, RunNoun, named
-from wavetank.case.probes import Probe
-from wavetank.case.sponges import Sponge, paddle_period
-from wavetank.case.tanks import BasinTank, Tank
-from wavetank.case.targets import Target
-from wavetank.case.walls import FarWall, FixedWall, Wall
-from wavetank.case.windows import Window
+from wavetank.case.numerics import Numerics, RunNoun
+from wavetank.case.output import ENDS, FAR, PADDLE, Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
+from wavetank.case.tank import BasinTank, Depth, Sponge, Tank, paddle_period
+from wavetank.case.wall import FarWall, FixedWall, MovingWall, Wall
 from wavetank.motion.extent import Extent, extent, times, values
 from wavetank.motion.told import Told
 from wavetank.values.noun import Noun, Problem, SceneError, about, renamed

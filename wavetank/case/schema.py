@@ -1,13 +1,119 @@
-"""The JSON schema of case files, by which editors complete and check them."""
+"""The tables and keys of a case, and their JSON schema."""
 
-from typing import Any
+from collections.abc import Iterable, Iterator
+from functools import cache
+from typing import Any, NamedTuple, get_args, get_origin
 
-from wavetank.case.keys import tables, tag
-from wavetank.case.numerics import Gauge
-from wavetank.case.probes import Probe
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+
+from wavetank.case.output import Gauge, Probe
 from wavetank.case.scene import Scene
-from wavetank.case.tanks import SliceTank
+from wavetank.case.tank import SliceTank
 
+
+# ---------------------------------------------------------------- tables
+class Table(NamedTuple):
+    """A table of a case, with all nouns that can stand there.
+
+    Attributes
+    ----------
+    path
+        Its key; empty for what stands before all tables.
+    nouns
+        One a type.
+    listed
+        Whether there may be several of it.
+    """
+
+    path: tuple[str, ...]
+    nouns: tuple[type[BaseModel], ...]
+    listed: bool = False
+
+    @property
+    def header(self) -> str:
+        """The line that begins it in a case."""
+        name = ".".join(self.path)
+        return f"[[{name}]]" if self.listed else f"[{name}]"
+
+    def with_key(self, key: str) -> str:
+        """Return where a key of it belongs, in words; empty if it has none of that name."""
+        return self._of([noun for noun in self.nouns if key in noun.model_fields])
+
+    def with_type(self, key: str, name: str) -> str:
+        """Return where a key of it may be of a type, in words; empty if it may nowhere."""
+        fields = {noun: noun.model_fields[key] for noun in self.nouns if key in noun.model_fields}
+        return self._of([noun for noun, field in fields.items() if name in map(tag, nouns(field.annotation))])
+
+    def _of(self, having: list[type[BaseModel]]) -> str:
+        """Return which it is, in words, where only some of its nouns are meant; empty if none is."""
+        if not having or not self.path:
+            return "the top of the case, before all tables" if having else ""
+        some = f" of type {' or '.join(dict.fromkeys(map(tag, having)))}" if len(having) < len(self.nouns) else ""
+        return f"{self.header}{some}"
+
+
+def nouns(annotation: Any) -> Iterator[type[BaseModel]]:
+    """Yield the nouns that an annotation allows."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    for argument in get_args(annotation):
+        yield from nouns(argument)
+
+
+def tag(noun: type[BaseModel]) -> str:
+    """Return the type by which a case names a noun; empty where there is no other that could stand there."""
+    return str(noun.model_fields["type"].default) if "type" in noun.model_fields else ""
+
+
+@cache
+def tables() -> tuple[Table, ...]:
+    """Return all tables of a case, a table before those in it."""
+    return tuple(_tables(Table((), (Scene,))))
+
+
+def _tables(table: Table) -> Iterator[Table]:
+    yield table
+    inside: dict[str, Table] = {}
+    for name, field in ((name, field) for noun in table.nouns for name, field in noun.model_fields.items()):
+        if found := tuple(nouns(field.annotation)):
+            known = inside.get(name, Table((), ())).nouns
+            inside[name] = Table((*table.path, name), tuple(dict.fromkeys((*known, *found))), _listed(field))
+    told = dict[tuple[type[BaseModel], ...], Table]()
+    for one in inside.values():
+        if told.setdefault(one.nouns, one) is one:  # the far wall is told of with the wall
+            yield from _tables(one)
+
+
+def table_at(path: tuple[str, ...], field: FieldInfo) -> Table | None:
+    """Return the table of a key, or the one that tells of it: what both may hold is the same; None of a value."""
+    found = tuple(nouns(field.annotation))
+    same = [one for one in tables() if one.path == path or (found and one.nouns == found)]
+    return max(same, key=lambda one: one.path == path, default=None)
+
+
+def _listed(field: FieldInfo) -> bool:
+    return get_origin(field.annotation) is tuple
+
+
+def homes(key: str) -> str:
+    """Return in words where in a case a key belongs; empty if it belongs nowhere."""
+    if key == "type":
+        return ""
+    return _either(where for table in tables() if (where := table.with_key(key)))
+
+
+def homes_of_type(key: str, name: str) -> str:
+    """Return in words where in a case a key may be of a type; empty if it may nowhere."""
+    return _either(where for table in tables() if (where := table.with_type(key, name)))
+
+
+def _either(places: Iterable[str]) -> str:
+    found = [*places]
+    return " or ".join(filter(None, (", ".join(found[:-1]), *found[-1:])))
+
+
+# ---------------------------------------------------------------- JSON schema
 DRAFT = "http://json-schema.org/draft-07/schema#"
 
 

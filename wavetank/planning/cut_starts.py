@@ -9,9 +9,8 @@ groups, s being that of the envelope (measured 0.6 to 1.3, JONSWAP and Gaussian)
 from collections.abc import Iterator
 
 from wavetank.case import Scene
-from wavetank.case.initial import SolitaryWave
-from wavetank.case.initial_sea import FocusedSurface
-from wavetank.case.tanks import SliceTank
+from wavetank.case.initial import FocusedSurface, SolitaryWave
+from wavetank.case.tank import SliceTank
 
 LARGEST = 0.01  # of the height, at an end
 MISSED = {SolitaryWave: 0.4, FocusedSurface: 1.0}  # relative error of the elevation over that share

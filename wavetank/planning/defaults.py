@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 
 from wavetank.arrays import Vector
 from wavetank.case import BasinTank, RingTank, Scene, SliceTank
-from wavetank.case.initial import StillWater
-from wavetank.case.initial_run import RunState
+from wavetank.case.initial import RunState, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER, Numerics
-from wavetank.case.sponges import paddle_period
+from wavetank.case.tank import paddle_period
 from wavetank.errors import InputError
 from wavetank.planning.dispersion import relative_frequency_error
 from wavetank.planning.requirements import highest_frequency, looked_at, stokes, tapered

@@ -12,14 +12,12 @@ from scipy.spatial import cKDTree
 
 from wavetank.arrays import Vector
 from wavetank.case import Scene
-from wavetank.case.initial import StillWater
-from wavetank.case.initial_run import RunState
-from wavetank.case.loads import ENDS, FAR
+from wavetank.case.initial import RunState, StillWater
 from wavetank.case.numerics import HIGHEST_VERTICAL_ORDER
-from wavetank.case.paddles import FormulaMotion, PythonMotion
-from wavetank.case.sponges import EndSponge, FormulaSponge, GroupSponge
-from wavetank.case.tanks import SliceTank
-from wavetank.case.wave_files import SurfaceFile
+from wavetank.case.output import ENDS, FAR
+from wavetank.case.paddle import FormulaMotion, PythonMotion
+from wavetank.case.tank import EndSponge, FormulaSponge, GroupSponge, SliceTank
+from wavetank.case.waves import SurfaceFile
 from wavetank.errors import InputError
 from wavetank.fem.misfit import misfit, rms
 from wavetank.integrators import INTEGRATORS

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from wavetank.case import Scene
-from wavetank.case.beds import Depth
+from wavetank.case.tank import Depth
 from wavetank.planning.highest_waves import highest_wave
 from wavetank.planning.requirements import stokes
 from wavetank.waves.airy import group_velocity, wave_number

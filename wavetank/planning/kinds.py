@@ -1,7 +1,7 @@
 """What a step costs by: the kind of waves, and the entries of the operator."""
 
 from wavetank.case import Physics, Scene
-from wavetank.case.moving_wall import HingedWall, ShapedWall
+from wavetank.case.wall import HingedWall, ShapedWall
 from wavetank.values.noun import Noun
 
 # paddles, over a piston: flaps hinged at the bed or below it; other shapes, of one or both walls

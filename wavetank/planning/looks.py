@@ -15,8 +15,8 @@ from math import inf
 from typing import Any, NamedTuple
 
 from wavetank.case import Scene
-from wavetank.case.absorption import ActiveAbsorption, SpringDamper
-from wavetank.case.loads import PADDLE
+from wavetank.case.output import PADDLE
+from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.simulation.schedule import EveryTimeBetween
 
 ROW = 2.5e-3, 5e-8  # s, and s an entry of a slice's operator

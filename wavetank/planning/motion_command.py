@@ -155,7 +155,7 @@ def _told(scene: "Scene", signal: _Signal) -> str:
 
 def _heights(scene: "Scene") -> tuple[float, float] | None:
     """Return how high above the bed and above its hinge a flap's position is [m]; None of other paddles."""
-    from wavetank.case.moving_wall import HingedWall
+    from wavetank.case.wall import HingedWall
 
     wall = scene.wall
     if not isinstance(wall, HingedWall):

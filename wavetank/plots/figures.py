@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import Formatter
 from numpy.typing import NDArray
 
-from wavetank.case.beds import Depth
+from wavetank.case.tank import Depth
 from wavetank.errors import InputError
 from wavetank.output.series import GaugeSeries
 from wavetank.output.surface import Surface

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
-from wavetank.case.moving_wall import ShapedWall
-from wavetank.case.sponges import EndSponge, FormulaSponge, Sponge
-from wavetank.case.walls import Wall
+from wavetank.case.tank import EndSponge, FormulaSponge, Sponge
+from wavetank.case.wall import ShapedWall, Wall
 from wavetank.output.directory import GAUGES, RunDirectory
 from wavetank.output.series import GaugeSeries
 

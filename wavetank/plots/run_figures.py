@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.analysis.still_water import still_water
-from wavetank.case.sponges import FormulaSponge
+from wavetank.case.tank import FormulaSponge
 from wavetank.errors import InputError
 from wavetank.output.directory import BROKEN, GAUGES, LOADS, PROBES, SURFACE, RunDirectory, index_file
 from wavetank.output.surface import Surface

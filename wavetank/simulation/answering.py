@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.case import Scene
-from wavetank.case.absorption import ActiveAbsorption, SpringDamper
+from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.fem.agreed import agreed, from_first
 from wavetank.motion.answer import Equation
 from wavetank.motion.at_face import elevation_at_face

@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.case import RingTank, Scene
-from wavetank.case.windows import Window
+from wavetank.case.output import Window
 from wavetank.errors import InputError, OutsideError
 from wavetank.fem.agreed import agreed
 from wavetank.integrators import INTEGRATORS, Damping, damped

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.case import Scene
-from wavetank.case.sponges import AnySponge, EndSponge, FormulaSponge, GroupSponge
+from wavetank.case.tank import AnySponge, EndSponge, FormulaSponge, GroupSponge
 from wavetank.fem.agreed import agreed
 from wavetank.simulation.footprints import Footprint
 from wavetank.simulation.waters import AnyWaves

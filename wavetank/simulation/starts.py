@@ -9,8 +9,7 @@ from pydantic import ValidationError
 
 from wavetank.arrays import Vector
 from wavetank.case import RunState, Scene
-from wavetank.case.initial_file import FileSurface
-from wavetank.case.initial_formula import FormulaSurface
+from wavetank.case.initial import FileSurface, FormulaSurface
 from wavetank.errors import InputError
 from wavetank.fem.agreed import agreed, from_first
 from wavetank.fem.misfit import rms

@@ -15,7 +15,7 @@ from wavetank.case import (
     SegmentedFlapWall,
     SegmentedPistonWall,
 )
-from wavetank.case.moving_wall import MovingWall, ShapedWall
+from wavetank.case.wall import MovingWall, ShapedWall
 from wavetank.fem.agreed import agreed
 from wavetank.fem.plane import Plane
 from wavetank.motion import Motion

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 from wavetank.arrays import Vector
 from wavetank.case import Physics, PythonBed, Scene
-from wavetank.case.loads import FAR
+from wavetank.case.output import FAR
 from wavetank.fem.agreed import agreed
 from wavetank.fem.by_place import gathered
 from wavetank.fem.plane import Plane

@@ -16,7 +16,7 @@ from queue import Empty, SimpleQueue
 from tempfile import TemporaryFile
 from typing import NamedTuple
 
-from wavetank.case.contents import contents
+from wavetank.case.reading import contents
 from wavetank.errors import InputError, RunError
 from wavetank.output.checkpoint import last_checkpoint
 from wavetank.output.directory import RunDirectory

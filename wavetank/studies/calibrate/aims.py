@@ -7,11 +7,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wavetank.case import LinearWater
-from wavetank.case.initial_sea import STEEPEST
+from wavetank.case.initial import STEEPEST
+from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Target
+from wavetank.case.paddle import FocusedMotion, MadeWaves, SurfaceMotion
 from wavetank.case.scene import Scene
-from wavetank.case.seas import FocusedMotion, MadeWaves, SurfaceMotion
-from wavetank.case.targets import ComponentsTarget, CrestTarget, RecordTarget, Target
-from wavetank.case.walls import PaddleWall
+from wavetank.case.wall import PaddleWall
 from wavetank.motion.wished_surface import WishedSurface, wished_surface
 from wavetank.studies.calibrate.aim import Aim, Elevation
 from wavetank.studies.calibrate.crest import CrestAim

@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from wavetank.case import Gauge, Scene
+from wavetank.case.paddle import MadeWaves
 from wavetank.case.reading import read_case
-from wavetank.case.seas import MadeWaves
 from wavetank.output.whole import replace
 from wavetank.studies.calibrate.aim import NEAR, Aim, Setting
 from wavetank.studies.calibrate.waves import scale, table

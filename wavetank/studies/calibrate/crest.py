@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wavetank.case.targets import CrestTarget
+from wavetank.case.output import CrestTarget
 from wavetank.output.directory import RunDirectory
 from wavetank.output.surface import Surface
 from wavetank.studies.calibrate.aim import Aim, Crest, Elevation, Found, Setting, Tried, at

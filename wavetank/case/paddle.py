@@ -1,26 +1,31 @@
-"""Motions of a paddle that moves as a whole, by the waves that it is to make."""
+"""Motions of a paddle that moves as a whole."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, Strict, model_validator
 
+from wavetank import data
 from wavetank import motion as motions
-from wavetank.case.groups import KEY, MOST, FocusingWaves, SpectralWaves
-from wavetank.case.surroundings import Surroundings
-from wavetank.case.tanks import AnyTank
-from wavetank.case.wave_files import ComponentFile, SurfaceFile
+from wavetank.case.tank import AnyTank, Surroundings
+from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, FocusingWaves, SpectralWaves, SurfaceFile
+from wavetank.errors import InputError
+from wavetank.motion.record_file import ColumnError, read_record, says_metres
 from wavetank.motion.wave_motion import WaveMotion
-from wavetank.values.noun import Noun, Problem, one_of
-from wavetank.values.quantities import Duration, Frequency, Height, Length, Ramp
+from wavetank.values.formula import Formula
+from wavetank.values.noun import FilePath, Noun, Problem, SceneError, TimeFormulaText, TimeHelpers, about, one_of
+from wavetank.values.python_file import load
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp
 from wavetank.waves import airy
 from wavetank.waves.plane_waves import PlaneWaves, waves_along
 from wavetank.waves.solitary_wave import HIGHEST_SOLITARY
 from wavetank.waves.stream_function import maximum_height
 from wavetank.waves.wavemaker import Wavemaker
 
+# ---------------------------------------------------------------- motions by the waves that they make
 STOKES_ENDS = 0.25  # of the wave: with a second harmonic as high its trough has a second crest; H L² / d³ = 26
 SHALLOWEST = 0.02  # k d: in less water bound and free waves go at one speed to second order
 LOWEST_SOLITARY = 1e-4  # depths
@@ -124,13 +129,13 @@ class MadeWaves(PaddleNoun):
         target = self.waves(scene.tank, scene.wall.maker).target
         if target.omega.size > MOST_PAIRS:
             allowed = f"must be linear: there are {target.omega.size} components, and it is for at most {MOST_PAIRS}"
-            yield Problem((*KEY, "generation"), self.generation, allowed)
+            yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
         elif target.k_x.min() * scene.tank.depth < SHALLOWEST:
             allowed = f"must be linear: its theory needs waves of k d of {SHALLOWEST:g} or more"
-            yield Problem((*KEY, "generation"), self.generation, allowed)
+            yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
         elif (second := bound_harmonic(target)) >= 1.0:
             allowed = f"must be linear: the theory ends far below a second harmonic of {second:.3g} of the wave"
-            yield Problem((*KEY, "generation"), self.generation, allowed)
+            yield Problem((*MOTION_KEY, "generation"), self.generation, allowed)
 
     def doubts(self, tank: AnyTank, maker: Wavemaker) -> Iterator[str]:
         """Yield a sentence where second-order generation is beyond its theory."""
@@ -160,7 +165,7 @@ def _too_high(key: tuple[str | int, ...], height: float, frequency: float, tank:
     length = 2.0 * np.pi / float(airy.wave_number(2.0 * np.pi * frequency, tank.depth, tank.gravity))
     if height >= (highest := maximum_height(length, tank.depth)):
         allowed = f"must be below that of the highest wave, {highest:.4g} m at a length of {length:.4g} m"
-        yield Problem((*KEY, *key), height, allowed)
+        yield Problem((*MOTION_KEY, *key), height, allowed)
 
 
 class RegularMotion(MadeWaves):
@@ -253,7 +258,7 @@ class IrregularMotion(SpectralWaves, MadeWaves):
         default=False, description="amplitudes are random, too: Hm0 is then that of many seeds' mean"
     )
     highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 3 fp")
-    components: int = Field(default=1000, ge=2, le=MOST, description="number of components")
+    components: int = Field(default=1000, ge=2, le=MAX_COMPONENTS, description="number of components")
 
     def waves(self, tank: AnyTank, maker: Wavemaker) -> WaveMotion:
         """Return the motion by linear theory, with phases at the paddle."""
@@ -304,7 +309,7 @@ class ComponentsMotion(ComponentFile, MadeWaves):
         """Yield directions, of which it has none, and what second-order generation cannot do."""
         if "direction" in self.columns:
             allowed = "must have no direction, unless wall.type is of segments: all waves go along x"
-            yield Problem((*KEY, "columns"), None, allowed)
+            yield Problem((*MOTION_KEY, "columns"), None, allowed)
             return
         yield from self.second_order_problems(scene)
 
@@ -359,10 +364,142 @@ class SolitaryWaveMotion(PaddleNoun):
         """Yield a wave too high, and one too early."""
         if self.height > HIGHEST_SOLITARY * scene.tank.depth:
             allowed = f"must be at most {HIGHEST_SOLITARY:g} depths, {HIGHEST_SOLITARY * scene.tank.depth:.4g} m"
-            yield Problem((*KEY, "height"), self.height, allowed)
+            yield Problem((*MOTION_KEY, "height"), self.height, allowed)
         elif self.height < LOWEST_SOLITARY * scene.tank.depth:
             allowed = f"must be at least {LOWEST_SOLITARY:g} depths: the wave is hundreds of depths long"
-            yield Problem((*KEY, "height"), self.height, allowed)
+            yield Problem((*MOTION_KEY, "height"), self.height, allowed)
         elif self.crest_time is not None and self.crest_time < (lead := self._pushed(scene.tank).lead):
             allowed = f"must be at least {lead:.4g} s: the paddle begins to move as long before"
-            yield Problem((*KEY, "crest_time"), self.crest_time, allowed)
+            yield Problem((*MOTION_KEY, "crest_time"), self.crest_time, allowed)
+
+
+# ---------------------------------------------------------------- motions by their position
+class AtRestMotion(PaddleNoun):
+    """The paddle stands still."""
+
+    type: Literal["at-rest"] = "at-rest"
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return X = 0."""
+        return motions.AtRest()
+
+
+class SinusoidMotion(PaddleNoun):
+    """X = r(t) a sin(2 pi t / T), with a smooth ramp r."""
+
+    type: Literal["sinusoid"] = "sinusoid"
+    paddle_amplitude: Height = Field(description="amplitude a of the paddle, half its stroke [m]")
+    period: Duration = Field(description="period T [s]")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods")
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the ramped sinusoid."""
+        ramp = 2 * self.period if self.ramp is None else self.ramp
+        return motions.ramped(motions.Sinusoid(self.paddle_amplitude, self.period), ramp)
+
+
+class RecordedMotion(PaddleNoun):
+    """A measured motion from a file: one spline through its positions or its velocities.
+
+    A file of `wavetank motion`, or a run's `paddle.csv`, which has both and accelerations, gives the same run again.
+    """
+
+    type: Literal["recorded"] = "recorded"
+    position: FilePath | None = Field(
+        default=None, description="file of t [s] and X [m], or a run's paddle.csv; default: by velocity"
+    )
+    velocity: FilePath | None = Field(default=None, description="file of t [s] and dX/dt [m/s]; default: by position")
+    column: str | None = Field(
+        default=None,
+        min_length=1,
+        description="name of its column, of a file whose first column is the time; default: as above",
+    )
+    gain: Coordinate = Field(default=1.0, description="what calibration says that its values are to be multiplied by")
+    highest_frequency: Frequency | None = Field(
+        default=None, description="what is faster, as a sensor's noise, is left out [Hz]; default: nothing"
+    )
+    ramp: Ramp = Field(default=0.0, description="length of a ramp from the record's start [s]; 0 is none")
+
+    _one_file = one_of("position", "velocity")
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the spline's motion; raises ``SceneError`` if the file cannot be had or read."""
+        if self.position is not None:
+            t, *state = self._record("position", self.position, "position [m]")
+            if len(state) == 3:
+                record = motions.Recorded.of_states(t, *state)
+            else:
+                record = self._smooth(motions.Recorded.of_positions, t, *state)
+        else:
+            rows = self._record("velocity", str(self.velocity), "velocity [m/s]")
+            record = self._smooth(motions.Recorded.of_velocities, *rows)
+        return motions.ramped(record, self.ramp, start=max(0.0, record.start))
+
+    @property
+    def says_metres(self) -> bool:
+        """Whether the file says that its values are positions [m] or velocities [m/s]."""
+        return says_metres(data.resolve(str(self.position or self.velocity), Path()), named=self.column)
+
+    def _smooth(self, of: Callable[..., motions.Recorded], *rows: motions.Array) -> motions.Recorded:
+        """Return the motion of a record without what is too fast; raises ``SceneError`` where its rows are too few."""
+        with about("wall", "motion", "highest_frequency"):
+            return of(*rows, highest=self.highest_frequency)
+
+    def _record(self, key: str, reference: str, column: str) -> tuple[motions.Array, ...]:
+        """Return the times and the values, with their gain, of a file by its key; raises ``SceneError``."""
+        try:
+            t, *values = read_record(data.resolve(reference, Path()), column=column, named=self.column)
+        except InputError as error:
+            of, received = ("column", self.column) if isinstance(error, ColumnError) else (key, reference)
+            raise SceneError([Problem(("wall", "motion", of), received, str(error).removesuffix("."))]) from None
+        return t, *(self.gain * one for one in values)
+
+
+class FormulaMotion(PaddleNoun):
+    """X(t) as given, with its derivatives by the chain rule."""
+
+    type: Literal["formula"] = "formula"
+    said_by: ClassVar[tuple[str, ...]] = ("position",)  # of its keys, by which its values are told to be wrong
+    where: TimeHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
+    position: TimeFormulaText = Field(description="position X(t) [m], positive into the water")
+    ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the ramped motion."""
+        formula = Formula(self.position, where=self.where, variables=("t",))
+        return motions.ramped(motions.ByFormula(formula), self.ramp)
+
+
+class PythonMotion(PaddleNoun):
+    """X(t) and its derivatives by a function in a Python file, which is executed only with `--trust`."""
+
+    type: Literal["python"] = "python"
+    said_by: ClassVar[tuple[str, ...]] = ()
+    file: FilePath = Field(description="Python file")
+    function: str = Field(
+        default="motion", min_length=1, description="name of a function of t [s] and the derivative's order, 0 to 2"
+    )
+    ramp: Ramp = Field(default=0.0, description="length of the ramp [s]; 0 is none")
+
+    def build(self, tank: AnyTank, maker: Wavemaker) -> motions.Motion:
+        """Return the ramped motion; raises ``SceneError`` if the file cannot be had or run, or has no such function."""
+        with about("wall", "motion", "file"):
+            function = load(data.resolve(self.file, Path()), self.function)
+        return motions.ramped(motions.Programmed(function), self.ramp)
+
+
+PaddleMotion = Annotated[
+    AtRestMotion
+    | SinusoidMotion
+    | RegularMotion
+    | BichromaticMotion
+    | IrregularMotion
+    | FocusedMotion
+    | ComponentsMotion
+    | SurfaceMotion
+    | SolitaryWaveMotion
+    | FormulaMotion
+    | RecordedMotion
+    | PythonMotion,
+    Field(discriminator="type", description="motion of the paddle"),
+]

@@ -1,0 +1,247 @@
+"""What is recorded: gauges, probes, loads, windows, and the target of a calibration."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from pydantic import Field
+
+from wavetank import data
+from wavetank import motion as motions
+from wavetank.case.tank import Surroundings
+from wavetank.errors import InputError
+from wavetank.motion.record_file import read_record
+from wavetank.values.noun import FilePath, Noun, Problem, about
+from wavetank.values.quantities import (
+    Coordinate,
+    Count,
+    Duration,
+    Frequency,
+    Height,
+    Label,
+    Length,
+    Pair,
+    Ramp,
+    Share,
+    Triple,
+    metres,
+)
+
+
+# ---------------------------------------------------------------- gauges
+class Gauge(Noun):
+    """A place where the elevation is recorded."""
+
+    name: Label = Field(min_length=1, description="name of the gauge")
+    x: Coordinate = Field(description="distance from the paddle at rest, or along the ring; in a basin its x [m]")
+    y: Coordinate = Field(default=0.0, description="in a basin its y [m]")
+
+    def mirrored(self, ends: float) -> Self:
+        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
+        return self.model_copy(update={"x": ends - self.x})
+
+
+def named(gauges: Any) -> Any:
+    """Return gauges given as numbers or without a name as tables with the names 1, 2, ...; the rest as it is."""
+    if not isinstance(gauges, Sequence) or isinstance(gauges, str):
+        return gauges
+    tables = (gauge if isinstance(gauge, dict | Gauge) else {"x": gauge} for gauge in gauges)
+    return tuple(
+        gauge if isinstance(gauge, Gauge) else {"name": str(n), **gauge} for n, gauge in enumerate(tables, start=1)
+    )
+
+
+class GaugeLine(Noun):
+    """Gauges at equal distances on a straight line, both ends included; gauge 3 of the line ``A`` is ``A/3``."""
+
+    name: Label = Field(min_length=1, description="name of the line")
+    start: Pair = Field(description="x and y of the first gauge [m]")
+    end: Pair = Field(description="x and y of the last gauge [m]")
+    count: int = Field(ge=2, le=10_000, description="number of gauges")
+
+    def gauges(self) -> tuple[tuple[str, float, float], ...]:
+        """Return name, x and y [m] of each gauge."""
+        places = np.linspace(self.start, self.end, self.count)
+        return tuple((f"{self.name}/{n}", float(x), float(y)) for n, (x, y) in enumerate(places, start=1))
+
+    def mirrored(self, ends: float) -> "GaugeLine":
+        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
+        image = {name: (ends - x, y) for name, (x, y) in (("start", self.start), ("end", self.end))}
+        return self.model_copy(update=image)
+
+
+class Probe(Gauge):
+    """A point at which velocity, acceleration and pressure are recorded while there is water."""
+
+    z: Coordinate = Field(description="height above still water, negative below [m]")
+
+
+# ---------------------------------------------------------------- loads on walls
+PADDLE, FAR = "paddle", "far wall"
+ENDS = PADDLE, FAR  # of a slice
+
+
+class WallLoad(Noun):
+    """A wall on which force and moment of the water's pressure are recorded, still water's included."""
+
+    on: Label = Field(
+        min_length=1,
+        description="the wall: 'paddle', 'far wall' of a slice or a rectangle, or a group of walls of a basin's mesh",
+    )
+    name: Label | None = Field(default=None, min_length=1, description="name of the load; default: the wall's")
+    about: Triple | None = Field(
+        default=None, description="point that moments are taken about, x, y, z [m]; default: on the bed at x = y = 0"
+    )
+
+    @property
+    def called(self) -> str:
+        """Its name, default resolved."""
+        return self.on if self.name is None else self.name
+
+    def point(self, depth: float) -> tuple[float, float, float]:
+        """Return the point that moments are taken about [m], default resolved for a still-water depth [m]."""
+        return (0.0, 0.0, -depth) if self.about is None else self.about
+
+
+# ---------------------------------------------------------------- columns of water for other programs
+class Window(Noun):
+    """Columns of water from the bed to the surface at equal distances on a line; their motion is kept for others."""
+
+    name: str = Field(
+        min_length=1,
+        pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]*$",
+        max_length=60,
+        description="name, by which its file is called: letters, digits, - and _",
+    )
+    start: Pair = Field(description="x and y of the first column [m]")
+    end: Pair | None = Field(default=None, description="x and y of the last column [m]; default: there is one")
+    columns: int = Field(default=1, ge=1, le=10_000, description="number of columns")
+    levels: int = Field(default=11, ge=2, le=1000, description="points in each, from the bed to the surface")
+    begin: Ramp = Field(default=0.0, description="from when on [s]: the first row is at or before it")
+    until: Duration | None = Field(
+        default=None, description="until when [s]: the last row is at or after it; default: the end of the run"
+    )
+    every: Duration = Field(
+        description="time between two rows at the most [s]: as many whole steps as fit into it, one at least"
+    )
+    format: Literal["netcdf", "csv"] = Field(
+        default="netcdf", description="CF-NetCDF, or a table with a row for each point at each time"
+    )
+
+    @property
+    def places(self) -> list[tuple[float, float]]:
+        """Where the columns are, (x, y) [m]."""
+        ends = (self.start, self.start if self.end is None else self.end)
+        return [(float(x), float(y)) for x, y in np.linspace(*ends, self.columns)]
+
+    def mirrored(self, ends: float) -> "Window":
+        """Return its mirror image in a tank the x of whose ends add up to ``ends`` [m]."""
+        image = {name: (ends - at[0], at[1]) for name in ("start", "end") if (at := getattr(self, name)) is not None}
+        return self.model_copy(update=image)
+
+
+# ---------------------------------------------------------------- targets of `wavetank calibrate`
+TARGET_KEY = "target"
+Time = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+
+class _Placed(Noun):
+    """A target at a place."""
+
+    x: Length = Field(description="where [m]")
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a place outside the tank."""
+        if not self.x < scene.tank.length:
+            allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
+            yield Problem((TARGET_KEY, "x"), self.x, allowed)
+
+
+class CrestTarget(_Placed):
+    """A crest: how high, where and when; the waves of `wall.motion` are made higher or lower and moved."""
+
+    type: Literal["crest"] = "crest"
+    height: Height = Field(description="height above still water [m]")
+    time: Duration = Field(description="when [s]")
+    tolerance: Share = Field(
+        default=0.01,
+        description="of the height; of a wave length the place may miss twice as much, of a period the time",
+    )
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a place outside the tank, and a time after the run."""
+        yield from super().problems(scene)
+        if not self.time < scene.run.duration:
+            allowed = f"must be before the run ends, below {scene.run.duration:g} s"
+            yield Problem((TARGET_KEY, "time"), self.time, allowed)
+
+
+class ComponentsTarget(_Placed):
+    """The components that `wall.motion` means, at a place: amplitudes and phases of what is linear of the waves."""
+
+    type: Literal["components"] = "components"
+    tolerance: Share = Field(default=0.02, description="of their elevation's root mean square")
+
+
+class RecordTarget(_Placed):
+    """The elevation in a record at a place; what `wall.motion` is, is not asked."""
+
+    type: Literal["record"] = "record"
+    file: FilePath = Field(description="file of t [s] and eta [m]; with a gauge a CSV file or data set, as in compare")
+    gauge: Label | None = Field(default=None, description="name of the gauge in it; default: there is one record alone")
+    delay: Time = Field(default=0.0, description="added to the file's times [s]")
+    start: Time | None = Field(default=None, description="from when the record counts [s]; default: its beginning")
+    end: Time | None = Field(default=None, description="till when it counts [s]; default: its end, or the run's")
+    lowest_frequency: Frequency | None = Field(
+        default=None, description="of waves that are made [Hz]; default a quarter of their mean"
+    )
+    highest_frequency: Frequency | None = Field(
+        default=None, description="of waves that are made [Hz]; default four times their mean"
+    )
+    tolerance: Share = Field(
+        default=0.02, description="of the record's root mean square, both without other frequencies"
+    )
+
+    def record(self) -> tuple[motions.Array, motions.Array]:
+        """Return times [s], delayed, and elevations [m], shapes (N,); raises ``SceneError`` if they cannot be had."""
+        with about(TARGET_KEY, "file"):
+            t, eta = self._alone() if self.gauge is None else self._at(self.gauge)
+            return t + self.delay, eta
+
+    def _alone(self) -> tuple[motions.Array, ...]:
+        return read_record(data.resolve(self.file, Path()), column="elevation [m]")
+
+    def _at(self, gauge: str) -> tuple[motions.Array, ...]:
+        series = data.gauge_records(data.opened(self.file.removeprefix("data:")))[0].series
+        found = next((one for one in series if one.name == gauge), None)
+        if found is None:
+            have = ", ".join(one.name for one in series)
+            raise InputError(f"{self.file}: has no gauge {gauge!r}; there are {have}.")
+        return found.t, found.eta
+
+
+Target = Annotated[
+    CrestTarget | ComponentsTarget | RecordTarget,
+    Field(discriminator="type", description="what `wavetank calibrate` looks for a motion for"),
+]
+
+
+# ---------------------------------------------------------------- intervals
+class Output(Noun):
+    """What is recorded, and how often."""
+
+    energy_every: Count = Field(default=1, description="steps between rows of the energy budget")
+    gauges_every: Count = Field(default=1, description="steps between rows of the gauges' record")
+    probes_every: Count = Field(default=1, description="steps between rows of the probes' and loads' records")
+    surface_every: Duration | None = Field(
+        default=None, description="time between snapshots of the surface [s]; default: 200 to 1000 snapshots"
+    )
+    velocity_every: Duration | None = Field(
+        default=None, description="time between snapshots of the velocity field [s]; default: none"
+    )
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield velocities of linear water, which keeps no potential below the surface."""
+        if self.velocity_every is not None and scene.physics == "linear":
+            yield Problem(("output", "velocity_every"), self.velocity_every, "must be left out with linear water")

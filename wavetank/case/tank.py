@@ -1,0 +1,360 @@
+"""The tank: its layout, depth, bed and sponge.
+
+The default strength of a sponge is that of the least reflection of one wave, found by measurement (docs/absorption.md):
+
+    gamma_0 = 15 c_g / (L lambda)^(1/2)
+
+with the sponge's length L and the wave's group velocity c_g and length lambda. At L = lambda it reflects 0.2 to 2.3 %.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar
+
+import numpy as np
+from pydantic import BeforeValidator, Field
+
+from wavetank import data
+from wavetank import mesh as beds
+from wavetank.errors import InputError
+from wavetank.mesh import Layout
+from wavetank.motion import Array
+from wavetank.motion.extent import values
+from wavetank.values.formula import Formula
+from wavetank.values.noun import FilePath, FormulaNoun, FormulaText, Noun, Problem, SceneError
+from wavetank.values.python_file import load
+from wavetank.values.quantities import Coordinate, Density, Duration, Gravity, Length, Rate, metres
+from wavetank.waves.airy import group_velocity, wave_number
+from wavetank.waves.wavemaker import Wavemaker
+
+# ---------------------------------------------------------------- the bed
+T = TypeVar("T")
+Slope = Annotated[float, Field(ge=1e-6, le=10)]
+Depth = Callable[[Array, Array], Array]  # places x, y [m], each of shape (N,), to d [m], shape (N,)
+
+
+class BedNoun(Noun):
+    """What all beds that vary have."""
+
+    minimum_depth: Length | None = Field(
+        default=None, description="where the bed is shallower, or dry, it is sunk to this depth [m]; default: nowhere"
+    )
+
+    def build(self, tank_depth: float) -> Depth:
+        """Return d(x, y), nowhere below the minimum, in a tank of some depth [m].
+
+        Raises ``SceneError`` if a file it needs cannot be used.
+        """
+        depth, minimum = self.as_given(tank_depth), self.minimum_depth
+        return depth if minimum is None else lambda x, y: np.maximum(depth(x, y), minimum)
+
+    def as_given(self, tank_depth: float) -> Depth:
+        """Return d(x, y) without a minimum."""
+        raise NotImplementedError
+
+
+class BeachBed(BedNoun):
+    """A beach: flat at the tank's depth up to x = start, from there on a slope, up to the minimum depth."""
+
+    type: Literal["beach"] = "beach"
+    start: Coordinate = Field(description="where the slope begins, x [m]")
+    slope: Slope = Field(description="how much the bed rises over how much x grows [-]")
+
+    def as_given(self, tank_depth: float) -> Depth:
+        """Return d(x, y) without a minimum."""
+        return lambda x, y: tank_depth - self.slope * np.maximum(x - self.start, 0.0)
+
+    def problems(self, scene: Any) -> Iterator[Problem]:
+        """Yield a slope that comes out of the water, or does not begin in the tank."""
+        length, depth = scene.tank.length, scene.tank.depth
+        if self.start >= length:
+            yield Problem(("tank", "bed", "start"), self.start, f"must be below the tank's length, {metres(length)} m")
+        elif self.minimum_depth is None and np.isfinite(length) and depth <= self.slope * (length - self.start):
+            wet = depth / (length - self.start)
+            allowed = f"must be below {wet:.4g} for a tank that is wet to its end, or have a tank.bed.minimum_depth"
+            yield Problem(("tank", "bed", "slope"), self.slope, allowed)
+
+
+class FormulaBed(BedNoun, FormulaNoun):
+    """d(x, y) as given."""
+
+    type: Literal["formula"] = "formula"
+    depth: FormulaText = Field(description="still-water depth d(x, y) [m]")
+
+    def as_given(self, tank_depth: float) -> Depth:
+        """Return d(x, y) without a minimum."""
+        return self.formula(self.depth)
+
+
+class PythonBed(BedNoun):
+    """d(x, y) by a function in a Python file, which is executed only with `--trust`."""
+
+    type: Literal["python"] = "python"
+    file: FilePath = Field(description="Python file")
+    function: str = Field(default="depth", min_length=1, description="name of a function of arrays x and y [m]")
+
+    def as_given(self, tank_depth: float) -> Depth:
+        """Return d(x, y); raises ``SceneError`` if the file cannot be had or run, or has no such function."""
+        function = _of_file(self.file, lambda path: load(path, self.function))
+        return lambda x, y: function.at({"x": x, "y": y})
+
+
+class GriddedBed(BedNoun):
+    """d interpolated in data along x, or over x and y, on a grid or not; these must reach wherever there is water."""
+
+    type: Literal["gridded"] = "gridded"
+    file: FilePath = Field(description="NetCDF (.nc), CSV (.csv) or XYZ (.xyz) of x, or x and y, and depths [m]")
+    variable: str | None = Field(
+        default=None, min_length=1, description="the depths' name; default: the only one there is"
+    )
+    interpolation: beds.Interpolation = Field(default="cubic", description="cubic has continuous slopes")
+    positive: beds.Positive | None = Field(
+        default=None, description="down for depths, up for elevations of the bed; default: as the file says, or down"
+    )
+
+    def as_given(self, tank_depth: float) -> Depth:
+        """Return d(x, y); raises ``SceneError`` if the file cannot be had or used."""
+
+        def read(path: Path) -> Depth:
+            return beds.read_bed(path, variable=self.variable, interpolation=self.interpolation, positive=self.positive)
+
+        return _of_file(self.file, read)
+
+
+def _of_file(reference: str, read: Callable[[Path], T]) -> T:
+    try:
+        return read(data.resolve(reference, Path()))
+    except InputError as error:
+        raise SceneError([Problem(("tank", "bed", "file"), reference, str(error).removesuffix("."))]) from None
+
+
+Bed = Annotated[BeachBed | FormulaBed | PythonBed | GriddedBed, Field(discriminator="type", description="the bed")]
+
+
+# ---------------------------------------------------------------- the tank
+class _Filled(Noun):
+    """Water of some depth: over a bed, that at the paddle, by which waves are made."""
+
+    fewest_cells: ClassVar[int] = 1
+    usual_cell: ClassVar[float] = 0.2  # in depths
+    depth: Length = Field(description="still-water depth d [m]; over a bed, that at the paddle, to 1 %")
+    gravity: Gravity = Field(default=9.81, description="gravity g [m/s^2]")
+    density: Density = Field(default=1000.0, description="density of the water [kg/m^3], of pressures and forces")
+
+
+class SliceTank(_Filled):
+    """A tank of one horizontal dimension: a slice along x, between two walls."""
+
+    type: Literal["slice"] = "slice"
+    length: Length = Field(description="length of the tank [m]")
+    bed: Bed | None = Field(default=None, description="the bed; default: flat, at the depth")
+
+
+class RingTank(_Filled):
+    """A periodic tank of one horizontal dimension: what leaves at x = length enters at x = 0; it has no walls."""
+
+    fewest_cells: ClassVar[int] = 3  # a polygon's
+    type: Literal["ring"] = "ring"
+    length: Length = Field(description="length along the ring [m]")
+    bed: None = Field(default=None, description="a ring's bed is flat")
+
+
+class BasinTank(_Filled):
+    """A tank of two horizontal dimensions, of any layout."""
+
+    usual_cell: ClassVar[float] = 0.5
+    type: Literal["basin"] = "basin"
+    layout: Layout = Field(description="where its walls are, seen from above")
+    bed: Bed | None = Field(default=None, description="the bed; default: flat, at the depth")
+
+    @property
+    def length(self) -> float:
+        """Distance from the paddle to the far end [m]; ``inf`` where only a mesh file knows it."""
+        return np.inf if self.layout.box is None else self.layout.box[2] - self.layout.box[0]
+
+
+def _slice_by_default(tank: Any) -> Any:
+    return {"type": "slice", **tank} if isinstance(tank, dict) else tank
+
+
+AnyTank = SliceTank | RingTank | BasinTank
+Tank = Annotated[AnyTank, Field(discriminator="type", description="the tank"), BeforeValidator(_slice_by_default)]
+
+
+# ---------------------------------------------------------------- what the parts of a scene may ask of it
+class Lasting(Protocol):
+    """What takes time."""
+
+    @property
+    def duration(self) -> float:
+        """How long it takes [s]."""
+
+
+class Placed(Protocol):
+    """A wall."""
+
+    @property
+    def maker(self) -> Wavemaker:
+        """Its shape, by which it makes waves."""
+
+    def places(self, tank: AnyTank) -> Array | None:
+        """Return the places y along it at which it is looked at [m], shape (N,); None where all are alike."""
+
+
+class Surroundings(Protocol):
+    """The scene, as its parts know it; nothing else of it may decide what they allow."""
+
+    @property
+    def tank(self) -> AnyTank:
+        """The tank."""
+
+    @property
+    def wall(self) -> Placed:
+        """The wall at x = 0, of whatever type."""
+
+    @property
+    def physics(self) -> str:
+        """The type of the water, default resolved."""
+
+    @property
+    def run(self) -> Lasting:
+        """How long is computed."""
+
+
+# ---------------------------------------------------------------- sponges
+ABSORPTION = 15.0  # gamma_0 L / c_g of a sponge of one wave length
+UNSEEN = 0.1  # of the power beyond the share: what may look slower than it is
+MAX_TIMES = 2**18  # times; of a longer motion the first part
+APART, FINEST = 1e-3, 1e-3  # of a step: two times that tell how fast a motion is; of the first step, the last
+GOLDEN = (5**0.5 - 1) / 2  # whose multiples lie everywhere in a step
+STEP = 0.1  # of (d / g)^(1/2): at which a paddle's motion is looked at; no paddle makes waves as short
+
+
+class _Profiled(Noun):
+    """A sponge whose damping grows with the distance from its inner edge, up to a strength."""
+
+    type: str
+    strength: Rate | None = Field(
+        default=None, description="largest damping rate gamma_0 [1/s]; default: of least reflection of the period"
+    )
+    period: Duration | None = Field(
+        default=None,
+        description="period of the waves to absorb [s]; default: the paddle's, or that of a wave as long as the sponge",
+    )
+
+    def strength_for(self, width: float, tank: AnyTank, *, paddle: float | None = None) -> float:
+        """Return gamma_0 [1/s], default resolved.
+
+        Parameters
+        ----------
+        width
+            Of the sponge from its inner edge [m].
+        tank
+            For its depth.
+        paddle
+            The period that the paddle moves at [s], if it moves (``paddle_period``).
+        """
+        if self.strength is not None:
+            return self.strength
+        period = self.period or paddle
+        k = 2 * np.pi / width
+        if period is not None:
+            k = float(wave_number(2 * np.pi / period, tank.depth, tank.gravity))
+        length, speed = 2 * np.pi / k, float(group_velocity(k, tank.depth, tank.gravity))
+        return float(ABSORPTION * speed / np.sqrt(width * length))
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a ring, which has no end, and a period without use."""
+        yield from _ring_problems(self.type, scene)
+        if self.strength is not None and self.period is not None:
+            yield Problem(("sponge", "period"), self.period, "must be left out: sponge.strength is given")
+
+
+class EndSponge(_Profiled):
+    """The last ``length`` metres before the far wall."""
+
+    type: Literal["end"] = "end"
+    length: Length = Field(description="length of the sponge, along x [m]: one wave length or more")
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any sponge, and one longer than the tank."""
+        yield from super().problems(scene)
+        if self.length >= scene.tank.length:
+            allowed = f"must be below the tank's length, {scene.tank.length:g} m"
+            yield Problem(("sponge", "length"), self.length, allowed)
+
+
+class GroupSponge(_Profiled):
+    """The cells of the mesh's group ``sponge``; it is as wide as its innermost point is far from its inner edge."""
+
+    type: Literal["group"] = "group"
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any sponge, and a tank whose mesh has no groups."""
+        yield from super().problems(scene)
+        if isinstance(scene.tank, SliceTank):
+            yield Problem(("sponge", "type"), self.type, "needs a basin (tank.type), whose mesh has groups of cells")
+
+
+class FormulaSponge(FormulaNoun):
+    """Damping rate gamma(x, y)."""
+
+    type: Literal["formula"] = "formula"
+    gamma: FormulaText = Field(description="damping rate gamma(x, y) [1/s], not negative")
+
+    def build(self) -> Formula:
+        """Return gamma(x, y) [1/s]."""
+        return self.formula(self.gamma)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a ring, which has no end."""
+        yield from _ring_problems(self.type, scene)
+
+
+def _ring_problems(received: str, scene: Surroundings) -> Iterator[Problem]:
+    if isinstance(scene.tank, RingTank):
+        yield Problem(("sponge", "type"), received, "must be left out: a ring has no end for waves to be absorbed at")
+
+
+def paddle_period(
+    velocity: Callable[[Array], Array], *, duration: float, tank: AnyTank, share: float = 0.5
+) -> float | None:
+    """Return the period [s] beyond which a share of the power of a paddle's velocity lies; None if it does not move.
+
+    What has less than two of the times that it is looked at in a period looks slower. So it is looked at finer, while
+    the acceleration tells that some of what is beyond the share may be so (``UNSEEN``).
+
+    Parameters
+    ----------
+    velocity
+        At times [s], shape (T,), in m/s, shape (T,), or (T, N) for places along the paddle.
+    duration
+        Of the run [s].
+    tank
+        For its depth.
+    share
+        0.5: the period that halves the power.
+    """
+    step = longest = STEP * float(np.sqrt(tank.depth / tank.gravity))
+    while True:
+        part = min(duration, MAX_TIMES * step)
+        count = max(256, int(np.ceil(part / step)))
+        times = np.arange(count, dtype=np.float64)
+        t: Array = part / count * times
+        velocities = values(velocity, t).reshape(count, -1)
+        lines = (np.abs(np.fft.rfft(velocities, axis=0)) ** 2).sum(axis=1)[1:]
+        number, power = np.arange(1.0, lines.size + 1), np.cumsum(lines)
+        if not power[-1] > 0.0:
+            return None
+        soon = APART * part / count
+        between = np.minimum(t + part / count * np.modf(GOLDEN * times)[0], part - soon)
+        change = (values(velocity, between + soon) - values(velocity, between)).reshape(count, -1) / soon
+        rate = (part / (2 * np.pi)) ** 2 * count / 2 * float((change**2).sum())  # as numbers of lines, squared
+        unseen = (rate - float(number**2 @ lines)) / lines.size**2
+        if unseen < UNSEEN * (1 - share) * power[-1] or step < FINEST * longest:
+            return float(part / np.interp(share * power[-1], power, number + 0.5))  # the lines' upper edges
+        step /= 2
+
+
+AnySponge = EndSponge | GroupSponge | FormulaSponge
+Sponge = Annotated[AnySponge, Field(discriminator="type", description="where waves are absorbed")]

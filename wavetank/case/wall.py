@@ -1,0 +1,541 @@
+"""The walls at the ends of the tank, fixed or moving, and how paddles absorb waves."""
+
+from collections.abc import Iterable, Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field
+
+from wavetank import motion as motions
+from wavetank.case.directional import PLACES, SegmentedPaddleMotion, span
+from wavetank.case.paddle import PaddleMotion
+from wavetank.case.tank import AnyTank, RingTank, SliceTank, Surroundings
+from wavetank.errors import InputError
+from wavetank.motion import Array
+from wavetank.motion.extent import Extent
+from wavetank.motion.mapping import STEEPEST, TOP, largest_stroke, quickened
+from wavetank.motion.segmented import joints
+from wavetank.motion.turned import ANGLES, UPSET
+from wavetank.values.formula import Formula
+from wavetank.values.noun import HeightFormulaText, HeightHelpers, Noun, Problem
+from wavetank.values.quantities import (
+    Acceleration,
+    Coordinate,
+    Damping,
+    Duration,
+    Length,
+    Mass,
+    Speed,
+    Stiffness,
+    metres,
+)
+from wavetank.waves.absorption import PassiveFilter, face, radiation, sudden_mass
+from wavetank.waves.airy import angular_frequency
+from wavetank.waves.wavemaker import PISTON, Flap, Profile, Wavemaker
+
+# ---------------------------------------------------------------- absorption
+BAND = (0.5, 3.0)  # k d of the longest and the shortest waves, by default
+POSSIBLE = (0.02, 10.0)  # the same, at most
+NARROWEST = 1.05  # the longest period over the shortest
+
+
+class ActiveAbsorption(Noun):
+    """The paddle makes its waves and absorbs others at once, by the elevation at its face."""
+
+    type: Literal["active"] = "active"
+    shortest: Duration | None = Field(
+        default=None,
+        description="shortest period that it is made for [s], half the waves' behind a bar; "
+        "default: that of k d = 3, or a paddle's",
+    )
+    longest: Duration | None = Field(
+        default=None, description="longest period that it is made for [s]; default: that of k d = 1/2, or a paddle's"
+    )
+
+    def band(self, tank: AnyTank, *, paddles: Iterable[float] = ()) -> tuple[float, float]:
+        """Return shortest and longest period [s], defaults resolved; ``paddles`` have these periods [s]."""
+        possible = _periods(tank, POSSIBLE)
+        periods = [*_periods(tank, BAND), *(float(np.clip(one, *possible)) for one in paddles)]
+        shortest, longest = min(periods), max(periods)
+        shortest = self.shortest or min(shortest, (self.longest or longest) / NARROWEST)
+        return shortest, self.longest or max(longest, shortest * NARROWEST)
+
+    def build(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> PassiveFilter:
+        """Return the filter by which a paddle of a shape absorbs; as ``band``."""
+        shortest, longest = self.band(tank, paddles=paddles)
+        return PassiveFilter.fitted(maker, depth=tank.depth, gravity=tank.gravity, shortest=shortest, longest=longest)
+
+    def reflection(self, periods: Array, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> Array:
+        """Return how much it sends back of small waves of periods [s], shape (N,); as ``band``."""
+        omega = np.asarray(2 * np.pi / periods)
+        at_face = face(maker, omega, tank.depth, tank.gravity)
+        return np.abs(self.build(tank, maker, paddles=paddles).reflection(at_face, omega))
+
+    def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
+        """Return what it does, in words; as ``band``."""
+        shortest, longest = self.band(tank, paddles=paddles)
+        periods = np.geomspace(shortest, longest, 50, dtype=np.float64)
+        most = self.reflection(periods, tank, maker, paddles=paddles).max()
+        band = f"small waves from {shortest:.3g} to {longest:.3g} s"
+        return f"it absorbs what comes to it, all but {100 * most:.2g} % of {band} at short steps"
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a band that is none."""
+        least, most = _periods(scene.tank, POSSIBLE)
+        for name in ("shortest", "longest"):
+            period = getattr(self, name)
+            if period is not None and not least <= period <= most:
+                allowed = f"must be from {least:.4g} to {most:.4g} s, k d = {POSSIBLE[1]:g} to {POSSIBLE[0]:g}"
+                yield Problem(("wall", "absorb", name), period, allowed)
+        if self.shortest is not None and self.longest is not None and self.longest < NARROWEST * self.shortest:
+            allowed = f"must be at least {NARROWEST * self.shortest:.4g} s, {NARROWEST:g} times the shortest"
+            yield Problem(("wall", "absorb", "longest"), self.longest, allowed)
+
+
+class SpringDamper(Noun):
+    """The paddle, which is not driven, is a mass on a spring and a damper; of a flap where its motion is told."""
+
+    type: Literal["spring-damper"] = "spring-damper"
+    period: Duration | None = Field(
+        default=None, description="period that it is tuned to [s]; default: that of the paddle opposite, or of k d = 1"
+    )
+    mass: Mass = Field(default=0.0, description="mass [kg/m], for a metre's width")
+    stiffness: Stiffness | None = Field(
+        default=None, description="of the spring [N/m²], for a metre's width; default: none of the period comes back"
+    )
+    damping: Damping | None = Field(
+        default=None, description="of the damper [N s/m²], for a metre's width; default: none of the period comes back"
+    )
+
+    def tuned(self, tank: AnyTank, *, paddles: Iterable[float] = ()) -> float:
+        """Return the period that it is tuned to [s], default resolved; ``paddles`` have these periods [s]."""
+        (usual, _), possible = _periods(tank, (1.0, 1.0)), _periods(tank, POSSIBLE)
+        return self.period or float(np.clip(next(iter(paddles), usual), *possible))
+
+    def resolved(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> tuple[float, float, float]:
+        """Return mass [m²], stiffness [m²/s²] and damping [m²/s] over the density, defaults resolved; as ``tuned``."""
+        omega = np.array([2 * np.pi / self.tuned(tank, paddles=paddles)])
+        (damping,), (added,) = radiation(maker, omega, tank.depth, tank.gravity)
+        mass = self.mass / tank.density
+        stiffness = float(omega[0] ** 2 * (mass + added))
+        return (
+            mass,
+            stiffness if self.stiffness is None else self.stiffness / tank.density,
+            float(damping) if self.damping is None else self.damping / tank.density,
+        )
+
+    def band(self, tank: AnyTank, *, paddles: Iterable[float] = ()) -> tuple[float, float]:
+        """Return the period that it is tuned to [s], as shortest and longest."""
+        return (self.tuned(tank, paddles=paddles),) * 2
+
+    def reflection(self, periods: Array, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> Array:
+        """Return how much it sends back of small waves of periods [s], shape (N,); as ``tuned``."""
+        omega = np.asarray(2 * np.pi / periods)
+        mass, stiffness, damping = self.resolved(tank, maker, paddles=paddles)
+        r, added = radiation(maker, omega, tank.depth, tank.gravity)
+        out_of_tune = 1j * (omega * (mass + added) - stiffness / omega)
+        return np.abs((damping - r + out_of_tune) / (damping + r + out_of_tune))
+
+    def told(self, tank: AnyTank, maker: Wavemaker, *, paddles: Iterable[float] = ()) -> str:
+        """Return what it does, in words; as ``tuned``."""
+        tuned, resolved = self.tuned(tank, paddles=paddles), self.resolved(tank, maker, paddles=paddles)
+        mass, stiffness, damping = (tank.density * part for part in resolved)
+        parts = f"{mass:.4g} kg/m on a spring of {stiffness:.4g} N/m² and a damper of {damping:.4g} N s/m²"
+        given = self.stiffness is not None and self.damping is not None
+        return f"it absorbs{'' if given else f', tuned to {tuned:.3g} s'}, a mass of {parts}"
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a period that is none of the tank's waves, or that nothing follows from."""
+        least, most = _periods(scene.tank, POSSIBLE)
+        if self.period is not None and not least <= self.period <= most:
+            allowed = f"must be from {least:.4g} to {most:.4g} s, k d = {POSSIBLE[1]:g} to {POSSIBLE[0]:g}"
+            yield Problem(("wall", "absorb", "period"), self.period, allowed)
+        elif self.period is not None and self.stiffness is not None and self.damping is not None:
+            allowed = "must be left out: stiffness and damping are given"
+            yield Problem(("wall", "absorb", "period"), self.period, allowed)
+
+
+Absorption = Annotated[
+    ActiveAbsorption | SpringDamper,
+    Field(discriminator="type", description="how a paddle absorbs the waves that come back to it"),
+]
+
+
+def _periods(tank: AnyTank, band: tuple[float, float]) -> tuple[float, float]:
+    """Return the shortest and the longest period [s] of a band of k d from the least on."""
+    low, high = (float(2 * np.pi / angular_frequency(kd / tank.depth, tank.depth, tank.gravity)) for kd in band)
+    return high, low
+
+
+# ---------------------------------------------------------------- moving walls
+SIZES = (  # of a motion: keys by which the paddle goes far
+    *("paddle_amplitude", "wave_amplitude", "linear_crest", "significant_height", "height", "heights"),
+    *("position", "velocity", "file"),
+)
+
+
+class Limits(Noun):
+    """What the paddle's drive can do: a run that asks for more is refused before it begins."""
+
+    stroke: Length | None = Field(default=None, description="from one end of its way to the other [m]; default: any")
+    speed: Speed | None = Field(default=None, description="largest speed [m/s]; default: any")
+    acceleration: Acceleration | None = Field(default=None, description="largest acceleration [m/s^2]; default: any")
+
+    def exceeded(self, asked: Extent) -> Iterator[Problem]:
+        """Yield each limit that a motion is beyond."""
+        for name, unit in (("stroke", "m"), ("speed", "m/s"), ("acceleration", "m/s^2")):
+            limit, needed = getattr(self, name), getattr(asked, name)
+            if limit is not None and needed > limit:
+                yield Problem(("wall", "limits", name), limit, f"is too little: this motion needs {needed:.4g} {unit}")
+
+
+class MovingWall(Noun):
+    """A wall that moves, vertical or of another shape."""
+
+    if TYPE_CHECKING:
+        motion: Any  # a noun, of other types at other walls
+
+    moves: ClassVar[bool] = True
+    reach: Length | None = Field(
+        default=None,
+        description="where the mapping x = X + s(X) X_p has died out [m]; default: the length, where both walls move "
+        "half of it or what the other leaves, at most ten depths",
+    )
+
+    limits: Limits | None = Field(default=None, description="what the paddle's drive can do; default: all")
+
+    @property
+    def maker(self) -> Wavemaker:
+        """Its shape, by which it makes waves."""
+        return PISTON
+
+    def shares(self, tank: AnyTank) -> Array:
+        """Return how far it goes at heights from the bed up, over how far it goes where that is told, shape (N,)."""
+        return np.asarray(self.maker.share(tank.depth * np.linspace(-1.0, TOP, 1001), tank.depth))
+
+    def added_mass(self, tank: AnyTank) -> float:
+        """Return the added mass of a sudden motion [m²], over the density."""
+        return sudden_mass(self.maker, tank.depth)
+
+    def farther(self, tank: AnyTank) -> float:
+        """Return how far it goes at the height where it goes farthest, over how far it goes where that is told."""
+        return float(np.abs(self.shares(tank)).max())
+
+    def quickened(self, tank: AnyTank, reach: float, excursion: float) -> float:
+        """Return how much faster the mesh's shortest waves get, at most, where it leans or its mapping narrows cells.
+
+        Given are the mapping's reach and the paddle's largest distance from rest [m].
+        """
+        z = tank.depth * np.linspace(-1.0, 0.0, 1001)
+        shares = self.maker.share(z, tank.depth)
+        lean = float(np.abs(np.diff(shares) / np.diff(z)).max()) * excursion
+        return quickened(lean, float(np.abs(shares).max()) * excursion / reach)
+
+    def amplitude(self, tank: AnyTank) -> float:
+        """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
+        return float(getattr(self.motion, "paddle_amplitude", 0.0))
+
+    def reach_in(self, tank: AnyTank, room: float) -> float:
+        """Return the reach [m], default resolved in the room [m] that there is."""
+        return min(room, 10 * tank.depth) if self.reach is None else self.reach
+
+    def places(self, tank: AnyTank) -> Array | None:
+        """Return places y along the paddle [m], shape (N,), among which it goes farthest; None where all go as far."""
+        return None
+
+    def generation(self, tank: AnyTank, physics: str) -> str | None:
+        """Return the resolved ``generation`` of its waves; by itself, None."""
+        return None
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return why its generation is linear by default in nonlinear water; empty where it is not."""
+        return ""
+
+    def doubts(self, tank: AnyTank) -> Iterator[str]:
+        """Yield what is doubtful of it before a run, a sentence each; by itself, nothing."""
+        yield from ()
+
+    def reach_problems(self, tank: AnyTank, room: float, excursion: float) -> Iterator[Problem]:
+        """Yield a paddle that goes farther from rest [m] in the run, or in a longer one, than its mapping reaches."""
+        motion, reach = self.motion, self.reach_in(tank, room)
+        farthest = self.farther(tank) * max(excursion, self.amplitude(tank))
+        needed = STEEPEST * farthest
+        if needed < reach:
+            return
+        if self.reach is not None and needed < room:
+            allowed = f"must be more than {needed:.4g} m, 4/3 of the paddle's largest distance from rest"
+            yield Problem(("wall", "reach"), self.reach, allowed)
+            return
+        size = next((key for key in SIZES if getattr(motion, key, None) is not None), None)
+        least = f"{reach:.4g} m{'' if self.reach else ' by default'}, at most the tank's length"
+        allowed = f"must stay below {largest_stroke(reach):.4g} m, 3/4 of its reach, which is {least}"
+        where, received = (("wall", "motion", size), getattr(motion, size)) if size else (("wall", "motion"), None)
+        yield Problem(where, received, f"takes the paddle {farthest:.4g} m from rest; it {allowed}")
+
+    @property
+    def reads_file(self) -> bool:
+        """Whether what fits its motion is known only when a file has been read."""
+        return bool(self.motion.reads_file)
+
+    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield what is wrong with the motion; asked when a motion that reads a file is built, of others before."""
+        yield from self.motion.problems(scene)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a reach beyond the tank."""
+        if self.reach is not None and self.reach > scene.tank.length:
+            yield Problem(("wall", "reach"), self.reach, f"must be at most the tank's length, {scene.tank.length:g} m")
+
+
+class ShapedWall(MovingWall):
+    """A wall that moves at some heights farther than at others."""
+
+    shaped_by: ClassVar[str]  # the key that says its shape
+
+
+class HingedWall(ShapedWall):
+    """A wall that turns about a hinge; below a hinge above the bed it stands still."""
+
+    shaped_by: ClassVar[str] = "hinge"
+    hinge: Coordinate = Field(default=0.0, description="height of the hinge above the bed [m], negative below it")
+    stroke_height: Coordinate | None = Field(
+        default=None, description="height above the bed at which its motion is told [m]; default: still water"
+    )
+
+    @property
+    def maker(self) -> Flap:
+        """Its shape, by which it makes waves."""
+        return Flap(self.hinge, self.stroke_height)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a hinge above the water, a stroke's height that is not above it, and what is wrong with any paddle."""
+        depth, height = scene.tank.depth, self.stroke_height
+        if self.hinge >= depth:
+            yield Problem(("wall", "hinge"), self.hinge, f"must be below still water, less than {metres(depth)} m")
+        elif height is not None and height <= self.hinge:
+            allowed = f"must be above the hinge, more than {metres(self.hinge)} m"
+            yield Problem(("wall", "stroke_height"), height, allowed)
+        else:
+            yield from super().problems(scene)
+
+
+# ---------------------------------------------------------------- segmented paddles
+SEGMENTS = 1000  # at most
+
+
+class SegmentedWall(MovingWall):
+    """A wall of many paddles side by side, each with its own motion."""
+
+    motion: SegmentedPaddleMotion
+    segment: Length | None = Field(
+        default=None, description="largest width of a segment [m]; default: no segments, continuous in y"
+    )
+
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
+        """Return the motion of the paddle's segments, hinged to each other."""
+        motion = self.motion.build(tank, self.maker)
+        return motion if self.segment is None else motions.PiecewiseLinear(motion, self.places(tank))
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return why the generation of segments is linear."""
+        return "second-order generation is for paddles that move as a whole"
+
+    def places(self, tank: AnyTank) -> motions.Array:
+        """Return places y along the paddle [m], shape (N,), among which it goes farthest: the joints, if it has any."""
+        low, high = span(tank)
+        return joints(low, high, segment=(high - low) / (PLACES - 1) if self.segment is None else self.segment)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a tank without a paddle of known width, too many segments, and what is wrong with reach and motion."""
+        kind = getattr(self, "type", None)
+        if not np.isfinite(span(scene.tank)).all():
+            allowed = "needs a basin (tank.type) whose layout says how wide it is: a recipe, not a file"
+            yield Problem(("wall", "type"), kind, allowed)
+            return
+        if scene.physics == "linear":
+            yield Problem(("wall", "type"), kind, "needs nonlinear water (water.type), or must be a piston")
+        yield from super().problems(scene)
+        low, high = span(scene.tank)
+        if self.segment is not None and high - low > SEGMENTS * self.segment:
+            least = (high - low) / SEGMENTS
+            yield Problem(("wall", "segment"), self.segment, f"must be at least {least:.4g} m, for {SEGMENTS} segments")
+            return
+        yield from () if self.reads_file else self.motion_problems(scene)
+
+    def motion_problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield segments too wide for the waves, and what is wrong with the motion."""
+        widest = self.motion.widest_segment(scene.tank)
+        if self.segment is not None and self.segment > widest:
+            allowed = (
+                f"must be at most {widest:.4g} m, the shortest wave's length over 1 + sin of its angle: wider segments "
+                "make spurious waves in other directions"
+            )
+            yield Problem(("wall", "segment"), self.segment, allowed)
+        yield from super().motion_problems(scene)
+
+
+class SegmentedPistonWall(SegmentedWall):
+    """A vertical wall of many pistons side by side, each with its own motion."""
+
+    type: Literal["segmented-piston"] = "segmented-piston"
+
+
+class SegmentedFlapWall(HingedWall, SegmentedWall):
+    """Many flaps side by side, hinged at one height, each with its own motion."""
+
+    type: Literal["segmented-flap"] = "segmented-flap"
+
+
+# ---------------------------------------------------------------- fixed walls and paddles that move as a whole
+class FixedWall(Noun):
+    """A wall that stands still."""
+
+    moves: ClassVar[bool] = False
+    maker: ClassVar[Wavemaker] = PISTON  # one at rest
+    type: Literal["fixed"] = "fixed"
+
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
+        """Return the motion of a paddle at rest."""
+        return motions.AtRest()
+
+    def reach_in(self, tank: AnyTank, room: float) -> float:
+        """Return inf: there is no mapping to die out."""
+        return np.inf
+
+    def generation(self, tank: AnyTank, physics: str) -> None:
+        """Return None: it makes no waves."""
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return nothing."""
+        return ""
+
+    def places(self, tank: AnyTank) -> None:
+        """Return None: it is the same all along the wall."""
+
+    def doubts(self, tank: AnyTank) -> Iterator[str]:
+        """Yield nothing."""
+        yield from ()
+
+
+class PaddleWall(MovingWall):
+    """A wall that moves as a whole."""
+
+    motion: PaddleMotion
+    absorb: Absorption | None = Field(
+        default=None, description="how it absorbs the waves that come back to it, in a slice; default: not at all"
+    )
+
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
+        """Return the paddle's motion in the water; raises ``SceneError`` if its file cannot be had or read."""
+        return self.motion.resolved(tank, self.maker, physics).build(tank, self.maker)
+
+    def generation(self, tank: AnyTank, physics: str) -> str | None:
+        """Return the resolved ``generation`` of its waves; None of a motion that is not found for waves."""
+        return getattr(self.motion.resolved(tank, self.maker, physics), "generation", None)
+
+    def generation_reason(self, tank: AnyTank, physics: str) -> str:
+        """Return why its generation is linear by default in nonlinear water; empty where it is not."""
+        return self.motion.generation_reason(tank, self.maker, physics)
+
+    def doubts(self, tank: AnyTank) -> Iterator[str]:
+        """Yield what is doubtful of the motion."""
+        yield from self.motion.doubts(tank, self.maker)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a tank without walls, a reach beyond the tank, and what is wrong with the motion."""
+        if isinstance(scene.tank, RingTank):
+            kind = getattr(self, "type", None)
+            yield Problem(("wall", "type"), kind, "must be left out: a ring has no walls, hence no paddle")
+            return
+        yield from super().problems(scene)
+        if self.absorb is not None and not isinstance(scene.tank, SliceTank):
+            yield Problem(("wall", "absorb"), None, f"must be left out: in a {scene.tank.type} no paddle absorbs")
+        elif self.absorb is not None:
+            yield from self.absorb.problems(scene)
+            if isinstance(self.absorb, SpringDamper) and self.motion.type != "at-rest":
+                allowed = "must be at-rest: a paddle that absorbs on a spring is not driven"
+                yield Problem(("wall", "motion", "type"), self.motion.type, allowed)
+        yield from () if self.reads_file else self.motion_problems(scene)
+
+
+class PistonWall(PaddleWall):
+    """A vertical wall that moves as a whole."""
+
+    type: Literal["piston"] = "piston"
+
+
+class FlapWall(HingedWall, PaddleWall):
+    """A rigid flap that turns about a hinge; below a hinge above the bed the wall stands still."""
+
+    type: Literal["flap"] = "flap"
+    motion_as: Literal["stroke", "angle"] = Field(
+        default="stroke",
+        description="what the numbers of a sinusoid, a formula, a function or a record are: the horizontal position at "
+        "stroke_height in metres, or the angle from upright in radians, positive into the water; a record whose "
+        "columns are named as in paddle.csv is of positions either way",
+    )
+
+    def paddle(self, tank: AnyTank, physics: str) -> motions.Motion:
+        """Return the motion at the stroke's height; raises ``SceneError`` if its file cannot be had or read."""
+        motion = super().paddle(tank, physics)
+        if self.motion_as == "stroke" or self.motion.says_metres:
+            return motion
+        return motions.Turned(motion, self.maker.arm(tank.depth))
+
+    def amplitude(self, tank: AnyTank) -> float:
+        """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""
+        told = super().amplitude(tank)
+        return told if self.motion_as == "stroke" else self.maker.arm(tank.depth) * float(np.tan(told))
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield what is wrong with any hinged wall, or an angle that is told of a motion that cannot be."""
+        found = list(super().problems(scene))
+        if found or self.motion_as == "stroke":
+            yield from found
+        elif self.motion.by_waves:
+            allowed = f"must be left out: a motion of type {self.motion.type} is found for its waves, not told"
+            yield Problem(("wall", "motion_as"), self.motion_as, allowed)
+        elif (angle := super().amplitude(scene.tank)) >= UPSET:
+            yield Problem(("wall", "motion", "paddle_amplitude"), angle, ANGLES)
+
+
+class ProfileWall(ShapedWall, PaddleWall):
+    """A wall of any shape, x = f(z) X(t)."""
+
+    shaped_by: ClassVar[str] = "shape"
+    type: Literal["profile"] = "profile"
+    where: HeightHelpers = Field(default={}, description="parts of it by name, numbers or formulae; default: none")
+    shape: HeightFormulaText = Field(description="f(z), z the height above still water [m]")
+
+    @property
+    def maker(self) -> Profile:
+        """Its shape, by which it makes waves."""
+        formula = Formula(self.shape, where=self.where, variables=("z",))
+        return Profile(partial(formula.derivative, 0), partial(formula.derivative, 1))
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a shape that is not finite, or moves no water, and what is wrong with any paddle."""
+        z = scene.tank.depth * np.linspace(-1.0, TOP, 1001)
+        try:
+            values = self.maker.share(z, scene.tank.depth)
+        except InputError as error:
+            yield Problem(("wall", "shape"), self.shape, str(error).removesuffix("."))
+            return
+        if not np.abs(values).max() > 0.0:
+            yield Problem(("wall", "shape"), self.shape, "must not be 0 at all heights")
+            return
+        yield from super().problems(scene)
+
+
+AnyWall = FixedWall | PistonWall | FlapWall | ProfileWall | SegmentedPistonWall | SegmentedFlapWall
+Wall = Annotated[AnyWall, Field(discriminator="type", description="the wall at x = 0")]
+FarWall = Annotated[
+    AnyWall,
+    Field(
+        discriminator="type",
+        description="the wall at x = length, of a slice or a rectangle; its motion is positive into the water, all "
+        "x of its waves count from it, into the water, and angles are from its normal into the water, positive "
+        "towards y",
+    ),
+]

@@ -1,0 +1,334 @@
+"""Waves that a paddle makes, by a spectrum or a file, whatever its type."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from pydantic import Field, Strict, model_validator
+
+from wavetank import data
+from wavetank import motion as motions
+from wavetank.case.tank import AnyTank, Surroundings
+from wavetank.motion.record_file import read_record
+from wavetank.values.noun import FilePath, Noun, Problem, about, one_of
+from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, metres
+from wavetank.waves import airy
+from wavetank.waves.plane_waves import PlaneWaves, waves_along
+from wavetank.waves.wavemaker import PISTON, Wavemaker
+
+# ---------------------------------------------------------------- spectra
+SPECTRUM_KEY = ("wall", "motion", "spectrum")
+Gamma = Annotated[float, Field(ge=1, le=100)]
+
+
+class _Peaked(Noun):
+    """A spectrum whose peak is given."""
+
+    peak_frequency: Frequency | None = Field(default=None, description="peak frequency fp [Hz]; default: by period")
+    peak_period: Duration | None = Field(default=None, description="peak period Tp [s]; default: by frequency")
+
+    _one_peak = one_of("peak_frequency", "peak_period")
+
+    @property
+    def peak(self) -> float:
+        """Fp [Hz]."""
+        return 1.0 / self.peak_period if self.peak_frequency is None else self.peak_frequency  # type: ignore[operator]
+
+
+class JonswapSpectrum(_Peaked):
+    """The JONSWAP spectrum's shape."""
+
+    type: Literal["jonswap"] = "jonswap"
+    gamma: Gamma = Field(default=3.3, description="peak enhancement gamma [-]")
+
+    def build(self, tank: AnyTank) -> motions.Spectrum:
+        """Return the shape S(f)."""
+        return motions.Jonswap(self.peak, self.gamma)
+
+
+class PiersonMoskowitzSpectrum(_Peaked):
+    """The Pierson-Moskowitz spectrum's shape, of a fully developed sea."""
+
+    type: Literal["pierson-moskowitz"] = "pierson-moskowitz"
+
+    def build(self, tank: AnyTank) -> motions.Spectrum:
+        """Return the shape S(f)."""
+        return motions.Jonswap(self.peak, 1.0)
+
+
+class TmaSpectrum(_Peaked):
+    """The TMA spectrum's shape: JONSWAP's in the tank's depth."""
+
+    type: Literal["tma"] = "tma"
+    gamma: Gamma = Field(default=3.3, description="peak enhancement gamma [-]")
+
+    def build(self, tank: AnyTank) -> motions.Spectrum:
+        """Return the shape S(f)."""
+        return motions.Tma(motions.Jonswap(self.peak, self.gamma), tank.depth, tank.gravity)
+
+
+class GaussianSpectrum(_Peaked):
+    """A Gaussian spectrum's shape."""
+
+    type: Literal["gaussian"] = "gaussian"
+    bandwidth: Frequency = Field(description="standard deviation [Hz]")
+
+    def build(self, tank: AnyTank) -> motions.Spectrum:
+        """Return the shape S(f)."""
+        return motions.Gaussian(self.peak, self.bandwidth)
+
+
+class TableSpectrum(Noun):
+    """A spectrum's shape from a file, straight between its rows."""
+
+    type: Literal["table"] = "table"
+    file: FilePath = Field(description="file of frequencies f [Hz], ascending, and densities S, up to a factor")
+
+    def build(self, tank: AnyTank) -> motions.Spectrum:
+        """Return the shape S(f); raises ``SceneError`` if the file cannot be had or read."""
+        with about(*SPECTRUM_KEY, "file"):
+            return motions.read_spectrum(data.resolve(self.file, Path()))
+
+
+Spectrum = Annotated[
+    JonswapSpectrum | PiersonMoskowitzSpectrum | TmaSpectrum | GaussianSpectrum | TableSpectrum,
+    Field(discriminator="type", description="shape S(f)"),
+]
+
+
+# ---------------------------------------------------------------- waves of a spectrum
+MOTION_KEY = ("wall", "motion")
+MAX_COMPONENTS = 10_000  # components
+MISSED = 1e-6  # of its peak: of so little there are no waves
+
+
+class SpectralWaves(Noun):
+    """Waves of equally spaced frequencies."""
+
+    highest_of_peak: ClassVar[float] = 2.0  # fp, by default
+    spectrum: Spectrum
+    lowest_frequency: Frequency | None = Field(default=None, description="first component [Hz]; default fp / 2")
+    highest_frequency: Frequency | None = Field(default=None, description="last component [Hz]; default 2 fp")
+    components: int = Field(default=128, ge=2, le=MAX_COMPONENTS, description="number of components")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two peak periods")
+
+    @property
+    def reads_file(self) -> bool:
+        """Whether the spectrum is a file's."""
+        return isinstance(self.spectrum, TableSpectrum)
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the ramp [s], default resolved."""
+        return 2 / self.spectrum.build(tank).peak_frequency if self.ramp is None else self.ramp
+
+    def band(self, tank: AnyTank) -> tuple[float, float]:
+        """Return the first and the last frequency [Hz], defaults resolved."""
+        peak = self.spectrum.build(tank).peak_frequency
+        lowest = peak / 2 if self.lowest_frequency is None else self.lowest_frequency
+        return lowest, self.highest_of_peak * peak if self.highest_frequency is None else self.highest_frequency
+
+    def frequencies(self, tank: AnyTank) -> motions.Array:
+        """Return the components' frequencies [Hz], shape (components,)."""
+        return np.linspace(*self.band(tank), self.components, dtype=np.float64)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a band without its peak or without waves."""
+        (lowest, highest), spectrum = self.band(scene.tank), self.spectrum.build(scene.tank)
+        peak = spectrum.peak_frequency
+        if not lowest < peak < highest:
+            yield self._outside(peak, lowest, highest)
+            return
+        found = spectrum.density(self.frequencies(scene.tank)).sum()
+        if not found > MISSED * float(spectrum.density(np.array([peak]))[0]):
+            allowed = "must be more: none of their frequencies is where the spectrum has its waves"
+            yield Problem((*MOTION_KEY, "components"), self.components, allowed)
+            return
+        yield from self.timing_problems(scene)
+        repetition = (self.components - 1) / (highest - lowest)
+        if scene.run.duration > repetition:
+            least = int(np.ceil(scene.run.duration * (highest - lowest))) + 1
+            if least > MAX_COMPONENTS:
+                longest = (MAX_COMPONENTS - 1) / (highest - lowest)
+                most = f"{MAX_COMPONENTS} components, the most,"
+                allowed = f"must be at most {longest:.6g} s: {most} repeat the waves after it"
+                yield Problem(("run", "duration"), scene.run.duration, allowed)
+                return
+            allowed = f"must be {least} or more: so few repeat the waves every {repetition:.4g} s, within the run"
+            yield Problem((*MOTION_KEY, "components"), self.components, allowed)
+
+    def _outside(self, peak: float, lowest: float, highest: float) -> Problem:
+        """Return what is wrong with a peak [Hz] that is none of the components."""
+        within, key = f"the components' {lowest:g} to {highest:g} Hz", (*MOTION_KEY, "spectrum")
+        if isinstance(self.spectrum, TableSpectrum):
+            return Problem((*key, "file"), self.spectrum.file, f"must have its peak, {peak:g} Hz, between {within}")
+        if self.spectrum.peak_period is not None:
+            return Problem((*key, "peak_period"), self.spectrum.peak_period, f"must be that of one of {within}")
+        return Problem((*key, "peak_frequency"), peak, f"must be between {within}")
+
+    def timing_problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield what comes too early; by itself, nothing does."""
+        yield from ()
+
+
+class FocusingWaves(SpectralWaves):
+    """Waves that meet, by linear theory, in one crest at focus_x and focus_time."""
+
+    linear_crest: Height = Field(description="height of the crest at the focus above still water, by linear theory [m]")
+    focus_x: Length = Field(description="where the crests meet [m]")
+    focus_time: Duration = Field(description="when the crests meet [s]")
+    phase: float = Field(default=0.0, ge=-360, le=360, description="at the focus [deg]: 0 of a crest, 180 of a trough")
+
+    def group(self, tank: AnyTank, maker: Wavemaker = PISTON) -> motions.WaveGroup:
+        """Return the group as of waves along x, without its ramp."""
+        lowest, highest = self.band(tank)
+        return motions.WaveGroup(
+            amplitude=self.linear_crest,
+            spectrum=self.spectrum.build(tank),
+            lowest_frequency=lowest,
+            highest_frequency=highest,
+            components=self.components,
+            focus_x=self.focus_x,
+            focus_time=self.focus_time,
+            depth=tank.depth,
+            gravity=tank.gravity,
+            phase=float(np.radians(self.phase)),
+            maker=maker,
+        )
+
+    def earliest_focus(self, tank: AnyTank) -> float:
+        """Return the earliest focus time [s] that the ramp allows."""
+        return self.group(tank).earliest_focus(self.ramp_in(tank))
+
+    def timing_problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a focus too early."""
+        earliest = self.earliest_focus(scene.tank)
+        if self.focus_time < earliest:
+            allowed = (
+                f"must be at least {earliest:.4g} s: the short waves need that long from the ramp's end to focus_x"
+            )
+            yield Problem((*MOTION_KEY, "focus_time"), self.focus_time, allowed)
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield as any waves of a spectrum, and a focus outside the tank."""
+        if not self.focus_x < scene.tank.length:
+            allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
+            yield Problem((*MOTION_KEY, "focus_x"), self.focus_x, allowed)
+        yield from super().problems(scene)
+
+
+# ---------------------------------------------------------------- waves of a file
+Column = Literal["frequency", "omega", "amplitude", "phase", "lag", "direction", "other"]
+
+
+class WaveFile(Noun):
+    """Waves that a file tells of."""
+
+    @property
+    def reads_file(self) -> bool:
+        """Whether what fits it is known only when a file has been read: yes."""
+        return True
+
+
+class ComponentFile(WaveFile):
+    """Components eta = scale sum a cos(omega (t - time) + phase) at a place, by linear theory."""
+
+    file: FilePath = Field(description="file with a row for each component")
+    columns: Annotated[tuple[Column, ...], Strict(False)] = Field(
+        default=("frequency", "amplitude", "phase"),
+        min_length=3,
+        max_length=20,
+        description="what its columns are: frequency in Hz or omega in rad/s, amplitude in m, phase in rad or lag, its "
+        "opposite; of paddles in segments direction in degrees from the wall's normal, positive towards y; other",
+    )
+    x: Coordinate = Field(default=0.0, description="where the phases hold [m]")
+    time: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="when they hold [s]")
+    scale: float = Field(default=1.0, ge=1e-12, le=1e12, description="factor of the amplitudes [-]")
+    phase: float = Field(default=0.0, ge=-360, le=360, description="added to all phases [deg]: 180 turns crests over")
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two periods of the highest")
+
+    @model_validator(mode="after")
+    def _enough_columns(self) -> "ComponentFile":
+        one_of_each = all(len({*pair} & {*self.columns}) == 1 for pair in (("frequency", "omega"), ("phase", "lag")))
+        if "amplitude" not in self.columns or not one_of_each:
+            raise ValueError("columns must have amplitude, one of frequency and omega, and one of phase and lag")
+        named = [name for name in self.columns if name != "other"]
+        if len({*named}) < len(named):
+            raise ValueError("columns must each be named once, but for other")
+        return self
+
+    def components(self) -> motions.Components:
+        """Return the components that are not 0; raises ``SceneError`` if the file cannot be had or read."""
+        with about(*MOTION_KEY, "file"):
+            return motions.read_components(data.resolve(self.file, Path()), self.columns)
+
+    def target(self, tank: AnyTank, y: float = 0.0) -> PlaneWaves:
+        """Return the waves, whose phases hold at (x, y)."""
+        f, a, phase, angles = self.components()
+        where = {"x": self.x, "y": y, "time": self.time, "depth": tank.depth, "gravity": tank.gravity}
+        return waves_along(f, self.scale * a, phase + np.radians(self.phase), angles=angles, **where)
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        if self.ramp is not None:
+            return self.ramp
+        waves = self.components()
+        return 2.0 / float(waves.frequencies[np.abs(waves.amplitudes).argmax()])
+
+
+class SurfaceFile(WaveFile):
+    """The elevation that is wished for at a place."""
+
+    file: FilePath = Field(description="file of t [s] and eta [m]")
+    x: Length = Field(description="where it is wished for [m]")
+    delay: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(default=0.0, description="added to the file's times [s]")
+    lowest_frequency: Frequency | None = Field(
+        default=None, description="of waves that are made [Hz]; default a quarter of their mean"
+    )
+    highest_frequency: Frequency | None = Field(
+        default=None, description="of waves that are made [Hz]; default four times their mean"
+    )
+    ramp: Ramp | None = Field(default=None, description="length of the ramp [s]; default two of the mean periods")
+
+    def wished(self) -> motions.WishedSurface:
+        """Return the surface; raises ``SceneError`` if the file cannot be had or read, or has no such waves."""
+        with about(*MOTION_KEY, "file"):
+            t, eta = read_record(data.resolve(self.file, Path()), column="elevation [m]")
+            band = self.lowest_frequency, self.highest_frequency
+            return motions.wished_surface(t + self.delay, eta, band=band)
+
+    def target(self, tank: AnyTank, y: float = 0.0, angle: float = 0.0) -> PlaneWaves:
+        """Return the waves, all at an angle to x [rad], of the elevation at (x, y)."""
+        found = self.wished()
+        where = {"x": self.x, "y": y, "time": found.begin, "depth": tank.depth, "gravity": tank.gravity}
+        return waves_along(found.frequencies, found.amplitudes, found.phases, angles=angle, **where)
+
+    def ramp_in(self, tank: AnyTank) -> float:
+        """Return the length of the ramp [s], default resolved."""
+        return 2.0 / self.wished().mean_frequency if self.ramp is None else self.ramp
+
+    def problems(self, scene: Surroundings) -> Iterator[Problem]:
+        """Yield a place outside the tank, and waves that come too late."""
+        if not self.x < scene.tank.length:
+            allowed = f"must be inside the tank, below {metres(scene.tank.length)} m"
+            yield Problem((*MOTION_KEY, "x"), self.x, allowed)
+            return
+        found, ramp = self.wished(), self.ramp_in(scene.tank)
+        k = airy.wave_number(2.0 * np.pi * found.mean_frequency, scene.tank.depth, scene.tank.gravity)
+        travel = self.way / float(airy.group_velocity(k, scene.tank.depth, scene.tank.gravity))
+        if found.begin < ramp + travel:
+            least = self.delay + ramp + travel - found.begin
+            ramped = f"after a ramp of {ramp:.4g} s{', the default,' if self.ramp is None else ''}"
+            allowed = f"must be at least {least:.4g} s: {ramped} its waves need {travel:.4g} s to x"
+            yield Problem((*MOTION_KEY, "delay"), self.delay, allowed)
+        elif found.begin > travel + found.length:
+            allowed = f"must be at most {self.delay + travel + found.length - found.begin:.4g} s: a copy comes before"
+            yield Problem((*MOTION_KEY, "delay"), self.delay, allowed)
+        elif scene.run.duration > (again := found.begin + 2.0 * found.length):
+            allowed = f"must be at most {again:.4g} s, when the record's waves come again"
+            yield Problem(("run", "duration"), scene.run.duration, allowed)
+
+    @property
+    def way(self) -> float:
+        """How far the waves go from the paddle to x [m]."""
+        return self.x
