@@ -23,11 +23,9 @@ from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.cli import main
 from wavetank.errors import InputError, RunError
 from wavetank.integrators.states import Point
-from wavetank.motion import Sinusoid, steered
-from wavetank.motion.answer import Answer, Equation
-from wavetank.motion.at_face import elevation_at_face
-from wavetank.motion.mapping import largest_stroke, share
-from wavetank.motion.steered import Steered
+from wavetank.motion import Sinusoid, feedback
+from wavetank.motion.feedback import Answer, Equation, FeedbackMotion, elevation_at_face
+from wavetank.motion.motion import largest_stroke, share
 from wavetank.output.directory import PADDLE, RunDirectory
 from wavetank.planning.affordable import needs_of
 from wavetank.planning.freed_harmonics import freed_harmonics, harmonics_sent_back
@@ -167,7 +165,7 @@ def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step(
 
     Simpson's rule finds its way from its velocities, though those at knots do not fit their positions.
     """
-    motion = Steered(Sinusoid(0.1, 2.0))
+    motion = FeedbackMotion(Sinusoid(0.1, 2.0))
     for n, t in enumerate((0.1, 0.2, 0.3, 0.4)):
         motion.go_on(0.1 * n, 0.1, np.sin(t), 1.3 * np.cos(t))
     for n in range(4):
@@ -183,7 +181,7 @@ def test_a_motion_that_is_steered_is_smooth_and_known_up_to_the_end_of_its_step(
     assert motion.position(0.3) == Sinusoid(0.1, 2.0).position(0.3) + motion.added(0.3, 0)
     motion.keep(0.15, "somebody")
     kept = motion.position(0.15)
-    again = Steered(Sinusoid(0.1, 2.0))
+    again = FeedbackMotion(Sinusoid(0.1, 2.0))
     again.take(motion.held())
     assert np.array_equal(again.position(t), motion.position(t))
     motion.go_on(0.2, 0.1, 0.0, 0.0)  # another way, from an earlier time
@@ -355,7 +353,7 @@ def test_work_is_counted_of_paddles_that_go_unevenly():
     x, weights = np.polynomial.legendre.leggauss(8)
     told, mass, steps, errors = Sinusoid(0.4, 3.0), 0.7, np.array([0.2, 0.1, 0.05]), []
     for dt in steps:
-        motion = Steered(told)
+        motion = FeedbackMotion(told)
         work = AnsweredWork([motion], np.array([mass]))
 
         def slopes(q, p, t, motion=motion):
@@ -539,7 +537,7 @@ def test_and_in_the_tank():
 
 def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeypatch):
     """Nonlinear; the work to third order, the balance to 1e-6 of all. Slopes of H make its explicit rate."""
-    monkeypatch.setattr(steered, "REMEMBERED", 1000)
+    monkeypatch.setattr(feedback, "KNOTS", 1000)
     far_away = {"type": "formula", "eta": "0.08*exp(-((x - 3.0)/0.8)**2)"}
     spring = {"type": "spring-damper", "mass": 100.0}
     piston, missing, off = {"type": "piston", "motion": REST, "absorb": spring}, [], []
@@ -566,7 +564,7 @@ def test_what_a_spring_holds_and_a_damper_takes_is_the_work_of_the_water(monkeyp
 # ---------------------------------------------------------------- what a paddle cannot do
 def test_absorbing_ends_where_the_mapping_folds_and_not_out_of_the_water():
     """J = 1 + s' f X with the least s' there is, and the largest f."""
-    motion, shares, r = Steered(Sinusoid(1.0, 4.0)), np.array([0.0, 0.3, 1.4]), np.linspace(0.0, 1.0, 1001)
+    motion, shares, r = FeedbackMotion(Sinusoid(1.0, 4.0)), np.array([0.0, 0.3, 1.4]), np.linspace(0.0, 1.0, 1001)
     paddle = SimpleNamespace(motion=motion, largest_stroke=largest_stroke(1.0))
     equation = Equation.of_transfer(np.ones(1), np.array([1.0, 3.0, 2.0]))
     answering = AnsweringPaddle(paddle, equation, lambda q, p, t: np.zeros(1), shares=shares, key="far_wall")

@@ -11,8 +11,8 @@ from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
-from wavetank.motion import Sinusoid, Turned
-from wavetank.motion.mapping import quickened
+from wavetank.motion import FlapAngle, Sinusoid
+from wavetank.motion.motion import quickened
 from wavetank.planning.cost_model import BUILT_IN
 from wavetank.planning.defaults import DEFAULT
 from wavetank.planning.error_model import Settings
@@ -108,7 +108,7 @@ def test_a_shape_with_a_kink_keeps_what_linear_theory_knows_of_it():
 
 def test_an_angle_is_a_motion():
     """X = arm tan(theta), and its derivatives by differences."""
-    motion, t = Turned(Sinusoid(0.3, 2.0), 1.1), np.linspace(0.1, 3.0, 7)
+    motion, t = FlapAngle(Sinusoid(0.3, 2.0), 1.1), np.linspace(0.1, 3.0, 7)
     assert motion.position(t) == pytest.approx(1.1 * np.tan(0.3 * np.sin(np.pi * t)), rel=1e-12)
     for order in (1, 2):
         steps = motion.derivative(t + 1e-5, order - 1) - motion.derivative(t - 1e-5, order - 1)

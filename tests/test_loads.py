@@ -17,7 +17,7 @@ from wavetank.fem.forms import ScalarForm
 from wavetank.fem.plane import Plane
 from wavetank.integrators import Simpson4, StormerVerlet
 from wavetank.motion import AtRest
-from wavetank.motion.tangent import Tangent
+from wavetank.motion.motion import Tangent
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run
 from wavetank.studies.responses import Response, responses

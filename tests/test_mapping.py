@@ -20,7 +20,7 @@ from wavetank.fem.plane import Plane
 from wavetank.integrators import ThirdOrder
 from wavetank.integrators.states import Point
 from wavetank.motion import Ramped, SegmentedMotion, Sinusoid
-from wavetank.motion.mapping import STEEPEST, largest_stroke, quickened, share
+from wavetank.motion.motion import STEEPEST, largest_stroke, quickened, share
 from wavetank.simulation.clock import Clock
 from wavetank.simulation.contract import Moment, Moments
 from wavetank.simulation.crest import HighestCrest

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from wavetank.errors import InputError
-from wavetank.motion import AtRest, Gaussian, Jonswap, Lines, Motion, Ramped, Recorded, Sinusoid, WaveGroup
-from wavetank.motion.record_file import read_record
+from wavetank.motion import AtRest, Gaussian, HarmonicSum, Jonswap, Motion, Ramped, Recorded, Sinusoid, WaveGroup
+from wavetank.motion.recorded import read_record
 from wavetank.waves import airy, wavemaker
 
 GRAVITY = 9.81
@@ -37,7 +37,7 @@ MOTIONS = {
     "at rest": AtRest(),
     "sinusoid": Sinusoid(0.1, 1.7),
     "wave group": group(),
-    "few sines": Lines(np.array([3.0, 6.1]), np.array([0.05j, 0.01 - 0.02j])),
+    "few sines": HarmonicSum(np.array([3.0, 6.1]), np.array([0.05j, 0.01 - 0.02j])),
     "recorded positions": Recorded.of_positions(*record()),
     "recorded velocities": Recorded.of_velocities(*record()),
     "ramped sinusoid": Ramped(Sinusoid(0.1, 1.7), 3.0),

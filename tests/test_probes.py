@@ -13,7 +13,7 @@ from wavetank.errors import InputError
 from wavetank.fem.plane import Plane
 from wavetank.integrators.states import Point
 from wavetank.motion import AtRest, Sinusoid
-from wavetank.motion.tangent import Tangent
+from wavetank.motion.motion import Tangent
 from wavetank.output.directory import RunDirectory
 from wavetank.recording import record_run, resume_run
 from wavetank.simulation.contract import Moment

@@ -21,8 +21,8 @@ from wavetank.cli import main
 from wavetank.errors import InputError
 from wavetank.motion import (
     Gaussian,
+    HarmonicSum,
     Jonswap,
-    Lines,
     Ramped,
     Recorded,
     Sinusoid,
@@ -33,9 +33,8 @@ from wavetank.motion import (
     goring,
     irregular,
 )
-from wavetank.motion.irregular import uniform
-from wavetank.motion.pieces import hermite
-from wavetank.motion.record_file import read_record
+from wavetank.motion.harmonic import uniform
+from wavetank.motion.recorded import hermite, read_record
 from wavetank.output.directory import RunDirectory
 from wavetank.planning.plan import STEP_RATIO, make_plan
 from wavetank.planning.planned import planned
@@ -81,7 +80,7 @@ def sea(count=300, seed=3):
     f = np.linspace(0.3, 1.8, count)
     amplitudes, phases = irregular(Jonswap(0.6), f, significant_height=0.1, seed=seed)
     target = waves_along(f, amplitudes, phases, depth=DEPTH, gravity=GRAVITY)
-    return Lines(target.omega, 1j * target.amplitudes / PISTON.transfer(target.k_x, DEPTH))
+    return HarmonicSum(target.omega, 1j * target.amplitudes / PISTON.transfer(target.k_x, DEPTH))
 
 
 def test_a_table_misses_no_more_than_birkhoff_and_priver_say():
@@ -110,7 +109,7 @@ def test_a_table_is_the_same_in_whatever_order_it_is_asked():
 
 def test_the_table_of_a_run_is_made_once(monkeypatch):
     made = []
-    monkeypatch.setattr("wavetank.motion.lines.hermite", lambda t, *values: made.append(t[0]) or hermite(t, *values))
+    monkeypatch.setattr("wavetank.motion.harmonic.hermite", lambda t, *values: made.append(t[0]) or hermite(t, *values))
     table, t = sea().tabulated(), np.linspace(0.0, 400.0, 1000)
     for _ in range(2):
         table.position(t)
@@ -119,7 +118,7 @@ def test_the_table_of_a_run_is_made_once(monkeypatch):
 
 def test_the_table_of_places_is_the_table_of_each():
     lines = sea(40)
-    several = Lines(lines.omega, np.outer(lines.b, [1.0, 2.0j])).tabulated()
+    several = HarmonicSum(lines.omega, np.outer(lines.b, [1.0, 2.0j])).tabulated()
     t = np.linspace(0.0, 30.0, 50)
     np.testing.assert_allclose(several.velocity(t)[:, 0], lines.tabulated().velocity(t), atol=1e-9)
     assert several.velocity(1.0).shape == (2,)
@@ -636,7 +635,7 @@ def test_second_order_generation_gathers_equal_frequencies():
     t = np.linspace(3.0, 9.0, 5)
     first = Strokes(wave.lines.omega, wave.lines.b)
     more = second_order(first, PISTON, depth=DEPTH, gravity=GRAVITY)
-    expected = wave.position(t) + Lines(more.omega, more.b).position(t)
+    expected = wave.position(t) + HarmonicSum(more.omega, more.b).position(t)
     np.testing.assert_allclose(lines.position(t), expected, atol=1e-12)
 
 

@@ -19,7 +19,7 @@ from wavetank.motion import (
     ReflectedFocus,
     WaveGroup,
 )
-from wavetank.motion.segmented import joints, widest_segment
+from wavetank.motion.motion import joints, widest_segment
 from wavetank.waves import wavemaker
 
 GRAVITY, DEPTH = 9.81, 0.5

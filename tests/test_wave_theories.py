@@ -14,9 +14,9 @@ import pytest
 
 from wavetank import waves
 from wavetank.motion import DirectionalFocus, ReflectedFocus
-from wavetank.motion.fan import Fan
+from wavetank.motion.directional import Fan
+from wavetank.motion.harmonic import WaveGroup
 from wavetank.motion.spectra import Gaussian
-from wavetank.motion.wave_group import WaveGroup
 from wavetank.waves.conformal import SteadyWave
 from wavetank.waves.mccamy_fuchs import CylinderDiffraction
 from wavetank.waves.plane_waves import PlaneWaves

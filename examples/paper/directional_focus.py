@@ -1,7 +1,7 @@
 """A directional focus by a segmented paddle, of small and of finite amplitude, against linear theory.
 
 Half the basin of cases/directional-focus.toml, the focus on its plane of symmetry; the theory is that of the paddle's
-motion (``motion/reflected_focus.py``), which knows the side walls, but neither the ramp nor the far end.
+motion (``motion/directional.py``), which knows the side walls, but neither the ramp nor the far end.
 """
 
 from collections.abc import Sequence

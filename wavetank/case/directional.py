@@ -13,7 +13,7 @@ from wavetank import motion as motions
 from wavetank.case.tank import AnyTank, BasinTank, Surroundings
 from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, FocusingWaves, SpectralWaves, SurfaceFile
 from wavetank.mesh import MeshFile
-from wavetank.motion.segmented import widest_segment
+from wavetank.motion.motion import widest_segment
 from wavetank.values.noun import Noun, Problem, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Ramp
 from wavetank.waves import airy

@@ -11,7 +11,7 @@ from wavetank import data
 from wavetank import motion as motions
 from wavetank.case.tank import Surroundings
 from wavetank.errors import InputError
-from wavetank.motion.record_file import read_record
+from wavetank.motion.recorded import read_record
 from wavetank.values.noun import FilePath, Noun, Problem, about
 from wavetank.values.quantities import (
     Coordinate,

@@ -13,8 +13,8 @@ from wavetank import motion as motions
 from wavetank.case.tank import AnyTank, Surroundings
 from wavetank.case.waves import MAX_COMPONENTS, MOTION_KEY, ComponentFile, FocusingWaves, SpectralWaves, SurfaceFile
 from wavetank.errors import InputError
-from wavetank.motion.record_file import ColumnError, read_record, says_metres
-from wavetank.motion.wave_motion import WaveMotion
+from wavetank.motion.harmonic import WaveMotion
+from wavetank.motion.recorded import ColumnError, read_record, says_metres
 from wavetank.values.formula import Formula
 from wavetank.values.noun import FilePath, Noun, Problem, SceneError, TimeFormulaText, TimeHelpers, about, one_of
 from wavetank.values.python_file import load

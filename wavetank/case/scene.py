@@ -15,8 +15,7 @@ from wavetank.case.numerics import Numerics, RunNoun
 from wavetank.case.output import ENDS, FAR, PADDLE, Gauge, GaugeLine, Output, Probe, Target, WallLoad, Window, named
 from wavetank.case.tank import BasinTank, Depth, Sponge, Tank, paddle_period
 from wavetank.case.wall import FarWall, FixedWall, MovingWall, Wall
-from wavetank.motion.extent import Extent, extent, times, values
-from wavetank.motion.told import Told
+from wavetank.motion.motion import Extent, ValidatedMotion, extent, times, values
 from wavetank.values.noun import Noun, Problem, SceneError, about, renamed
 from wavetank.values.quantities import Label, metres
 
@@ -209,7 +208,9 @@ class Scene(Noun):
             problems = list(self._motion_problems(motion))
         if problems:
             raise SceneError(problems)
-        return motion if said_by is None else Told(motion, self.key, "motion", *said_by, run=self.run.duration)
+        return (
+            motion if said_by is None else ValidatedMotion(motion, self.key, "motion", *said_by, run=self.run.duration)
+        )
 
     def __getstate__(self) -> dict[Any, Any]:
         """Return what other ranks are told: not the paddle's motion, a function, which they find themselves."""

@@ -19,7 +19,7 @@ from wavetank import mesh as beds
 from wavetank.errors import InputError
 from wavetank.mesh import Layout
 from wavetank.motion import Array
-from wavetank.motion.extent import values
+from wavetank.motion.motion import values
 from wavetank.values.formula import Formula
 from wavetank.values.noun import FilePath, FormulaNoun, FormulaText, Noun, Problem, SceneError
 from wavetank.values.python_file import load

@@ -13,10 +13,7 @@ from wavetank.case.paddle import PaddleMotion
 from wavetank.case.tank import AnyTank, RingTank, SliceTank, Surroundings
 from wavetank.errors import InputError
 from wavetank.motion import Array
-from wavetank.motion.extent import Extent
-from wavetank.motion.mapping import STEEPEST, TOP, largest_stroke, quickened
-from wavetank.motion.segmented import joints
-from wavetank.motion.turned import ANGLES, UPSET
+from wavetank.motion.motion import ANGLES, STEEPEST, TOP, UPSET, Extent, joints, largest_stroke, quickened
 from wavetank.values.formula import Formula
 from wavetank.values.noun import HeightFormulaText, HeightHelpers, Noun, Problem
 from wavetank.values.quantities import (
@@ -481,7 +478,7 @@ class FlapWall(HingedWall, PaddleWall):
         motion = super().paddle(tank, physics)
         if self.motion_as == "stroke" or self.motion.says_metres:
             return motion
-        return motions.Turned(motion, self.maker.arm(tank.depth))
+        return motions.FlapAngle(motion, self.maker.arm(tank.depth))
 
     def amplitude(self, tank: AnyTank) -> float:
         """Return how far it goes from rest once a ramp is over, where the case tells it, otherwise 0 [m]."""

@@ -10,7 +10,7 @@ from pydantic import Field, Strict, model_validator
 from wavetank import data
 from wavetank import motion as motions
 from wavetank.case.tank import AnyTank, Surroundings
-from wavetank.motion.record_file import read_record
+from wavetank.motion.recorded import read_record
 from wavetank.values.noun import FilePath, Noun, Problem, about, one_of
 from wavetank.values.quantities import Coordinate, Duration, Frequency, Height, Length, Ramp, metres
 from wavetank.waves import airy

@@ -1,10 +1,38 @@
-"""What a paddle motion is: one function X(t), or X(t, y) along the paddle [m], positive into the water."""
+"""Motions of paddles X(t) or X(t, y): interface, ramp, mapping of the moving wall and elementary motions.
 
+How a paddle's displacement dies out in the water: the shape of the mapping x = X + s(X) X_p of docs/method.md.
+
+    s(r) = (1 - r)² (1 + r)  for r = xi / reach in [0, 1],  0 beyond
+
+with the distance xi from the paddle's rest position. Where it ends, s has no kink; of the cubics of which that is true
+and which begin at 1 this one stretches least, |s'| <= 4/3: the wall itself may have any slope, no water lies behind it.
+
+A motion that begins gently: X = r(t) S(t, y), with S any other motion.
+
+r = 35 s^4 - 84 s^5 + 70 s^6 - 20 s^7 with s = (t - start) / ramp: three continuous derivatives, all zero at both ends,
+so that X, its velocity and its acceleration start from zero.
+
+Paddles of segments: X(t, y) [m], y [m] along the paddle.
+
+A paddle of many narrow segments makes waves that leave it obliquely, on the snake principle: each segment moves a
+little later than its neighbour. Motions of such paddles are continuous in y; ``PiecewiseLinear`` gives them segments.
+"""
+
+import math
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from math import ceil, comb
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
+
+from wavetank.errors import InputError
+from wavetank.values.formula import Formula
+from wavetank.values.noun import about
 
 Array = NDArray[np.float64]
 
@@ -88,3 +116,422 @@ class SegmentedMotion(Motion):
     Places are to be given, an array of shape (N,) [m]; the values have the shape of the times with N appended: (N,) for
     one time.
     """
+
+
+@dataclass(frozen=True)
+class AtRest(Motion):
+    """X = 0."""
+
+    moves = False
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return zero."""
+        return np.zeros(np.shape(t))[()]
+
+
+class ByFormula(Motion):
+    """X(t) as given, with its derivatives by the chain rule."""
+
+    def __init__(self, formula: Formula):
+        self._formula = formula
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the formula's derivative; raises ``InputError`` where it is not finite."""
+        return self._formula.derivative(order, t)[()]
+
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the formula's derivatives, found as one; raises ``InputError`` where one is not finite."""
+        return [values[()] for values in self._formula.derivatives(t, *range(up_to + 1))]
+
+    def check(self, times: Array) -> None:
+        """Raise ``InputError`` where the formula or a derivative is not finite, at times [s] or at first."""
+        self.rates(np.append(0.0, times))
+
+
+@dataclass(frozen=True)
+class Sinusoid(Motion):
+    """X = a sin(2 pi t / T).
+
+    Attributes
+    ----------
+    amplitude
+        a [m], the largest distance from rest: half the stroke.
+    period
+        T [s].
+    """
+
+    amplitude: float
+    period: float
+
+    @property
+    def power_period(self) -> float:
+        """T [s]."""
+        return self.period
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return a omega^order sin(omega t + order pi / 2)."""
+        omega, (t, sine) = 2.0 * np.pi / self.period, (t, math.sin) if isinstance(t, float) else (np.asarray(t), np.sin)
+        return self.amplitude * omega**order * sine(omega * t + order * np.pi / 2.0)
+
+
+AT_ONCE, MOST = 4096, 2**18  # times: a sum of many waves takes memory for each; of a long motion not all are looked at
+
+
+class Extent(NamedTuple):
+    """A motion's largest values, anywhere along the paddle.
+
+    Attributes
+    ----------
+    stroke
+        From one end of its way to the other [m].
+    speed, acceleration
+        [m/s], [m/s²].
+    """
+
+    stroke: float
+    speed: float
+    acceleration: float
+
+
+def times(end: float, step: float, *, fewest: int = 4001) -> Array:
+    """Return times from 0 to the end [s], shape (T,), at most a step [s] apart as long as they are not too many."""
+    count = int(np.clip(end / step, fewest, MOST))
+    return np.linspace(0.0, end, count, dtype=np.float64)
+
+
+def values(of: Callable[[Array], Array], t: Array) -> Array:
+    """Return a function's values at times [s], shape (T,) and what the function adds, found for some times at once."""
+    return np.concatenate([of(part) for part in np.array_split(t, -(-t.size // AT_ONCE))])
+
+
+def extent(motion: Motion, t: Array, places: Any = None) -> Extent:
+    """Return the extent of a motion at times [s], shape (T,), at places along it [m] where it has several."""
+    position, velocity, acceleration = (
+        values(partial(motion.derivative, order=order, y=places), t) for order in range(3)
+    )
+    stroke = float(np.ptp(position, axis=0).max())
+    return Extent(stroke, float(np.abs(velocity).max()), float(np.abs(acceleration).max()))
+
+
+TOP = 0.5  # depths above still water, up to which a paddle's shape is looked at
+NARROWEST = 1e-4  # J, at which a mapping is looked at: less is a fold
+SAMPLES = np.linspace(0.0, 1.0, 101, dtype=np.float64)  # r, at which it is
+STEEPEST = 4 / 3  # largest |ds/dr|, at r = 1/3, where the second derivative vanishes
+
+
+def largest_stroke(reach: float) -> float:
+    """Return how far a paddle can go into the water, from rest, before the mapping folds [m]: J = 1 + s' X_p > 0."""
+    return reach / STEEPEST
+
+
+def quickened(lean: float, moved: float) -> float:
+    """Return how much faster the shortest waves of a mesh get, at most, where a mapping leans or narrows its cells.
+
+    It is the largest 1 / (J cos(theta)), theta the angle from upright of what goes with the paddle, whose own has the
+    tangent ``lean``, and J = 1 + s' ``moved``, in reaches. Of waves too short for the vertical order the energy is that
+    of the velocity along x, k² |P|² / J of a potential psi P(zeta), and tan²(theta) as much upwards, and g J eta² of
+    the surface; of those that it resolves it is 1 / J^(1/2).
+    """
+    slope = (1.0 - SAMPLES) * (-1.0 - 3.0 * SAMPLES)
+    across = np.sqrt(1.0 + (_inside(SAMPLES) * lean) ** 2)
+    return float((across / np.maximum(1.0 + slope * moved, NARROWEST)).max())
+
+
+def share(r: Array) -> Array:
+    """Return s(r), of any shape; before the wall the line that it begins with, for places that the wall has passed."""
+    return np.where(r < 0.0, 1.0 - r, _inside(np.minimum(np.maximum(r, 0.0), 1.0)))
+
+
+def _inside(r: Array) -> Array:
+    return np.asarray((1.0 - r) * (1.0 - r) * (1.0 + r))
+
+
+class Tangent(Motion):
+    """The tangent to a motion at one time: its value and its rate there, and so the rate of its velocity.
+
+    Position and velocity each go on at their own rate, so that neither is the other's derivative but there.
+
+    Parameters
+    ----------
+    motion
+        What is touched.
+
+    Attributes
+    ----------
+    at
+        When [s].
+    """
+
+    def __init__(self, motion: Motion):
+        self.motion, self.at = motion, 0.0
+
+    def keep(self, t: float, who: str) -> None:
+        """See ``Motion``."""
+        self.motion.keep(t, who)
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the derivative of that order at ``at``, gone on for t - ``at``; the highest stays."""
+        value = self.motion.derivative(self.at, order, y)
+        return value if order == 2 else value + (t - self.at) * self.motion.derivative(self.at, order + 1, y)
+
+
+_STEP = tuple(Polynomial([0, 0, 0, 0, 35, -84, 70, -20]).deriv(order).coef.tolist()[::-1] for order in range(3))
+
+
+@dataclass(frozen=True)
+class Ramped(Motion):
+    """r(t) S; before ``start`` the paddle is at rest, after ``start + ramp`` it follows S exactly.
+
+    Attributes
+    ----------
+    motion
+        S(t), or S(t, y).
+    ramp
+        How long the ramp takes [s], positive.
+    start
+        When it begins [s].
+    """
+
+    motion: Motion
+    ramp: float
+    start: float = 0.0
+
+    @property
+    def duration(self) -> float:
+        """Until when S is known [s]."""
+        return self.motion.duration
+
+    @property
+    def interval(self) -> float | None:
+        """The mean time between two rows of the record of S [s], if it was measured."""
+        return self.motion.interval
+
+    def check(self, times: Array) -> None:
+        """Raise ``InputError`` where a derivative of S is not that of S."""
+        self.motion.check(times)
+
+    @property
+    def risen(self) -> float:
+        """When the ramp is over [s]."""
+        return self.start + self.ramp
+
+    @property
+    def power_period(self) -> float | None:
+        """That of S [s]."""
+        return self.motion.power_period
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the derivative of the product by Leibniz' rule; after the ramp that of S."""
+        if self._over(t):
+            return self.motion.derivative(t, order, y)
+        return self._product(t, order, self._both(t, order, y))
+
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the derivatives of the product; S is asked once."""
+        if t >= self.start + self.ramp if isinstance(t, float) else self._over(t):
+            return self.motion.rates(t, y, up_to=up_to)
+        both = self._both(t, up_to, y)
+        return [self._product(t, order, both) for order in range(up_to + 1)]
+
+    def _over(self, t: Any) -> bool:
+        return bool((t if isinstance(t, float) else np.min(t)) >= self.start + self.ramp)
+
+    def _both(self, t: Any, up_to: int, y: Any) -> tuple[list[Any], list[Any]]:
+        """Return the derivatives of r and of S up to an order."""
+        part, steps = ((t if isinstance(t, float) else np.asarray(t)[()]) - self.start) / self.ramp, []
+        s = min(max(part, 0.0), 1.0) if isinstance(part, float) else np.clip(part, 0.0, 1.0)
+        for n, coefficients in enumerate(_STEP[: up_to + 1]):
+            step = 0.0
+            for coefficient in coefficients:
+                step = step * s + coefficient
+            steps.append(step / self.ramp**n)
+        return steps, self.motion.rates(t, y, up_to=up_to)
+
+    def _product(self, t: Any, order: int, both: tuple[list[Any], list[Any]]) -> Any:
+        steps, values = both
+        return sum(_times(t, comb(order, n) * steps[n], values[order - n]) for n in range(order + 1))
+
+
+def _times(t: Any, factor: Any, values: Any) -> Any:
+    alone = isinstance(values, float) or np.ndim(values) == np.ndim(t)
+    return (factor if alone else np.asarray(factor)[..., None]) * values
+
+
+def ramped(motion: Motion, ramp: float, *, start: float = 0.0) -> Motion:
+    """Return a motion with its ramp [s], which may be none."""
+    return Ramped(motion, ramp, start) if ramp > 0 else motion
+
+
+UPSET = 0.5 * np.pi
+ANGLES = f"must be below pi/2, in radians: 60 degrees are {np.radians(60.0):.4f}"
+
+
+@dataclass(frozen=True, eq=False)
+class FlapAngle(Motion):
+    """X = arm tan(theta).
+
+    Attributes
+    ----------
+    angle
+        theta(t) [rad], positive into the water, as a motion.
+    arm
+        [m].
+    """
+
+    angle: Motion
+    arm: float
+
+    @property
+    def start(self) -> float:
+        """When the flap begins to turn [s], at the earliest."""
+        return self.angle.start
+
+    @property
+    def duration(self) -> float:
+        """Until when the angle is known [s]."""
+        return self.angle.duration
+
+    @property
+    def interval(self) -> float | None:
+        """The mean time between two rows of the record [s], if the angle was measured."""
+        return self.angle.interval
+
+    def check(self, times: Array) -> None:
+        """Raise ``InputError`` where a derivative of the angle is not that of the angle, or it lies, at times [s]."""
+        self.angle.check(times)
+        angles = self.angle.derivative(np.minimum(times, self.duration), 0)
+        if (largest := float(np.abs(angles).max())) >= UPSET:
+            raise InputError(f"the flap turns by {largest:.4g} rad; its angle {ANGLES}.")
+
+    @property
+    def risen(self) -> float:
+        """When the angle's ramp is over [s]."""
+        return self.angle.risen
+
+    @property
+    def power_period(self) -> float | None:
+        """That of the angle [s]."""
+        return self.angle.power_period
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the derivative."""
+        return self.rates(t, y, up_to=order)[order]
+
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return the derivatives by the chain rule."""
+        angle, speed, bend, *_ = [*self.angle.rates(t, y, up_to=up_to), 0.0, 0.0]
+        tan = np.tan(angle)
+        slope = self.arm * (1.0 + tan**2)  # of arm tan
+        return [self.arm * tan, slope * speed, slope * (bend + 2.0 * tan * speed**2)][: up_to + 1]
+
+
+class ValidatedMotion(Motion):
+    """The same motion; where it raises ``InputError`` that is a ``SceneError`` of a key.
+
+    Beyond a duration it says why it was asked there.
+
+    Parameters
+    ----------
+    motion
+        Known for all times, but for its values.
+    key
+        By which it is given.
+    run
+        The run's duration [s].
+    """
+
+    def __init__(self, motion: Motion, *key: str, run: float):
+        self._motion, self._key, self._run = motion, key, run
+
+    @property
+    def risen(self) -> float:
+        """When its ramp is over [s]; 0 where it has none."""
+        return self._motion.risen
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return that of the motion."""
+        return self._told(t, lambda t: self._motion.derivative(t, order, y))
+
+    def rates(self, t: Any, y: Any = None, *, up_to: int = 2) -> list[Any]:
+        """Return those of the motion."""
+        found: list[Any] = self._told(t, lambda t: self._motion.rates(t, y, up_to=up_to))
+        return found
+
+    def _told(self, t: Any, found: Callable[[Any], Any]) -> Any:
+        """Return what is found at times [s]; of what is none beyond the duration alone, it is said who asks there."""
+        with about(*self._key):
+            try:
+                return found(t)
+            except InputError as error:
+                if np.max(t) <= self._run:
+                    raise
+                found(np.minimum(t, self._run))
+                ends = f"the last step ends beyond run.duration = {self._run:g} s; a step that divides that does not"
+                raise InputError(f"{str(error).removesuffix('.')}: {ends}.") from error
+
+
+@dataclass(frozen=True, eq=False)
+class PiecewiseLinear(SegmentedMotion):
+    """Flat segments hinged at joints: the joints follow S exactly, X is linear in y between two of them.
+
+    Beyond the outer joints X is what it is there. Only the joints' motion is computed, so that many places cost little.
+    Segments wider than L / (1 + sin theta), L being the wave length, make spurious waves that leave the paddle at
+    another angle (``widest_segment``); narrower ones w make waves lower by the factor (sin b / b)^2,
+    b = k w sin(theta) / 2.
+
+    Attributes
+    ----------
+    motion
+        S(t, y).
+    joints
+        Where the joints are [m], shape (M,), M >= 2, ascending.
+    """
+
+    motion: Motion
+    joints: Array
+
+    @property
+    def duration(self) -> float:
+        """Until when S is known [s]."""
+        return self.motion.duration
+
+    @property
+    def risen(self) -> float:
+        """When the ramp of S is over [s]."""
+        return self.motion.risen
+
+    @property
+    def power_period(self) -> float | None:
+        """That of S [s]."""
+        return self.motion.power_period
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Array:
+        """Return the derivative of S at the joints, interpolated."""
+        at_joints = self.motion.derivative(t, order, self.joints)
+        left = np.clip(np.searchsorted(self.joints, y, side="right") - 1, 0, self.joints.size - 2)
+        start, end = self.joints[left], self.joints[left + 1]
+        part = np.clip((y - start) / (end - start), 0.0, 1.0)
+        return np.asarray((1.0 - part) * at_joints[..., left] + part * at_joints[..., left + 1])
+
+
+def joints(first: float, last: float, *, segment: float) -> Array:
+    """Return the joints [m], shape (M,), of as few equal segments as are not wider than ``segment`` [m]."""
+    segments = max(1, ceil((last - first) / segment * (1.0 - 1e-12)))  # a width that fits but for round-off fits
+    return np.linspace(first, last, segments + 1, dtype=np.float64)
+
+
+def widest_segment(k: float, angle: float) -> float:
+    """Return L / (1 + sin |theta|) [m], beyond which segments make spurious waves.
+
+    Segments of width w repeat the wave number k sin(theta) along the paddle at k sin(theta) - 2 pi / w, which is that
+    of a progressive wave unless it is beyond k. Source: S. E. Sand and A. E. Mynett, "Directional wave generation and
+    analysis", Proc. IAHR Seminar on Wave Analysis and Generation in Laboratory Basins, Lausanne 1987.
+
+    Parameters
+    ----------
+    k
+        Wave number [rad/m].
+    angle
+        theta [rad], from the paddle's normal.
+    """
+    return float(2.0 * np.pi / (k * (1.0 + np.sin(abs(angle)))))

@@ -1,9 +1,15 @@
-"""A measured motion: one cubic spline through a record of positions or of velocities, or one of degree 5 through both.
+"""Motions by records: splines through measured positions or velocities.
+
+A measured motion: one cubic spline through a record of positions or of velocities, or one of degree 5 through both.
 
 The record that a run keeps of its paddle has positions, velocities and accelerations: the spline takes all of them.
 """
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +17,175 @@ import scipy
 
 from wavetank.errors import InputError
 from wavetank.motion.motion import Array, Motion
-from wavetank.motion.pieces import Pieces, hermite
+from wavetank.values.columns import check_ascending, first_line, read_columns
+from wavetank.values.python_file import PythonFunction
+
+FEW = 2**15  # pieces
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """Polynomials between breakpoints, as SciPy's ``PPoly`` has them.
+
+    Attributes
+    ----------
+    c
+        Coefficients of the powers of t less the breakpoint before, the highest first, shape (powers, N - 1, ...).
+    x
+        The breakpoints, ascending, shape (N,).
+    """
+
+    c: Array
+    x: Array
+
+    def derivative(self, t: Any, order: int) -> Any:
+        """Return the derivative of an order at times t, a number or of any shape; beyond the ends by the end pieces."""
+        return self.rates(t)[order]
+
+    def rates(self, t: Any) -> list[Any]:
+        """Return the value and its first two derivatives, by Horner's rule."""
+        c, s = self._at(t) if isinstance(t, float) else self._piece(t)
+        value = slope = half_bend = 0.0
+        for one in c:
+            half_bend = half_bend * s + slope
+            slope = slope * s + value
+            value = value * s + one
+        return [value, slope, 2.0 * half_bend]
+
+    def _piece(self, t: Any) -> tuple[Any, Any]:
+        """Return the coefficients of the pieces of times, and these less where they begin."""
+        piece = np.minimum(np.maximum(np.searchsorted(self.x, t, side="right") - 1, 0), len(self.x) - 2)
+        s = t - self.x[piece]
+        return self.c[:, piece], np.expand_dims(s, -1) if self.c.ndim > 2 else s
+
+    def _at(self, t: float) -> tuple[Any, float]:
+        """Return the same of one time."""
+        x = self._breakpoints
+        piece = bisect_right(x, t, 1, len(x) - 1) - 1
+        c = self._columns[piece] if self._columns else self.c[:, piece]
+        return c, t - x[piece]
+
+    @cached_property
+    def _columns(self) -> list[Any]:
+        """Coefficients as numbers of Python's, which take a third of the time; none of very many, or several places."""
+        return [one.tolist() for one in self.c.T] if self.c.ndim == 2 and len(self.x) <= FEW else []
+
+    @cached_property
+    def _breakpoints(self) -> list[float]:
+        return [float(one) for one in self.x]
+
+
+def hermite(t: Array, X: Array, velocity: Array, acceleration: Array) -> Pieces:
+    """Return the polynomials of degree 5 between times t [s], shape (N,), with these values there.
+
+    Position, velocity and acceleration in m, m/s, m/s², shape (N,) or (N, M). All three are continuous.
+    """
+    h = np.diff(t).reshape(-1, *(1,) * (X.ndim - 1))
+    v, a = velocity * np.ones_like(X), acceleration
+    moved, v0, v1, a0, a1 = np.diff(X, axis=0), h * v[:-1], h * v[1:], h**2 * a[:-1], h**2 * a[1:]
+    c3 = (20 * moved - 8 * v1 - 12 * v0 - 3 * a0 + a1) / (2 * h**3)
+    c4 = (-30 * moved + 14 * v1 + 16 * v0 + 3 * a0 - 2 * a1) / (2 * h**4)
+    c5 = (12 * moved - 6 * v1 - 6 * v0 - a0 + a1) / (2 * h**5)
+    return Pieces(np.stack([c5, c4, c3, a[:-1] / 2, v[:-1], X[:-1]]), t)
+
+
+TIME, STATE = "t [s]", ("position [m]", "velocity [m/s]", "acceleration [m/s^2]")
+INTERVALS, PERIODS = 10.0, 0.25  # of the median, of the motion: allowed between two rows
+_ALLOWED = "allowed are two finite numbers, a time [s] and a value, separated by blanks or a comma"
+
+
+class ColumnError(InputError):
+    """A file that has no column of a name."""
+
+
+def says_metres(path: Path, *, named: str | None = None) -> bool:
+    """Return whether a file's first line, or the name of its column, says that its values are positions or velocities.
+
+    So do a run's ``paddle.csv`` and, in either format, a file of ``wavetank motion``. Raises ``InputError``.
+    """
+    if named is not None:
+        return named in STATE
+    line = first_line(path)
+    return any(name in line for name in STATE)
+
+
+def read_record(path: Path, *, column: str = "position [m]", named: str | None = None) -> tuple[Array, ...]:
+    """Return times [s] and values, shapes (N,), N >= 4, of a file of columns separated by blanks or commas.
+
+    There are two of them without names, or those of a run's ``paddle.csv``, which may be more: the first that goes by
+    ``column`` is taken, with the derivatives of a position if they are there. Otherwise the ``named`` one is, behind
+    the times in the first.
+
+    Raises ``InputError`` naming the file and the line if it cannot be read, if a row is not as many finite numbers, if
+    times do not ascend or have a gap (``check_gaps``), if there are fewer than four rows; ``ColumnError`` if it has no
+    such column.
+    """
+    names, values, lines = read_columns(path, allowed=_ALLOWED)
+    if named is not None:
+        if named not in names[1:]:
+            there = f"allowed are {', '.join(names[1:])}" if names else "its columns have no names"
+            raise ColumnError(f"{path} has no such column; {there}.")
+        names, values = (TIME, column), values[:, [0, names.index(named)]]
+    if not names and values.shape[1] > 2:
+        raise InputError(f"{path}: {values.shape[1]} columns received; {_ALLOWED}, or columns with names above.")
+    if names and not {TIME, column} <= {*names}:
+        raise InputError(f"{path}: columns {', '.join(names)} received; allowed are '{TIME}' and '{column}'.")
+    if len(lines) < 4:
+        raise InputError(f"{path}: {len(lines)} rows received; at least 4 are needed for a cubic spline.")
+    wanted = names or (TIME, column)
+    t = values[:, wanted.index(TIME)]
+    check_ascending(path, lines, t)
+    check_gaps(path, lines, t, values[:, wanted.index(column)])
+    whole = column == STATE[0] and {*STATE} <= {*names}
+    return t, *(values[:, wanted.index(name)] for name in (STATE if whole else (column,)))
+
+
+def check_gaps(path: Path, lines: Sequence[int], t: Array, values: Array) -> None:
+    """Raise ``InputError``, which names the line, for two rows too far apart to interpolate between them.
+
+    Intervals up to ten median intervals are allowed, and up to a quarter of the motion's period: over that a cubic
+    through values and slopes at both ends is within 2 % of a sine's amplitude. The period is that of the sine with the
+    range and the largest rate of the values at times t [s], shape (N,).
+    """
+    intervals = np.diff(t)
+    widest, usual = int(intervals.argmax()), float(np.median(intervals))
+    rate = float(np.abs(np.diff(values) / intervals).max())
+    period = np.pi * float(np.ptp(values)) / rate if rate else np.inf
+    allowed = max(INTERVALS * usual, PERIODS * period)
+    if intervals[widest] > allowed:
+        raise InputError(
+            f"{path}, line {lines[widest + 1]}: gap of {intervals[widest]:.4g} s after t = {t[widest]:.6g} s; "
+            f"allowed are {allowed:.3g} s (median interval {usual:.3g} s, period about {period:.3g} s): add rows."
+        )
+
+
+NEAR = 1e-4  # s: times that far apart are close against any wave's period
+TRUE = 1e-3  # of the largest: derivatives that are farther from differences are refused
+
+
+class Programmed(Motion):
+    """X by a function of times t [s] and an order: X itself [m], or its derivative in time of order 1 or 2."""
+
+    def __init__(self, function: PythonFunction):
+        self._function = function
+
+    def derivative(self, t: Any, order: int, y: Any = None) -> Any:
+        """Return the function's value; raises ``InputError`` if it cannot be had."""
+        values = self._function.at({"t": np.asarray(t, dtype=np.float64)}, order)
+        return values if values.ndim else float(values)
+
+    def check(self, times: Array) -> None:
+        """Raise ``InputError`` where a derivative is not that of the order below it, by differences at times [s]."""
+        for order in (1, 2):
+            below, above = (self.derivative(times + step, order - 1) for step in (-NEAR, NEAR))
+            given, differences = self.derivative(times, order), (above - below) / (2 * NEAR)
+            off = np.abs(given - differences)
+            if (off > TRUE * np.abs(differences).max() + 1e-9).any():
+                worst = int(off.argmax())
+                allowed = f"by differences of order {order - 1} it must be {differences[worst]:.6g}"
+                when = f"t = {times[worst]:.6g} s"
+                raise InputError(f"its derivative of order {order} at {when} is {given[worst]:.6g}; {allowed}.")
+
 
 ROWS = 8  # of a record whose noise is known
 DEGREE, PIECES = 5, 2.5  # of a spline of least squares; of it in the period of the fastest that it takes

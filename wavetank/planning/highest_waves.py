@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wavetank.case import BasinTank, Scene
-from wavetank.motion.extent import values
+from wavetank.motion.motion import values
 from wavetank.planning.requirements import tapered
 from wavetank.waves import airy
 from wavetank.waves.stream_function import maximum_height

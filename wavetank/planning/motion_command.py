@@ -12,8 +12,7 @@ from wavetank.output.paddle_table import RATES, columns
 
 if TYPE_CHECKING:
     from wavetank.case import Scene
-    from wavetank.motion.extent import Extent
-    from wavetank.motion.motion import Array
+    from wavetank.motion.motion import Array, Extent
 
 MOST = 10**7  # rows
 ROWS, SMALL = 20, 0.1  # in the shortest period; of the stroke, of waves that do not count
@@ -96,7 +95,7 @@ class _Signal(NamedTuple):
     @property
     def extent(self) -> "Extent":
         """Its largest values."""
-        from wavetank.motion.extent import Extent
+        from wavetank.motion.motion import Extent
 
         position, velocity, acceleration = self.rates
         largest = float(np.abs(velocity).max()), float(np.abs(acceleration).max())
@@ -106,7 +105,7 @@ class _Signal(NamedTuple):
 def _signal(scene: "Scene", rate: float, *, ramp_down: bool) -> _Signal:
     """Return the rows of a case's paddle; raises ``InputError`` for too many, or a ramp-down beyond its limits."""
     from wavetank.errors import InputError
-    from wavetank.motion.extent import values
+    from wavetank.motion.motion import values
 
     t, motion, limits = _times(scene, rate), scene.motion(), getattr(scene.wall, "limits", None)
     signal = _Signal(t, [values(scene.of_paddle(motion, name), t) for name in RATES])
@@ -179,7 +178,7 @@ def _of_rate(scene: "Scene", rate: float) -> list[str]:
 
     Half a period is the time between two ends of the paddle's way, more than a tenth of its stroke apart.
     """
-    from wavetank.motion.extent import times, values
+    from wavetank.motion.motion import times, values
 
     t = times(min(scene.run.duration, scene.motion().duration), 0.01)
     X, v = (

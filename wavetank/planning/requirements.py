@@ -33,7 +33,7 @@ from wavetank.arrays import Vector
 from wavetank.case import Physics, Scene
 from wavetank.errors import InputError
 from wavetank.motion import Motion
-from wavetank.motion.extent import values
+from wavetank.motion.motion import values
 from wavetank.planning import travel
 from wavetank.planning.absorption_error import absorption_error
 from wavetank.planning.kinds import kind_of

@@ -8,8 +8,7 @@ import numpy as np
 from wavetank.case import Scene
 from wavetank.case.wall import ActiveAbsorption, SpringDamper
 from wavetank.fem.agreed import agreed, from_first
-from wavetank.motion.answer import Equation
-from wavetank.motion.at_face import elevation_at_face
+from wavetank.motion.feedback import Equation, elevation_at_face
 from wavetank.simulation.supply import AnsweredWork
 from wavetank.simulation.waters import AnyWaves
 from wavetank.stateful import Held
@@ -33,7 +32,7 @@ def build_answers(scene: Scene, waves: AnyWaves) -> list[AnsweringPaddle]:
 
 
 def added_motions(scene: Scene, waves: AnyWaves) -> dict[int, Any]:
-    """Return how those paddles move that absorb, by their numbers: ``Steered`` motions."""
+    """Return how those paddles move that absorb, by their numbers: ``FeedbackMotion`` motions."""
     return {number: waves.wall.paddles[number].motion for number in scene.absorbing}
 
 

@@ -8,7 +8,7 @@ adds to that, is by parts
 
 c the added mass of a sudden motion: dH/dX' falls by c u, and K knows nothing of it. So dH/dX and K are smooth, and go
 through steps as the cubics through their last four values; u is taken as it is, by Simpson's rule, which is exact of
-what a ``Steered`` motion adds.
+what a ``FeedbackMotion`` motion adds.
 """
 
 from collections.abc import Sequence

@@ -19,8 +19,8 @@ from wavetank.case.wall import MovingWall, ShapedWall
 from wavetank.fem.agreed import agreed
 from wavetank.fem.plane import Plane
 from wavetank.motion import Motion
-from wavetank.motion.mapping import STEEPEST
-from wavetank.motion.steered import Steered
+from wavetank.motion.feedback import FeedbackMotion
+from wavetank.motion.motion import STEEPEST
 from wavetank.simulation.footprints import Footprint
 from wavetank.tank.footprint import Basin, Slice
 from wavetank.tank.walls import BothEnds, LinearEnds, LinearPaddle, Piston, Placed, Polynomial, Shaped, Side, StillWall
@@ -77,7 +77,7 @@ def _both(scene: Scene, near: Piston, far: Piston, *, plane: Plane) -> BothEnds:
 
 def motion_of(scene: Scene) -> Motion:
     """Return what moves the wall: of a paddle that absorbs a motion of this run's own."""
-    return scene.motion() if getattr(scene.wall, "absorb", None) is None else Steered(scene.motion())
+    return scene.motion() if getattr(scene.wall, "absorb", None) is None else FeedbackMotion(scene.motion())
 
 
 def _linear_piston(scene: Scene, noun: PistonWall, footprint: Slice | Basin, plane: Plane) -> LinearPaddle:

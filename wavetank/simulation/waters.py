@@ -12,7 +12,7 @@ from wavetank.case.output import FAR
 from wavetank.fem.agreed import agreed
 from wavetank.fem.by_place import gathered
 from wavetank.fem.plane import Plane
-from wavetank.motion.tangent import Tangent
+from wavetank.motion.motion import Tangent
 from wavetank.simulation.footprints import Footprint, build_footprint
 from wavetank.simulation.walls import build_wall, kinds_of
 from wavetank.tank.bed import FlatBed, VaryingBed

@@ -8,7 +8,7 @@ import numpy as np
 from wavetank.arrays import Vector
 from wavetank.errors import PaddleError
 from wavetank.fem.plane import Plane
-from wavetank.motion.answer import Answer, Equation
+from wavetank.motion.feedback import Answer, Equation
 from wavetank.stateful import Held
 from wavetank.tank.walls.side import Side
 
@@ -39,7 +39,7 @@ class Answered(Protocol):
     Attributes
     ----------
     motion
-        How it moves: a ``Steered`` motion.
+        How it moves: a ``FeedbackMotion`` motion.
     side
         Where it stands.
     largest_stroke
@@ -61,7 +61,7 @@ class AnsweringPaddle:
     Parameters
     ----------
     paddle
-        Which it is; its motion is a ``Steered`` one.
+        Which it is; its motion is a ``FeedbackMotion`` one.
     equation
         By which it answers.
     look

@@ -21,7 +21,7 @@ from mpi4py import MPI
 from wavetank.arrays import Vector
 from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.motion.tangent import Tangent
+from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import WaterEnergy
 from wavetank.tank.linear_waves import LinearWaves

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from wavetank.arrays import Vector, largest
-from wavetank.motion.mapping import quickened
+from wavetank.motion.motion import quickened
 from wavetank.tank.surface_flow import SurfaceVelocity
 from wavetank.tank.waves import NonlinearWaves
 

@@ -12,7 +12,7 @@ from wavetank.case.output import ComponentsTarget, CrestTarget, RecordTarget, Ta
 from wavetank.case.paddle import FocusedMotion, MadeWaves, SurfaceMotion
 from wavetank.case.scene import Scene
 from wavetank.case.wall import PaddleWall
-from wavetank.motion.wished_surface import WishedSurface, wished_surface
+from wavetank.motion.harmonic import WishedSurface, wished_surface
 from wavetank.studies.calibrate.aim import Aim, Elevation
 from wavetank.studies.calibrate.crest import CrestAim
 from wavetank.studies.calibrate.record import RecordAim

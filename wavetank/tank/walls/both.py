@@ -13,7 +13,7 @@ from wavetank.arrays import Vector
 from wavetank.fem.mass import MassMatrix
 from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
-from wavetank.motion.tangent import Tangent
+from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
 from wavetank.tank.walls.contract import Columns, Heights, Stood, WallTerms

@@ -1,4 +1,4 @@
-"""Places that a paddle carries (``wavetank.motion.mapping``), and back: each is found as if alone."""
+"""Places that a paddle carries (``wavetank.motion.motion``), and back: each is found as if alone."""
 
 from collections.abc import Sequence
 from functools import cache

@@ -21,7 +21,7 @@ from wavetank.fem.plane import LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.fem.whole import Along
 from wavetank.motion import Motion
-from wavetank.motion.tangent import Tangent
+from wavetank.motion.motion import Tangent
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Mapping, Part, WaterEnergy
 from wavetank.tank.walls.shape import Shape

@@ -3,7 +3,7 @@
     x = X + a f(z) s(X) X_p(y, t),   J = 1 + f a . grad(s X_p),   mesh velocity = a f s X_p'
 
 with a unit vector a across the paddle, X_p counted along it, its shape f (``shape.py``; of a vertical wall f = 1), s
-falling smoothly from 1 at the paddle's rest position to 0 at the mapping's reach (motion/mapping.py), and y along the
+falling smoothly from 1 at the paddle's rest position to 0 at the mapping's reach (motion/motion.py), and y along the
 paddle. Of two paddles at opposite ends f s X_p is the sum of both, one of which is zero everywhere. At a height z its
 matrix is F = 1 + f a (x) grad(s X_p), so that a potential u has in physical space the gradient
 

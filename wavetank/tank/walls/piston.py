@@ -26,8 +26,7 @@ from wavetank.fem.plane import Field, LayeredField, Plane
 from wavetank.fem.vertical import VerticalBasis
 from wavetank.fem.whole import Along
 from wavetank.motion import Motion
-from wavetank.motion.mapping import largest_stroke, share
-from wavetank.motion.tangent import Tangent
+from wavetank.motion.motion import Tangent, largest_stroke, share
 from wavetank.tank.bed import Bed
 from wavetank.tank.energy import Part, WaterEnergy
 from wavetank.tank.walls.carried import Carrier

@@ -20,7 +20,7 @@ from numpy.polynomial import Polynomial as Powers
 from numpy.polynomial import legendre
 
 from wavetank.arrays import Vector
-from wavetank.motion.mapping import TOP
+from wavetank.motion.motion import TOP
 
 DEGREES, HIGHEST, MOMENTS = (0, 1, 2, 4, 8), 16, 9
 EXACT = 1e-11  # of the largest share
